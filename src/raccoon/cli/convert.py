@@ -27,6 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Convert one recording; what had to be left out is printed."""
+    from raccoon.cli.doing import doing_shown
     from raccoon.trace.loading import load_run
     from raccoon.trace.record import recording_file
 
@@ -38,7 +39,8 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"{target} exists and is left as it is: name another file or say --overwrite")
     check_folders(target)
     check_not_read([target], [recording_file(source)])  # doubtful values would be blank in the only copy
-    loaded = load_run(source)
+    with doing_shown():
+        loaded = load_run(source)
     _write(loaded, target)
     for problem in loaded.recording.problems:
         print(f"note: {problem}")

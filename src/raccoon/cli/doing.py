@@ -8,26 +8,30 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from raccoon.diagnose.watch import watched
+from raccoon.core.doing import watched
 
 WIDTH = 100
 
 
 @contextmanager
-def diagnosis_shown() -> Iterator[None]:
-    """Inside, a line on the standard error output follows a diagnosis where that is a terminal; it is gone
+def doing_shown() -> Iterator[None]:
+    """Inside, a line on the standard error output says what takes long, where that is a terminal; it is gone
     afterwards."""
     if not sys.stderr.isatty():
         yield
         return
     begun, width = time.monotonic(), min(shutil.get_terminal_size().columns - 1, WIDTH)
 
-    def show(text: str) -> None:
+    shown = False
+
+    def show(doing: str) -> None:
+        nonlocal shown
+        shown, text = True, f"{time.monotonic() - begun:3.0f} s: {doing}"
         print(f"\r{text[:width]:{width}}", file=sys.stderr, end="", flush=True)
 
     try:
-        with watched(lambda doing: show(f"{time.monotonic() - begun:3.0f} s: {doing}")):
+        with watched(show):
             yield
     finally:
-        show("")
-        print("\r", file=sys.stderr, end="", flush=True)
+        if shown:
+            print(f"\r{'':{width}}\r", file=sys.stderr, end="", flush=True)

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from raccoon.core.doing import EACH, tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import (
     ANALOG_PORTS,
@@ -41,7 +42,11 @@ def recording_of(trace: Trace) -> Recording:
 
     Raises TraceError where the worth of a position tick changes on the way: no single device describes it.
     """
-    rows = [tick_row(tick) for tick in trace.ticks]
+    rows: list[Row] = []
+    for tick in trace.ticks:
+        if rows and len(rows) % EACH == 0:
+            tell(f"columns of {len(rows)} of {len(trace.ticks)} cycles")
+        rows.append(tick_row(tick))
     names = dict.fromkeys(name for row in rows for name in row) | {"t": None}
     columns = {name: np.array([row.get(name, np.nan) for row in rows], np.float64) for name in names}
     scales = {tick.inputs.device.position_counts_seconds for tick in trace.ticks} or {1.0}

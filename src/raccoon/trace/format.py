@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, cast
 
+from raccoon.core.doing import EACH, tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device, Inputs, Outputs
 from raccoon.trace.decode import parse_cycle, parse_device, parse_line
@@ -93,7 +94,7 @@ def read_trace(path: str | Path, *, max_bytes: int = MAX_BYTES, max_ticks: int =
         raw.seek(0)
         stream = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if packed else raw
         try:
-            return _Reader(stream, max_bytes, max_ticks).trace()
+            return _Reader(stream, path.name, max_bytes, max_ticks).trace()
         except TraceError as error:
             raise TraceError(f"{path}: {error}") from None
 
@@ -101,7 +102,8 @@ def read_trace(path: str | Path, *, max_bytes: int = MAX_BYTES, max_ticks: int =
 class _Reader:
     """Lines to a trace, with count of where it is."""
 
-    def __init__(self, stream: IO[bytes], max_bytes: int, max_ticks: int) -> None:
+    def __init__(self, stream: IO[bytes], name: str, max_bytes: int, max_ticks: int) -> None:
+        self._name = name
         self._stream = stream
         self._max_bytes = max_bytes
         self._max_ticks = max_ticks
@@ -177,6 +179,8 @@ class _Reader:
             raise TraceError(f"more than {self._max_ticks} cycles")
         if number and cycle.inputs.time < trace.ticks[-1].inputs.time:
             raise TraceError(f"t is {cycle.inputs.time}: it goes back from {trace.ticks[-1].inputs.time}")
+        if number and number % EACH == 0:
+            tell(f"reading {self._name}: {number} cycles")
         trace.ticks.append(Tick(cycle.inputs, cycle.commands, dict(cycle.estimates)))
         trace.events += [Event(number, text) for text in cycle.events]
 

@@ -1,8 +1,10 @@
 import argparse
+import io
 import json
 import math
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -354,3 +356,28 @@ def test_a_time_in_another_unit_is_told_as_the_diagnosis_tells_it(
         assert said in shown
         with pytest.raises(TraceError, match=re.escape(said)):
             check_time(time)
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("program", [False, True])
+def test_whoever_waits_for_a_long_recording_is_told_how_far_it_is(
+    program: bool, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("trace.format", "trace.columns", "trace.replay", "cli.replay.drive"):
+        monkeypatch.setattr(f"raccoon.{module}.EACH", 50)
+    monkeypatch.setattr(sys, "stderr", screen := Terminal())
+    script = tmp_path / "program.py"
+    script.write_text(PROGRAM.format("seq(wait(0.2), straight(0.05))"))
+    assert run(recorded, *(("--program", script) if program else ())) == 0
+    lines = screen.getvalue().split("\r")
+    count = len(read_trace(recorded).ticks)
+    last = (
+        f"replayed 50 of {count} cycles" if program else f"run.jsonl.gz: odometry over 50 of {count} cycles"
+    )
+    for said in ("reading run.jsonl.gz: 50 cycles", f"columns of 50 of {count} cycles", last):
+        assert any(said in each for each in lines), said
+    assert not lines[-2].strip()  # wiped out before what is found

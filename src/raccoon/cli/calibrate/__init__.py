@@ -83,6 +83,7 @@ def _add_drive(kinds: Any) -> None:
 
 
 def _calibrate_drive(args: argparse.Namespace) -> int:
+    from raccoon.cli.doing import doing_shown
     from raccoon.trace.loading import load_runs
     from raccoon.trace.recording import mistaken_step, usual_step
 
@@ -90,7 +91,8 @@ def _calibrate_drive(args: argparse.Namespace) -> int:
     robot = load_robot(args.robot)
     if args.write:
         check_folders(args.robot)
-    runs = load_runs(*args.recording)
+    with doing_shown():
+        runs = load_runs(*args.recording)
     for each in runs:
         if mistaken := mistaken_step(usual_step(each.recording["t"])):
             raise TraceError(f"{each.path}: {mistaken}")

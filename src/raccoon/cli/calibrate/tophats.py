@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.cli.doing import doing_shown
 from raccoon.cli.motors import SIMULATED, recorded_in_simulation
 from raccoon.core.config import load_robot
 from raccoon.core.errors import ConfigError
@@ -68,7 +69,8 @@ def calibrate_recordings(
     robot = load_robot(robot_file)
     if not robot.tophats:
         raise ConfigError(f"{robot_file}: it has no [tophat.NAME]")
-    runs = load_runs(*recordings)
+    with doing_shown():
+        runs = load_runs(*recordings)
     readings, voltage = _readings(runs, {sensor.analog for sensor in robot.tophats.values()})
     now = datetime.now(UTC).isoformat(timespec="seconds")
     layout = Layout.of(robot.tophats, [set_name])

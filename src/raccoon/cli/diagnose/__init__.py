@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.diagnose.files import recordings
     from raccoon.cli.diagnose.many import pooled, run_fleet
     from raccoon.cli.diagnose.one import diagnose_job, diagnose_together, job_of
-    from raccoon.cli.doing import diagnosis_shown
+    from raccoon.cli.doing import doing_shown
     from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
     from raccoon.core.errors import TraceError
 
@@ -101,12 +101,12 @@ def run(args: argparse.Namespace) -> int:
     check_replaceable(args.json, args.html, model=args.save_model)
     _check_numba(paths, args.robot)
     if len(paths) == 1:
-        with diagnosis_shown():
+        with doing_shown():
             found = diagnose_job(job_of(args, paths[0])).diagnosis
         _write(args, found, paths[0].name)
         return 0
     if args.together:
-        with diagnosis_shown():
+        with doing_shown():
             found = diagnose_together(args, paths)
         _write(args, found, f"{len(paths)} recordings together")
         return 0

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from raccoon.cli.doing import doing_shown
 from raccoon.core.config import RobotConfig
+from raccoon.core.doing import EACH, tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.diagnose.drives.gravity import strange_acceleration
@@ -63,17 +65,26 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
         if strange:
             notes.append(f"{strange}; the odometry took it as it is")
     odometry = Odometry(config)
-    rows = []
-    command = None
-    for inputs, commands in _cycles(run):
-        estimate = odometry.update(inputs, command or (STOP if _has_commands(run) else None))
-        rows.append([getattr(estimate, name) for name in COLUMNS])
-        command = commands[-1] if commands else command
+    with doing_shown():
+        rows = _estimates(run, odometry)
     table = np.array(rows, np.float64).reshape(-1, len(COLUMNS))
     drive = Drive(run, dict(zip(COLUMNS, table.T, strict=True)), "", notes=notes)
     drive.status, drive.reasons = odometry.estimate.status.value, odometry.estimate.reasons
     _compare(drive)
     return drive
+
+
+def _estimates(run: Run, odometry: Odometry) -> list[list[float]]:
+    """What the odometry says in each cycle, by COLUMNS."""
+    rows: list[list[float]] = []
+    command, standing = None, STOP if _has_commands(run) else None
+    for inputs, commands in _cycles(run):
+        estimate = odometry.update(inputs, command or standing)
+        rows.append([getattr(estimate, name) for name in COLUMNS])
+        command = commands[-1] if commands else command
+        if len(rows) % EACH == 0:
+            tell(f"{run.name}: odometry over {len(rows)} of {len(run.recording)} cycles")
+    return rows
 
 
 def _check_wheels(run: Run, config: RobotConfig) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
+from raccoon.cli.doing import doing_shown
 from raccoon.core.errors import RaccoonError
 from raccoon.trace.loading import Run, load_run
 
@@ -22,7 +23,9 @@ def replayed(files: Sequence[Path], work: Callable[[Run], Result]) -> tuple[list
     found, failed = [], {}
     for path in files:
         try:
-            found.append(work(load_run(path)))
+            with doing_shown():
+                run = load_run(path)
+            found.append(work(run))
         except (RaccoonError, OSError) as error:
             if len(files) == 1:
                 raise

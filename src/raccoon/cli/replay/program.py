@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from raccoon.cli.doing import doing_shown
 from raccoon.cli.replay.each import BAD_FILE, not_replayed, replayed
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
@@ -58,7 +59,9 @@ def _replay(run: Run, mission: Mission, args: argparse.Namespace, robot: RobotCo
         perform(opened, mission)
         return opened.ticks
 
-    return replay(run.trace, cycles, config=robot, tolerance=args.tolerance, check=not args.ignore_commands)
+    with doing_shown():
+        checked = not args.ignore_commands
+        return replay(run.trace, cycles, config=robot, tolerance=args.tolerance, check=checked)
 
 
 def _verdict(ran: int, recorded: int, *, compared: bool) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.cli.doing import doing_shown
 from raccoon.core.config import BodyConfig
 from raccoon.core.errors import TraceError
 from raccoon.trace.loading import Run, load_run
@@ -81,7 +82,8 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
     start: x, y (m) and heading (deg) on the table, which both paths are moved to; by default truth stays
     where it is and the estimate begins where truth does. Raises TraceError where there is neither.
     """
-    run = load_run(path)
+    with doing_shown():
+        run = load_run(path)
     truth, estimate = _truth(run), _estimate(run)
     placed = None if start is None else (start[0], start[1], math.radians(start[2]))
     if len(run.recording) == 0:
