@@ -31,6 +31,10 @@ FAULTS = {
 }
 """What is said of faults that the port does not make good by itself. Of motors, motions tell."""
 
+DRIVEN, STANDS, STUCK = 0.2, 0.1, 1.0
+"""Duty that turns any motor, rad/s below which it does not, and s after which that is said: motions to a goal
+have given up by then, and other code may go on for ever."""
+
 OFFSET = (
     "a motor reads motion at rest that its bemf_offset in robot.toml does not explain, and the pose goes "
     "wrong by it: calibrate again, or leave the offset out and let the robot stand before it drives"
@@ -123,6 +127,34 @@ def tell_cycle(robot: Robot, inputs: Inputs) -> None:
             say(robot, FAULTS[fault] + _guessed(robot, fault), fault)
     if robot.odometry.wiring.turned:
         say(robot, miswired(robot))
+    if any(robot.outputs.duty):
+        stuck = stuck_motors(robot)
+        robot.stuck = {name: robot.stuck.get(name, 0.0) + robot.dt for name in stuck} if stuck else {}
+        if stuck and max(robot.stuck.values()) > STUCK:
+            say(robot, f"power and no motion at {' and '.join(stuck)}: blocked, unplugged or a fuse")
+    else:
+        robot.stuck = {}
+
+
+def stuck_motors(robot: Robot) -> tuple[str, ...]:
+    """Wheels and mechanisms, with their motor ports, that have power and do not turn just now."""
+    if not robot.drive.followed:
+        return ()
+    drive, here = robot.config.drive, robot.estimate
+    wheels = zip(
+        (("left", drive.left, here.left_speed), ("right", drive.right, here.right_speed)),
+        robot.odometry.silent_wheels,
+        strict=True,
+    )
+    turning = [each for each, silent in wheels if not silent]
+    for name, each in robot.attachments.mechanisms.items():
+        if each.moved_by is not None:  # one that only holds has power and stands
+            turning.append((name, each.config.motor, each.rate))
+    return tuple(
+        f"{name} (motor port {port})"
+        for name, port, speed in turning
+        if abs(robot.outputs.duty[port]) > DRIVEN and abs(speed) < STANDS
+    )
 
 
 def _guessed(robot: Robot, fault: Fault) -> str:

@@ -54,6 +54,8 @@ class Robot(Knowledge):
         """S, time of a reading after which nothing runs any more: the end of a match."""
         self.ends = 0
         """How often the program was told that it is over."""
+        self.stuck: dict[str, float] = {}
+        """For how many s a motor by now has had power and not turned, by its name."""
         self.steps: list[StepTime] = []
         """Every timed step so far."""
         self._background: list[Steps[Any]] = []

@@ -99,7 +99,8 @@ class Action(Undone, Generic[T_co]):
         def steps(robot: Robot) -> Steps[T_co | U]:
             try:
                 return (yield from limited.start(robot))
-            except MotionTimeout:
+            except MotionTimeout as error:
+                robot.note(f"{error}: {otherwise.name} instead")
                 return (yield from otherwise.start(robot))
 
         return Action(f"{self.name} or {otherwise.name}", steps, each_of(self, otherwise))

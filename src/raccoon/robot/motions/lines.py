@@ -22,7 +22,7 @@ from raccoon.robot.actions.steps import advance
 from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.goals import turning
 from raccoon.robot.motions.pacing import MotionResult, at_a_wall, reason
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import STANDS, say
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.tophats import TophatSensor
@@ -192,9 +192,7 @@ def align_on_wall(
         try:
             while quiet < WALL_TIME:
                 if robot.time - begin > timeout:
-                    raise MotionTimeout(
-                        f"no wall after {timeout:g} s: the wheels still turn, on the way or spinning at it"
-                    )
+                    raise MotionTimeout(f"no wall after {timeout:g} s: {_why_no_wall(robot)}")
                 here = robot.estimate
                 turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
                 started = robot.time - begin > WALL_TIME
@@ -221,6 +219,18 @@ def align_on_wall(
         return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std, remarks=said)
 
     return Action("align on a wall", steps)
+
+
+def _why_no_wall(robot: Robot) -> str:
+    """What the wheels do where they do not both stand."""
+    here, drive = robot.estimate, robot.config.drive
+    for side, port, speed, other in (
+        ("left", drive.left, here.left_speed, here.right_speed),
+        ("right", drive.right, here.right_speed, here.left_speed),
+    ):
+        if abs(speed) < STANDS < abs(other):
+            return f"the {side} wheel alone stands (motor port {port}): blocked, unplugged or a fuse"
+    return "the wheels still turn, on the way or spinning at it"
 
 
 class _AtWall:

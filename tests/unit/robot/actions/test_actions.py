@@ -30,6 +30,7 @@ class Bench:
     def __init__(self) -> None:
         self.ticks = 0
         self.log: list[str] = []
+        self.notes: list[str] = []
         self.background: list[Steps[Any]] = []
         self.drive = SimpleNamespace(complaint=lambda: "the wheels follow")
         self.attachments = SimpleNamespace(moving=())
@@ -38,6 +39,9 @@ class Bench:
     @property
     def time(self) -> float:
         return self.ticks / 128.0
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
 
     def add_background(self, action: Action[Any]) -> None:
         self.background.append(action.start(cast(Robot, self)))
@@ -130,6 +134,7 @@ def test_timeout_names_the_action_and_the_reason() -> None:
 def test_timeout_or_goes_on_with_the_other() -> None:
     bench = Bench()
     assert bench.run(work("a", 1000).timeout_or(0.05, work("b", 1, "rescued"))) == "rescued"
+    assert bench.notes == ["a: not done after 0.05 s (the wheels follow): b instead"]
 
 
 def test_results_are_passed_on() -> None:
