@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-# SIGINT already raises KeyboardInterrupt; these would end the process without unwinding it.
+# These would end the process without unwinding it; SIGINT see `_waits`.
 _ENDING_SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 
 # Above ordinary programs, below the kernel's own threads.
@@ -58,6 +58,8 @@ def stopped_on_exit(stop: Callable[[], None]) -> Iterator[None]:
         for number in _ENDING_SIGNALS:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 previous[number] = signal.signal(number, _leave)
+        if _waits(signal.getsignal(signal.SIGINT)):
+            previous[signal.SIGINT] = signal.signal(signal.SIGINT, _interrupt)
     try:
         yield
     finally:
@@ -67,6 +69,17 @@ def stopped_on_exit(stop: Callable[[], None]) -> Iterator[None]:
             for number, handler in previous.items():
                 signal.signal(number, handler)
             atexit.unregister(stop)
+
+
+def _waits(handler: object) -> bool:
+    """Whether a handler of SIGINT keeps Ctrl-C for later: asyncio's does, until the coroutine waits for
+    something, and a robot that drives in it would drive on. Python's own becomes it in `asyncio.run`."""
+    asyncios = getattr(getattr(handler, "func", None), "__qualname__", "") == "Runner._on_sigint"
+    return asyncios or handler is signal.default_int_handler
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 def _leave(number: int, _frame: FrameType | None) -> None:

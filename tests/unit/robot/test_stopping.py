@@ -1,5 +1,6 @@
 """Motors stop on every way out of a program: return, error, Ctrl-C, SIGTERM, SIGHUP, sys.exit."""
 
+import asyncio
 import gc
 import os
 import signal
@@ -26,12 +27,14 @@ from raccoon import (
     run_match,
     seq,
     wait,
+    when,
 )
 from raccoon.core.config import ControllerConfig, RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
 from raccoon.robot.actions.actions import Steps
 from raccoon.robot.loop import punctual
+from robots import CONFIG, Between
 
 CHILD = """
 from raccoon import RobotConfig, drive, open_robot
@@ -391,3 +394,40 @@ def test_a_match_that_is_stopped_is_over() -> None:
         with pytest.raises(Stopped):
             run_match(robot, drive(0.1), seconds=1.0)
         assert port.commands[-1] == STOP
+
+
+@pytest.mark.parametrize("inside", [True, False], ids=["opened in the coroutine", "opened around it"])
+def test_ctrl_c_ends_a_run_in_a_coroutine_at_once(inside: bool) -> None:
+    """asyncio's own handler waits until the coroutine does, and a run does not."""
+    port = Between()
+    beats: list[float] = []
+
+    def press(robot: Robot) -> bool:
+        beats.append(robot.time)
+        if len(beats) == 20:
+            signal.raise_signal(signal.SIGINT)
+        return False
+
+    async def driving(robot: Robot) -> None:
+        robot.run(drive(0.2).until(when(press) | after_time(3.0)))
+
+    async def opening() -> None:
+        with open_robot(CONFIG, port=port) as robot:
+            await driving(robot)
+
+    def program() -> None:
+        if inside:
+            asyncio.run(opening())
+            return
+        with open_robot(CONFIG, port=port) as robot:
+            asyncio.run(driving(robot))
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            program()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert len(beats) == 20
+    assert not any(port.written[-1].duty)
