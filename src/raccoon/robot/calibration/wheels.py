@@ -21,14 +21,20 @@ REST = 1.0  # s of standing before and after the drive
 
 
 def calibrate_drive(
-    robot: Robot, taped: Callable[[], float], *, distance: float = 0.60, tape_std: float = 0.002
+    robot: Robot,
+    taped: Callable[[], float],
+    *,
+    distance: float = 0.60,
+    speed: float | None = None,
+    tape_std: float = 0.002,
 ) -> RobotConfig:
     """Drive `distance` m straight, measure it by tape, and calibrate both wheels from it.
 
-    The robot stands still for a second, drives, and stands again; then `taped` is asked for the m it went,
-    straight from one resting place to the other; tape_std is that measurement's standard deviation, m. The
-    tape gives the common scale of the wheels, the gyro's turn their ratio. Returns the configuration with
-    the calibration in it: open the robot with it, or store it (`raccoon calibrate drive` does).
+    The robot stands still for a second, drives (speed: m/s, `motion.speed` when None), and stands again; then
+    `taped` is asked for the m it went, straight from one resting place to the other; tape_std is that
+    measurement's standard deviation, m. The tape gives the common scale of the wheels, the gyro's turn their
+    ratio. Returns the configuration with the calibration in it: open the robot with it, or store it (`raccoon
+    calibrate drive` does).
 
     A result that is far from what the configuration says is said, in the log and the recording.
 
@@ -45,7 +51,7 @@ def calibrate_drive(
     check_limits(tape_std=tape_std)
     readings: list[Inputs] = []
     driven(robot, watched(wait(REST), readings))
-    result = driven(robot, watched(straight(distance), readings))
+    result = driven(robot, watched(straight(distance, speed), readings))
     if why := disturbance(result.held, robot.odometry.slipped, result.remarks):
         raise CalibrationError(f"the drive of the calibration tells nothing: {why}")
     driven(robot, watched(wait(REST), readings))

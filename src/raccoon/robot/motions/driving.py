@@ -101,12 +101,12 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     return Action(label, steps)
 
 
-def search(speed: float, reach: float) -> Action[float]:
+def search(speed: float, reach: float, timeout: float | None = None) -> Action[float]:
     """Drive at `speed` m/s, negative backwards, until `reach` m are driven or somebody ends it.
 
     The result is how many m of the reach it may not have driven because of a wall. Raises ValueError for a
-    speed of 0, MotionTimeout where a wheel has not turned for 0.4 s, or the way takes more than twice its
-    time and 2 s.
+    speed of 0, MotionTimeout where a wheel has not turned for 0.4 s, or the way takes more than `timeout` s
+    (twice its time and 2 s where None).
     """
     check_speed(speed=speed)
     if speed == 0.0:
@@ -117,7 +117,8 @@ def search(speed: float, reach: float) -> Action[float]:
         held = HeldWay(robot)
         acceleration = robot.config.motion.acceleration
         top, acceleration = robot.drive.speeds.planned(abs(speed), acceleration)
-        allowed = 2.0 * (reach / top + top / acceleration) + 2.0
+        usual = 2.0 * (reach / top + top / acceleration) + 2.0
+        allowed = usual if timeout is None else timeout
         body = drive(speed).start(robot)
         try:
             while (way := abs(robot.estimate.distance - start)) <= reach:

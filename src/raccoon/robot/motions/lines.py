@@ -46,18 +46,22 @@ def align_on_line(
     *,
     reach: float = 0.5,
     squint: float = math.radians(60.0),
+    tolerance: float | None = None,
+    timeout: float | None = None,
 ) -> Action[MotionResult]:
     """Drive over an edge of a line with two tophats, then turn square to it.
 
     left, right: names of the tophats. speed: m/s, negative backwards; half of `motion.speed` when None.
-    reach: m to look for the line. squint: rad, the most that the line may lie askew. Where each sensor met
-    the edge tells the line's direction: the edge on which both came to black, or, where one stood on the line
-    already, the one on which both left it. The result's heading is the robot's against the line's normal.
-    Raises MotionTimeout where there is no line within reach or a wheel does not turn, CalibrationError
-    without calibrations.
+    reach: m to look for the line. squint: rad, the most that the line may lie askew. tolerance: rad, and
+    timeout: s, of the turn and of the drive before it, as `turn` and `straight` have them. Where each sensor
+    met the edge tells the line's direction: the edge on which both came to black, or, where one stood on the
+    line already, the one on which both left it. The result's heading is the robot's against the line's
+    normal. Raises MotionTimeout where there is no line within reach or a wheel does not turn,
+    CalibrationError without calibrations.
     """
     check_speed(speed=speed)
-    check_limits(reach=reach, squint=squint)
+    check_limits(reach=reach, squint=squint, tolerance=tolerance)
+    check_times(timeout=timeout)
     check_way(reach=reach)
     check_angle(1.0, "", squint=squint)
     if speed == 0.0:
@@ -65,7 +69,7 @@ def align_on_line(
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin = robot.time
-        first = yield from _edges(robot, left, right, speed, reach)
+        first = yield from _edges(robot, left, right, speed, reach, timeout)
         (x0, y0), (x1, y1) = first
         # From the right sensor's point to the left one's is the line; its normal to the right looks ahead.
         normal = math.atan2(y0 - y1, x0 - x1) - 0.5 * math.pi
@@ -77,7 +81,7 @@ def align_on_line(
             )
         said = _exchanged(robot, left, right, angle)
         robot.replan()
-        turned = yield from turning(robot, angle)
+        turned = yield from turning(robot, angle, None, tolerance, timeout)
         goal = Pose(robot.estimate.x, robot.estimate.y, here + angle)
         robot.plan = goal
         off = robot.estimate.heading - goal.heading
@@ -90,14 +94,14 @@ def align_on_line(
 
 
 def _edges(
-    robot: Robot, left: str, right: str, speed: float | None, reach: float
+    robot: Robot, left: str, right: str, speed: float | None, reach: float, timeout: float | None
 ) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
     """Drive until both sensors have met the same edge; where on the field each did, left first."""
     sensors = robot.tophat(left), robot.tophat(right)
     for sensor in sensors:
         sensor.require()
         sensor.forget_edge()
-    body = search(0.5 * robot.config.motion.speed if speed is None else speed, reach).start(robot)
+    body = search(0.5 * robot.config.motion.speed if speed is None else speed, reach, timeout).start(robot)
     # A line has two edges, and a sensor that stands on it meets but the second: only places on the same one
     # give its direction. By whether the edge leads to black: where the left and the right sensor met it.
     met: dict[bool, list[tuple[float, float] | None]] = {True: [None, None], False: [None, None]}

@@ -101,17 +101,18 @@ def follow_path(
     speed: float | None = None,
     *,
     rounding: float = 0.10,
+    backwards: bool = False,
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Action[MotionResult]:
-    """Drive forwards through `points` (x, y) m of the field without stopping, from where the robot is.
+    """Drive through `points` (x, y) m of the field without stopping, from where the robot is.
 
     The first piece leads from the robot's place to the first point at which it does not stand already; it
     turns on the spot where that lies aside. Where the points after that lead back to where it comes from, it
     stops at that first point and turns as well. rounding: m, radius of the arcs that round the corners.
-    speed: m/s of the faster wheel, so corners are slower than straights. tolerance: m along the path at its
-    end. timeout: s of each way without a stop, and of each turn. Raises ValueError for points that are no
-    path, such as some that turn back.
+    backwards: with its back first. speed: m/s of the faster wheel, so corners are slower than straights.
+    tolerance: m along the path at its end. timeout: s of each way without a stop, and of each turn. Raises
+    ValueError for points that are no path, such as some that turn back.
     """
     check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, rounding=rounding)
@@ -123,6 +124,8 @@ def follow_path(
     for number, (x, y) in enumerate(points):
         check_way(**{f"x of points[{number}]": x, f"y of points[{number}]": y})
 
+    flipped = math.pi if backwards else 0.0
+
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin, here = robot.time, robot.plan
         ahead = list(dropwhile(lambda point: math.dist(point, (here.x, here.y)) <= HERE, points))
@@ -133,10 +136,10 @@ def follow_path(
         # Where the robot is, and so the corner at the first point, is not known before.
         for leg in legs([(here.x, here.y), *ahead]):
             path = Path(leg, rounding)
-            angle = math.remainder(path.start.heading - robot.plan.heading, math.tau)
+            angle = math.remainder(path.start.heading + flipped - robot.plan.heading, math.tau)
             if abs(angle) > robot.config.motion.heading_tolerance:
                 parts.append((yield from turning(robot, angle, timeout=timeout)))
-            parts.append((yield from _follow(robot, path, speed, tolerance, timeout)))
+            parts.append((yield from _follow(robot, path, speed, tolerance, timeout, flipped)))
         return parts[0] if len(parts) == 1 else _whole(robot, robot.plan, begin, parts)
 
     return Action(f"follow a path of {len(points)} points", steps)
@@ -158,10 +161,18 @@ def _check_points(points: Sequence[Point]) -> None:
 
 
 def _follow(
-    robot: Robot, path: Path, speed: float | None, tolerance: float | None, timeout: float | None
+    robot: Robot,
+    path: Path,
+    speed: float | None,
+    tolerance: float | None,
+    timeout: float | None,
+    flipped: float,
 ) -> Steps[MotionResult]:
+    """flipped: rad from the way's direction to the robot's heading, pi where its back goes first: for that
+    end of it all of the law is the same."""
     motion = robot.config.motion
-    turns = round((robot.plan.heading - path.start.heading) / math.tau) * math.tau
+    turns = round((robot.plan.heading - path.start.heading - flipped) / math.tau) * math.tau + flipped
+    ahead = -1.0 if flipped else 1.0
     stages, planned = [], 1.0
     for piece in path.pieces:
         outer = 1.0 + robot.drive.half_track * abs(piece.curvature)
@@ -183,8 +194,8 @@ def _follow(
         _, across = at.pose.offset_of(here.x, here.y)
         if pace.may_end(path.length - along, tolerance):
             break
-        off = math.remainder(here.heading - at.pose.heading, math.tau)
+        off = math.remainder(here.heading - flipped - at.pose.heading, math.tau)
         velocity, turn_rate = line_command(state, along, across, off)
-        robot.drive.follow(velocity, turn_rate + velocity * at.curvature, state.acceleration)
+        robot.drive.follow(ahead * velocity, turn_rate + velocity * at.curvature, ahead * state.acceleration)
         yield
     return finish(robot, place(path.length), pace)

@@ -64,6 +64,14 @@ def test_the_robot_stands_square_to_a_line(askew_deg: float, speed: float | None
     assert abs(result.heading) < 0.01
 
 
+def test_the_time_and_the_tolerance_of_an_alignment_are_those_that_were_asked_for() -> None:
+    world = World(lines=(Line(((0.3, -0.5), (0.3, 0.5))),))
+    with pytest.raises(MotionTimeout, match=r"drive not done after 1.0 s: 0.0\d\d of 0.5 m"):
+        on_table(world, (0.0, 0.0, 0.0), align_on_line("left", "right", timeout=1.0))
+    with pytest.raises(MotionTimeout, match=r"turn not done after 3.0 s"):
+        on_table(world, (0.0, 0.0, deg(20)), align_on_line("left", "right", 0.2, tolerance=1e-9, timeout=3.0))
+
+
 @pytest.mark.parametrize("exchanged", [True, False])
 def test_sensors_in_each_others_port_are_said_where_the_line_lies_oddly_by_them(
     exchanged: bool, caplog: pytest.LogCaptureFixture

@@ -1,11 +1,12 @@
 """Driving to places and along paths, judged by the robot's true pose."""
 
+import inspect
 import math
 from collections.abc import Callable
 
 import pytest
 
-from raccoon import deg, seq, straight
+from raccoon import MotionTimeout, align_on_line, arc, deg, seq, straight, turn, turn_to
 from raccoon.robot.motions.goals import pivot
 from raccoon.robot.motions.paths import drive_to, follow_path
 from robots import run
@@ -32,6 +33,40 @@ def test_a_path_is_followed_through_its_rounded_corners() -> None:
     assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.6)
     assert robot.plan.x == pytest.approx(0.6)
     assert abs(result.across) < 0.002
+
+
+def test_a_path_is_followed_with_the_back_first() -> None:
+    points = [(-0.3, 0.0), (-0.3, -0.3), (-0.6, -0.3)]
+    result, end, robot = run(seq(straight(0.05), follow_path(points, rounding=0.1, backwards=True)))
+    assert (end.x, end.y) == pytest.approx((-0.6, -0.3), abs=0.004)
+    assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.6)
+    assert robot.plan.heading == pytest.approx(0.0, abs=1e-9)
+    assert abs(result[1].across) < 0.002
+    _, end, robot = run(follow_path([(0.2, 0.0), (0.2, 0.2)], backwards=True))  # it turns around first
+    assert (end.x, end.y) == pytest.approx((0.2, 0.2), abs=0.006)
+    assert math.degrees(math.remainder(end.heading, math.tau)) == pytest.approx(-90.0, abs=1.0)
+    assert math.hypot(robot.plan.x - robot.pose.x, robot.plan.y - robot.pose.y) < 0.002
+
+
+def test_the_turn_of_a_path_counts_and_has_the_same_time() -> None:
+    result, _, _ = run(follow_path([(0.0, 0.1)]))
+    alone, _, _ = run(straight(0.1))
+    assert result.duration > alone.duration + 0.8
+    with pytest.raises(MotionTimeout, match=r"turn not done after 0.3 s"):
+        run(follow_path([(0.0, 0.1)], timeout=0.3))
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [straight, turn, turn_to, arc, pivot, drive_to, follow_path, align_on_line],
+    ids=lambda motion: motion.__name__,
+)
+def test_what_one_motion_takes_its_sisters_take(motion: Callable[..., object]) -> None:
+    takes = inspect.signature(motion).parameters
+    for name in ("tolerance", "timeout"):
+        assert takes[name].kind is inspect.Parameter.KEYWORD_ONLY
+        assert takes[name].default is None
+    assert "backwards" in takes or motion not in (drive_to, follow_path, arc)
 
 
 def test_only_a_corner_is_driven_slowly_and_not_the_whole_path() -> None:
