@@ -35,6 +35,9 @@ DRIVEN, STANDS, STUCK = 0.2, 0.1, 1.0
 """Duty that turns any motor, rad/s below which it does not, and s after which that is said: motions to a goal
 have given up by then, and other code may go on for ever."""
 
+ENDLESS = 120.0
+"""S of a motion without a goal, a whole match, after which it is said that nothing ends it."""
+
 OFFSET = (
     "a motor reads motion at rest that its bemf_offset in robot.toml does not explain, and the pose goes "
     "wrong by it: calibrate again, or leave the offset out and let the robot stand before it drives"
@@ -173,6 +176,24 @@ def tell_undriven(robot: Robot, times: int) -> None:
             "a speed that is asked of robot.drive holds for one robot.tick(), and a run() stops it first: "
             "ask again before each tick(), or write robot.run(drive(speed, turn_rate).until(...))",
         )
+
+
+class Endless:
+    """Says once of what goes on for a whole match that nothing ends it. Ask `tell` in each tick.
+
+    label: what does. append: what ends it.
+    """
+
+    def __init__(self, robot: Robot, label: str, append: str) -> None:
+        self._robot, self._label, self._append = robot, label, append
+        self._due = robot.time + ENDLESS
+
+    def tell(self) -> None:
+        """Another tick of it."""
+        if self._robot.time > self._due:
+            self._due = math.inf
+            said = f"{self._label} has gone on for {ENDLESS:g} s and ends by nothing: append {self._append}"
+            say(self._robot, said)
 
 
 def say(robot: Knowledge, said: str, kind: str | None = None) -> None:

@@ -14,12 +14,14 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.condition import JOIN, Check, Condition, each_of
 from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_times, check_wait
 from raccoon.robot.actions.steps import Steps as Steps
 from raccoon.robot.actions.steps import advance, checked, close, going_on
 from raccoon.robot.actions.undone import Undone
+from raccoon.robot.remarks import Endless
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -268,12 +270,19 @@ def wait_for(condition: Condition) -> Action[None]:
     """Let time pass until `condition` holds."""
     check_kind(condition, Condition, "wait_for()", JOIN)
 
+    label = f"wait for {condition.name}"
+
     def steps(robot: Robot) -> Steps[None]:
         holds = condition.start(robot)
+        # On the table somebody may take as long as that; in simulation nobody presses or moves anything.
+        simulated = robot.config.controller.port not in REAL_CONTROLLERS
+        endless = Endless(robot, label, ".timeout(seconds)") if simulated else None
         while not holds():
+            if endless is not None:
+                endless.tell()
             yield
 
-    return Action(f"wait for {condition.name}", steps, condition.check)
+    return Action(label, steps, condition.check)
 
 
 def check_actions(kind: str, actions: tuple[Any, ...]) -> None:

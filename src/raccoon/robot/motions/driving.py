@@ -20,31 +20,12 @@ from raccoon.robot.actions.limits import (
 )
 from raccoon.robot.actions.steps import advance
 from raccoon.robot.motions.pacing import STALL_PATIENCE, HeldWay, check_wiring, reason
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import Endless, say
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 __all__ = ["drive", "motors"]
-
-ENDLESS = 120.0
-"""S of a motion without a goal, a whole match, after which it is said that nothing ends it."""
-
-
-class _Endless:
-    """Says once of a motion that nothing has ended it for long. Ask `tell` in each tick."""
-
-    def __init__(self, robot: Robot, label: str) -> None:
-        self._robot, self._label, self._due = robot, label, robot.time + ENDLESS
-
-    def tell(self) -> None:
-        if self._robot.time > self._due:
-            self._due = math.inf
-            say(
-                self._robot,
-                f"{self._label} has gone on for {ENDLESS:g} s and ends by nothing: append .until(...) or "
-                ".timeout(seconds)",
-            )
 
 
 def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
@@ -74,7 +55,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         counted = turn_rate == 0.0  # otherwise it would be another circle
         top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration, counted=counted)
         top = math.copysign(top, speed)
-        endless = _Endless(robot, label)
+        endless = Endless(robot, label, ".until(...) or .timeout(seconds)")
         try:
             while True:
                 endless.tell()
@@ -153,7 +134,7 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
     label = f"motors {left:g} {right:g}"
 
     def steps(robot: Robot) -> Steps[None]:
-        endless = _Endless(robot, label)
+        endless = Endless(robot, label, ".until(...) or .timeout(seconds)")
         try:
             while True:
                 endless.tell()

@@ -86,7 +86,9 @@ def align_on_line(
         robot.plan = goal
         off = robot.estimate.heading - goal.heading
         took, std = robot.time - begin, turned.heading_std
-        return MotionResult(0.0, 0.0, off, took, turned.std, turned.saturated, std, remarks=said)
+        return MotionResult(
+            0.0, 0.0, off, took, turned.std, turned.saturated, std, remarks=(*turned.remarks, *said)
+        )
 
     return Action(
         f"align on a line with {left} and {right}", steps, lambda robot: _check_sides(robot, left, right)

@@ -35,6 +35,7 @@ class Bench:
         self.drive = SimpleNamespace(complaint=lambda: "the wheels follow")
         self.attachments = SimpleNamespace(moving=())
         self.blind = ()
+        self.config = SimpleNamespace(controller=SimpleNamespace(port="wombat"))
 
     @property
     def time(self) -> float:

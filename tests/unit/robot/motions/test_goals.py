@@ -23,17 +23,19 @@ from raccoon import (
     motors,
     open_robot,
     pivot,
+    pressed,
     seq,
     straight,
     turn,
     turn_to,
     wait,
+    wait_for,
     when,
 )
 from raccoon.core.config import ControllerConfig
 from raccoon.core.readings import STOP, Outputs
+from raccoon.robot import remarks
 from raccoon.robot.emulated import open_emulated
-from raccoon.robot.motions import driving
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
@@ -237,12 +239,13 @@ def test_a_result_and_a_pose_are_printed_for_people() -> None:
     assert str(Pose(0.4, -1e-9, deg(90))) == "x 0.400 m, y 0.000 m, heading 90.0 deg"
 
 
-@pytest.mark.parametrize("action", [drive(0.1), motors(0.3, 0.3)])
+@pytest.mark.parametrize("action", [drive(0.1), motors(0.3, 0.3), wait_for(pressed(0))])
 def test_a_motion_that_nothing_ends_is_said_once(
     action: Action[None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driving, "ENDLESS", 0.3)
-    with open_robot(CONFIG, port=simulated()) as robot:
+    monkeypatch.setattr(remarks, "ENDLESS", 0.3)
+    config = replace(CONFIG, controller=ControllerConfig(port="sim"))
+    with open_robot(config, port=simulated()) as robot:
         robot.run(action.until(after_time(0.2)))
         assert not robot.drive.remarks
         robot.run(action.until(after_time(0.4)))
