@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sys import _getframe
 from typing import TYPE_CHECKING, Never, Protocol, TypeVar, runtime_checkable
 
 from raccoon.core.config import RobotConfig
@@ -94,7 +95,7 @@ class Knowledge:
     def _ask(self) -> None:
         """Count that somebody asks for readings: a loop around them alone never sees new ones."""
         self._asked += 1
-        if self._asked == ASKED:
+        if self._asked % ASKED == 0 and not _getframe(2).f_globals.get("__name__", "").startswith("raccoon."):
             say(
                 self,
                 f"readings were asked for {ASKED} times and stay as they are: the robot reads in run() and "

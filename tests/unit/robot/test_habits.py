@@ -5,7 +5,19 @@ from typing import Any
 import pytest
 
 import raccoon
-from raccoon import Robot, after_time, drive, open_robot, pressed, straight, turn, wait, wait_for, when
+from raccoon import (
+    Robot,
+    after_time,
+    drive,
+    open_robot,
+    parallel,
+    pressed,
+    straight,
+    turn,
+    wait,
+    wait_for,
+    when,
+)
 from raccoon.core.config import MechanismConfig, RobotConfig, ServoConfig, TophatConfig
 from robots import Between, simulated
 
@@ -93,6 +105,7 @@ def test_a_loop_that_ticks_may_ask_as_it_likes(caplog: pytest.LogCaptureFixture)
             for _ in range(50):
                 assert robot.digital(0) is not True
             robot.tick()
+        robot.run(parallel(*[wait(0.02) for _ in range(600)]))
     assert "stay as they are" not in caplog.text
 
 
