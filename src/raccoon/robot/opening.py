@@ -92,6 +92,8 @@ def open_robot(
         )
     if seed is not None and (not hasattr(seed, "__index__") or seed < 0):
         raise ValueError(f"seed is {seed!r}: it must be a whole number from 0")
+    if record is not None and not isinstance(record, str | Path):
+        raise TypeError(f"record is {record!r}: it must be the name of a recording")
     return Opening(_opened(config, port, record, seed))
 
 
@@ -199,8 +201,11 @@ def replay(
     check=False ignores them. config: the recording's own where None. The program must use the robot alone,
     no clock and no random numbers.
     """
+    from raccoon.trace.format import Trace
     from raccoon.trace.replay import ReplayPort
 
+    if not isinstance(trace, Trace | str | Path):
+        raise TypeError(f"trace is {trace!r}: it must be the name of a recording, or a Trace")
     port = ReplayPort(trace, check=check, tolerance=tolerance)
     settings = config or port.trace.header.config
     if settings is None:

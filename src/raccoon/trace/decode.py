@@ -10,12 +10,11 @@ from typing import Any, TypeGuard
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device, Fault, Inputs, Outputs, Truth
 from raccoon.core.schema import shown
-from raccoon.trace.encode import Cycle, Values
+from raccoon.trace.encode import MAX_TEXT, Cycle, Values
 
 MAX_PORTS = 64
 MAX_ENTRIES = 1000
 MAX_BRACKETS = 2000
-MAX_TEXT = 10_000
 LARGEST_INT = 2**63
 
 _SPELLED = ("nan", "inf", "-inf")

@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 from raccoon.core.readings import Device, Inputs, Outputs
 
 Values = tuple[float, ...]
+MAX_TEXT = 10_000
+"""Characters of a text that is read again."""
 
 
 class Cycle(NamedTuple):

@@ -23,7 +23,7 @@ from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.extras import install
 from raccoon.core.files import replacing
 from raccoon.core.readings import SI_WORDS
-from raccoon.trace.decode import MAX_TEXT
+from raccoon.trace.encode import MAX_TEXT
 from raccoon.trace.format import Event
 from raccoon.trace.recording import EVENT, Column, DutiesBeyond, Recording, allowed_instead
 

@@ -9,12 +9,17 @@ from pathlib import Path
 from raccoon.core.config import RobotConfig
 from raccoon.core.port import Port, in_real_time
 from raccoon.core.readings import Inputs, Outputs
-from raccoon.trace.encode import Cycle, Values, json_line
+from raccoon.trace.encode import MAX_TEXT, Cycle, Values, json_line
 from raccoon.trace.header import Header, git_revision, header_table, library_version
 from raccoon.trace.writer import TraceWriter
 
 PLAIN = ".jsonl"
 PACKED = ".jsonl.gz"
+MOST_COMMANDS, ROOM = 200, 50_000
+"""Commands of a cycle that are kept, beside the last one; characters of remarks in a cycle, where each remark
+and each bracket counts for 50. More would be a line that is not read again, nor what comes after it."""
+SHORT = 200
+"""Characters that are left of a remark that does not fit."""
 
 
 class RecordingPort:
@@ -87,6 +92,8 @@ class RecordingPort:
 
     def write(self, outputs: Outputs) -> None:
         """Pass a command on and record it, also where passing it on fails."""
+        if len(self._commands) > MOST_COMMANDS:
+            self._commands.pop()  # the last one is what holds
         self._commands.append(outputs)
         self._port.write(outputs)
 
@@ -95,8 +102,13 @@ class RecordingPort:
         self._estimates.append((name, values))
 
     def event(self, text: str) -> None:
-        """Record a remark of this cycle."""
-        self._events.append(text)
+        """Record a remark of this cycle; cut short where it is too long, left out where there is no room."""
+        text = str(text)
+        if len(text) > MAX_TEXT or _weight(text) > self._room:
+            text = f"{text[:SHORT]}... ({len(text)} characters)"
+        if (weight := _weight(text)) <= self._room:
+            self._room -= weight
+            self._events.append(text)
 
     def close(self) -> None:
         """Motors off first; then finish the recording. May be called twice."""
@@ -121,11 +133,17 @@ class RecordingPort:
         self._commands: list[Outputs] = []
         self._estimates: list[tuple[str, Values]] = []
         self._events: list[str] = []
+        self._room = ROOM
 
     def _hand_over(self) -> None:
         if self._writer is not None and (self._inputs is not None or self._commands or self._events):
             cycle = Cycle(self._inputs, tuple(self._commands), tuple(self._estimates), tuple(self._events))
             self._writer.put(cycle)
+
+
+def _weight(text: str) -> int:
+    """What a remark takes of the room of its cycle."""
+    return len(text) + 50 * (1 + text.count("[") + text.count("{"))
 
 
 def _only(path: str | Path, header: str, overwrite: bool) -> tuple[TraceWriter, Path]:

@@ -4,14 +4,16 @@ import math
 import runpy
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from raccoon import RobotConfig, deg, open_robot, seq, straight, turn, wait
+from raccoon import RobotConfig, deg, open_robot, replay, seq, straight, turn, wait
 from raccoon.core.config import ControllerConfig, TophatConfig
 from raccoon.core.errors import HardwareError
 from raccoon.robot.opening import open_port
 from raccoon.trace.format import read_trace
+from robots import simulated
 from unit.trace.recordings import ScriptedPort
 
 MISSION = seq(wait(0.5), straight(0.10), turn(deg(45)))
@@ -166,3 +168,11 @@ def test_the_ports_of_the_tophats_are_watched_for_the_ends_of_their_range(
     tophats = {"left": TophatConfig(3, 0.1, 0.03), "right": TophatConfig(1, 0.1, -0.03)}
     open_port(RobotConfig(controller=ControllerConfig(port=kind), tophats=tophats))
     assert watched == [[3, 1]]
+
+
+def test_what_is_no_name_of_a_recording_is_refused_by_its_name() -> None:
+    anything: Any = straight(0.1)
+    with pytest.raises(TypeError, match=r"record is <Action straight 0.1 m>: it must be the name of a rec"):
+        open_robot(RobotConfig(), port=simulated(), record=anything)
+    with pytest.raises(TypeError, match=r"trace is <Action straight 0.1 m>: it must be the name of a recor"):
+        replay(anything, straight(0.1))

@@ -10,7 +10,7 @@ from raccoon.core.readings import SI_WORDS
 from raccoon.trace import mcap as trace_mcap
 from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv, write_csv
-from raccoon.trace.decode import MAX_TEXT
+from raccoon.trace.encode import MAX_TEXT
 from raccoon.trace.format import Event, read_trace
 from raccoon.trace.mcap import read_mcap, write_mcap
 from raccoon.trace.recording import Recording

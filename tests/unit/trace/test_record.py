@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,6 +44,29 @@ def test_every_field_comes_back_as_it_went_in(tmp_path: Path) -> None:
     assert math.isnan(tick.estimates["unknown"][0])
     assert [(event.tick, event.text) for event in trace.events] == [(0, "armed: ü\n")]
     assert trace.damage is None
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [["x" * 20_000], [5, None], ["[[{" * 3000], ["note"] * 3000, ["\u2603" * 9999] * 200, ["a\nb\0c\ud800"]],
+    ids=["long", "no text", "brackets", "many", "much", "odd"],
+)
+def test_whatever_a_program_remarks_the_rest_of_its_run_is_read_again(
+    tmp_path: Path, texts: list[Any]
+) -> None:
+    port = RecordingPort(ScriptedPort([cycle(0), cycle(1), cycle(2)]), tmp_path / "run")
+    for _ in range(3):
+        port.read()
+        for text in texts:
+            port.event(text)
+        for number in range(1000):
+            port.write(command(number % 500))
+    port.close()
+    trace = read_trace(port.path)
+    assert trace.damage is None
+    assert [tick.outputs for tick in trace.ticks] == [command(499)] * 3
+    assert {event.tick for event in trace.events} == {0, 1, 2}
+    assert trace.events[0].text.startswith(str(texts[0])[:100])
 
 
 def test_whole_numbers_stay_whole_and_floats_stay_floats(tmp_path: Path) -> None:
