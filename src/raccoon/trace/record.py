@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.forks import left_in_forks
 from raccoon.core.port import Port, in_real_time
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.trace.encode import MAX_TEXT, Cycle, Values, json_line
@@ -55,6 +56,7 @@ class RecordingPort:
         self._failure: str | None = None
         self._closed = False
         self._begin(None)
+        left_in_forks(self)
         try:
             revision = revision or git_revision(Path.cwd())
             header = json_line(
@@ -109,6 +111,10 @@ class RecordingPort:
         if (weight := _weight(text)) <= self._room:
             self._room -= weight
             self._events.append(text)
+
+    def leave(self) -> None:
+        """See `raccoon.core.forks`: the file is finished by the process that began it."""
+        self._closed = True
 
     def close(self) -> None:
         """Motors off first; then finish the recording. May be called twice."""

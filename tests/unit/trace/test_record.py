@@ -1,6 +1,7 @@
 import gzip
 import json
 import math
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
@@ -316,6 +317,21 @@ def test_a_recording_that_cannot_be_packed_is_told_by_the_name_it_has(
     with pytest.warns(RuntimeWarning, match=r"run\.jsonl ends early: .*No space left"):
         port.close()
     assert len(read_trace(tmp_path / "run.jsonl").ticks) == 1
+
+
+def test_a_forked_process_does_not_finish_the_file_of_its_parent(tmp_path: Path) -> None:
+    port = RecordingPort(ScriptedPort([cycle(0), cycle(1)]), tmp_path / "run")
+    port.read()
+    child = os.fork()
+    if child == 0:  # pragma: no cover - in the child
+        port.close()
+        os._exit(0)
+    os.waitpid(child, 0)
+    port.read()
+    port.close()
+    trace = read_trace(port.path)
+    assert trace.damage is None
+    assert len(trace.ticks) == 2
 
 
 def test_what_was_written_survives_a_kill(tmp_path: Path) -> None:

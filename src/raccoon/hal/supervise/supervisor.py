@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raccoon.core.errors import HardwareError
+from raccoon.core.forks import left_in_forks
 
 SILENCE_SECONDS = 0.5
 """A program that says nothing for so long hangs."""
@@ -66,6 +67,7 @@ class Supervisor:
                 "the supervisor process did not start: nobody would stop the motors of a dead program"
             )
         os.set_blocking(self._lifeline, False)
+        left_in_forks(self)
 
     @property
     def pid(self) -> int:
@@ -91,6 +93,14 @@ class Supervisor:
             os.pwrite(self._held, frame, 0)
         except OSError as error:
             raise HardwareError(f"the supervisor process cannot be told what to hold: {error}") from error
+
+    def leave(self) -> None:
+        """See `raccoon.core.forks`: with a copy of the lifeline it would not see this program die."""
+        if not self._closed:
+            self._closed = True
+            assert self._process.stdin is not None
+            self._process.stdin.close()
+            os.close(self._held)
 
     def close(self, *, stopped: bool = True) -> None:
         """End it. stopped: the motors are off; otherwise it stops them first. May be called twice."""

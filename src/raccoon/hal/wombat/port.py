@@ -10,6 +10,7 @@ from typing import Protocol, Self
 
 from raccoon.core.clock import Clock, RealClock, Ticker
 from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.forks import left_in_forks
 from raccoon.core.readings import MOTOR_PORTS, STOP, Fault, Inputs, Outputs
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.hal.wombat.checks.monitor import Monitor, Rates
@@ -85,6 +86,7 @@ class WombatPort:
         self._receiver.exchange(self.dialect.command(STOP))
         self._hold(self.dialect.hold(STOP))
         atexit.register(self.close)
+        left_in_forks(self)
 
     @property
     def real_time(self) -> bool:
@@ -168,6 +170,10 @@ class WombatPort:
             raise HardwareError(
                 "the motors may still run: the controller did not confirm the stop; switch it off"
             )
+
+    def leave(self) -> None:
+        """See `raccoon.core.forks`: a forked process that ends stops no motors of its parent."""
+        self._closed = self._let_go = True
 
     def __enter__(self) -> Self:
         return self

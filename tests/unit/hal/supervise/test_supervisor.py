@@ -12,7 +12,7 @@ from raccoon.core.errors import HardwareError
 from raccoon.hal.supervise.supervisor import Supervisor
 from raccoon.hal.wombat.firmware.stock.commands import frame, stop
 from socket_link import SocketLink
-from supervised import SupervisedBench
+from supervised import PROGRAM, SupervisedBench
 
 
 @pytest.fixture(params=["stock", 17, 21])
@@ -56,6 +56,30 @@ def test_a_silent_program_does_not_drop_what_its_servos_hold(bench: SupervisedBe
     bench.serve_until(False, patience=2.0)
     program.send_signal(signal.SIGKILL)
     bench.serve_until_servos(off, patience=2.0)
+
+
+def test_a_process_that_a_program_forks_keeps_nothing_of_the_robot(tmp_path: Path) -> None:
+    """One for a camera lives longer than its program, whose end its supervisor must see; another ends at once
+    and must stop nothing."""
+    begin, loop = PROGRAM.split("for cycle in")
+    forks = """
+import os, time
+if os.fork() == 0:
+    os.close(2)
+    time.sleep(4.0)
+    os._exit(0)
+if os.fork() == 0:
+    sys.exit(0)
+os.wait()
+"""
+    bench = SupervisedBench(tmp_path, "stock")
+    try:
+        program = bench.start("100000", program=f"{begin}{forks}for cycle in{loop}")
+        bench.serve_until_servos((None, 1800, None, None), patience=20.0)
+        program.send_signal(signal.SIGKILL)
+        bench.serve_until_servos((None,) * 4, patience=1.0)
+    finally:
+        bench.close()
 
 
 @pytest.mark.parametrize("arguments", [("20",), ("20", "crash")])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from raccoon.core.errors import HardwareError
 from raccoon.core.extras import install
+from raccoon.core.forks import left_in_forks
 
 SPI_DEVICE = "/dev/spidev0.0"
 SPEED_HZ = 16_000_000
@@ -35,6 +36,7 @@ class SpiLink:
         self.lock = BusLock(device)
         self._spi = spidev.SpiDev()
         self._open = True
+        left_in_forks(self)
         try:
             self._configure(speed_hz)
         except HardwareError:
@@ -71,6 +73,10 @@ class SpiLink:
             return bytes(self._spi.xfer2(frame, self._speed_hz, GAP_US))
         except OSError as error:
             raise HardwareError(f"a transfer on {self._device} failed: {error}") from error
+
+    def leave(self) -> None:
+        """See `raccoon.core.forks`: the bus would be in use after this program."""
+        self.close()
 
     def close(self) -> None:
         """Close the device and release it for others."""
