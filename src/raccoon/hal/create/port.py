@@ -9,6 +9,7 @@ from typing import Protocol
 from raccoon.core.clock import Clock, RealClock
 from raccoon.core.config import MotorModel
 from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.forks import left_in_forks
 from raccoon.core.readings import (
     ANALOG_PORTS,
     BEMF_VOLTS_PER_COUNT,
@@ -122,6 +123,10 @@ class CreatePort:
                 raise ConfigError(f"duty of motor {port} is {duty}: a Create has the motors 0 and 1")
         self._line.write(self._command(outputs))
         self._beat()
+
+    def leave(self) -> None:
+        """See `raccoon.core.forks`: a forked process that ends stops no wheels of its parent."""
+        self._closed = True
 
     def close(self) -> None:
         """Stop the wheels and give the base back. May be called twice."""
@@ -279,4 +284,5 @@ def open_create(path: str = SERIAL_PORT, *, mode: Mode = Mode.FULL, speed: bool 
         line.close()
         raise
     atexit.register(port.close)
+    left_in_forks(port)
     return port
