@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import subprocess
 import sys
@@ -263,6 +264,8 @@ def test_silence_gives_empty_cycles_then_starts_again_then_gives_up(base: Base) 
     base.clock.advance(0.6)
     base.port.read()
     assert base.peer.heard(0.2).startswith(bytes((128, 132, 145)))
+    base.port.read()
+    assert base.peer.heard() == b""  # it has half a second to answer
     base.clock.advance(5.0)
     with pytest.raises(HardwareError, match=r"no sensor frame for 5\.\d s.*wake the base"):
         base.port.read()
@@ -290,10 +293,32 @@ def test_a_base_that_left_its_mode_loses_commands_and_is_asked_back(base: Base) 
     dropped = replace(REST, mode=Mode.PASSIVE, bumps_and_wheel_drops=0b1000)
     assert base.cycle(dropped, seconds=1.0).faults == (Fault.COMMAND_LOST,)
     assert base.peer.heard() == b""  # a robot in somebody's hands does not start to drive
-    inputs = base.cycle(replace(REST, mode=Mode.PASSIVE))
-    assert inputs.faults == (Fault.COMMAND_LOST,)
-    assert base.peer.heard(0.2).startswith(bytes((128, 132, 145)))
+    for asked in (bytes((128, 132, 145)), b""):  # at most every half second
+        inputs = base.cycle(replace(REST, mode=Mode.PASSIVE))
+        assert inputs.faults == (Fault.COMMAND_LOST,)
+        assert base.peer.heard(0.1)[:3] == asked
     assert base.cycle(REST).faults == ()
+
+
+def test_frames_that_are_older_than_a_restart_are_no_lost_commands(base: Base) -> None:
+    base.cycle(REST)
+    base.clock.advance(0.6)
+    base.port.read()  # silent: it is started again, and PASSIVE until it has heard that
+    passive = replace(REST, mode=Mode.PASSIVE)
+    assert [base.cycle(passive, seconds).faults for seconds in (0.015, 0.6)] == [(), (Fault.COMMAND_LOST,)]
+
+
+def test_a_cycle_waits_for_its_frame(base: Base, monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[float] = []
+
+    def read(_: SerialLine, timeout: float) -> bytes:
+        waits.append(timeout)
+        base.clock.advance(0.02)
+        return frame(REST)[30 * len(waits) - 30 : 30 * len(waits)]
+
+    monkeypatch.setattr(SerialLine, "read", read)
+    assert base.port.read().faults == ()
+    assert waits == pytest.approx([0.05, 0.03])
 
 
 def test_a_base_that_never_obeys_is_reported(peer: SerialPeer) -> None:
@@ -310,6 +335,15 @@ def test_a_wheel_that_turns_back_past_0_is_no_base_that_started_again() -> None:
     assert wheel.position == -2 - 215
     assert wheel.update(300, 0.45) is None
     assert wheel.update(5, 0.6) is Fault.RESET
+    wheel.update(5000, 5.0)
+    assert wheel.update(65_500, 0.6) is Fault.RESET  # it started again and rolled back
+
+
+def test_what_the_base_drives_at_its_top_speed_is_no_jump_and_twice_that_is_one() -> None:
+    """0.5 m/s on wheels of 72 mm, of 508.8 ticks a turn."""
+    wheel, ticks = WheelCounter(), round(0.5 * 0.2 / (math.pi * 0.072) * 508.8)
+    assert [wheel.update(word, 0.2) for word in (0, ticks, 0)] == [None] * 3
+    assert wheel.update(2 * ticks, 0.2) is Fault.POSITION_JUMP
 
 
 def test_the_port_is_ours_alone(base: Base) -> None:

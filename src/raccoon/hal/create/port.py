@@ -93,9 +93,7 @@ class CreatePort:
         self._guard = guard
         self._decoder = StreamDecoder()
         self._wheels = (WheelCounter(), WheelCounter())
-        self._openings = 0
-        self._last_frame = self._last_start = self._opened = self._clock.now()
-        self._obeyed = False
+        self._last_frame = self._clock.now()
         self._closed = False
         self._start()
 
@@ -155,11 +153,9 @@ class CreatePort:
         return protocol.drive_pwm(round(left * protocol.PWM_LIMIT), round(right * protocol.PWM_LIMIT))
 
     def _start(self) -> None:
-        if self._line.openings != self._openings:
-            self._openings = self._line.openings
-            self._opened, self._obeyed = self._clock.now(), False
-        self._decoder.clear()
-        self._last_start = self._clock.now()
+        self._openings = self._line.openings
+        self._asked = self._last_start = self._clock.now()
+        self._obeyed = False
         self._line.write(protocol.start(self._mode))
 
     def _next_frames(self) -> list[Sensors]:
@@ -214,9 +210,7 @@ class CreatePort:
         if now - self._last_start > SILENCE and not sensors.wheel_dropped:
             self._last_start = now
             self._line.write(protocol.start(self._mode))
-        return (
-            not self._obeyed and now - self._opened < SILENCE
-        )  # the first frames may be older than our wish
+        return not self._obeyed and now - self._asked < SILENCE  # the first frames may be older than our wish
 
 
 def _inputs(

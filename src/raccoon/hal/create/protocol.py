@@ -140,10 +140,6 @@ class StreamDecoder:
     def __init__(self) -> None:
         self._buffer = bytearray()
 
-    def clear(self) -> None:
-        """Forget a half frame, as after an interruption."""
-        self._buffer.clear()
-
     def feed(self, data: bytes) -> list[Sensors]:
         """The frames completed by `data`, oldest first."""
         buffer = self._buffer

@@ -103,7 +103,8 @@ def test_fields_of_version_21_alone() -> None:
     frame = commands.encode_command(command, 21)
     assert struct.unpack_from("<4f", frame, 212) == (7.5, -20.0, 0.0, 1.0)
     assert frame[276] == 1
-    for each in (command, Command(disable_bemf=True), Command(modes=(Mode.CHASSIS,) * 4)):
+    moving = Command(chassis_velocity=(0.0, 0.0, 0.5))
+    for each in (command, moving, Command(disable_bemf=True), Command(modes=(Mode.CHASSIS,) * 4)):
         with pytest.raises(ConfigError, match="version 17 has no such fields"):
             commands.encode_command(each, 17)
 
