@@ -59,6 +59,14 @@ def test_servos_hold_until_the_end_and_are_off_then() -> None:
         assert port.last == STOP
 
 
+def test_a_match_that_waits_for_nothing_begins_now_and_not_when_the_controller_did() -> None:
+    port = Between(seen=lambda inputs: replace(inputs, time=inputs.time + 5000.0))
+    with open_robot(CONFIG, port=port) as robot:
+        report = run_match(robot, wait(0.1), seconds=2.0)
+    assert report.finished
+    assert report.seconds == pytest.approx(0.1, abs=0.01)
+
+
 def test_what_is_strange_about_the_motors_is_in_the_report() -> None:
     changed = simulated(effects={"motor.back_emf_constant@right": {"factor": 1.05}})
     with open_robot(CONFIG, port=changed) as robot:

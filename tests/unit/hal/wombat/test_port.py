@@ -388,6 +388,15 @@ def test_a_failed_port_repeats_its_reason(bench: Bench) -> None:
     bench.port.close()
 
 
+def test_a_closed_port_says_so_and_moves_nothing(bench: Bench) -> None:
+    bench.run(FORWARD, 5)
+    bench.port.close()
+    for use in (bench.port.read, lambda: bench.port.write(FORWARD)):
+        with pytest.raises(HardwareError, match="the port is closed"):
+            use()
+    assert not bench.emulator.motors_running
+
+
 def test_the_reset_line_stops_what_no_longer_listens(bench: Bench) -> None:
     port = WombatPort(bench.emulator, clock=bench.clock, reset_line=bench.emulator)
     for _ in range(50):

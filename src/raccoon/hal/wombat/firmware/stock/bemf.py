@@ -108,9 +108,8 @@ class StockBemf:
     @property
     def overdue(self) -> bool:
         """Whether counters that must move have stood still for more than two updates."""
-        if self.averaged or self._since_news <= self.MISSED * self._period:
-            return False
-        return max(map(abs, self.value)) > self.STOPPED_BY_FORCE
+        late = self._since_news > self.MISSED * self._period
+        return late and max(map(abs, self.value)) > self.STOPPED_BY_FORCE
 
     @property
     def rate_hz(self) -> float | None:

@@ -45,13 +45,15 @@ def test_a_motor_that_is_driven_back_may_stop_at_once() -> None:
 
 
 @pytest.mark.parametrize("updates", [2, 3, 7])
-def test_a_late_look_counts_the_updates_it_missed(updates: int) -> None:
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_late_look_counts_the_updates_it_missed(updates: int, sign: int) -> None:
+    """Also where the time has room for one more, by the size."""
     bemf = StockBemf(235.0)
     for _ in range(5):
-        bemf.update((400, 0, 0, 0), 1 / 235)
-    bemf.update((400 * updates, 0, 0, 0), (updates + 0.3) / 235)
-    assert bemf.value[0] == 401.5
-    assert bemf.shortfall[0] == 1.5 * (5 + updates)
+        bemf.update((sign * 400, 0, 0, 0), 1 / 235)
+    bemf.update((sign * 400 * updates, 0, 0, 0), (updates + 0.6) / 235)
+    assert bemf.value[0] == sign * 401.5
+    assert bemf.shortfall[0] == sign * 1.5 * (5 + updates)
 
 
 @pytest.mark.parametrize("updates", [2, 3])
