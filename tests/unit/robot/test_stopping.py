@@ -29,7 +29,7 @@ from raccoon import (
     wait,
     when,
 )
-from raccoon.core.config import ControllerConfig, RobotConfig
+from raccoon.core.config import ControllerConfig, DriveConfig, RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
 from raccoon.robot.actions.actions import Steps
@@ -101,6 +101,13 @@ def test_an_error_in_an_action_stops_the_motors_before_it_is_seen() -> None:
         assert port.commands[-1] == STOP
         robot.run(do(lambda _: None))  # the robot is still usable
     assert port.closed
+
+
+def test_wheels_of_which_nothing_is_asked_brake_and_no_other_motor_does() -> None:
+    port = Bench()
+    with open_robot(RobotConfig(drive=DriveConfig(left=3, right=1)), port=port) as robot:
+        robot.tick()
+        assert port.commands[-1] == Outputs(brake=(False, True, False, True))
 
 
 def test_a_closed_robot_runs_nothing() -> None:

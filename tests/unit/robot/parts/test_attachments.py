@@ -271,18 +271,22 @@ def test_an_arm_that_holds_against_its_end_stop_moves_away_from_it() -> None:
         assert robot.mechanism("arm").angle == pytest.approx(-0.5, abs=0.04)
 
 
-def test_an_exception_in_the_program_stops_the_arm() -> None:
+@pytest.mark.parametrize("held", [False, True])
+def test_an_exception_in_the_program_stops_the_arm_and_lets_it_go(held: bool) -> None:
     port = Spy()
 
     def fail(_: object) -> None:
         raise RuntimeError("bug")
 
     with open_robot(CONFIG, port=port) as robot:
+        if held:
+            robot.run(move("arm", 0.2))
+            assert port.written[-1].brake[3]
         with pytest.raises(RuntimeError, match="bug"):
-            robot.run(parallel(spin("arm", 2.0), seq(wait(0.2), do(fail))))
-        assert port.written[-1].duty == (0.0,) * 4
-        robot.run(wait(0.05))
-        assert port.written[-1].duty == (0.0,) * 4
+            robot.run(seq(wait(0.05), do(fail)) if held else parallel(spin("arm", 2.0), seq(wait(0.2), do(fail))))
+        for _ in range(2):
+            assert (port.written[-1].duty, port.written[-1].brake[3]) == ((0.0,) * 4, False)
+            robot.run(wait(0.05))
 
 
 @pytest.mark.parametrize("firmware", ["stock", 17, 21])

@@ -28,7 +28,7 @@ from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.firmware.devices import RACCOON_21, STOCK
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
-from raccoon.robot.parts.drive import Drive
+from raccoon.robot.parts.drive import Drive, dead_time
 from raccoon.robot.parts.speeds import READ_SHARE
 from raccoon.sim.effects.parameters import Parameters
 
@@ -153,3 +153,10 @@ def test_both_wheels_give_way_alike_to_the_one_that_would_not_be_read() -> None:
     share = base.speeds.readable_share(2.0, -8.0)
     assert share == pytest.approx(base.speeds.readable / 8.0)
     assert base.speeds.readable_share(1.0, -1.0) == 1.0
+
+
+@pytest.mark.parametrize(("rate", "seconds"), [(200.0, 0.0075), (50.0, 0.015)])
+def test_a_command_is_late_by_half_a_cycle_and_a_sample_of_the_firmware(rate: float, seconds: float) -> None:
+    """What the gains of the speed loop are made for."""
+    config = replace(RobotConfig(), controller=replace(RobotConfig().controller, rate_hz=rate))
+    assert dead_time(config) == pytest.approx(seconds)
