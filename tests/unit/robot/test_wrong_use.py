@@ -318,6 +318,9 @@ def test_a_loop_is_asked_for_its_units_as_a_motion_is(asked: tuple[Any, ...], sa
             robot.drive.velocity(*asked)
         with pytest.raises(TypeError, match="left duty is True"):
             robot.drive.duties(True, 0.0)
+        for duty in (80.0, -1.01, NAN):
+            with pytest.raises(ValueError, match="right duty is .*: allowed are numbers from -1 to 1"):
+                robot.drive.duties(0.0, duty)
         robot.drive.velocity(3.0, -20.0)
         robot.tick()
 
@@ -535,10 +538,11 @@ def test_running_what_is_no_action_is_refused() -> None:
     "both",
     [
         lambda: parallel(straight(0.3), turn(deg(90))),
+        lambda: parallel(straight(0.3), align_on_wall()),
         lambda: seq(background(drive(0.1)), straight(0.3)),
         lambda: race(straight(0.3), repeat(do(lambda robot: robot.drive.duties(0.3, 0.3)))),
     ],
-    ids=["in parallel", "in the background", "by hand"],
+    ids=["in parallel", "at a wall", "in the background", "by hand"],
 )
 def test_two_that_drive_at_once_are_refused(both: Callable[[], Action[Any]]) -> None:
     with open_robot(CONFIG, port=simulated()) as robot:
