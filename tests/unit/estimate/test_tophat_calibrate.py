@@ -5,10 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
 from raccoon.estimate.tophat.calibration import Surface, believed, best_threshold
+from raccoon.estimate.tophat.mixture import best_mixture
 from raccoon.estimate.tophat.quality import restless
 
 PAPER = [(180, 2930), (50, 170), (1270, 3800), (140, 250), (1830, 3810), (50, 130), (3440, 4030), (130, 220)]
@@ -182,6 +184,31 @@ def test_two_phases() -> None:
     same = calibrate_two_phase(rng.normal(1270, 18, 200), rng.normal(1275, 18, 200))
     assert same.verdict is Verdict.ONE_SURFACE
     assert calibrate_two_phase([], rng.normal(3800, 9, 200)).verdict is Verdict.TOO_FEW
+
+
+@pytest.mark.parametrize(
+    ("floor", "line", "verdict"),
+    [
+        (0.0, 500.0, Verdict.WEAK),  # in the sun: a change of the light is seen late
+        (500.0, 4095.0, Verdict.WEAK),  # the line swallows all light, or the plug is loose
+        (0.0, 4095.0, Verdict.SATURATED),
+        (4095.0, 4095.0, Verdict.SATURATED),
+    ],
+)
+def test_one_of_two_phases_may_stand_at_an_end_of_the_converter(
+    floor: float, line: float, verdict: Verdict
+) -> None:
+    rng = np.random.default_rng(9)
+    phases = [np.clip(rng.normal(mean, 5.0 * (0.0 < mean < 4095.0), 100), 0, 4095) for mean in (floor, line)]
+    assert calibrate_two_phase(*phases).verdict is verdict
+
+
+def test_one_normal_surface_is_one_component() -> None:
+    ordered = np.sort(np.random.default_rng(4).normal(1000.0, 20.0, 400))
+    found = best_mixture(ordered)
+    assert [each.mean for each in found.components] == pytest.approx([1000.0], abs=3.0)
+    likelihood = norm.logpdf(ordered, ordered.mean(), ordered.std()).sum()
+    assert found.bic == pytest.approx(-2.0 * likelihood + 2.0 * math.log(400), rel=1e-4)
 
 
 @pytest.mark.parametrize("hertz", [0.0, 100.2, 119.8])
