@@ -6,6 +6,7 @@ from sys import _getframe
 from typing import TYPE_CHECKING, Never, Protocol, TypeVar, runtime_checkable
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import (
     ANALOG_PORTS,
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 W = TypeVar("W")
 
+STANDS = 1000
+"""Readings of the same time, after which the clock of a port counts as stopped."""
 ASKED = 1000
 """Times in one cycle that a program asks for readings where it waits for them to change."""
 
@@ -83,6 +86,7 @@ class Knowledge:
         self._plan: Pose | None = None
         self._planned_in = 0  # the odometry's resets so far
         self._notes: Annotated | None = port if isinstance(port, Annotated) else None
+        self._standing = 0  # readings in a row whose time was none later
         self._asked = 0  # times that the program asked for readings of this cycle
 
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else
@@ -111,7 +115,6 @@ class Knowledge:
     @property
     def estimate(self) -> DriveEstimate:
         """Pose, velocity and their standard deviations as of the last reading."""
-        self._ask()
         return self.odometry.estimate
 
     @property
@@ -192,6 +195,20 @@ class Knowledge:
         self._ask()
         extra = None if self.inputs is None else self.inputs.extra
         return bool(extra["button"]) if extra is not None and "button" in extra else None
+
+    def _read(self) -> tuple[Inputs, float]:
+        """The next readings, and how many s later they are. Raises TypeError where the port gives none,
+        HardwareError where its time stands."""
+        inputs = self.port.read()
+        if not isinstance(inputs, Inputs):
+            raise TypeError(f"read() of {type(self.port).__name__} gives {inputs!r}: it must give Inputs")
+        elapsed = 0.0 if self.inputs is None else inputs.time - self.inputs.time
+        self._standing = 0 if elapsed > 0.0 else self._standing + 1
+        if self._standing > STANDS:
+            raise HardwareError(
+                f"the port's time stands at {inputs.time} s for {STANDS} readings: nothing would ever end"
+            )
+        return inputs, elapsed
 
     def _keep_words(self, inputs: Inputs) -> None:
         """Keep the newest word of every port."""

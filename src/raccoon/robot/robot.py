@@ -165,8 +165,7 @@ class Robot(Knowledge):
         self._background.append(action.start(self))
 
     def _sense(self) -> None:
-        inputs = self.port.read()
-        elapsed = 0.0 if self.inputs is None else inputs.time - self.inputs.time
+        inputs, elapsed = self._read()
         self.paused = not 0.0 <= elapsed <= self._pause  # how long it was is not known where time ran back
         self.dt, elapsed = self._cycle if self.paused else elapsed, max(elapsed, 0.0)
         self.inputs = inputs

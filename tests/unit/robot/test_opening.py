@@ -3,17 +3,19 @@
 import math
 import runpy
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from raccoon import RobotConfig, deg, open_robot, replay, seq, straight, turn, wait
 from raccoon.core.config import ControllerConfig, TophatConfig
 from raccoon.core.errors import HardwareError
+from raccoon.core.readings import Inputs
 from raccoon.robot.opening import open_port
 from raccoon.trace.format import read_trace
-from robots import simulated
+from robots import Between, simulated
 from unit.trace.recordings import ScriptedPort
 
 MISSION = seq(wait(0.5), straight(0.10), turn(deg(45)))
@@ -168,6 +170,18 @@ def test_the_ports_of_the_tophats_are_watched_for_the_ends_of_their_range(
     tophats = {"left": TophatConfig(3, 0.1, 0.03), "right": TophatConfig(1, 0.1, -0.03)}
     open_port(RobotConfig(controller=ControllerConfig(port=kind), tophats=tophats))
     assert watched == [[3, 1]]
+
+
+def test_a_port_of_a_programs_own_that_gives_no_readings_or_no_time_is_told() -> None:
+    nothing: Any = Between(simulated(), seen=lambda _: cast(Inputs, None))
+    no_readings = pytest.raises(TypeError, match=r"read\(\) of Between gives None: it must give Inputs")
+    with open_robot(RobotConfig(), port=nothing) as robot, no_readings:
+        robot.tick()
+    stopped = Between(simulated(), seen=lambda inputs: replace(inputs, time=5.0))
+    no_time = pytest.raises(HardwareError, match=r"time stands at 5.0 s for 1000 readings")
+    with open_robot(RobotConfig(), port=stopped) as robot, no_time:
+        robot.run(wait(1.0))
+    assert not any(stopped.written[-1].duty)
 
 
 def test_what_is_no_name_of_a_recording_is_refused_by_its_name() -> None:
