@@ -319,7 +319,7 @@ def test_a_loop_is_asked_for_its_units_as_a_motion_is(asked: tuple[Any, ...], sa
         with pytest.raises(TypeError, match="left duty is True"):
             robot.drive.duties(True, 0.0)
         for duty in (80.0, -1.01, NAN):
-            with pytest.raises(ValueError, match="right duty is .*: allowed are numbers from -1 to 1"):
+            with pytest.raises(ValueError, match=r"right duty is .*: allowed are numbers from -1 to 1"):
                 robot.drive.duties(0.0, duty)
         robot.drive.velocity(3.0, -20.0)
         robot.tick()

@@ -85,9 +85,10 @@ def test_a_servo_gets_the_time_it_needs_and_holds() -> None:
         assert robot.time == pytest.approx((2100.0 - 1200.0) / 3000.0, abs=0.01)  # from the far end
         robot.run(straight(0.05))
         assert all(each.servo_us == (None, 1200, None, None) for each in port.written)
-        begin = robot.time
-        robot.run(servo("claw", 1300))
-        assert robot.time - begin == pytest.approx(0.1 / 3.0, abs=0.01)
+        for us in (100.0, 0.0):
+            begin = robot.time
+            robot.run(servo("claw", 1300))
+            assert robot.time - begin == pytest.approx(us / 3000.0, abs=0.01)
 
 
 def test_a_slow_servo_goes_evenly() -> None:
@@ -283,7 +284,9 @@ def test_an_exception_in_the_program_stops_the_arm_and_lets_it_go(held: bool) ->
             robot.run(move("arm", 0.2))
             assert port.written[-1].brake[3]
         with pytest.raises(RuntimeError, match="bug"):
-            robot.run(seq(wait(0.05), do(fail)) if held else parallel(spin("arm", 2.0), seq(wait(0.2), do(fail))))
+            robot.run(
+                seq(wait(0.05), do(fail)) if held else parallel(spin("arm", 2.0), seq(wait(0.2), do(fail)))
+            )
         for _ in range(2):
             assert (port.written[-1].duty, port.written[-1].brake[3]) == ((0.0,) * 4, False)
             robot.run(wait(0.05))

@@ -20,6 +20,7 @@ from raccoon import (
     turn,
     wait,
 )
+from raccoon.control.wheels import WheelTarget
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import BatteryConfig, Measured, MotorConfig
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
@@ -29,7 +30,7 @@ from raccoon.hal.wombat.firmware.devices import RACCOON_21, STOCK
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.robot.parts.drive import Drive, dead_time
-from raccoon.robot.parts.speeds import READ_SHARE
+from raccoon.robot.parts.speeds import READ_SHARE, Unread
 from raccoon.sim.effects.parameters import Parameters
 
 FRESH = RobotConfig(battery=BatteryConfig(weakest=7.6))
@@ -160,3 +161,16 @@ def test_a_command_is_late_by_half_a_cycle_and_a_sample_of_the_firmware(rate: fl
     """What the gains of the speed loop are made for."""
     config = replace(RobotConfig(), controller=replace(RobotConfig().controller, rate_hz=rate))
     assert dead_time(config) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    ("silent", "share"),
+    [((False, False), 1.0), ((True, False), 0.5), ((False, True), 0.25), ((True, True), 0.25)],
+)
+def test_a_wheel_that_is_not_read_is_asked_for_no_more_than_before_and_the_other_in_ratio(
+    silent: tuple[bool, bool], share: float
+) -> None:
+    unread, wanted = Unread(), WheelTarget(4.0, -16.0, 2.0, -8.0)
+    assert unread.slowed(WheelTarget(-2.0, 4.0), (False, False)) == WheelTarget(-2.0, 4.0)
+    for _ in range(2):
+        assert unread.slowed(wanted, silent) == WheelTarget(4 * share, -16 * share, 2 * share, -8 * share)
