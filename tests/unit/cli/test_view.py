@@ -207,8 +207,8 @@ def test_a_line_is_drawn_where_the_tophats_see_it() -> None:
     drawn = _strip(corner).get_path()
     table = World(lines=(corner,))
     for x, y in np.random.default_rng(1).uniform(-0.1, 0.6, (300, 2)):
-        if abs(table.line_distance(x, y)) > 1e-3:
-            black = table.line_distance(x, y) < 0.0
+        if abs(table.nearest_line(x, y)[0]) > 1e-3:
+            black = table.nearest_line(x, y)[0] < 0.0
             # Any part that holds it: overlaps are filled as well.
             parts = [Path2D(each) for each in drawn.to_polygons()]
             assert any(part.contains_point((x, y)) for part in parts) == black, (x, y)

@@ -25,8 +25,6 @@ from raccoon.hal.calibration_board.frames import (
     ImuSample,
     Orientation,
     crc8,
-    encode,
-    set_calibration,
 )
 from raccoon.hal.calibration_board.tracker import CENTRED
 from raccoon.hal.serial_line import SerialLine
@@ -35,6 +33,12 @@ from standing_port import StandingPort
 
 IMU_EXAMPLE = bytes.fromhex("A5 01 0E 40 E2 01 00 52 00 D7 FF 00 20 10 00 F8 FF 66 06 5D 03 EF")
 FLOW_EXAMPLE = bytes.fromhex("A5 02 0A 41 E2 01 00 11 00 FD FF 58 12 34 80 00 00 BE")
+
+
+def encode(kind: int, time_ms: int, payload: bytes) -> bytes:
+    """What the board sends: one whole frame."""
+    body = bytes((kind, len(payload))) + struct.pack("<I", time_ms) + payload
+    return bytes((0xA5,)) + body + bytes((crc8(body),))
 
 
 def calibration(time_ms: int, counts_per_cm: float = 100.0, valid: bool = True) -> bytes:
@@ -120,13 +124,6 @@ def test_worked_flow_sample() -> None:
 )
 def test_every_frame_in_both_lengths(frame: bytes, expected: object) -> None:
     assert FrameDecoder().feed(frame) == [expected]
-
-
-def test_calibration_command_is_framed_like_a_reading() -> None:
-    command = set_calibration((100.0, 101.0), 20.0)
-    assert command[:3] == bytes((0xA5, 0x10, 12))
-    assert struct.unpack("<3f", command[7:19]) == (100.0, 101.0, 20.0)
-    assert command[-1] == crc8(command[1:-1])
 
 
 @given(garbage=st.binary(max_size=80), cut=st.integers(0, 40))

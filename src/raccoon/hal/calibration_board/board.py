@@ -70,6 +70,5 @@ class CalibrationBoard:
 
     def _begin_again(self, now: float) -> None:
         self._openings = self._line.openings
-        self._decoder.clear()
         self._sampled = now
         self.tracker.lose("the board was unplugged")

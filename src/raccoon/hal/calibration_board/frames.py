@@ -170,26 +170,11 @@ _READERS: dict[tuple[int, int], Callable[[int, bytes], Frame]] = {
 }
 
 
-def encode(kind: int, time_ms: int, payload: bytes) -> bytes:
-    """One whole frame."""
-    body = bytes((kind, len(payload))) + struct.pack("<I", time_ms) + payload
-    return bytes((START,)) + body + bytes((crc8(body),))
-
-
-def set_calibration(counts_per_cm: tuple[float, float], height_mm: float) -> bytes:
-    """Command: keep this flow calibration."""
-    return encode(0x10, 0, struct.pack("<3f", *counts_per_cm, height_mm))
-
-
 class FrameDecoder:
     """Finds frames in a byte stream that may be cut, garbled or joined in the middle."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-
-    def clear(self) -> None:
-        """Forget a half frame, as after an interruption."""
-        self._buffer.clear()
 
     def feed(self, data: bytes) -> list[Frame]:
         """The frames completed by `data`, oldest first."""

@@ -166,10 +166,6 @@ class World:
 
         return load_world(path)
 
-    def line_distance(self, x: float, y: float) -> float:
-        """M to the nearest edge of a black line; negative inside one."""
-        return self.nearest_line(x, y)[0]
-
     def nearest_line(self, x: float, y: float) -> tuple[float, float]:
         """M to the nearest edge of a black line, negative inside one, and m that this line is wide."""
         nearest, width = math.inf, math.inf

@@ -59,7 +59,7 @@ def test_a_line_is_followed_around_a_bend(side: str) -> None:
     bend = [(0.3 + 0.4 * math.sin(a), 0.4 - 0.4 * math.cos(a)) for a in (i * 0.05 for i in range(25))]
     world = World(lines=(Line(((-0.2, 0.0), *bend)),))
     _, port = follow(world, side, beside=0.008, way=0.6)
-    assert abs(world.line_distance(*sensor_at(port))) < 0.006
+    assert abs(world.nearest_line(*sensor_at(port))[0]) < 0.006
     assert port._robot.pose[2] > deg(30)
 
 
@@ -116,7 +116,7 @@ def test_a_bend_that_reads_the_same_all_along_is_not_taken_for_other_light(way: 
     bend = [(0.2 + 0.4 * math.sin(0.05 * k), way * 0.4 * (1.0 - math.cos(0.05 * k))) for k in range(60)]
     world = World(lines=(Line(((-0.5, 0.0), *bend)),))
     robot, port = follow(world, side, way=1.0, speed=0.15)
-    assert abs(world.line_distance(*sensor_at(port))) < 0.006
+    assert abs(world.nearest_line(*sensor_at(port))[0]) < 0.006
     assert robot.drive.remarks == {}
 
 
@@ -173,7 +173,7 @@ def test_a_line_is_followed_around_a_bend_that_is_tighter_than_the_robot_turns(w
     bend = [(0.3 + 0.08 * math.sin(angle), way * (0.08 - 0.08 * math.cos(angle))) for angle in angles]
     world = World(lines=(Line(((-0.5, 0.0), *bend, (bend[-1][0], 2.0 * way))),))
     _, port = follow(world, side, way=0.6, speed=0.2)
-    assert abs(world.line_distance(*sensor_at(port))) < 0.006
+    assert abs(world.nearest_line(*sensor_at(port))[0]) < 0.006
     assert way * sensor_at(port)[1] > 0.2
 
 

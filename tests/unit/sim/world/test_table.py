@@ -24,7 +24,7 @@ PARAMETERS = Parameters.from_robot(
 )
 def test_distance_to_the_edge_of_a_line(x: float, y: float, distance: float) -> None:
     world = World(lines=(Line(((0.0, 0.0), (1.0, 0.0))),))
-    assert world.line_distance(x, y) == pytest.approx(distance)
+    assert world.nearest_line(x, y)[0] == pytest.approx(distance)
 
 
 def test_crossing_a_line_shows_in_the_word_and_in_the_truth() -> None:

@@ -21,7 +21,7 @@ def test_the_standard_table_is_the_one_that_ships_as_an_example() -> None:
 
 def test_a_table_with_everything_on_it() -> None:
     world = World.from_file(TABLES / "workshop.toml")
-    assert world.line_distance(1.2, 0.3) == pytest.approx(-0.01, abs=1e-3)
+    assert world.nearest_line(1.2, 0.3)[0] == pytest.approx(-0.01, abs=1e-3)
     assert world.ambient(0.6, 0.0, 5.0) == 0.7
     assert world.ambient(0.6, 0.0, 9.0) == 0.0
     assert world.slope(1.7, 0.0) == (-0.05, 0.0)
@@ -42,7 +42,7 @@ def test_an_arc_is_round_to_half_a_millimetre(radius: float) -> None:
     for degrees in range(11, 100):
         angle = math.radians(degrees)
         x, y = 0.3 + radius * math.cos(angle), -0.2 + radius * math.sin(angle)
-        assert world.line_distance(x, y) == pytest.approx(-0.01, abs=0.00051)
+        assert world.nearest_line(x, y)[0] == pytest.approx(-0.01, abs=0.00051)
 
 
 def test_a_table_can_be_sent_to_other_processes() -> None:
