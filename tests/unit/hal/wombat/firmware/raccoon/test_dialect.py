@@ -1,4 +1,4 @@
-"""What the port asks of RaccoonOS: whether the controller has restarted, which counters count, who answers."""
+"""What the port asks of RaccoonOS: did the controller restart, which counters count, who answers."""
 
 from __future__ import annotations
 
