@@ -178,10 +178,28 @@ def test_an_observation_from_too_long_ago_or_the_future_is_not_taken(time: float
     assert (found.accepted, "seen at" in found.reason) == (False, True)
 
 
+def test_what_was_seen_before_the_robot_was_put_elsewhere_is_not_taken() -> None:
+    odometry, cycles = Odometry(RobotConfig()), drive(OUT, WRONG)
+    for inputs, command in islice(cycles, 600):
+        odometry.update(inputs, command)
+    assert inputs.truth is not None
+    seen, time = pose(inputs.truth), inputs.time
+    odometry.reset(1.0, 2.0, 0.5, position_std=10.0, heading_std=3.0)
+    put = odometry.estimate
+    assert (put.x_std, put.y_std, put.heading_std) == pytest.approx((10.0, 10.0, 3.0), rel=1e-3)
+    for inputs, command in islice(cycles, 40):
+        odometry.update(inputs, command)
+    here = odometry.estimate
+    found = odometry.observe_pose(*seen, position_std=0.01, heading_std=0.01, time=time)
+    assert (found.accepted, "nothing is kept from before" in found.reason) == (False, True)
+    assert (odometry.estimate.x, odometry.estimate.y) == (here.x, here.y)
+
+
 def test_bad_arguments_are_refused() -> None:
     odometry = Odometry(RobotConfig())
-    with pytest.raises(ValueError, match="std"):
-        odometry.observe_heading(0.0, 0.0)
+    for std in (0.0, -0.1, math.nan, math.inf):
+        with pytest.raises(ValueError, match=f"std is {std}"):
+            odometry.observe_heading(0.0, std)
     with pytest.raises(ValueError, match="finite"):
         odometry.observe_pose(math.nan, 0.0, 0.0, position_std=0.1, heading_std=0.1)
     with pytest.raises(ValueError, match="finite"):
