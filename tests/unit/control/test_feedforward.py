@@ -5,7 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raccoon.control.feedforward import WheelModel, wheel_models
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import Measured, MotorConfig, RobotConfig
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import SIMULATOR
 from raccoon.model.paper import MOTORS, PaperMotor
 
 WHEEL = WheelModel(resistance=1.8, back_emf_constant=1.08, coulomb=0.18, viscous=0.004, inertia=0.02)
@@ -85,3 +87,22 @@ def test_models_come_from_the_configuration() -> None:
     assert left == right
     assert left.back_emf_constant == 1.08
     assert left.inertia == 0.020
+
+
+@pytest.mark.parametrize(("share", "believed"), [(0.3, False), (0.8, True), (1.25, True), (3.0, False)])
+def test_a_calibrated_counter_tells_the_motor_s_back_emf_constant(share: float, believed: bool) -> None:
+    """Of a motor of that K_E a radian counts so much more; what no motor has is left to [model]."""
+    a_tick = SIMULATOR.bemf_volts * SIMULATOR.position_counts_seconds / (share * 1.08)
+    config = RobotConfig(motors={1: MotorConfig(radians_per_tick=Measured(a_tick, 0.01 * a_tick))})
+    left, right = wheel_models(config, SIMULATOR)
+    assert left.back_emf_constant == 1.08
+    assert right.back_emf_constant == pytest.approx(share * 1.08 if believed else 1.08)
+    assert wheel_models(config)[1].back_emf_constant == 1.08  # whose ticks they are is not known yet
+
+
+@pytest.mark.parametrize("factor", [1.0 / 181.0, 181.0])
+def test_ticks_of_another_firmware_are_refused(factor: float) -> None:
+    a_tick = factor * SIMULATOR.bemf_volts * SIMULATOR.position_counts_seconds / 1.08
+    config = RobotConfig(motors={1: MotorConfig(radians_per_tick=Measured(a_tick, 0.01 * a_tick))})
+    with pytest.raises(ConfigError, match=r"motor\.1\.radians_per_tick is .* another firmware"):
+        wheel_models(config, SIMULATOR)

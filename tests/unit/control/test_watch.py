@@ -67,6 +67,14 @@ def test_what_was_seen_last_is_not_learnt_of_a_wheel_that_pushed_then() -> None:
     assert not learnt(doubted)
 
 
+def test_a_wheel_of_which_somebody_knows_that_it_is_held_teaches_nothing() -> None:
+    held = WheelWatch(NOMINAL)
+    held.held = True
+    for _ in range(200):
+        held.update(NOMINAL.voltage(3.0) + 1.0, 3.0, 0.005)
+    assert not learnt(held)
+
+
 def test_the_window_before_a_wheel_is_held_is_not_learnt() -> None:
     """It was braked in it."""
     watches = WheelWatch(NOMINAL), WheelWatch(NOMINAL)

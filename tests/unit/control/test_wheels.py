@@ -76,6 +76,37 @@ def test_saturation_keeps_the_ratio_and_says_what_is_missing() -> None:
     assert loop.missing_speed == pytest.approx(12.0 - NOMINAL.top_speed(6.1))
 
 
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_what_is_a_little_too_fast_is_missing_as_well(share: float) -> None:
+    loop, top = make_loop(), NOMINAL.top_speed(6.1)
+    loop.step(WheelTarget(-share * top, 0.5), -share * top, 0.5, 0.005, 6.1)
+    assert loop.saturated is (share > 1.0)
+    assert loop.missing_speed == pytest.approx(max(0.0, share - 1.0) * top)
+
+
+def known_after(loop: WheelLoop, target: WheelTarget, seconds: float = 2.0) -> tuple[bool, bool]:
+    """What the loop knows of its motors after it has driven like that, with wheels that follow."""
+    for _ in range(round(seconds / 0.005)):
+        loop.step(target, target.left, target.right, 0.005, 6.8)
+    left, right = loop.states
+    return left.known, right.known
+
+
+def test_wheels_tell_of_their_motors_once_they_drive_straight_on() -> None:
+    loop, turn, straight = make_loop(), WheelTarget(3.0, 4.0), WheelTarget(4.0, 4.0)
+    assert known_after(loop, turn) == (False, False)
+    assert known_after(loop, straight, 0.3) == (False, False)
+    assert known_after(loop, straight) == (True, True)
+
+
+def test_wheels_that_push_tell_nothing_until_they_have_rested() -> None:
+    loop, straight = make_loop(), WheelTarget(4.0, 4.0)
+    loop.hold()
+    assert known_after(loop, straight) == (False, False)
+    known_after(loop, REST, 0.005)
+    assert known_after(loop, straight) == (True, True)
+
+
 def test_rest_is_no_power_and_forgets() -> None:
     loop = make_loop()
     for _ in range(100):
