@@ -92,6 +92,7 @@ def test_damaged_file_is_named(tmp_path: Path, text: str) -> None:
         ("calibration.threshold", True, r"threshold = True: allowed are"),
         ("calibration.threshold", 900.0, r": white\.mean = 12\d\d.*, threshold = 900, .*: they must rise in"),
         ("calibration.low", None, r"calibration\.low: it is missing, the verdict needs it"),
+        ("calibration.threshold", None, r"calibration\.threshold: it is missing, the verdict needs it"),
         ("calibration.white", None, r"calibration\.white: it is missing, the verdict needs it"),
         ("calibration.white", [1270.0, 5.0], r"calibration\.white = \[1270\.0, 5\.0\]: it must be a table"),
         ("calibration.white", {"mean": 1270.0}, r"calibration\.white\.sd: it is missing"),

@@ -115,6 +115,13 @@ def test_a_motion_that_is_no_motor_s_is_refused() -> None:
         fit_wheels(replace(seen, left=odd), CONFIG, SIMULATOR)
 
 
+def test_without_a_battery_reading_nobody_knows_the_volts() -> None:
+    port = Between(seen=lambda inputs: replace(inputs, battery=None))
+    with Robot(port, CONFIG) as robot, pytest.raises(CalibrationError, match="no battery reading"):
+        robot.run(excite((0.3,), seconds=0.1))
+    assert port.written[-1].duty[:2] == (0.0, 0.0)
+
+
 def test_levels_that_are_no_duties_are_refused() -> None:
     with pytest.raises(ValueError, match=r"level is 1\.2"):
         excite((0.3, 1.2))
