@@ -1,11 +1,17 @@
 """State of charge and internal resistance from sag, on a pack made here."""
 
+import math
+
 import numpy as np
 import pytest
 
 from raccoon.core.readings import Status
 from raccoon.estimate.battery.curves import CURVES, charge_at
 from raccoon.estimate.battery.state import PackState
+
+
+CELLS = {"lifepo4": 2.0, "lipo": 2.0, "nimh": 5.0}
+"""In a pack that a controller runs on."""
 
 
 def voltage_at(chemistry: str, charge: float) -> float:
@@ -18,7 +24,7 @@ def drive(pack: PackState, chemistry: str, resistance: float, charge: float, sec
     random = np.random.default_rng(3)
     for cycle in range(int(seconds * 100)):
         current = 1.2 if (cycle // 150) % 2 else 0.1
-        voltage = 2.0 * voltage_at(chemistry, charge) - resistance * current
+        voltage = CELLS[chemistry] * voltage_at(chemistry, charge) - resistance * current
         pack.update(cycle * 0.01, voltage + 0.013 * random.standard_normal(), current)
 
 
@@ -40,10 +46,19 @@ def test_what_is_known_of_the_open_voltage_is_of_the_last_minute() -> None:
     assert pack.estimate.open_circuit_voltage_std == pytest.approx(0.004 / 601**0.5, rel=0.02)
 
 
+@pytest.mark.parametrize("wrong", [None, 0.0, 2.0, 40.0, math.nan])
+def test_a_voltage_that_no_controller_runs_on_is_no_reading(wrong: float | None) -> None:
+    """As a converter gives it that dies, or whose wire is loose."""
+    pack = PackState()
+    for cycle in range(500):
+        pack.update(0.01 * cycle, wrong if cycle % 5 == 4 else 6.8, 0.0)
+    assert pack.estimate.open_circuit_voltage == pytest.approx(6.8)
+
+
 @pytest.mark.parametrize("chemistry", sorted(CURVES))
 @pytest.mark.parametrize("resistance", [0.05, 0.15])
 def test_charge_and_resistance_are_found_within_their_deviations(chemistry: str, resistance: float) -> None:
-    pack = PackState(chemistry, 2.0)
+    pack = PackState(chemistry, CELLS[chemistry])
     drive(pack, chemistry, resistance, 0.35)
     found = pack.estimate
     assert found.status is Status.OK

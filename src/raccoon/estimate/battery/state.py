@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from raccoon.core.readings import Status
 from raccoon.estimate.battery.curves import charge_at
+from raccoon.estimate.battery.voltage import LEAST, MOST
 
 WINDOW = 0.1
 """s that voltage and current are averaged over."""
@@ -71,7 +72,7 @@ class PackState:
     def update(self, time: float, voltage: float | None, current: float) -> None:
         """A cycle at `time` s: battery V as read, and the A that the motors are thought to draw."""
         last, self._time = self._time, time
-        if voltage is None or not 0.5 < voltage < 30.0 or not math.isfinite(current) or last is None:
+        if voltage is None or not LEAST <= voltage <= MOST or not math.isfinite(current) or last is None:
             return
         dt = time - last
         if abs(current - self._current) > 0.1:
