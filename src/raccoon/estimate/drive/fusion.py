@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from raccoon.estimate.drive.estimate import Observation
 from raccoon.estimate.drive.health import Reasons
 from raccoon.estimate.drive.observations import Seen, Way, checked, of_state
+from raccoon.estimate.drive.scales import ScaleDoubt
 from raccoon.estimate.drive.slip import RESTING_SPEED, SlipWatch, explained, possible
+from raccoon.estimate.drive.taken import Reading, Step
 from raccoon.estimate.drive.wheels import LONGEST_GAP
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.generated import Flat
@@ -40,59 +42,13 @@ MOST_RELEARNT = 5
 """How often they get it: the truth is found in two or three."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What was read over `span` s until `time`.
-
-    values, variances: left and right wheel (rad/s, nominal scale) and, where it is there, the gyro (rad/s).
-    swing: rad/s2, how fast the turn rate changed. wobble: variance by which one wheel reads more and the
-    other less. still: the robot stood. undated: rad, deviation of the heading by a turn of which it is not
-    known when it began. held: m^2 of its place, along the heading, because the robot may stand while its
-    wheels turn, or roll on while a motor at fault reads nothing. now: where nobody looked for a part of the
-    step, the wheels' speeds at its end, rad/s; values are then the mean of what the counters say, variances
-    and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then. mute: of one
-    wheel nothing is taken, so that there is nothing to judge the other one by.
-    """
-
-    time: float
-    span: float
-    values: tuple[float, ...]
-    variances: tuple[float, ...]
-    swing: float
-    wobble: float
-    still: bool
-    undated: float = 0.0
-    held: float = 0.0
-    now: tuple[float, float] | None = None
-    together: float = 0.0
-    mute: bool = False
-
-    @property
-    def of_gyro(self) -> float:
-        """(rad/s)^2 by which the mean turn rate is in doubt, that of the gyro and that of when it changed."""
-        return self.variances[2] + (self.undated / self.span) ** 2
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One step of the filter: what it took, and the belief after it."""
-
-    reading: Reading
-    flat: Flat
-
-    @property
-    def time(self) -> float:
-        """Its end, s."""
-        return self.reading.time
-
-
 class Fusion:
     """Moves the filter on, step by step, and remembers how."""
 
     def __init__(self, drive: DriveFilter, settings: OdometrySettings) -> None:
         self.drive = drive
         self.geometry: DriveGeometry = drive.geometry
-        self.slip = SlipWatch()
+        self.slip, self._scales = SlipWatch(), ScaleDoubt(drive.flat)
         self.way = Way()
         self.distance = 0.0
         self.held = False
@@ -119,6 +75,10 @@ class Fusion:
             reading = self._judged(reading, before, innovations, reasons, repeated_gyro)
         if not possible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
             self.drive.take_scales(before)  # no robot.toml is that wrong: something else was taken for it
+        doubt = self._scales.more(self.drive.flat)
+        if doubt > 0.0:
+            self.drive.doubt_way(doubt)
+            reading = replace(reading, way=doubt)
         if reading.still:
             self._hold_still()
         flat, span = self.drive.flat, reading.span
@@ -193,6 +153,8 @@ class Fusion:
         found = self.drive.step(span, values, variances, reading.swing, reading.wobble)
         if reading.undated > 0.0:
             self.drive.widen((State.HEADING,), reading.undated)
+        if reading.way > 0.0:
+            self.drive.doubt_way(reading.way)
         return found
 
     def _bridge(self, reading: Reading, now: tuple[float, float]) -> None:

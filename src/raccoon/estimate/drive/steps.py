@@ -6,12 +6,13 @@ from math import sqrt
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device, Outputs
-from raccoon.estimate.drive.fusion import Fusion, Reading
+from raccoon.estimate.drive.fusion import Fusion
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
 from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.readings import DriveReadings, Pending
 from raccoon.estimate.drive.standstill import CREEP_TIME, Creeping, Standstill, explained, unbiased
+from raccoon.estimate.drive.taken import Reading
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
 from raccoon.estimate.drive.turn_share import TurnShare

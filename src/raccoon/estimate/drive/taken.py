@@ -1,0 +1,54 @@
+"""What a step of the drive filter takes, and what it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from raccoon.estimate.ekf.generated import Flat
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What was read over `span` s until `time`.
+
+    values, variances: left and right wheel (rad/s, nominal scale) and, where it is there, the gyro (rad/s).
+    swing: rad/s2, how fast the turn rate changed. wobble: variance by which one wheel reads more and the
+    other less. still: the robot stood. undated: rad, deviation of the heading by a turn of which it is not
+    known when it began. held: m^2 of its place, along the heading, because the robot may stand while its
+    wheels turn, or roll on while a motor at fault reads nothing. now: where nobody looked for a part of the
+    step, the wheels' speeds at its end, rad/s; values are then the mean of what the counters say, variances
+    and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then. mute: of one
+    wheel nothing is taken, so that there is nothing to judge the other one by.
+    """
+
+    time: float
+    span: float
+    values: tuple[float, ...]
+    variances: tuple[float, ...]
+    swing: float
+    wobble: float
+    still: bool
+    undated: float = 0.0
+    held: float = 0.0
+    now: tuple[float, float] | None = None
+    together: float = 0.0
+    mute: bool = False
+    way: float = 0.0
+
+    @property
+    def of_gyro(self) -> float:
+        """(rad/s)^2 by which the mean turn rate is in doubt, that of the gyro and that of when it changed."""
+        return self.variances[2] + (self.undated / self.span) ** 2
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of the filter: what it took, and the belief after it."""
+
+    reading: Reading
+    flat: Flat
+
+    @property
+    def time(self) -> float:
+        """Its end, s."""
+        return self.reading.time

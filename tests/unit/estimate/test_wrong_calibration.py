@@ -1,0 +1,88 @@
+"""A robot.toml that is far more wrong about the wheels than it says: what it makes of the way is in doubt."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from drive_traces import Errors, Segment, drive
+from raccoon.core.config import Measured, MotorConfig, RobotConfig
+from raccoon.core.readings import SIMULATOR
+from raccoon.estimate.drive.odometry import Odometry
+from raccoon.estimate.drive.scales import ScaleDoubt
+from raccoon.estimate.ekf.filter import covariance_index, variance_index
+from raccoon.estimate.ekf.state import State
+
+REST: Segment = (1.0, 0.0, 0.0)
+STRAIGHT: Segment = (2.0, 0.18, 0.0)
+TURN: Segment = (1.0, 0.0, 1.6)
+UNLIKE = [(1.1, 1.0), (1.0, 1.1), (1.0, 0.93), (1.04, 1.0)]
+
+
+def calibrated() -> RobotConfig:
+    """Wheels that are known to 0.3 %."""
+    config = RobotConfig()
+    tick = SIMULATOR.bemf_volts / config.model.left.back_emf_constant.value
+    motor = MotorConfig(
+        radians_per_tick=Measured(tick, 0.003 * tick), bemf_offset=Measured(0.0, 1.0), inverted=False
+    )
+    return replace(config, motors={0: motor, 1: motor})
+
+
+def driven(segments: list[Segment], scale: tuple[float, float]) -> tuple[Odometry, float, float]:
+    """The odometry, and the error and the deviation of the place that it states, m."""
+    odometry = Odometry(calibrated())
+    for inputs, command in drive([REST, *segments, REST], Errors(scale=scale), seed=3):
+        estimate = odometry.update(inputs, command)
+    truth = inputs.truth
+    assert truth is not None
+    error = math.hypot(estimate.x - truth.x, estimate.y - truth.y)
+    return odometry, error, math.hypot(estimate.x_std, estimate.y_std)
+
+
+@pytest.mark.parametrize("scale", UNLIKE)
+def test_a_wheel_that_was_calibrated_wrong_is_a_doubt_of_the_way(scale: tuple[float, float]) -> None:
+    _, error, deviation = driven([STRAIGHT], scale)
+    assert error < 2.0 * deviation
+    assert deviation < 3.0 * error
+
+
+def test_a_turn_tells_which_of_both_wheels_it_is() -> None:
+    odometry, error, deviation = driven([STRAIGHT, REST, TURN], (1.1, 1.0))
+    left, right = odometry.wheel_scales
+    assert left == pytest.approx(1.1, abs=0.03)
+    assert right == pytest.approx(1.0, abs=0.03)
+    assert error < min(0.01, 2.0 * deviation)
+
+
+def test_wheels_within_what_robot_toml_says_are_doubted_no_further() -> None:
+    _, error, deviation = driven([STRAIGHT, REST, TURN], (1.004, 0.998))
+    assert max(error, deviation) < 0.004
+
+
+def test_what_a_turn_contradicts_is_in_doubt_where_the_track_is_known() -> None:
+    """The filter takes it for the wheels, as robot.toml has it; it may as well be the track."""
+    odometry = Odometry(calibrated())
+    flat = list(odometry._steps.fusion.drive.flat)
+    doubt = ScaleDoubt(tuple(flat))
+    assert doubt.more(tuple(flat)) == 0.0
+    flat[State.WHEEL_TURN] = 0.9
+    assert doubt.more(tuple(flat)) == pytest.approx(0.1)
+    assert doubt.more(tuple(flat)) == 0.0
+    flat[State.BALANCE] = -0.105
+    assert doubt.more(tuple(flat)) == 0.0
+    flat[State.BALANCE] = -0.2
+    assert doubt.more(tuple(flat)) == pytest.approx(math.sqrt(0.2**2 - 0.1**2))
+
+
+def test_a_doubt_of_the_way_is_one_of_all_that_hangs_together_with_it() -> None:
+    odometry, _, _ = driven([STRAIGHT], (1.0, 1.0))
+    drive_filter = odometry._steps.fusion.drive
+    way, place = variance_index(State.WAY), covariance_index(State.X, State.WAY)
+    before = drive_filter.flat
+    drive_filter.doubt_way(0.05)
+    after = drive_filter.flat
+    assert after[way] == pytest.approx(before[way] + 0.05**2)
+    # Metres that the place is off for a way that is off: the same as before, about those that it went.
+    assert after[place] / after[way] == pytest.approx(before[place] / before[way])
+    assert math.sqrt(after[variance_index(State.X)]) == pytest.approx(0.05 * 0.36, rel=0.15)
