@@ -175,7 +175,7 @@ class DriveReadings:
         change = abs(rate - before)
         if age > COARSE_GYRO:
             pending.gyro_kinks += (KINKED * abs(rate - before - self._swing * age)) ** 2
-        elif change > SHARP * age:
+        if change > SHARP * age:
             pending.gyro_sharp += (change - SHARP * age) * age
         self._swing = (rate - before) / age if age > 0.0 else 0.0
         self.rate = rate

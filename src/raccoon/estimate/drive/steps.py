@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import hypot, sqrt
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device, Outputs
@@ -109,6 +109,8 @@ class Steps:
                 self._check_signs(span, *read)
         turn = None if len(read) < 3 else (read[2] - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
         held = self.touch.carries(span, *speeds) + self.touch.rolls(span, *speeds, turn)
+        if turn is not None:
+            undated = hypot(undated, self.touch.turned_unseen(span, pending.gyro_span / pending.gyro_count))
         time = self._readings.time
         reading = Reading(time, span, read, variances, swing, wobble, still, undated, held, mute=alone)
         self.fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)

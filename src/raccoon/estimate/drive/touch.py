@@ -10,7 +10,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device, Fault, Inputs, Outputs
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.load import LoadWatch
-from raccoon.estimate.drive.readings import DriveReadings, Pending
+from raccoon.estimate.drive.readings import COARSE_GYRO, DriveReadings, Pending
 from raccoon.estimate.drive.slip import RESTING_SPEED, BumpWatch
 from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.model.drive import DriveGeometry
@@ -26,6 +26,13 @@ DRIVEN = 0.25
 SLOW, LEAST_DUTY, USUAL_BATTERY = 0.4, 0.2, 6.6
 """Share of the V that a duty gives a motor, from such a duty and of such a battery, that its back-EMF has
 where it turns freely. A port calls it at fault below 0.3, from a duty of 0.25."""
+
+
+UNSEEN = 0.25
+"""Of what a robot turns at most between two readings of the gyro as it runs into something, with one corner
+that stands and the other wheel that goes on: deviation of what no reading tells."""
+SETTLES = 0.5
+"""s in which it runs into the same thing once."""
 
 
 class Touch:
@@ -44,6 +51,7 @@ class Touch:
         self._unseen = 0.0
         self._speeds = deque([0.0], SPEEDS)  # m/s ahead in the last steps without a fault
         self._rolled = self._way = 0.0  # s and m since there is one
+        self._meets, self._met = False, SETTLES  # something, and s since it did first
 
     def configure(self, device: Device) -> None:
         """Words of this device follow."""
@@ -78,6 +86,7 @@ class Touch:
         if self._unseen > 0.0:
             self._bump.interrupt(velocity)
         elif self._bump.update(span, forward, velocity, still, span / count, pitch_rate):
+            self._meets = True
             self._readings.reasons.tell(
                 "bumped: the wheels do not move as the robot does", self._readings.time
             )
@@ -92,8 +101,20 @@ class Touch:
             return 0.0
         self._load.update(span, left, right)
         if self._load.held:
+            self._meets = True
             self._readings.reasons.tell(HELD, self._readings.time)
         return self._load.doubt
+
+    def turned_unseen(self, span: float, between: float) -> float:
+        """Rad, deviation of what the robot turned in this step of `span` s and no reading of the gyro tells:
+        it has just run into something, and they are `between` s apart.
+        """
+        first = self._meets and self._met >= SETTLES
+        self._met = 0.0 if self._meets else min(self._met + span, SETTLES)
+        self._meets = False
+        if not first or between <= COARSE_GYRO:
+            return 0.0
+        return UNSEEN * between * max(self._speeds) / (0.5 * self._wheels_a_turn * self._radius)
 
     def listen(self, left: float, right: float, faulty: bool) -> None:
         """Find out which wheel is `mute`, left and right: a motor at fault (faulty: there is one) is driven
