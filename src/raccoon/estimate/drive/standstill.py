@@ -20,6 +20,8 @@ LARGEST_OFFSET, LARGEST_BIAS = 0.35, 0.1
 such gyros allow 5 degrees a second (0.087)."""
 STEADY_TURN = 0.01
 """rad/s by which the gyro changes meanwhile at the most: no hand turns a robot as evenly."""
+OTHER_BIAS = 0.003
+"""rad/s above what the uncertain bias explains (4 sigma), of its mean in that time: it is another bias."""
 
 
 def explained(speed: float, sigma: float) -> bool:
@@ -62,12 +64,14 @@ class Standstill:
 class Creeping:
     """Do wheels and gyro of a robot that nothing drives seem to creep on at one speed? Then that is an offset
     or a bias, whatever robot.toml says: of another controller, or learnt from a robot that was pushed.
+
+    mean: rad/s by the gyro in the time that was found last.
     """
 
-    __slots__ = ("_rate", "_seconds", "_speeds")
+    __slots__ = ("_rate", "_seconds", "_speeds", "_sum", "mean")
 
     def __init__(self) -> None:
-        self._seconds = self._rate = 0.0
+        self._seconds = self._rate = self._sum = self.mean = 0.0
         self._speeds = (0.0, 0.0)
 
     def update(self, dt: float, driven: bool, left: float, right: float, rate: float | None) -> bool:
@@ -82,10 +86,12 @@ class Creeping:
             return False
         even = abs(rate - self._rate) < STEADY_TURN and abs(rate) < LARGEST_BIAS
         if not (kept and slow and even):
-            self._seconds, self._speeds, self._rate = 0.0, (left, right), rate
+            self._seconds, self._speeds, self._rate, self._sum = 0.0, (left, right), rate, 0.0
             return False
         self._seconds += dt
+        self._sum += dt * rate
         found = self._seconds > CREEP_TIME
         if found:
-            self._seconds = 0.0
+            self.mean = self._sum / self._seconds
+            self._seconds = self._sum = 0.0
         return found

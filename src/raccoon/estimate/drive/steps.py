@@ -11,7 +11,7 @@ from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
 from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.readings import DriveReadings, Pending
-from raccoon.estimate.drive.standstill import CREEP_TIME, Creeping, Standstill, explained, unbiased
+from raccoon.estimate.drive.standstill import CREEP_TIME, OTHER_BIAS, Creeping, Standstill, explained
 from raccoon.estimate.drive.taken import Reading
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
@@ -27,6 +27,9 @@ DATED = 1.2
 gyro's turn stays what counts: wheels that slip in that moment are worse."""
 DATED_REST = 0.05
 """s by which it is in doubt since when a robot has stood that seems to creep."""
+EVENLY, ASTRAY = 0.29, 0.25
+"""Of what a bias has turned that may have come at any time since, deviation of the heading; and of that times
+the way, deviation of the place: across the way, by half of it, and half of that by when it came."""
 OTHERWISE = "the robot turns otherwise than its wheels say"
 _VB = variance_index(State.GYRO_BIAS)
 _VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
@@ -50,6 +53,8 @@ class Steps:
         self._gyro, self._reasons = readings.gyro, readings.reasons
         self._standstill, self._swing, self._shaking = Standstill(), Swing(), Shaking()
         self._creeping = Creeping()
+        self._begun_at: tuple[float, float] | None = None  # s and m, where it has moved since it last stood
+        self._stood, self._bias = False, (0.0, 0.0)  # rad/s of the gyro and how sure, before it stood
         self.touch, self.turn_share = Touch(robot, readings), TurnShare()
         self.fusion = self._begun(device)
 
@@ -158,18 +163,39 @@ class Steps:
         still = self._standstill.update(span, driven, (off, sigma), gyro)
         rate = None if gyro is None else self._readings.rate
         creeps = self._creeping.update(span, driven, self._left.settled, self._right.settled, rate)
-        if creeps and gyro is not None and not (explained(off, sigma) and unbiased(*gyro)):
-            self._doubt_offsets(off, sigma, abs(gyro[0]))
+        if driven and (self._stood or self._begun_at is None):
+            self._begun_at = self._readings.time, self.fusion.distance
+        if not still:
+            self._bias = flat[State.GYRO_BIAS], sqrt(flat[_VB])
+        self._stood = still
+        if creeps and gyro is not None:
+            other = abs(self._creeping.mean - self._bias[0])
+            jumped = other > OTHER_BIAS + 4.0 * self._bias[1]
+            self._bias = self._creeping.mean, gyro[1]
+            if jumped or not explained(off, sigma):
+                self._doubt_offsets(off, sigma, other, self._begun_at if jumped else None)
+            self._begun_at = None
         return still
 
-    def _doubt_offsets(self, wheel: float, sigma: float, gyro: float) -> None:
+    def _doubt_offsets(
+        self, wheel: float, sigma: float, gyro: float, begun: tuple[float, float] | None
+    ) -> None:
         """The robot stands, and its wheels and gyro read so much, rad/s, beyond their offsets, known to
-        `sigma`: what is known of these is wrong, and so was the motion that it has been taken for."""
+        `sigma`: what is known of these is wrong, and so was the motion that it has been taken for.
+
+        begun: s and m, where it has moved since the bias was right. It became another one nobody knows when,
+        on average halfway between then and now, which is taken back as the new one is learnt.
+        """
         drive, flat = self.fusion.drive, self.fusion.drive.flat
         turned = gyro / self._geometry.body_motion(-1.0, 1.0)[1]  # by wheels whose offsets hide it
         if sigma > 0.0:
             drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), max(wheel, turned))
-        drive.doubt_bias(max(gyro, self._settings.gyro_bias), CREEP_TIME)
         phantom = DATED_REST * gyro if explained(wheel, sigma) else CREEP_TIME * flat[State.TURN_RATE]
+        seconds, way = CREEP_TIME, CREEP_TIME * flat[State.VELOCITY]
+        if begun is not None:
+            since = self._readings.time - begun[0]
+            seconds, phantom = max(0.5 * since, CREEP_TIME), max(EVENLY * gyro * since, phantom)
+            way = max(ASTRAY * gyro * since * abs(self.fusion.distance - begun[1]), abs(way))
+        drive.doubt_bias(max(gyro, self._settings.gyro_bias), seconds)
         drive.widen((State.HEADING,), phantom)
-        drive.widen((State.X, State.Y), CREEP_TIME * flat[State.VELOCITY])
+        drive.widen((State.X, State.Y), way)

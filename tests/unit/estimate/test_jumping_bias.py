@@ -1,0 +1,53 @@
+"""A gyro whose bias becomes another one while the robot drives: what that has turned is in doubt."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from drive_traces import Segment, drive
+from raccoon.core.config import RobotConfig
+from raccoon.estimate.drive.estimate import DriveEstimate
+from raccoon.estimate.drive.odometry import Odometry
+
+REST: Segment = (1.0, 0.0, 0.0)
+DRIVE: list[Segment] = [(1.5, 0.18, 0.0), (0.2, 0.0, 0.0), (1.0, 0.0, 1.6), (0.2, 0.0, 0.0), (1.5, 0.18, 0.0)]
+
+
+def driven(
+    jump: float, at: float, *, every: int = 1, segments: list[Segment] = DRIVE
+) -> tuple[DriveEstimate, float, float]:
+    """The end of a drive in which the bias jumps by rad/s at s; errors of the heading and of the place."""
+    odometry = Odometry(RobotConfig())
+    for inputs, command in drive([REST, *segments, (2.0, 0.0, 0.0)], seed=3, gyro_every=every):
+        if inputs.time > at and inputs.gyro is not None:
+            word = inputs.gyro[2] + jump / inputs.device.gyro_rad_s
+            inputs = replace(inputs, gyro=(inputs.gyro[0], inputs.gyro[1], word))
+        estimate = odometry.update(inputs, command)
+    truth = inputs.truth
+    assert truth is not None
+    place = math.hypot(estimate.x - truth.x, estimate.y - truth.y)
+    return estimate, abs(estimate.heading - truth.heading), place
+
+
+@pytest.mark.parametrize(("jump", "at"), [(0.02, 1.1), (0.02, 3.0), (-0.03, 2.0), (0.01, 3.0)])
+@pytest.mark.parametrize("every", [1, 4])
+def test_what_another_bias_has_turned_is_in_doubt(jump: float, at: float, every: int) -> None:
+    estimate, turned, moved = driven(jump, at, every=every)
+    assert turned < 2.5 * estimate.heading_std
+    assert moved < 2.5 * math.hypot(estimate.x_std, estimate.y_std)
+    assert estimate.gyro_bias == pytest.approx(jump, abs=0.001)
+
+
+@pytest.mark.parametrize("jump", [0.0, 0.0005])
+def test_a_bias_that_drifts_as_gyros_do_is_no_doubt(jump: float) -> None:
+    estimate, _, _ = driven(jump, 2.0)
+    assert estimate.heading_std < 0.003
+
+
+@pytest.mark.parametrize("bias", [0.0, 0.005, 0.01])
+def test_a_bias_that_was_there_from_the_beginning_is_no_jump(bias: float) -> None:
+    """Nor is it told again in a long rest."""
+    estimate, turned, _ = driven(bias, 0.0, segments=[(4.0, 0.0, 0.0)])
+    assert estimate.heading_std < 0.001
+    assert turned < 0.003
