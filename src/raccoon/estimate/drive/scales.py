@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import hypot, sqrt
 
 from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.generated import Flat
@@ -13,6 +13,8 @@ SURPRISING = 3.0
 MORE = 1.1
 """Times what is in doubt already, before more of it is."""
 
+NOTHING = (0.0, 0.0)
+
 
 class ScaleDoubt:
     """Asks in every step how far both scales that show in every drive are off what robot.toml has.
@@ -20,7 +22,8 @@ class ScaleDoubt:
     A straight shows that the wheels are unlike (BALANCE), a turn that they turn the robot otherwise
     (WHEEL_TURN). Neither says which number is wrong. Within the deviations of robot.toml the filter shares
     it among them; a calibration that is far beyond its own may have any one wrong, and all of it: the way is
-    then off by as much as they are.
+    then off by as much as they are. Which wheel it is turns tell; whether it is both or the track, nothing
+    but a tape or something seen.
     """
 
     __slots__ = ("_balance", "_doubted", "_turn")
@@ -29,13 +32,21 @@ class ScaleDoubt:
         """flat: the filter's belief before anything was read."""
         self._balance = SURPRISING * sqrt(flat[variance_index(State.BALANCE)])
         self._turn = SURPRISING * sqrt(flat[variance_index(State.WHEEL_TURN)])
-        self._doubted = 0.0
+        self._doubted = NOTHING
 
-    def more(self, flat: Flat) -> float:
-        """Deviation to add to what is not known of WAY; hardly ever above 0."""
+    def more(self, flat: Flat) -> tuple[float, float]:
+        """Deviations to add to what is not known of WAY, for wheels that are unlike and for turns that are
+        otherwise; hardly ever above 0.
+        """
         balance, turn = abs(flat[State.BALANCE]), abs(flat[State.WHEEL_TURN] - 1.0)
-        off = max(balance if balance > self._balance else 0.0, turn if turn > self._turn else 0.0)
-        if off <= MORE * self._doubted:
-            return 0.0
-        before, self._doubted = self._doubted, off
-        return sqrt(off * off - before * before)
+        if balance > self._balance:
+            turn = min(turn, abs(turn - balance))  # one wheel that is another turns the robot as much
+        before = self._doubted
+        more = _more(balance, self._balance, before[0]), _more(turn, self._turn, before[1])
+        if more != NOTHING:
+            self._doubted = hypot(before[0], more[0]), hypot(before[1], more[1])
+        return more
+
+
+def _more(off: float, allowed: float, doubted: float) -> float:
+    return sqrt(off * off - doubted * doubted) if off > max(allowed, MORE * doubted) else 0.0

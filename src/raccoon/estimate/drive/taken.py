@@ -33,7 +33,7 @@ class Reading:
     now: tuple[float, float] | None = None
     together: float = 0.0
     mute: bool = False
-    way: float = 0.0
+    way: tuple[float, float] = (0.0, 0.0)
 
     @property
     def of_gyro(self) -> float:

@@ -240,14 +240,20 @@ class DriveFilter:
         flat[covariance_index(State.WAY, State.WHEEL_TURN)] -= each
         self.flat = tuple(flat)
 
-    def doubt_way(self, std: float) -> None:
-        """Add this deviation to what is not known of WAY, as if it had been so from the beginning: all that
+    def doubt_way(self, wheel: float, turning: float) -> None:
+        """Add these deviations to what is not known of WAY, as if it had been so from the beginning: all that
         was believed to hang together with it becomes as much less sure.
+
+        wheel: because one wheel is another. turning: because both are, or the track: which of them no turn
+        tells.
         """
         P = covariance_of(self.flat)
         if P[State.WAY, State.WAY] > 0.0:
             slope = P[State.WAY] / P[State.WAY, State.WAY]
-            self.flat = flattened(mean_of(self.flat), P + std**2 * np.outer(slope, slope))
+            P += wheel**2 * np.outer(slope, slope)
+            slope[State.WHEEL_TURN] = 0.0
+            P += turning**2 * np.outer(slope, slope)
+            self.flat = flattened(mean_of(self.flat), P)
 
     def take_scales(self, flat: Flat) -> None:
         """Take the scales of wheels and track width to be those of another belief."""

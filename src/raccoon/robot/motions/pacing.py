@@ -216,7 +216,7 @@ class Pace:
 
     @property
     def doubt(self) -> float:
-        """M by which the way is unsure where the wheels are off their calibration."""
+        """M by which the way is unsure where the wheels are a little off their calibration, or more."""
         return 0.5 * mismatch(self._robot) * (self._robot.estimate.distance - self._start)
 
     def _watch(self) -> None:
@@ -274,7 +274,7 @@ def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
         across,
         here.heading - goal.heading,
         robot.time - pace.begin,
-        math.hypot(here.x_std, here.y_std, pace.doubt),
+        max(math.hypot(here.x_std, here.y_std), abs(pace.doubt)),
         pace.saturated,
         here.heading_std,
         pace.missing_speed,
