@@ -29,6 +29,7 @@ def run(args: argparse.Namespace) -> int:
     """Convert one recording; what had to be left out is printed."""
     from raccoon.cli.doing import doing_shown
     from raccoon.trace.loading import load_run
+    from raccoon.trace.problems import said_once
     from raccoon.trace.record import recording_file
 
     source: Path = args.source
@@ -42,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     with doing_shown():
         loaded = load_run(source)
     _write(loaded, target)
-    for problem in loaded.recording.problems:
+    for problem in said_once(loaded.recording.problems):
         print(f"note: {problem}")
     print(f"wrote {target}: {len(loaded.recording)} rows of {len(loaded.recording.columns)} columns")
     return 0

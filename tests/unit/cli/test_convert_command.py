@@ -40,6 +40,18 @@ def test_what_is_left_out_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert read_csv(tmp_path / "good.csv").problems == []
 
 
+def test_what_is_left_out_in_many_lines_is_said_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a gyro that is inf now and then it was 90 lines."""
+    lines = "".join(f"{row},{'inf' if row % 2 else row}\n" for row in range(40))
+    (tmp_path / "bad.csv").write_text(f"t,imu.gyro.z\n{lines}")
+    run(tmp_path / "bad.csv", tmp_path / "good.csv")
+    (note,) = [each for each in capsys.readouterr().out.splitlines() if each.startswith("note")]
+    assert note.startswith("note: line 3, column imu.gyro.z: 'inf'")
+    assert note.endswith("so are 19 more")
+
+
 def test_an_existing_target_is_kept_unless_asked(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t\n0\n")
     (tmp_path / "b.csv").write_text("precious")

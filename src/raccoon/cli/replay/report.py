@@ -13,6 +13,7 @@ from raccoon.cli.replay.drive import COLUMNS, Drive
 from raccoon.cli.replay.each import not_replayed
 from raccoon.core.files import write_atomically
 from raccoon.trace.pose_error import pooled
+from raccoon.trace.problems import said_once
 
 SHOWN_PROBLEMS = 5
 
@@ -39,7 +40,7 @@ def _run(drive: Drive) -> dict[str, Any]:
         "reasons": list(drive.reasons),
         "error": None if drive.error is None else _finite(asdict(drive.error)),
         "deviation_from_recorded_estimate": drive.deviation,
-        "notes": [*drive.notes, *recording.problems],
+        "notes": [*drive.notes, *said_once(recording.problems)],
     }
 
 

@@ -38,7 +38,6 @@ from raccoon.diagnose.recordings.kind import Kind, kind_of
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
 from raccoon.diagnose.recordings.named import Named, named
-from raccoon.diagnose.recordings.problems import said_once
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_others
@@ -48,6 +47,7 @@ from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, toph
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.sim.effects.parameters import Parameters
+from raccoon.trace.problems import said_once
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
