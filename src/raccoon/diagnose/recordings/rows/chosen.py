@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.times import check_step
 from raccoon.diagnose.recordings.kind import Kind
+from raccoon.diagnose.recordings.rows.between import check_recorded
 from raccoon.diagnose.recordings.rows.length import bounded
 from raccoon.diagnose.recordings.rows.repeated import without_held, without_repeated
 
@@ -16,12 +17,16 @@ Columns = Mapping[str, NDArray[np.float64]]
 
 
 def rows_of(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
-    """The columns of a recording of that kind in these rows, and what is to be said of the others."""
+    """The columns of a recording of that kind in these rows, and what is to be said of the others.
+
+    Raises TraceError for a drive in another unit of time, or between whose samples rows were interpolated.
+    """
     if kind is Kind.MOTORS:  # whose motion in a pause is no more to be bridged than that of a drive
         return bounded(columns, pauses_too=False)
     if kind is not Kind.DRIVE:
         return columns, ()
     check_step(columns["t"])  # of a time in microseconds each row would come after a long pause
+    check_recorded(columns)
     columns, held = without_held(columns)
     columns, long = bounded(columns)
     return columns, (*held, *long)

@@ -1,0 +1,58 @@
+"""Recordings that were brought to another rate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import HoldoutError, TraceError
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.rows.between import check_recorded
+
+Columns = dict[str, np.ndarray]
+ROBOT = RobotConfig()
+
+
+@pytest.fixture(scope="module")
+def good() -> Columns:
+    return dict(make(4, seconds=8.0).columns)
+
+
+def resampled(columns: Columns, row: float, held: bool = False) -> Columns:
+    """All columns at even times, on lines between their samples or with the last of these."""
+    time = columns["t"]
+    even: np.ndarray = np.arange(time[0], time[-1], row)
+    found: Columns = {"t": even}
+    for name, values in columns.items():
+        known = np.flatnonzero(np.isfinite(values))
+        last = known[np.clip(np.searchsorted(time[known], even, side="right") - 1, 0, None)]
+        found.setdefault(name, values[last] if held else np.interp(even, time[known], values[known]))
+    return found
+
+
+@pytest.mark.parametrize("row", [0.002, 0.001])
+def test_straight_lines_between_samples_are_said(good: Columns, row: float) -> None:
+    """At 1 ms a sound robot's commands were 6 ms late with a probability of 1."""
+    with pytest.raises(TraceError, match=r"motor\.\d\.bemf is on a straight line .* by interpolation"):
+        diagnose_recording(resampled(good, row), ROBOT)
+    with pytest.raises(HoldoutError, match="by interpolation"):
+        diagnose_recording(good, ROBOT, holdout=resampled(good, row))
+
+
+@pytest.mark.parametrize("drive", ["exciting", "contest", "legs"])
+@pytest.mark.parametrize("encoders", [False, True])
+@pytest.mark.parametrize("unit", [1.0, 0.25, 1.0 / 303.4 / 1.08])
+def test_what_was_recorded_is_on_none(drive: str, encoders: bool, unit: float) -> None:
+    columns = dict(make(4, drive=drive, seconds=8.0, encoders=encoders).columns)
+    for name in [each for each in columns if each.endswith((".bemf", ".speed"))]:
+        columns[name] = unit * columns[name]
+    check_recorded(columns)
+    check_recorded(resampled(columns, 0.001, held=True))
+
+
+def test_a_wheel_that_speeds_up_evenly_without_noise_is_on_no_short_line() -> None:
+    way = np.concatenate([np.linspace(0.0, 1234.5, 300), np.linspace(1234.5, 0.0, 300)])
+    columns: Columns = {"t": 0.005 * np.arange(600), "motor.0.bemf": way, "motor.1.bemf": way}
+    check_recorded(columns)
