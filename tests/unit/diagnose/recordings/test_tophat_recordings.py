@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -297,3 +299,36 @@ def test_what_a_reader_left_out_in_many_lines_is_said_once() -> None:
     other = "line 3, column analog.2: 'x': allowed are finite numbers and blank"
     found = diagnose_recording(lines(3), ROBOT, problems=[*problems, other, problems[0]])
     assert found.notes == (f"{problems[0]}; so are 9 more", other)
+
+
+@pytest.mark.parametrize("truth_free", [False, True])
+def test_black_that_is_cut_off_below_the_largest_reading_has_no_cause(truth_free: bool) -> None:
+    """It was a sensor 14 mm high in the sun, each with a probability of 0.8."""
+    columns = lines(3)
+    columns["analog.2"] = np.minimum(columns["analog.2"], 2000.0)
+    found = diagnose_recording(columns, ROBOT, truth_free=truth_free)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert "analog.2: it never reads more than 2000 counts" in found.notes[0]
+
+
+def test_a_sensor_without_noise_is_not_cut_off() -> None:
+    assert diagnose_recording(lines(3, noise=0.0), ROBOT).verdict is Verdict.ADEQUATE
+
+
+def late(labels: np.ndarray) -> np.ndarray:
+    return np.roll(labels, 35)
+
+
+def random(labels: np.ndarray) -> np.ndarray:
+    return np.random.default_rng(1).integers(0, 2, len(labels)).astype(float)
+
+
+@pytest.mark.parametrize("labels", [late, random, np.zeros_like])
+def test_labels_of_another_time_or_sensor_are_said(labels: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Only one surface was said to be seen, or two that cannot be told apart."""
+    columns = lines(3)
+    columns["truth.surface.2"] = labels(columns["truth.surface.2"])
+    found = diagnose_recording(columns, ROBOT)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert "truth.surface.2 is of something else or of another time" in found.notes[0]
+    assert diagnose_recording(columns, ROBOT, truth_free=True).verdict is Verdict.ADEQUATE

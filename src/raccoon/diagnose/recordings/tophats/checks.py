@@ -1,4 +1,4 @@
-"""Readings of a tophat that are none of a converter's counts: impossible ones, and those of another scale."""
+"""Readings of a tophat that are none of a converter's counts, and labels that are not theirs."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.recordings.tophats.fit import FITS, Nominal, level_fits
-from raccoon.diagnose.recordings.tophats.levels import Levels
+from raccoon.diagnose.recordings.tophats.levels import Levels, levels_of
 from raccoon.diagnose.result import SensorFault
 from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
 
+SWAPPED = 0.1
+"""Share of readings on the surface that their label says, below which black and white are exchanged."""
 MOST_VOLTS = 5.5
 """What volts of a board, or shares of its range, reach at most."""
 
@@ -43,6 +45,22 @@ def possible(counts: Array, port: int) -> tuple[Array, tuple[SensorFault, ...]]:
     name = f"analog.{port}"
     text = f"{name} has {int(wild.sum())} impossible values such as {float(counts[wild][0]):.3g}: left out"
     return np.where(wild, np.nan, counts), (SensorFault(name, "impossible", text),)
+
+
+def strange_labels(time: Array, counts: Array, surface: Array | None, port: int) -> str:
+    """That labels by which nothing can be told are not this sensor's, or not in time, where its readings
+    alone tell white from black; "" where they do not, and of labels that are swapped."""
+    alone = "" if surface is None else levels_of(time, counts, None)
+    if surface is None or isinstance(alone, str) or not alone.sorted_surely:
+        return ""
+    agree = float((alone.black == (surface[np.searchsorted(time, alone.time)] > 0.5)).mean())
+    if agree < SWAPPED:
+        return ""
+    white, dark = alone.usual
+    return (
+        f"its own readings go from white ({white:.0f}) to black ({dark:.0f} counts) and back, and "
+        f"truth.surface.{port} is of something else or of another time, since by it"
+    )
 
 
 def other_unit(counts: Array, levels: Levels | str, nominal: Nominal) -> str:

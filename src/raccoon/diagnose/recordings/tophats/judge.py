@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.recordings.tophats.alike import also_so, rivals_of
-from raccoon.diagnose.recordings.tophats.checks import other_unit, possible
+from raccoon.diagnose.recordings.tophats.checks import other_unit, possible, strange_labels
 from raccoon.diagnose.recordings.tophats.fit import (
     FITS,
     WIDTHS,
@@ -90,6 +90,8 @@ def _judged(time: Array, counts: Array, surface: Array | None, port: int, nomina
     apart = at_a_step(time, counts, surface, levels)
     if apart is not None:
         return _before_and_after(port, nominal, *apart)
+    if isinstance(levels, str) and (strange := strange_labels(time, counts, surface, port)):
+        return _not_told(port, f"{strange} {levels}", "leave such labels out (--truth-free)")
     if isinstance(levels, str):
         return _not_told(port, levels, "drive slowly over a black line on white, several times")
     moved = move(levels)

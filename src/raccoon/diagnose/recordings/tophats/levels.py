@@ -27,6 +27,8 @@ NOISY = 50.0
 """Counts from reading to reading that no floor makes: `pattern_of` is 20 at the most."""
 CUT = 0.1
 """Share of a surface's readings at the end of the converter from which its level is cut off."""
+MORE_ALIKE = 3.0
+"""Times as often black must read the one largest value as white reads any, where that is cut off."""
 SAME_UNIT = 4.0
 """Counts by which two sound sensors of one make differ on the same floor at the least."""
 VISITS = 3
@@ -125,6 +127,8 @@ def levels_of(time: Array, counts: Array, surface: Array | None) -> Levels | str
     if abs(usual[1] - usual[0]) < max(LEAST_CONTRAST, CLEAR * off):
         end = "; both are cut off: it is saturated" if 0 not in cut else ""
         return f"white ({usual[0]:.0f}) and black ({usual[1]:.0f} counts) cannot be told apart{end}"
+    if lower := _cut_lower(counts[sure], black[sure], cut):
+        return lower
     if usual[1] < usual[0]:
         return (
             f"black ({usual[1]:.0f}) reads lower than white ({usual[0]:.0f} counts), which no light, gain or "
@@ -174,6 +178,20 @@ def _one_surface(counts: Array, noise: float) -> str:
     ends = float(((counts >= FULL_SCALE) | (counts <= 0.0)).mean())
     cut = f" ({100 * ends:.0f} % of the readings are cut off: it may be saturated)" if ends >= CUT else ""
     return f"only one surface was seen{cut}: drive over black and white"
+
+
+def _cut_lower(counts: Array, black: Flags, cut: tuple[int, int]) -> str:
+    """That black is cut off below the converter's largest value; "" where it is not. A sensor so quiet that
+    its readings are alike is it over white as well."""
+    white, dark = counts[~black], counts[black]
+    at_end = float((dark == counts.max()).mean())
+    alike = float(np.unique(white, return_counts=True)[1].max()) / len(white)
+    if cut[1] != 0 or at_end < CUT or at_end < MORE_ALIKE * alike:
+        return ""
+    return (
+        f"it never reads more than {counts.max():g} counts, as in {100.0 * at_end:.0f} % of what it reads "
+        "over black: it is cut off there, before the converter's end; look at its supply and what writes it"
+    )
 
 
 def _usual(counts: Array, black: Flags) -> tuple[tuple[float, float], tuple[int, int]]:
