@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.core.files import replacing
 from raccoon.trace.advance import Advance, Step
+from raccoon.trace.csv_header import read_header
 from raccoon.trace.format import Event
-from raccoon.trace.mistaken import SEPARATOR_SAID, csv_separator, misnamed, no_number, no_time
+from raccoon.trace.mistaken import csv_separator, no_number
 from raccoon.trace.recording import EVENT, SURFACE, DutiesBeyond, Recording, allowed_instead
 from raccoon.trace.rows import Rows
 
@@ -32,6 +33,8 @@ NOT_BACK = "allowed are numbers that do not go back"
 _COLORS = {"black": 1.0, "white": 0.0}
 _OURS = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estimate)\..+")
 """Columns of the format. What others hold is kept where it is numbers."""
+NOTHING = ("nan", "-nan", "na", "n/a", "#n/a", "null", "none")
+"""What programs write for a blank."""
 FEW_WORDS = 10
 """Lines with no number in a column of others that are reported one by one."""
 Columns: TypeAlias = "dict[str, array[float]]"
@@ -43,9 +46,10 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
 
     strict: raise TraceError at the first bad row or value, naming line, column and value. Otherwise a bad
     value is left blank, a bad row and a last one without an end left out, and each is listed in
-    `Recording.problems`. A file that has no usable header, is too large or is wrong almost everywhere is
-    refused in any case. A column that is none of the format and holds words is said once. Columns may also
-    be parted by semicolons or tabs, and halves written 0,5 then, as spreadsheets do in many countries.
+    `Recording.problems`; of words for nothing, such as NaN, the first in each column. A file that has no
+    usable header, is too large or is wrong almost everywhere is refused in any case. A column that is none of
+    the format and holds words is said once. Columns may also be parted by semicolons or tabs, and halves
+    written 0,5 then, as spreadsheets do in many countries.
     """
     path = Path(path)
     try:
@@ -60,7 +64,7 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
 
 class _Reader:
     def __init__(self, file: IO[str], strict: bool, separator: str) -> None:
-        self._rows = Rows(file, separator)
+        self._rows, self._separator = Rows(file, separator), separator
         self._commas = separator != ","  # whether halves may be 0,5
         self._mark = ""  # what they turned out to be written with
         self._strict = strict
@@ -69,15 +73,13 @@ class _Reader:
         self._count = 0
         self._advance = Advance()
         self._words: dict[str, int] = {}  # of columns of others: how many lines hold no number
+        self._nothing: dict[str, tuple[str, int]] = {}  # by column: where first, and in how many lines more
         self._beyond = DutiesBeyond()
 
     def recording(self) -> Recording:
         rows = iter(self._rows)
-        first = next(rows, [])
-        names = _header(next(rows, []) if first == [SEPARATOR_SAID, ""] else first, self._rows.line)
-        if other := misnamed(names):
-            self._problems.append(other)
-        columns = {name: array("d") for name in names if name != EVENT}
+        names, self._problems = read_header(rows, self._rows, self._separator)
+        columns = {name: array("d") for name in names if name not in ("", EVENT)}
         for cells in rows:
             row = self._row(names, cells, columns)
             if row is not None:
@@ -90,6 +92,9 @@ class _Reader:
         self._beyond.check(self._count)
         found = {name: np.array(column, np.float64) for name, column in columns.items()}
         self._leave_out_words(found)
+        self._problems += [
+            f"{first}, as in {more} lines more" if more else first for first, more in self._nothing.values()
+        ]
         return Recording(found, self._events, problems=self._problems)
 
     def _leave_out_words(self, columns: dict[str, NDArray[np.float64]]) -> None:
@@ -115,21 +120,26 @@ class _Reader:
         if self._rows.cut and not self._strict:
             self._report("the line has no end: the file may be cut off in it, so it is left out")
             return None
+        if len(cells) == len(names) + 1 and not cells[-1].strip():
+            cells = cells[:-1]  # a separator behind the last one
         if len(cells) != len(names):
             self._report(f"{len(cells)} values where the header names {len(names)} columns")
             return None
         text = ""
-        row: dict[str, float] = {}
+        time = cells[names.index("t")]
+        row = {"t": self._value("t", time)}
+        if math.isnan(row["t"]):  # such as a second line of units, or the header once more
+            if not time.strip():
+                self._report(f"column t: {time!r}: {NOT_BACK}")
+            return None
         for name, cell in zip(names, cells, strict=True):
             if name == EVENT:
                 text = cell
-            else:
+            elif name not in ("", "t"):
                 row[name] = self._value(name, cell)
         step = self._advance.take(row["t"])
         if step is Step.BACK:
-            time = cells[names.index("t")]
-            if not (time and math.isnan(row["t"])):  # what is no number was reported with its cell
-                self._report(f"column t: {time!r}: {NOT_BACK}")
+            self._report(f"column t: {time!r}: {NOT_BACK}")
             return None
         if step is Step.PAST:
             self._take_back(columns)
@@ -142,6 +152,11 @@ class _Reader:
             return math.nan
         text = self._with_point(cell) if self._commas and _of_numbers(name, cell) else cell
         value, allowed = _parse(name, text)
+        if value is None and name != "t" and not self._strict and cell.strip().lower() in NOTHING:
+            said = f"line {self._rows.line}, column {name}: {cell!r} stands for nothing, and is read as blank"
+            first, more = self._nothing.get(name, (said, -1))
+            self._nothing[name] = first, more + 1
+            return math.nan
         if value is None:
             wrong = _number(text)
             if wrong is not None:
@@ -189,18 +204,6 @@ class _Reader:
         if len(self._problems) > MAX_PROBLEMS:
             said = "; ".join(filter(None, (self._problems[0], self._advance.anew, self._beyond.guess())))
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {said}")
-
-
-def _header(names: list[str] | str, line: int) -> list[str]:
-    if isinstance(names, str):
-        raise TraceError(f"line {line}, {names}")
-    names = [name.strip() for name in names]
-    if "t" not in names:
-        raise TraceError(f"line {line}: {no_time(names)}")
-    for name in names:
-        if not name or names.count(name) > 1:
-            raise TraceError(f"line {line}: column name {name!r} is empty or there twice")
-    return names
 
 
 def _parse(name: str, cell: str) -> tuple[float | None, str]:

@@ -35,28 +35,50 @@ MOST_ODD = 4
 MISNAMED_SAID = 4
 SEPARATOR_SAID = "sep="
 """How a CSV of Excel may begin: the first line says what stands between the columns."""
-_TIME = re.compile(r"t|(time|zeit|timestamp|seconds?|secs?|millis|ms)\b.*|t\W.*|time_.*", re.IGNORECASE)
-_DATE = re.compile(r"\d+[-/.:]\d+[-/.:]\d+.*")
-_HALVES = re.compile(r"[-+]?\d+,\d+")
-_KNOWN = re.compile(
-    r"(motor\.\d+\.(duty|bemf|position|current|voltage|speed|force|torque|travel|angle|brake)"
-    r"|servo\.\d+\.pulse_us|battery\.voltage|imu\.((gyro|accel)\.[xyz]|temperature)"
-    r"|(analog|digital)\.\d+"
-    r"|truth\.(x|y|heading|surface\.\d+))(\s*[(\[/].*)?",
+COMMENTS = ("#", "%")
+"""How lines begin that MATLAB, NumPy and loggers write before the rows, the header among them."""
+_TIME = re.compile(
+    r"(.*[./_])?((time|zeit|timestamp|stamp|seconds?|secs?|millis|micros|ms|us)\b.*|t|t\W.*|time_.*)",
     re.IGNORECASE,
 )
-"""Names of the format, but for those that a team makes up itself, and what people write behind them."""
+_DATE = re.compile(r"\d+[-/.:]\d+[-/.:]\d+.*")
+_HALVES = re.compile(r"[-+]?\d+,\d+")
+_BETWEEN = r"[._/ \[\]-]*"
+_KNOWN = re.compile(
+    r"/*(motor.\d+.(duty|bemf|position|current|voltage|speed|force|torque|travel|angle|brake)"
+    r"|servo.\d+.pulse.us|battery.voltage|imu.((gyro|accel).[xyz]|temperature)"
+    r"|(analog|digital).\d+"
+    r"|truth.(x|y|heading|surface.\d+))(\s*[(\[/].*)?".replace(".", _BETWEEN).replace(f"{_BETWEEN}*", ".*"),
+    re.IGNORECASE,
+)
+"""Names of the format, but for those that a team makes up itself, with whatever people and programs write
+between their parts and behind them."""
+_PARTS = re.compile(r"(motor|servo|battery|imu|analog|digital|truth)(gyro|accel|surface)?(\d+)?(.*)")
 
 
 def no_time(names: Iterable[str]) -> str:
     """Why a header without t is none, with what seems to be it."""
     header = ",".join(names)
-    cells = [each.strip().strip('"') for each in re.split("[,;\t]", header)]
+    cells = _cells(header)
     said = f"there is no column t in the header {header[:80]!r}; t is the time in s"
     if all(re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?", each, re.IGNORECASE) for each in cells):
         return f"{said}, and the first line holds the names of the columns"
-    alike = next((each for each in cells if _TIME.fullmatch(each)), None)
-    return said if alike is None else f"{said}: if {alike!r} is that, name it t"
+    if len(cells) == 1 and "t" in header.split():
+        return f"{said}: columns are parted by commas, semicolons or tabs, not by spaces"
+    alike = next((each for each in cells if _TIME.fullmatch(each.lstrip("#% "))), None)
+    return said if alike is None else f"{said}: if {shown(alike)} is that, name it t"
+
+
+def _cells(header: str) -> list[str]:
+    return [each.strip().strip('"') for each in re.split("[,;\t]", header)]
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line before the rows is a remark, and not the header behind a mark of one."""
+    if not line.startswith(COMMENTS):
+        return False
+    cells = [each.strip() for each in _cells(line.lstrip("#% "))]
+    return len(cells) == 1 or not any(_TIME.fullmatch(each) for each in cells)
 
 
 def began_anew(before: float, now: float) -> str:
@@ -79,12 +101,19 @@ def no_number(name: str, cell: str) -> str:
 
 
 def misnamed(names: Collection[str]) -> str:
-    """Which columns seem to be those of the format but for a unit or capital letters; "" where none does."""
+    """Which columns seem to be those of the format but for a unit, capital letters or what stands between
+    their parts; "" where none does."""
     matches = {name: _KNOWN.fullmatch(name) for name in names}
-    meant = {name: match[1].lower() for name, match in matches.items() if match is not None}
+    meant = {name: _as_known(match[1]) for name, match in matches.items() if match is not None}
     found = [f"{name!r} is to be {known}" for name, known in meant.items() if known not in names]
     more = f" and {len(found) - MISNAMED_SAID} more" if len(found) > MISNAMED_SAID else ""
     return f"columns by other names are not used: {', '.join(found[:MISNAMED_SAID])}{more}" if found else ""
+
+
+def _as_known(name: str) -> str:
+    parts = _PARTS.fullmatch(re.sub(_BETWEEN, "", name.lower()))
+    assert parts is not None  # every name of _KNOWN begins so
+    return ".".join(filter(None, parts.groups())).replace("pulseus", "pulse_us")
 
 
 def csv_separator(path: Path) -> str:
@@ -95,8 +124,12 @@ def csv_separator(path: Path) -> str:
     """
     with path.open("rb") as file:
         start = file.read(KIND_BYTES)
-    line = start.partition(b"\n")[0]
+    lines = iter(start.split(b"\n"))
+    line = next(lines)
     text = line.decode("utf-8-sig", "replace")
+    while is_comment(text) and (line := next(lines, b"")):
+        text = line.decode("utf-8", "replace")
+    text = text.lstrip("#% ")
     if text.startswith(SEPARATOR_SAID) and text[4:5] in SEPARATORS:
         return text[4:5]
     for separator in SEPARATORS:

@@ -164,8 +164,10 @@ def test_a_bad_value_is_blank_and_a_bad_row_is_left_out(tmp_path: Path) -> None:
         ("a,time_ms\n1,2\n", "t is the time in s: if 'time_ms' is that, name it t"),
         ("T;a\n1;2\n", "t is the time in s: if 'T' is that, name it t"),
         ("0,-0.5,1e-3\n", "t is the time in s, and the first line holds the names of the columns"),
-        ("t,x,x\n", "'x' is empty or there twice"),
-        ("t,,x\n", "'' is empty or there twice"),
+        ("t,x,x\n", "'x' is there twice"),
+        ("t x\n0 1\n", "parted by commas, semicolons or tabs, not by spaces"),
+        ("%time,field.x\n0,1\n", "if '%time' is that, name it t"),
+        ("/clock/sec,x\n0,1\n", "if '/clock/sec' is that, name it t"),
         ("t\n" + "x" * (1 << 20), "line is longer"),
         ("t,x\n" + "0,bad\n" * 1002, "more than 1000 bad values; the first: line 2"),
     ],
@@ -187,6 +189,53 @@ def test_a_first_line_of_excel_says_what_parts_the_columns(tmp_path: Path) -> No
     assert recording.problems == ["line 4, column x: 'oops': allowed are finite numbers and blank"]
     with pytest.raises(TraceError, match="line 2: there is no column t in the header 'a,b'"):
         read_csv(write(path, "sep=,\na,b\n"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# recorded on the table, at noon\n# 3 V\nt,x\n0,1\n2,3\n",
+        "% exported\nt;x\n0;1\n2;3\n",
+        "# t x\n#t,x\n0,1\n2,3\n",  # as NumPy writes a header
+        ",t,x\n0,0,1\n1,2,3\n",  # the numbers of rows, as pandas writes them
+        "t,x,\n0,1,\n2,3,\n",
+        "t,x\n0,1,\n2,3, \n",
+        "t,x\ns,m\n0,1\n2,3\n",
+        "t,x\n0,1\nt,x\n2,3\n",
+    ],
+)
+def test_what_other_programs_write_around_numbers_is_understood(tmp_path: Path, text: str) -> None:
+    found = read_csv(write(tmp_path / "run.csv", text), strict=False)
+    assert {name: each.tolist() for name, each in found.columns.items()} == {"t": [0, 2], "x": [1, 3]}
+    assert len(found.problems) <= 1
+
+
+def test_words_for_nothing_are_blanks_and_said_once_a_column(tmp_path: Path) -> None:
+    """MATLAB and pandas write NaN: of a gyro at 50 Hz there were more than 1000 bad values."""
+    rows = "".join(f"{row},{'NaN' if row % 4 else row},{'n/a' if row == 7 else 0}\n" for row in range(2000))
+    found = read_csv(write(tmp_path / "run.csv", f"t,imu.gyro.z,x\n{rows}"), strict=False)
+    assert np.isfinite(found["imu.gyro.z"]).sum() == 500
+    assert found.problems == [
+        "line 3, column imu.gyro.z: 'NaN' stands for nothing, and is read as blank, as in 1499 lines more",
+        "line 9, column x: 'n/a' stands for nothing, and is read as blank",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [
+        ("motor_0_duty", "motor.0.duty"),  # as MATLAB makes names of its own
+        ("motor[1] bemf", "motor.1.bemf"),
+        ("/imu/gyro/z", "imu.gyro.z"),
+        ("Battery Voltage [V]", "battery.voltage"),
+        ("truth_surface_2", "truth.surface.2"),
+        ("servo_3_pulse_us", "servo.3.pulse_us"),
+        ("analog5", "analog.5"),
+    ],
+)
+def test_a_name_with_something_else_between_its_parts_is_said(tmp_path: Path, name: str, known: str) -> None:
+    (said,) = read_csv(write(tmp_path / "run.csv", f"t,{name}\n0,0\n")).problems
+    assert said.endswith(f" is to be {known}")
 
 
 def test_a_name_with_a_unit_or_capital_letters_is_said(tmp_path: Path) -> None:

@@ -48,6 +48,8 @@ def check_step(time: Array, slowest: float = SLOWEST_STEP) -> None:
 def _rounded(steps: Array) -> str:
     """That a time is written too coarsely, where it stands still so often."""
     still, moved = float((steps == 0.0).mean()), steps[steps > 0.0]
+    if still == 1.0:
+        return ", and never does: it seems to be written with too few digits"
     if still < OFTEN_STILL or not len(moved):
         return ""
     return (

@@ -289,6 +289,12 @@ def test_rows_that_no_controller_has_are_refused(good: Columns) -> None:
         check({key: column[::12] for key, column in good.items()})
 
 
+def test_a_time_of_too_few_digits_is_said(good: Columns) -> None:
+    """Seconds since 1970 in six digits."""
+    with pytest.raises(TraceError, match=r"must advance, and never does: .* too few digits"):
+        check({**good, "t": np.full_like(good["t"], 1.79591e9)})
+
+
 def test_a_time_that_is_rounded_is_said(good: Columns) -> None:
     with pytest.raises(TraceError, match=r"must advance, and stands still in 50 % .* rounded to 0\.01 s"):
         check({**good, "t": np.round(good["t"], 2)})

@@ -1,0 +1,41 @@
+"""The header of a CSV file: which columns there are, behind what other programs write before it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from raccoon.core.errors import TraceError
+from raccoon.trace.mistaken import COMMENTS, SEPARATOR_SAID, is_comment, misnamed, no_time
+from raccoon.trace.rows import Rows
+
+
+def read_header(rows: Iterator[list[str] | str], file: Rows, separator: str) -> tuple[list[str], list[str]]:
+    """Names of the columns, "" for those without one, and what is to be said of them.
+
+    Remarks before it are skipped, and its own mark of one (`# t,...`) is left out. Raises TraceError where
+    there is none.
+    """
+    names = next(rows, [])
+    if names == [SEPARATOR_SAID, ""]:
+        names = next(rows, [])
+    while not isinstance(names, str) and is_comment(separator.join(names)):
+        names = next(rows, [])
+    if isinstance(names, str):
+        raise TraceError(f"line {file.line}, {names}")
+    names = [name.strip() for name in names]
+    if (
+        names
+        and names[0].startswith(COMMENTS)
+        and "t" in [each.lstrip("#% ") for each in names[:1]] + names[1:]
+    ):
+        names[0] = names[0].lstrip("#% ")
+    if "t" not in names:
+        raise TraceError(f"line {file.line}: {no_time(names)}")
+    while not names[-1]:
+        names.pop()
+    for name in filter(None, names):
+        if names.count(name) > 1:
+            raise TraceError(f"line {file.line}: column name {name!r} is there twice")
+    nameless = names.count("")
+    problems = [f"columns without a name are left out: {nameless} of {len(names)}"] if nameless else []
+    return names, problems + list(filter(None, [misnamed([name for name in names if name])]))
