@@ -76,6 +76,17 @@ def test_turns_that_settle_at_the_same_speed_either_way_are_not_cut_off() -> Non
     assert faults(**{"motor.0.bemf": np.trunc(np.clip(1500.0 * behind(DUTY, 0.06), -1200.0, 1200.0))}) != []
 
 
+@pytest.mark.parametrize(("most", "fault"), [(9.0, []), (6.5, [("motor.0.bemf", "cut")])])
+def test_the_fastest_step_of_few_ticks_a_row_is_no_end(most: float, fault: list[tuple[str, str]]) -> None:
+    """Encoders whose wheels turned by six ticks a row at most lost their fastest rows."""
+    ticks = np.trunc(6.9 * np.sin(0.8 * TIME) ** 3)
+    assert ticks.max() == -ticks.min() == 6.0
+    assert faults(**{"motor.0.bemf": 200.0 * ticks}) == []
+    assert faults(**{"motor.0.bemf": 200.0 * ticks * (1.0 + 1e-15 * RNG.integers(0, 2, 1000))}) == []
+    fine = np.round(200.0 * 7.5 * np.sin(5.0 * TIME) * np.sin(0.3 * TIME))
+    assert faults(**{"motor.0.bemf": np.clip(fine, -200.0 * most, 200.0 * most)}) == fault
+
+
 def test_a_rest_of_zeros_is_no_saturation() -> None:
     resting = np.where(TIME < 5.0, 0.0, GOOD["motor.0.bemf"])
     assert faults(**{"motor.0.bemf": resting}) == []
