@@ -9,7 +9,6 @@ from raccoon.core.readings import Status
 from raccoon.estimate.battery.curves import CURVES, charge_at
 from raccoon.estimate.battery.state import PackState
 
-
 CELLS = {"lifepo4": 2.0, "lipo": 2.0, "nimh": 5.0}
 """In a pack that a controller runs on."""
 
