@@ -41,6 +41,8 @@ STANDS = 1000
 """Readings of the same time, after which the clock of a port counts as stopped."""
 ASKED = 1000
 """Times in one cycle that a program asks for readings where it waits for them to change."""
+FOR_EVER = 1_000_000
+"""Such times after which it would do so for ever."""
 
 
 @runtime_checkable
@@ -97,14 +99,17 @@ class Knowledge:
             raise AttributeError(f"a robot has no {name}{instead(name, self.__dict__.get('config'))}")
 
     def _ask(self) -> None:
-        """Count that somebody asks for readings: a loop around them alone never sees new ones."""
+        """Count that somebody asks for readings: a loop around them alone sees nothing new for ever.
+        Raises RuntimeError where it is sure to be one."""
         self._asked += 1
         if self._asked % ASKED == 0 and not _getframe(2).f_globals.get("__name__", "").startswith("raccoon."):
-            say(
-                self,
+            said = (
                 f"readings were asked for {ASKED} times and stay as they are: the robot reads in run() and "
-                "tick() alone; wait with robot.run(wait_for(pressed(0))), or call robot.tick() in the loop",
+                "tick() alone; wait with robot.run(wait_for(pressed(0))), or call robot.tick() in the loop"
             )
+            say(self, said)
+            if self._asked >= FOR_EVER:
+                raise RuntimeError(said)
 
     @property
     def time(self) -> float:

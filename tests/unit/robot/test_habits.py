@@ -8,6 +8,7 @@ import raccoon
 from raccoon import (
     Robot,
     after_time,
+    do,
     drive,
     open_robot,
     parallel,
@@ -19,6 +20,7 @@ from raccoon import (
     when,
 )
 from raccoon.core.config import MechanismConfig, RobotConfig, ServoConfig, TophatConfig
+from raccoon.robot import knowledge
 from robots import Between, simulated
 
 CONFIG = RobotConfig(
@@ -97,6 +99,19 @@ def test_a_loop_that_waits_and_never_reads_is_said_once(caplog: pytest.LogCaptur
             assert robot.time >= 0.0
         robot.run(wait_for(pressed(0) | after_time(0.1)))
     assert caplog.text.count("the robot reads in run() and tick() alone") == 1
+
+
+def test_a_loop_that_never_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(knowledge, "FOR_EVER", 5000)
+
+    def play(robot: Robot) -> None:
+        while not robot.digital(0):
+            pass
+
+    with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+        with pytest.raises(RuntimeError, match=r"stay as they are: the robot reads in run\(\) and tick"):
+            robot.run(do(play))
+        assert not any(robot.outputs.duty)
 
 
 def test_a_loop_that_ticks_may_ask_as_it_likes(caplog: pytest.LogCaptureFixture) -> None:
