@@ -17,6 +17,7 @@ class Bar:
         self._first: int | None = None
         self._tenths = -1
         self._live = sys.stderr.isatty()
+        self._shown = False
 
     def __enter__(self) -> Bar:
         return self
@@ -24,8 +25,14 @@ class Bar:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._live and self._first is not None:
+        if self._live and self._shown:
             print(file=sys.stderr)
+
+    def begin(self) -> None:
+        """Called before the match on the robot of robot.toml, which comes first and may take a while."""
+        if self._live:
+            self._shown = True
+            print("the match of robot.toml's own robot comes first ...", file=sys.stderr, end="", flush=True)
 
     def show(self, played: int, total: int, failed: int) -> None:
         """Called after each match."""
@@ -34,7 +41,7 @@ class Bar:
         tenths = 10 * played // total
         if not self._live and tenths == self._tenths:
             return
-        self._tenths = tenths
+        self._tenths, self._shown = tenths, True
         text = self._text(played, total, failed)
         print(text, file=sys.stderr, end="" if self._live else "\n", flush=True)
 

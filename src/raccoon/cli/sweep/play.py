@@ -33,6 +33,7 @@ def sweep_and_print(args: argparse.Namespace) -> int:
     try:
         with Bar() as bar, crew_of(args) as crew:
             if not args.any_end:
+                bar.begin()
                 match = with_nominal_end(match, crew)
             played = nullcontext(crew)
             rows = sweep(match, args.runs, seed=args.seed, executor=played, out=args.out, progress=bar.show)
