@@ -13,6 +13,7 @@ from raccoon.core.readings import (
     DIGITAL_PORTS,
     NO_ANALOG,
     NO_DIGITAL,
+    SIMULATOR,
     STOP,
     Flags,
     Inputs,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from raccoon.robot.parts.servos import Servo
 
 W = TypeVar("W")
+_BLANK = Inputs(0.0, SIMULATOR)
 
 STANDS = 1000
 """Readings of the same time, after which the clock of a port counts as stopped."""
@@ -203,10 +205,12 @@ class Knowledge:
 
     def _read(self) -> tuple[Inputs, float]:
         """The next readings, and how many s later they are. Raises TypeError where the port gives none,
-        HardwareError where its time stands."""
+        ValueError where they are no word a port, HardwareError where its time stands."""
         inputs = self.port.read()
         if not isinstance(inputs, Inputs):
             raise TypeError(f"read() of {type(self.port).__name__} gives {inputs!r}: it must give Inputs")
+        if self.inputs is None:
+            _check_words(inputs)
         elapsed = 0.0 if self.inputs is None else inputs.time - self.inputs.time
         self._standing = 0 if elapsed > 0.0 else self._standing + 1
         if self._standing > STANDS:
@@ -236,6 +240,14 @@ class Knowledge:
         """Write a remark into the recording, where there is one."""
         if self._notes is not None:
             self._notes.event(text)
+
+
+def _check_words(inputs: Inputs) -> None:
+    """Raise ValueError where readings do not have a word for each port."""
+    for name in ("bemf", "position", "analog", "digital"):
+        words, asked = getattr(inputs, name), getattr(_BLANK, name)
+        if not isinstance(words, tuple) or len(words) != len(asked):
+            raise ValueError(f"{name} of the port's Inputs is {words!r}: it must be a tuple of {len(asked)}")
 
 
 def _refuse_move(kind: str, action: str, name: str, to: tuple[object, ...]) -> Never:

@@ -177,6 +177,12 @@ def test_a_port_of_a_programs_own_that_gives_no_readings_or_no_time_is_told() ->
     no_readings = pytest.raises(TypeError, match=r"read\(\) of Between gives None: it must give Inputs")
     with open_robot(RobotConfig(), port=nothing) as robot, no_readings:
         robot.tick()
+    short = Between(simulated(), seen=lambda inputs: replace(inputs, bemf=(1.0,)))
+    too_few = pytest.raises(
+        ValueError, match=r"bemf of the port's Inputs is \(1.0,\): it must be a tuple of 4"
+    )
+    with open_robot(RobotConfig(), port=short) as robot, too_few:
+        robot.tick()
     stopped = Between(simulated(), seen=lambda inputs: replace(inputs, time=5.0))
     no_time = pytest.raises(HardwareError, match=r"time stands at 5.0 s for 1000 readings")
     with open_robot(RobotConfig(), port=stopped) as robot, no_time:
