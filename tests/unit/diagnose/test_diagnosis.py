@@ -11,7 +11,7 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.answer import Found
+from raccoon.diagnose.answer import Found, _verdict
 from raccoon.diagnose.diagnosis import SAME_ROBOT, Way, _not_the_same, diagnose
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
@@ -41,6 +41,23 @@ def sagging() -> Diagnosis:
     hidden = draw("battery.internal_resistance", np.random.default_rng(8))
     columns = dict(make(8, [hidden], seconds=16.0).columns)
     return diagnose(columns, ROBOT)
+
+
+@pytest.mark.parametrize(
+    ("causes", "unknown", "left", "far", "verdict"),
+    [
+        (True, False, 0.0, False, Verdict.EXPLAINED),
+        (True, False, 1.0, True, Verdict.PARTLY),  # all that is beyond chance is left
+        (True, True, 0.0, False, Verdict.PARTLY),
+        (False, True, 1.0, True, Verdict.UNKNOWN),
+        (False, False, 1.0, True, Verdict.UNKNOWN),
+        (False, False, 0.0, False, Verdict.ADEQUATE),
+    ],
+)
+def test_the_one_word_is_of_what_was_named_and_of_what_is_left(
+    causes: bool, unknown: bool, left: float, far: bool, verdict: Verdict
+) -> None:
+    assert _verdict(causes, unknown, left, far) is verdict
 
 
 @pytest.mark.parametrize(

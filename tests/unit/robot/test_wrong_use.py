@@ -118,6 +118,8 @@ def loose(value: object) -> Any:
         (lambda: arc(25.0, 1.0), "radius is 25: .*30 cm are 0.30"),
         (lambda: arc(0.2, 1.0, 15.0), "speed is 15: .*20 cm/s are 0.20"),
         (lambda: pivot(45, "left"), r"angle is 45: .*deg\(45\)"),
+        (lambda: pivot(1.0, "left", 15.0), "speed is 15: .*20 cm/s are 0.20"),
+        (lambda: pivot(1.0, "left", -0.1), "speed is -0.1: it must be above 0"),
         (lambda: pivot(1.0, "front"), "wheel is 'front': allowed are 'left' and 'right'"),
         (lambda: drive(20), "speed is 20: .*20 cm/s are 0.20"),
         (lambda: drive(0.2, 45), r"turn_rate is 45: .*write deg\(90\) for degrees a second"),

@@ -226,6 +226,10 @@ def test_a_recording_that_names_its_firmware_knows_its_units(blind: dict[str, Ar
     turns = {**blind, "imu.gyro.z": blind["imu.gyro.z"] / 6.28}
     assert "turns a second" in strange_units(turns, ROBOT)
     assert strange_units(turns, ROBOT, native=True) == ""
+    blank = np.full(len(turns["t"]), np.nan)
+    without = {name: column for name, column in turns.items() if name != "motor.1.duty"}
+    for told in (without, {**turns, "motor.1.duty": blank}):  # there is nothing to compare with
+        assert strange_units(told, ROBOT) == ""
     wrong: Log = log_from_columns({**blind, "imu.gyro.z": -blind["imu.gyro.z"]}, ROBOT)
     with pytest.raises(TraceError, match="swapped"):
         check_units(replace(wrong), ROBOT, native=True)

@@ -9,7 +9,7 @@ import pytest
 
 from blind.drives import contest, exciting
 from raccoon.diagnose.drives.log import Log
-from raccoon.diagnose.drives.quality import swing
+from raccoon.diagnose.drives.quality import moves, swing
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, manoeuvre
 
@@ -64,3 +64,20 @@ def test_neither_an_exciting_drive_nor_a_contest_swings(drive: object) -> None:
     assert callable(drive)
     for seed in range(5):
         assert swing(planned_log(drive(np.random.default_rng(seed), 30.0))) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("duty", "counts", "told"),
+    [(0.4, 60.0, True), (0.4, 16.0, False), (0.0, 60.0, False), (0.04, 60.0, False)],
+)
+def test_a_drive_moves_where_commands_change_and_a_wheel_answers(
+    duty: float, counts: float, told: bool
+) -> None:
+    """By more than its readings scatter."""
+    step = (np.arange(400) >= 200).astype(float)
+    log = planned_log(np.stack([duty * step, 0.0 * step], axis=1))
+    channels = [replace(each, values=0.0 * each.values, floor=2.0) for each in log.channels]
+    channels = [
+        replace(each, values=counts * step) if each.role.startswith("bemf") else each for each in channels
+    ]
+    assert moves(replace(log, channels=tuple(channels))) is told
