@@ -15,7 +15,7 @@ from raccoon.estimate.drive.observations import Way
 from raccoon.estimate.drive.prior import process_noise, scale_covariance
 from raccoon.estimate.drive.published import published
 from raccoon.estimate.drive.readings import DriveReadings
-from raccoon.estimate.drive.standstill import Standstill
+from raccoon.estimate.drive.standstill import Creeping, Standstill
 from raccoon.estimate.drive.wheel_track import WheelTrack
 from raccoon.estimate.ekf.bridge import bridged
 from raccoon.estimate.ekf.filter import DriveFilter, ProcessNoise, covariance_of, flattened, mean_of
@@ -219,3 +219,32 @@ def test_a_belief_survives_being_flattened() -> None:
     flat = flattened(MEAN, A @ A.T)
     np.testing.assert_array_equal(mean_of(flat), MEAN)
     np.testing.assert_array_equal(covariance_of(flat), np.triu(A @ A.T) + np.triu(A @ A.T, 1).T)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "rate", "driven", "creeps"),
+    [
+        ((0.2, 0.0), (-0.1, 0.0), (0.05, 0.0), False, True),  # rad/s at the begin, and what it changes by a s
+        ((0.2, 0.0), (-0.1, 0.0), (0.05, 0.0), True, False),
+        ((0.2, -0.4), (0.2, 0.0), (0.05, 0.0), False, False),  # it rolls out
+        ((0.2, 0.0), (0.2, -0.4), (0.05, 0.0), False, False),
+        ((-0.5, 0.0), (0.1, 0.0), (0.05, 0.0), False, False),  # no offset is that large
+        ((0.2, 0.0), (-0.1, 0.0), (0.05, 0.1), False, False),  # a hand turns it
+        ((0.2, 0.0), (-0.1, 0.0), (-0.2, 0.0), False, False),  # no bias is that large
+        ((0.2, 0.0), (-0.1, 0.0), None, False, False),
+    ],
+)
+def test_what_keeps_its_speed_undriven_for_half_a_second_is_an_offset(
+    left: tuple[float, float],
+    right: tuple[float, float],
+    rate: tuple[float, float] | None,
+    driven: bool,
+    creeps: bool,
+) -> None:
+    creeping, told = Creeping(), []
+    for step in range(60):
+        time = 0.02 * step
+        read = [None if each is None else each[0] + time * each[1] for each in (left, right, rate)]
+        told.append(0.02 * step if creeping.update(0.02, driven, *read) else 0.0)  # type: ignore[arg-type]
+    found = [time for time in told if time]
+    assert found == (pytest.approx([0.5, 1.0], abs=0.05) if creeps else [])
