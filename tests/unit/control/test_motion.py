@@ -32,6 +32,17 @@ def test_it_comes_back_to_the_line_whichever_way_it_drives(velocity: float) -> N
     assert abs(heading) < 1e-2
 
 
+def test_at_its_best_speed_it_comes_back_as_fast_as_goes_without_overshoot() -> None:
+    """y = y0 (1 + 2 t) exp(-2 t), where 120 v^2 = 4^2 / 4."""
+    velocity, dt = 2.0 / math.sqrt(120.0), 1e-3
+    across, heading = 0.01, 0.0
+    for step in range(1, 2001):
+        _, turn_rate = line_command(ProfileState(0.0, velocity, 0.0), 0.0, across, heading)
+        heading += dt * turn_rate
+        across += dt * velocity * heading
+        assert across == pytest.approx(0.01 * (1.0 + 2.0 * dt * step) * math.exp(-2.0 * dt * step), abs=5e-5)
+
+
 def test_a_robot_that_stands_beside_its_line_does_not_turn_for_it() -> None:
     assert line_command(ProfileState(0.0, 0.0, 0.0), 0.0, 0.05, 0.0)[1] == 0.0
 

@@ -322,6 +322,7 @@ def test_light_that_stays_and_is_no_lamp_is_refused_once() -> None:
         refused = [index / RATE - LAMP_ON for index, each in enumerate(told) if each.refused]
         assert len(refused) == 1
         assert 0.6 < refused[0] < 1.5
+        assert told[-1].ambient == pytest.approx(500.0, abs=300.0)  # it is learnt
 
 
 def test_what_does_not_stay_is_not_refused() -> None:

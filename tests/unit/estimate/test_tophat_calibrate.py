@@ -103,9 +103,25 @@ def test_separation_share_and_error_are_those_of_the_data() -> None:
     rng = np.random.default_rng(3)
     samples = np.concatenate([rng.normal(1000, 40, 1500), rng.normal(1300, 60, 500)])
     found = calibrate(rng.permutation(samples))
+    assert found.verdict is Verdict.OK
     assert found.separation == pytest.approx(3.0, rel=0.05)
     assert found.share_black == pytest.approx(0.25, abs=0.01)
     assert found.error_rate == pytest.approx(0.00125, rel=0.35)  # the densities cross near 1119
+
+
+@pytest.mark.parametrize("drift", [700.0, -700.0])
+def test_a_line_in_a_light_that_drifts_by_more_than_it_is_darker_is_found_in_the_light_of_the_end(
+    drift: float,
+) -> None:
+    rng = np.random.default_rng(7)
+    found = calibrate(line_drive(rng, 1500.0, 1800.0) + np.linspace(-drift, 0.0, 500))
+    assert found.verdict is Verdict.WEAK  # it is soon wrong again
+    assert "drifted by" in found.reason
+    assert found.white is not None
+    assert found.black is not None
+    assert found.black.mean - found.white.mean == pytest.approx(300.0, abs=60.0)
+    # The floor is the median of some readings before: behind the light by what it drifts in half of them.
+    assert found.white.mean == pytest.approx(1500.0, abs=0.15 * abs(drift))
 
 
 @pytest.mark.parametrize(
