@@ -40,6 +40,7 @@ from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
 from raccoon.diagnose.recordings.named import Named, named
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
+from raccoon.diagnose.recordings.reference.units import strange_reference
 from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_others
 from raccoon.diagnose.recordings.rows.repeated import without_repeated
 from raccoon.diagnose.recordings.together import check_commands, check_drives
@@ -175,7 +176,8 @@ def _drive(
     found = counted.told(judged_again(found, columns, sound, robot))
     gravity = strange_acceleration(columns)
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
-    found = replace(found, notes=(*found.notes, *unit, *made_by.notes, *others))
+    strange = tuple(filter(None, (strange_reference(columns, robot, device),)))
+    found = replace(found, notes=(*found.notes, *unit, *strange, *made_by.notes, *others))
     return _with_tophats(found, columns, robot, model, truth_free)
 
 

@@ -22,6 +22,7 @@ from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.recordings.reference.compared import Reference, reference_of
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
+from raccoon.diagnose.recordings.reference.units import strange_reference
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import (
     ChannelResult,
@@ -37,16 +38,18 @@ from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
 
 ROBOT = RobotConfig()
+TRUTH = ("truth.x", "truth.y", "truth.heading")
 Columns = dict[str, np.ndarray]
 Change = Callable[[Columns], Columns]
 
 
-def spinning(gyro: float = 1.0, track: float = 1.0) -> Columns:
-    """Spins and straights to both sides with back-EMF, gyro and a reference; factors on gyro and track."""
+def spinning(gyro: float = 1.0, track: float = 1.0, rate: float = 1.5) -> Columns:
+    """Spins and straights to both sides with back-EMF, gyro and a reference; factors on gyro and track.
+    rate: rad/s of the turns."""
     rng = np.random.default_rng(2)
     time = 0.01 * np.arange(3000)
     forward = np.where(time < 2.0, 0.0, 0.2 * (time % 6.0 < 3.0))
-    turn = np.where(time < 2.0, 0.0, 1.5 * np.sign(np.sin(1.3 * time)))
+    turn = np.where(time < 2.0, 0.0, rate * np.sign(np.sin(1.3 * time)))
     heading = np.concatenate([[0.0], np.cumsum(0.005 * (turn[1:] + turn[:-1]))])
     along = np.concatenate([[0.0], np.cumsum(0.005 * (forward[1:] + forward[:-1]))])
     x = np.concatenate([[0.0], np.cumsum(np.diff(along) * np.cos(heading[1:]))])
@@ -154,6 +157,30 @@ def test_other_units_and_signs_of_a_reference_are_errors_that_say_so(change: Cha
         said({**columns, **change(columns)})
     with pytest.raises(TraceError, match=message):
         diagnose_geometry([{**columns, **change(columns)}], ROBOT)
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.8, 1.5])
+def test_a_place_that_is_mirrored_is_said_of_a_drive_mostly_along_a_line_too(rate: float) -> None:
+    """Both ways of counting explain most of it then, and the reference was left unused without a word."""
+    columns = spinning(rate=rate)
+    said(columns)
+    with pytest.raises(TraceError, match=r"truth\.x or truth\.y is mirrored"):
+        said({**columns, "truth.y": -columns["truth.y"]})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda columns: {each: columns[each][::-1] for each in TRUTH}, "heading does not turn as the whee"),
+        (lambda columns: {each: np.roll(columns[each], 150) for each in TRUTH[:2]}, "x and truth.y do not"),
+        (lambda columns: {each: columns[each] for each in TRUTH}, ""),
+    ],
+)
+def test_a_reference_of_another_drive_or_time_is_said(change: Change, message: str) -> None:
+    columns = spinning()
+    text = strange_reference({**columns, **change(columns)}, ROBOT, SI_WORDS)
+    assert text.startswith(f"truth.{message}" if message else "")
+    assert bool(text) is bool(message)
 
 
 def test_a_gyro_that_is_stuck_leaves_the_wheels_to_check_a_reference_by() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,9 @@ OTHER_UNIT = 15.0
 """Factor beyond which no robot.toml is as wrong as that: it is a unit."""
 SAME, LIKE = 2.5, 0.8
 """Factor within which two sensors agree on what they both see; correlation from which they see the same."""
+CLEARLY = 0.85
+"""Part of what one way of counting explains that the other may, where it is clearly the first: along one line
+both explain the same."""
 
 
 def check_reference(columns: Columns, robot: RobotConfig, device: Device) -> None:
@@ -64,6 +68,34 @@ def check_stretches(seen: Stretches, columns: Columns, robot: RobotConfig, devic
         turns = _agreement(seen.turn, {"the wheels": others["the wheels"]})
         if turns is not None and 1.0 / (2.0 * SAME) < turns < 2.0 * SAME:
             _check_place(columns, robot, device)
+
+
+def strange_reference(columns: Columns, robot: RobotConfig, device: Device) -> str:
+    """That a reference is like neither the gyro nor the wheels, though these turn and drive; "" where it is,
+    and where there is none."""
+    seen = stretches_of(columns, robot, device)
+    if seen is None or seen.wheels is None:
+        return ""
+    left, right = seen.wheels[0].T
+    turned = (right - left) / robot.model.drive.track_width.value
+    others = [turned] if seen.gyro is None else [turned, seen.gyro[0]]
+    turns = [each for each in others if float(np.abs(each).sum()) > LEAST_TURN and np.ptp(each) > 1e-3]
+    where = ""
+    if len(turns) == len(others) and max(_alike(each, seen.turn) for each in turns) < LIKE:
+        where = "truth.heading does not turn as the wheels" + (
+            " do" if len(others) == 1 else " and the gyro do"
+        )
+    else:
+        moved = _moved(columns, robot, device)
+        if moved is not None and abs(moved.along) < LIKE * moved.size:
+            where = "truth.x and truth.y do not move where truth.heading points as the wheels do"
+    return (
+        f"{where}: is the reference of another drive, of another time or of something else?" if where else ""
+    )
+
+
+def _alike(one: Array, other: Array) -> float:
+    return abs(float(np.corrcoef(one, other)[0, 1])) if np.ptp(other) > 0.0 else 0.0
 
 
 def _agreement(turn: Array, others: Mapping[str, Array]) -> float | None:
@@ -98,26 +130,46 @@ def _check_turns(turn: Array, others: Mapping[str, Array], between: tuple[float,
         )
 
 
-def _check_place(columns: Columns, robot: RobotConfig, device: Device) -> None:
-    """Whether the place moves where the heading points, and as far as the wheels say."""
+@dataclass(frozen=True, slots=True)
+class _Moved:
+    """How a place moves where the heading points: the sum over stretches of the wheels' way times what it
+    moves along and across, the same with one sign changed, and what both are at most. way: the wheels' power.
+    """
+
+    along: complex
+    mirrored: complex
+    size: float
+    way: float
+
+
+def _moved(columns: Columns, robot: RobotConfig, device: Device) -> _Moved | None:
+    """None where too little is known, or nothing moves."""
     time = np.asarray(columns["t"], float)
     place = place_at(columns, time)
     if place is None:
-        return
+        return None
     heading = heading_at(time, columns["truth.heading"], 2.0 * math.pi)
     known = np.isfinite(columns["truth.x"]) & np.isfinite(columns["truth.heading"])
     ends = ends_of(time, time[known][0], time[known][-1], 0.2 * STRETCH)
     wheels = wheel_ways(columns, robot, device, time, ends)
     if wheels is None or len(ends) < FEWEST:
-        return
+        return None
     way, moved = wheels[0].mean(axis=1), np.diff(place[ends])
     middle = 0.5 * (heading[ends][1:] + heading[ends][:-1])
     size = math.sqrt(float(way @ way) * float((np.abs(moved) ** 2).sum()))
     if float(np.abs(way).sum()) < LEAST_WAY or size == 0.0:
-        return
+        return None
     expected = way * np.exp(-1j * middle)
-    along, mirrored = complex(expected @ moved), complex(expected @ moved.conj())
-    if abs(mirrored) > LIKE * size and abs(along) < 0.5 * abs(mirrored):
+    return _Moved(complex(expected @ moved), complex(expected @ moved.conj()), size, float(way @ way))
+
+
+def _check_place(columns: Columns, robot: RobotConfig, device: Device) -> None:
+    """Whether the place moves where the heading points, and as far as the wheels say."""
+    moved = _moved(columns, robot, device)
+    if moved is None:
+        return
+    along, mirrored, size = moved.along, moved.mirrored, moved.size
+    if abs(mirrored) > LIKE * size and abs(along) < CLEARLY * abs(mirrored):
         raise TraceError(
             "truth.x or truth.y is mirrored: they move where truth.heading points only with the sign of one "
             "of them changed. x and y are to each other as forward is to left"
@@ -130,7 +182,7 @@ def _check_place(columns: Columns, robot: RobotConfig, device: Device) -> None:
             f"truth.x and truth.y move at {math.degrees(askew):.0f} degrees to truth.heading: it is 0 where "
             "the robot points along x"
         )
-    factor = abs(along) / float(way @ way)
+    factor = abs(along) / moved.way
     if not 1.0 / OTHER_UNIT < factor < OTHER_UNIT:
         near = min(LENGTHS, key=lambda each: abs(math.log(LENGTHS[each] / factor)))
         unit = near if abs(math.log(LENGTHS[near] / factor)) < math.log(1.5) else "another unit"
