@@ -60,8 +60,14 @@ AS_FAST = 0.67
 and more of speeds, and 0.51 at most of angles, on 18 blind drives."""
 
 
+MUST_DIFFER, TWICE, FEWEST_TWICE = 0.5, 0.9, 100
+"""rad/s at which wheels must differ; share of such rows in which they read the very same where one column was
+written twice (of noise few are), and how many of them tell."""
+
+
 def check_signs(log: Log) -> None:
-    """Raise TraceError where a command or a reading has lost its sign."""
+    """Raise TraceError where a command or a reading has lost its sign, or one wheel's stands for both."""
+    _check_twice(log)
     for index, wheel, command in _measured(log):
         _check_command_sign(log.duty[:, index], wheel, command)
         _check_words(wheel)
@@ -69,6 +75,23 @@ def check_signs(log: Log) -> None:
     gyro = log.channel("gyro")
     if gyro is not None:
         _check_reading_sign(_turn(log), gyro, ("the robot was turned", "the robot"))
+
+
+def _check_twice(log: Log) -> None:
+    """Readings of both wheels that are the same, though their commands or the gyro's turns are not."""
+    left, right, gyro = log.wheel("left"), log.wheel("right"), log.channel("gyro")
+    if left is None or right is None:
+        return
+    differ = np.abs(log.duty[:, 0] - log.duty[:, 1]) > DRIVEN
+    if gyro is not None:
+        differ |= np.abs(gyro.values) > MUST_DIFFER
+    differ &= np.isfinite(left.values) & (left.values != 0.0)
+    same = differ & (left.values == right.values)
+    if differ.sum() >= FEWEST_TWICE and same.sum() > TWICE * differ.sum():
+        raise TraceError(
+            f"{left.name} and {right.name} hold the same numbers, also where the robot turns: one column was "
+            "written twice, or both are of one motor"
+        )
 
 
 def _check_command_sign(duty: Array, wheel: Channel, command: str) -> None:

@@ -247,6 +247,22 @@ def test_angles_in_the_place_of_speeds_are_said(good: Columns, name: str) -> Non
         check_signs(changed(good, name, angle))
 
 
+@pytest.mark.parametrize("commands", [False, True])
+def test_a_reading_that_was_written_twice_is_said(good: Columns, commands: bool) -> None:
+    """It was a motor without a plug, beside a robot that was lifted most of the time, or another K_E."""
+    twice = {**good, "motor.1.bemf": good["motor.0.bemf"]}
+    if commands:
+        twice["motor.1.duty"] = good["motor.0.duty"]
+    with pytest.raises(TraceError, match=r"motor\.0\.bemf and motor\.1\.bemf hold the same numbers"):
+        check_signs(log_from_columns(twice, ROBOT))
+
+
+def test_wheels_that_do_the_same_on_a_straight_line_are_two(good: Columns) -> None:
+    straight = {**good, "motor.1.bemf": good["motor.0.bemf"], "motor.1.duty": good["motor.0.duty"]}
+    straight["imu.gyro.z"] = np.full_like(good["imu.gyro.z"], 0.003)
+    check_signs(log_from_columns(straight, ROBOT))
+
+
 def test_a_reading_that_stays_as_it_is_has_lost_no_sign(good: Columns) -> None:
     """What repeats itself holds no size either."""
     fast = int(np.argmax(good["motor.0.bemf"]))
