@@ -122,13 +122,19 @@ def _check_reading_sign(duty: Array, channel: Channel, said: tuple[str, str]) ->
         if both and not (way * reading < -least).any() and _often(way * reading[against] > least):
             was_driven, who = said
             raise TraceError(
-                f"{channel.name} never goes {to} 0, but {was_driven} both ways: it holds how "
-                + (
-                    f"fast {who} turned, not which way; write it with its sign"
-                    if float(np.corrcoef(np.abs(duty), way * reading)[0, 1]) > AS_FAST
-                    else f"far {who} had turned, and not how fast it turns"
-                )
+                f"{channel.name} never goes {to} 0, but {was_driven} both ways: "
+                + _without_sign(duty, way * reading, way, who)
             )
+
+
+def _without_sign(duty: Array, size: Array, way: float, who: str) -> str:
+    """What a reading is that never changes its sign. size: with the sign that it has always."""
+    as_signed, as_fast = (float(np.corrcoef(each, size)[0, 1]) for each in (way * duty, np.abs(duty)))
+    if as_signed > max(AS_FAST, as_fast):
+        return "its zero is off; take off what it says at rest"
+    if as_fast > AS_FAST:
+        return f"it holds how fast {who} turned, not which way; write it with its sign"
+    return f"it holds how far {who} had turned, and not how fast it turns"
 
 
 def _check_words(wheel: Channel) -> None:

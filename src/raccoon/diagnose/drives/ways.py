@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 TURNS, STILL = 0.3, 0.1
 """rad/s that the wheels must make where they turn the robot, and the share of it below which a gyro says that
 it does not turn."""
+STEADY = 0.3
+"""Scatter of a gyro around its distance from the wheels, over that distance, up to which it is the zero."""
 MOST_ALIKE = 0.9
 """Correlation of the wheels from which each one's own share in the turns is not known."""
 CLEAR_SHARE = 0.5
@@ -42,6 +44,24 @@ def check_ways(log: Log, robot: RobotConfig) -> None:
         f"{gyro.name} says that motor {port} turns the other way than its command and "
         f"{wheels[index].name}: {_change(robot, port)}, or swap the two wires of its plug and record again"
     )
+
+
+def check_zero(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where the gyro differs from the wheels by the same all the time: of a robot that is
+    turned by a hand it does not."""
+    gyro, wheels = log.channel("gyro"), _wheels(log)
+    if gyro is None or wheels is None:
+        return
+    off = gyro.values - _rates(wheels, robot).sum(axis=1)
+    off = off[np.isfinite(off)]
+    if len(off) < FEWEST:
+        return
+    middle = float(np.median(off))
+    if abs(middle) > TURNS and 1.48 * float(np.median(np.abs(off - middle))) < STEADY * abs(middle):
+        raise TraceError(
+            f"{gyro.name} says {middle:.2g} rad/s more than the wheels all the time: its zero is off. Take "
+            "off what it says at rest"
+        )
 
 
 def _other_way(both: Array, rate: Array) -> int | None:

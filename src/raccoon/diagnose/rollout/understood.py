@@ -19,7 +19,7 @@ from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.drives.quality import check_units, check_wheel_signs, driven_freely
 from raccoon.diagnose.drives.standing import with_what_turned
 from raccoon.diagnose.drives.stops import with_stops
-from raccoon.diagnose.drives.ways import check_ways
+from raccoon.diagnose.drives.ways import check_ways, check_zero
 from raccoon.diagnose.rollout.firmware import Firmware
 
 Columns = Mapping[str, NDArray[np.float64]]
@@ -44,9 +44,10 @@ def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     check_signs(log)
     held = not_free(log, robot)
     if sum(each.end - each.start for each in held if each.why == LIFTED) > MOSTLY * log.seconds:
-        # Nobody carries a robot about for so long: it is the sign of one reading, or of one motor.
+        # Nobody carries a robot about for so long: it is the sign of one reading or motor, or a gyro's zero.
         check_wheel_signs(log, robot)
         check_ways(log, robot)
+        check_zero(log, robot)
     native = firmware is not None and firmware.units
     check_units(driven_freely(log, robot, spans(held)), robot, native=native)
     try:

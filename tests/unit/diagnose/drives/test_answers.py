@@ -238,6 +238,12 @@ def test_readings_without_their_sign_are_said(good: Columns, name: str) -> None:
         check_signs(changed(good, name, -np.abs(good[name])))
 
 
+@pytest.mark.parametrize(("name", "zero"), [(READINGS[0], 2048.0), (READINGS[1], 2048.0), (GYRO, -12.0)])
+def test_a_zero_that_is_off_by_more_than_all_turns_is_said(good: Columns, name: str, zero: float) -> None:
+    with pytest.raises(TraceError, match=f"{name} never goes .* both ways: its zero is off"):
+        check_signs(changed(good, name, good[name] + zero))
+
+
 @pytest.mark.parametrize("name", [*READINGS, GYRO])
 def test_angles_in_the_place_of_speeds_are_said(good: Columns, name: str) -> None:
     """A heading was said to hold how fast the robot turned."""

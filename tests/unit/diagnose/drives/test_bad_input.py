@@ -326,6 +326,13 @@ def test_a_reading_of_the_opposite_sign_is_no_motor_that_is_the_other_way_round(
         diagnose({**good, name: -good[name]}, ROBOT)
 
 
+@pytest.mark.parametrize("zero", [0.7, -0.8])
+def test_a_gyro_whose_zero_is_far_off_is_no_robot_in_a_hand(good: Columns, zero: float) -> None:
+    name = "imu.gyro.z"
+    with pytest.raises(TraceError, match=r"imu\.gyro\.z says -?0\.[78]\d? rad/s more .*its zero is off"):
+        diagnose({**good, name: good[name] + zero}, ROBOT)
+
+
 def test_an_angle_in_the_place_of_the_gyro_is_not_only_a_robot_in_a_hand(good: Columns) -> None:
     name = "imu.gyro.z"
     heading = np.cumsum(np.nan_to_num(good[name])) * 0.005
