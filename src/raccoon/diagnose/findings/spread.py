@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from raccoon.diagnose.findings.floor import without_the_floor
 from raccoon.diagnose.fit.fits import costs_at
 from raccoon.diagnose.hypotheses.coordinates import Setting, Settings
+from raccoon.diagnose.rollout.encoders import WINDOW
 from raccoon.diagnose.select.outlook import Search, blocks_of
 from raccoon.diagnose.select.refits import SEVERAL
 
 Array = NDArray[np.float64]
 
+LATE = "actuation.latency"
 STEP = 1e-4
 STAIRCASE = 0.05
 """Steps of coordinates whose misfit, seen closely, is a staircase: a gap that is crossed between two samples
@@ -35,11 +37,16 @@ AWAY = (0.01, 0.02, 0.035, 0.06, 0.1, 0.18, 0.3, 0.55, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Settings at a fit, a step along each coordinate from it, and the covariance of the coordinates."""
+    """Settings at a fit, a step along each coordinate from it, and the covariance of the coordinates.
+
+    row: s of a row of what encoders read, else 0. How old their words are and the gyro's, which tells how old
+    they are, nobody knows better than to a row, and a later command is the same.
+    """
 
     here: Settings
     moved: tuple[Settings, ...]
     covariance: Array
+    row: float = 0.0
 
     @classmethod
     def of(cls, search: Search) -> Spread:
@@ -49,7 +56,8 @@ class Spread:
         vector = point.vector()
         steps = STEP * np.eye(len(vector))
         moved = tuple(problem.settings(point.moved(vector + step)) for step in steps)
-        return cls(problem.settings(point), moved, coordinate_covariance(search))
+        row = problem.neutral.get(WINDOW, 0.0)
+        return cls(problem.settings(point), moved, coordinate_covariance(search), row)
 
     def number(self, key: Setting) -> float:
         """A setting at the fit; an inertia with what robot.toml leaves open of it."""
@@ -61,7 +69,8 @@ class Spread:
         value = self.number(key)
         slope = np.array([(number_in(other, key) - value) / STEP for other in self.moved])
         slope = np.where(np.isfinite(slope), slope, 0.0)
-        return math.sqrt(max(float(slope @ self.covariance @ slope), 0.0))
+        std = math.sqrt(max(float(slope @ self.covariance @ slope), 0.0))
+        return math.hypot(std, self.row / math.sqrt(12.0)) if std > 0.0 and key[0] == LATE else std
 
 
 def coordinate_covariance(search: Search) -> Array:
