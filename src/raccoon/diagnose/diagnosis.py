@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.doing import tell
 from raccoon.diagnose.answer import Found, answered, faults_of
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.moments import without_moments
@@ -48,7 +49,6 @@ from raccoon.diagnose.rollout.understood import understood
 from raccoon.diagnose.unknown.changes import name_of
 from raccoon.diagnose.unknown.probes import RUBS_ANEW
 from raccoon.diagnose.unknown.sensors import PREFIX
-from raccoon.diagnose.watch import tell
 from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]

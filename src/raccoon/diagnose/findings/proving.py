@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from raccoon.core.doing import tell
 from raccoon.diagnose.findings.gain import HeldOut, held_out
 from raccoon.diagnose.findings.naming import deviations, parameters
 from raccoon.diagnose.findings.spread import Spread
@@ -14,7 +15,6 @@ from raccoon.diagnose.select.needed import spare
 from raccoon.diagnose.select.outlook import Rival, Search, estimated
 from raccoon.diagnose.select.replacements import taken_apart
 from raccoon.diagnose.select.search import pruned
-from raccoon.diagnose.watch import tell
 
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on another recording: a battery, a floor and what

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.doing import tell
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, as_it_pauses, with_driver_of
@@ -24,7 +25,6 @@ from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import gone_on, whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown.probes import probes_for
-from raccoon.diagnose.watch import tell
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import SIDES
 

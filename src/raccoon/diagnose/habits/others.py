@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.doing import tell
 from raccoon.diagnose.fit.fits import fit_at, fit_many, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
@@ -26,7 +27,6 @@ from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import begun, beside_unknown, gone_on, whole
 from raccoon.diagnose.unknown.changes import KNOWN, name_of
 from raccoon.diagnose.unknown.probes import probes_for
-from raccoon.diagnose.watch import tell
 
 Array = NDArray[np.float64]
 Asked = tuple[frozenset[str], frozenset[str], Habits, Habits]

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.doing import tell
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.quality import swing
 from raccoon.diagnose.habits.chains import (
@@ -66,7 +67,6 @@ from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import SCALE, lag_as
 from raccoon.diagnose.select.search import begun, gone_on, whole
 from raccoon.diagnose.select.sets import apart
-from raccoon.diagnose.watch import tell
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from raccoon.core.doing import tell
 from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.linear import tabulate
@@ -12,7 +13,6 @@ from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
 from raccoon.diagnose.select.moves import accepted
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import ranking, refit_candidates, refits_afresh
-from raccoon.diagnose.watch import tell
 
 CROWD, SHORT = 7, 2.0
 """Of fewer causes than so many each that is lacking makes another less likely, by so much log evidence.

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from raccoon.core.doing import tell
 from raccoon.diagnose.fit.fits import fit_many, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point
@@ -28,7 +29,6 @@ from raccoon.diagnose.select.probed import Probed, best_probe
 from raccoon.diagnose.select.refits import SEVERAL, doubtful, ranking, refit_candidates, refits_afresh
 from raccoon.diagnose.select.replacements import merged, rearranged, simplified
 from raccoon.diagnose.select.rivals import as_likely, compared
-from raccoon.diagnose.watch import tell
 
 HELD_OUT_GATE = 2.0
 SURE = 30.0
