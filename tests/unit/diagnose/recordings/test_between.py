@@ -35,10 +35,30 @@ def resampled(columns: Columns, row: float, held: bool = False) -> Columns:
 @pytest.mark.parametrize("row", [0.002, 0.001])
 def test_straight_lines_between_samples_are_said(good: Columns, row: float) -> None:
     """At 1 ms a sound robot's commands were 6 ms late with a probability of 1."""
-    with pytest.raises(TraceError, match=r"motor\.\d\.bemf is on a straight line .* by interpolation"):
+    with pytest.raises(TraceError, match=r"motor\.\d\.(duty has|bemf is) .* by interpolation"):
         diagnose_recording(resampled(good, row), ROBOT)
     with pytest.raises(HoldoutError, match="by interpolation"):
         diagnose_recording(good, ROBOT, holdout=resampled(good, row))
+
+
+def test_commands_between_two_commands_are_said(good: Columns) -> None:
+    """At twice the rate no reading is on a line that three rows have, and late commands were named too."""
+    with pytest.raises(TraceError, match=r"motor\.0\.duty has rows between two .* by interpolation"):
+        check_recorded(resampled(good, 0.0025))
+    check_recorded(resampled(good, 0.005))
+
+
+@pytest.mark.parametrize("most", [0.03, 0.1, 0.25])
+@pytest.mark.parametrize("rows", [1, 2, 3, 5])
+def test_a_program_that_ramps_its_commands_interpolates_none(good: Columns, most: float, rows: int) -> None:
+    columns = dict(good)
+    for name in ("motor.0.duty", "motor.1.duty"):
+        now, ramped = 0.0, []
+        for each in good[name].tolist():
+            now += max(-most, min(most, each - now))
+            ramped.append(now)
+        columns[name] = np.convolve(ramped, np.ones(rows) / rows, "same")
+    check_recorded(columns)
 
 
 @pytest.mark.parametrize("drive", ["exciting", "contest", "legs"])

@@ -28,18 +28,61 @@ LEVELS = 20_000
 of whole counts many steps are alike. What is interpolated has as many levels as digits."""
 
 
+SAID = (
+    "the recording was brought to another rate by interpolation, and when a command changed between two "
+    "samples is no longer known. Export the rows as they were recorded, or with the last value held"
+)
+STILL, LARGE, LONG = 3, 0.05, 8
+"""Rows for which a command stays before and after a step, size of one that tells, and rows that it takes at
+most."""
+FEWEST_STEPS, MOSTLY = 8, 0.8
+"""Steps that tell, and share of them that are straight lines and no jumps."""
+STRAIGHTLY = 0.03
+"""Part of a step by which its rows, the first and the last aside, may move differently on a straight line."""
+MORE, UNLIKE, ALIKE = 1.7, 0.05, 0.03
+"""Rows within a step, on average: with one, as at the same rate, nothing wrong was named. Of interpolation
+the share of a step that its first row makes is chance (its standard deviation 0.1 to 0.2; of a filter and a
+ramp in so many rows 0), and the largest share is the same (0.01; of a ramp by so much a row it is not)."""
+
+
 def check_recorded(columns: Columns) -> None:
-    """Raise TraceError where the readings of all wheels are on straight lines between rows that are not."""
+    """Raise TraceError where a recording was interpolated: the readings of all wheels are on straight lines
+    between rows that are not, or commands step by rows between two that are."""
+    for name, each in columns.items():
+        if name.endswith(".duty") and _stepped(each[np.isfinite(each)]):
+            raise TraceError(f"{name} has rows between two commands that are a part of either: {SAID}")
     wheels = {name: each for name, each in columns.items() if name.endswith((".bemf", ".speed"))}
     shares = {name: _interpolated(each) for name, each in wheels.items()}
     if not shares or min(shares.values()) < OFTEN:
         return
     name, share = min(shares.items(), key=lambda each: each[1])
     raise TraceError(
-        f"{name} is on a straight line between the rows beside it in {100.0 * share:.0f} % of the rows: the "
-        "recording was brought to another rate by interpolation, and when a command changed between two "
-        "samples is no longer known. Export the rows as they were recorded, or with the last value held"
+        f"{name} is on a straight line between those beside it in {100.0 * share:.0f} % of the rows: {SAID}"
     )
+
+
+def _stepped(duty: NDArray[np.float64]) -> bool:
+    """Whether most steps of a command go by rows whose share of the step is by chance."""
+    steps = np.diff(duty)
+    changes = np.flatnonzero(steps)
+    runs = np.split(changes, np.flatnonzero(np.diff(changes) > 1) + 1) if len(changes) else []
+    first, largest, between, jumps, last = [], [], [], 0, -STILL
+    for run, after in zip(runs, [*(int(each[0]) for each in runs[1:]), len(duty)], strict=False):
+        start, end = int(run[0]), int(run[-1]) + 1
+        still = start - last >= STILL and after - end >= STILL
+        size, last = float(duty[end] - duty[start]), end
+        if not still or abs(size) < LARGE or len(run) > LONG or (steps[run] * size < 0.0).any():
+            continue
+        if len(run) == 1 or (len(run) > 2 and np.ptp(steps[run][1:-1]) > STRAIGHTLY * abs(size)):
+            jumps += 1
+            continue
+        between.append(len(run) - 1)
+        first.append(float(steps[start] / size))
+        if len(run) > 2:
+            largest.append(float((steps[run] / size).max()))
+    if len(between) < FEWEST_STEPS or len(between) < MOSTLY * (len(between) + jumps):
+        return False
+    return bool(np.mean(between) >= MORE and np.std(first) > UNLIKE and np.std(largest) < ALIKE)
 
 
 def _interpolated(values: NDArray[np.float64]) -> float:
