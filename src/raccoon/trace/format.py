@@ -26,6 +26,7 @@ MAX_LINE_BYTES = 1 << 20
 MAX_BYTES = 1 << 30
 MAX_TICKS = 1_000_000
 """83 minutes at 200 Hz."""
+SECOND = "this is its last line, and another recording seems to follow: put each into a file of its own"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +126,9 @@ class _Reader:
                 table = parse_line(line)
                 if "end" in table:
                     trace.damage = self._end(table, len(trace.ticks))
+                    place, more = self._line, self._rest(lines)
+                    if more and trace.damage is None:
+                        trace.damage = Damage(place, len(trace.ticks), SECOND, more)
                     return trace
                 if "device" in table:
                     self._device = parse_device(table["device"])

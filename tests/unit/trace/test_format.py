@@ -57,6 +57,19 @@ def test_packed_file_with_a_wrong_byte_says_where(tmp_path: Path) -> None:
     assert read_trace(path).damage is not None
 
 
+def test_a_second_recording_in_the_same_file_is_said(tmp_path: Path) -> None:
+    """`cat one.jsonl.gz two.jsonl.gz`: it was left out without a word."""
+    path = record(tmp_path / "run")
+    once = read_trace(path)
+    path.write_bytes(2 * path.read_bytes())
+    twice = read_trace(path)
+    assert twice.ticks == once.ticks
+    assert once.damage is None
+    assert twice.damage is not None
+    assert twice.damage.unread == twice.damage.line
+    assert "another recording seems to follow" in str(twice.damage)
+
+
 def test_how_much_comes_after_the_damage_is_said(tmp_path: Path) -> None:
     lines = lines_of(record(tmp_path / "run", 20))
     path = tmp_path / "bad.jsonl"
