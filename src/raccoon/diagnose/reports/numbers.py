@@ -23,7 +23,7 @@ def measured_text(value: float, std: float, unit: str = "") -> str:
 
 def two_digits(number: float) -> str:
     """Two digits that count, of a large number as well: 0.0035, 1.2, 99, 600, never 6e+02."""
-    return f"{number:.2g}" if not math.isfinite(number) else f"{float(f'{number:.2g}'):.6g}"
+    return f"{float(f'{number:.2g}'):g}"
 
 
 def deviation(std: float) -> str:

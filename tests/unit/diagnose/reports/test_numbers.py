@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from raccoon.diagnose.reports.numbers import number_text
+from raccoon.diagnose.reports.numbers import number_text, two_digits
 from raccoon.diagnose.result import ParameterResult
 
 
@@ -25,3 +25,18 @@ from raccoon.diagnose.result import ParameterResult
 def test_a_number_has_the_places_that_its_deviation_has(value: float, std: float, said: str) -> None:
     """A scale of 1 +- 0.001 is known to three places, an offset of -0.1876 +- 0.18 not to four."""
     assert number_text(ParameterResult(value, std, "V", 0.0)) == f"{said} V"
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (0.00349, "0.0035"),
+        (1.234, "1.2"),
+        (98.7, "99"),
+        (604.0, "600"),
+        (-12345.0, "-12000"),
+        (math.nan, "nan"),
+    ],
+)
+def test_two_digits_count_without_a_power_of_ten(number: float, said: str) -> None:
+    assert two_digits(number) == said

@@ -101,7 +101,7 @@ def test_pictures_say_what_is_compared() -> None:
 @pytest.mark.usefixtures("words_only")
 def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white() -> None:
     early = np.where(np.abs(TIME - 1.7) < 0.2, 1.0, 0.0)
-    curve = Curve("motor.0.bemf", "counts", TIME, np.zeros(400), early, early)
+    curve = Curve("motor.0.bemf", "counts", TIME, 3.0 * TIME, early, 3.0 * TIME + early)
     assert curve.worst == 1.75
     channel = replace(FOUND.channels[0], rmse_after=20.0, whiteness_p=1e-5)
     found = replace(FOUND, channels=(channel,), curves=(curve,))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from raccoon.diagnose.reports.numbers import two_digits
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
 from raccoon.model.reflectance import FULL_SCALE
 
@@ -35,11 +36,6 @@ def tophat_cause(
 def _in_millivolts(gain: float) -> str:
     asked = "if the column is in millivolts, write counts (0..4095); else "
     return asked if abs(gain - MILLIVOLTS) < NEAR else ""
-
-
-def two_digits(number: float) -> str:
-    """A number above 0 with two digits that count, never as a power of ten."""
-    return f"{float(f'{number:.2g}'):g}"
 
 
 def light_sentence(port: int, light: float, falls: tuple[float, float]) -> str:
