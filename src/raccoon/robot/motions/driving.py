@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 __all__ = ["drive", "motors"]
 
+SLOWER, SLOW = 0.9, "slower than asked"
+"""Share of the speed asked for below which that is said, as no result tells it; and the remark's kind."""
+
 
 def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     """Drive at `speed` m/s (negative: backwards) and `turn_rate` rad/s (left is positive) until ended from
@@ -54,6 +57,10 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         miswired = 0.0
         counted = turn_rate == 0.0  # otherwise it would be another circle
         top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration, counted=counted)
+        if top < SLOWER * abs(speed) and not robot.drive.speeds.limited:
+            weakest = robot.config.battery.weakest
+            least = f"battery.weakest, {weakest:g} V, gives no more"
+            say(robot, f"{label}: it goes {top:.2f} m/s on any battery, as {least}", SLOW)
         top = math.copysign(top, speed)
         endless = Endless(robot, label, ".until(...) or .timeout(seconds)")
         try:

@@ -112,7 +112,9 @@ def test_slow_circles_and_turns_stay_what_they_are() -> None:
 def test_a_controller_that_reads_any_speed_limits_none() -> None:
     port, robot = done(race(drive(0.3), wait(1.2)), "stock")
     assert port.fastest > 1950.0
-    assert not robot.drive.remarks
+    assert not robot.drive.speeds.limited
+    (said,) = robot.drive.remarks.values()
+    assert said == "drive 0.3 m/s: it goes 0.21 m/s on any battery, as battery.weakest, 7.6 V, gives no more"
 
 
 def test_plain_duties_are_free() -> None:
