@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -117,7 +118,13 @@ def _command_row(outputs: Outputs) -> Row:
 
 
 def _numbered(pattern: str, words: Values | tuple[float | None, ...]) -> Row:
-    return {pattern.format(number): float(word) for number, word in enumerate(words) if word is not None}
+    names = _names(pattern, len(words))
+    return {name: float(word) for name, word in zip(names, words, strict=True) if word is not None}
+
+
+@cache
+def _names(pattern: str, count: int) -> tuple[str, ...]:
+    return tuple(pattern.format(number) for number in range(count))
 
 
 def trace_of(recording: Recording) -> Trace:

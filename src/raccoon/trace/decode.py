@@ -144,7 +144,10 @@ def _estimates(table: object) -> tuple[tuple[str, Values], ...]:
 
 def _row(value: object, field: str, each: Callable[[object, str], Any]) -> tuple[Any, ...]:
     entries = _list(value, field, MAX_PORTS)
-    return tuple([each(entry, f"{field}[{index}]") for index, entry in enumerate(entries)])
+    try:
+        return tuple([each(entry, field) for entry in entries])
+    except TraceError:  # a name for every entry takes longer than all else, and is for the wrong one alone
+        return tuple([each(entry, f"{field}[{index}]") for index, entry in enumerate(entries)])
 
 
 def _vector(value: object, field: str) -> tuple[float, float, float]:
