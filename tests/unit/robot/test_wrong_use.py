@@ -60,7 +60,7 @@ from raccoon import (
     zero,
 )
 from raccoon.core.config import MechanismConfig, ServoConfig
-from robots import CONFIG, run, simulated
+from robots import CONFIG, SCALE, run, simulated
 
 NAN = float("nan")
 ANY: Any = straight
@@ -498,13 +498,25 @@ def test_numbers_of_numpy_are_numbers(make: Callable[[Any], Action[Any]], kind: 
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
-        ("0.6", r"the taped way is '0\.6': it must be a number, up to 10 m either way"),
+        ("half", r"the taped way is 'half': it must be a number, up to 10 m either way"),
         (60.0, r"the taped way is 60: allowed are numbers up to 10 m either way \(30 cm are 0\.30\)"),
     ],
 )
 def test_a_wrong_answer_of_the_tape_is_named(answer: object, said: str) -> None:
     with open_robot(CONFIG, port=simulated()) as robot, pytest.raises((TypeError, ValueError), match=said):
         calibrate_drive(robot, loose(lambda: answer), distance=0.05)
+
+
+def test_who_mistypes_the_tape_is_asked_again(caplog: pytest.LogCaptureFixture) -> None:
+    """Otherwise the robot would have to drive again. What `input` gives is a text, somewhere with a comma."""
+    answers = iter(["abc", 60, "0,301"])
+    with open_robot(CONFIG, port=simulated()) as robot:
+        found = calibrate_drive(robot, loose(lambda: next(answers)), distance=0.30)
+    ticks = found.motor(0).radians_per_tick
+    assert ticks is not None
+    assert ticks.value == pytest.approx(SCALE.value * 0.301 / 0.3, rel=0.005)
+    assert "the taped way is 'abc': it must be a number" in caplog.text
+    assert "the taped way is 60: allowed are numbers up to 10 m" in caplog.text
 
 
 def test_a_robot_that_was_not_opened_by_a_block_says_how() -> None:

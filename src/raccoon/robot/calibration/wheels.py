@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, cast
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
@@ -17,12 +19,13 @@ from raccoon.robot.remarks import say
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
+ASKED = 3  # times that somebody is asked who may have typed centimetres: another drive takes longer
 REST = 1.0  # s of standing before and after the drive
 
 
 def calibrate_drive(
     robot: Robot,
-    taped: Callable[[], float],
+    taped: Callable[[], float | str],
     *,
     distance: float = 0.60,
     speed: float | None = None,
@@ -40,7 +43,7 @@ def calibrate_drive(
 
     Raises CalibrationError where the drive cannot support a calibration, or something held or bumped the
     robot on its way, saying what to do; TypeError before anything moves where `taped` is no function, and
-    TypeError or ValueError where it gives no such distance.
+    TypeError or ValueError where it gives no such distance when asked for the third time.
     """
     from raccoon.estimate.drive_calibration.disturbed import disturbance
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
@@ -55,9 +58,25 @@ def calibrate_drive(
     if why := disturbance(result.held, robot.odometry.slipped, result.remarks):
         raise CalibrationError(f"the drive of the calibration tells nothing: {why}")
     driven(robot, watched(wait(REST), readings))
-    way = taped()
-    check_way(**{"the taped way": way})
-    found = calibrate_straight(robot.config, readings, way, distance_std=tape_std)
+    found = calibrate_straight(robot.config, readings, _asked(taped), distance_std=tape_std)
     for remark in found.remarks:
         say(robot, remark)
     return found.applied(robot.config)
+
+
+def _asked(taped: Callable[[], float | str]) -> float:
+    """The m that `taped` gives, a text as of `input` included. It is asked again where that is no such way,
+    and its last error raised."""
+    left = ASKED
+    while True:
+        left -= 1
+        try:
+            way = taped()
+            with suppress(ValueError):
+                way = float(way.replace(",", ".")) if isinstance(way, str) else way
+            check_way(**{"the taped way": cast(float, way)})
+            return cast(float, way)
+        except (TypeError, ValueError) as error:
+            if not left:
+                raise
+            logging.getLogger("raccoon").warning("%s: once more", error)
