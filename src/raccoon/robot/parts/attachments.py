@@ -42,6 +42,11 @@ class Attachments:
             if each.moved_by is not None
         )
 
+    @property
+    def servo_moves(self) -> bool:
+        """Whether an action moves a servo."""
+        return any(each.moved_by is not None for each in self.servos.values())
+
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""
         for mechanism in self.mechanisms.values():

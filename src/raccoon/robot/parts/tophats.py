@@ -74,15 +74,25 @@ class TophatSensor(Part):
         self._watch = CalibrationWatch(calibration)
         self._reading = self.fit = self._since = None
 
-    def update(self, inputs: Inputs, way: float | None = None, others_lost: bool | None = None) -> None:
-        """Take the reading of this cycle. way, others_lost: see `raccoon.estimate.tophat.Tophat.update`."""
+    def update(
+        self,
+        inputs: Inputs,
+        way: float | None = None,
+        others_lost: bool | None = None,
+        *,
+        shaken: bool = False,
+    ) -> None:
+        """Take the reading of this cycle. way, others_lost: see `raccoon.estimate.tophat.Tophat.update`.
+
+        shaken: whether something moves on the robot: one half on a line may wander though the robot stands.
+        """
         counts = inputs.analog[self.config.analog]
         if counts is None:
             self._heard = inputs.time if self._heard is None else self._heard
             self.sees = inputs.time - self._seen < BLIND
             return
         self.counts, self._heard = counts, inputs.time
-        if way is not None and way < STILL:
+        if way is not None and way < STILL and not shaken:
             self._standing.append(counts)
         elif self._standing:
             self._standing.clear()
@@ -219,10 +229,11 @@ class Floor:
         speed, turn = estimate.velocity, estimate.turn_rate
         lost = sum(each.lost for each in sensors)
         alone = len(sensors) == 1
+        shaken = any(robot.outputs.duty) or robot.attachments.servo_moves
         for each in sensors:
             at = each.config
             way = math.hypot(speed - turn * at.left, turn * at.forward) * dt
-            each.update(inputs, way, None if alone else lost > each.lost)
+            each.update(inputs, way, None if alone else lost > each.lost, shaken=shaken)
         self._ticks += 1
         index = self._ticks % CHECKED_EVERY
         if index < len(sensors):

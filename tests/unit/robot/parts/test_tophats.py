@@ -19,10 +19,14 @@ from raccoon import (
     calibrate_tophats,
     drive,
     load_tophats,
+    move,
     on_black,
     open_robot,
+    seq,
+    servo,
     wait,
 )
+from raccoon.core.config import MechanismConfig, ServoConfig
 from raccoon.core.readings import Inputs, Status
 from raccoon.estimate.tophat import calibrate
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
@@ -270,6 +274,23 @@ def test_an_open_port_sees_no_line_and_is_said_while_the_robot_stands() -> None:
         is_open = False
         robot.run(wait(1.5))
         assert not robot.blind
+
+
+def test_a_sensor_that_an_arm_shakes_over_an_edge_is_plugged_in() -> None:
+    noise = Random(2)
+
+    def shake(counts: list[float | None]) -> None:
+        counts[0] = 2500.0 + noise.gauss(0.0, 60.0)
+
+    config = replace(CONFIG, mechanisms={"arm": MechanismConfig(2)}, servos={"claw": ServoConfig(0)})
+    port = Between(simulated(config=config), seen=lambda each: rewired(each, shake, 0.5))
+    with open_robot(config, port=port) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(CALIBRATION)
+        robot.run(seq(wait(0.5), move("arm", 3.0, 2.0), servo("claw", 1000, seconds=1.0)))
+        assert not robot.blind
+        robot.run(wait(1.5))
+        assert robot.blind  # nothing moves, and it does
 
 
 def test_sensors_that_were_exchanged_since_they_were_calibrated_are_said(tmp_path: Path) -> None:
