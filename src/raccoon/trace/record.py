@@ -176,8 +176,10 @@ def _next_free(path: str | Path, header: str) -> tuple[TraceWriter, Path]:
 
 
 def recording_paths(path: str | Path) -> tuple[Path, Path]:
-    """The growing and the finished file of a recording."""
+    """The growing and the finished file of a recording. A leading ~ is the user's home, as in a shell."""
     path = Path(path)
+    with suppress(RuntimeError):  # nobody knows where that is
+        path = path.expanduser()
     name = path.name.removesuffix(".gz").removesuffix(PLAIN)
     return path.with_name(name + PLAIN), path.with_name(name + PACKED)
 

@@ -191,6 +191,19 @@ def test_equal_runs_give_equal_bytes(tmp_path: Path) -> None:
     assert record(tmp_path / "a").read_bytes() == record(tmp_path / "b").read_bytes()
 
 
+def test_a_recording_at_home_is_there_and_not_in_a_folder_of_that_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    port = RecordingPort(ScriptedPort([cycle(0)]), "~/runs/run")
+    port.read()
+    port.close()
+    assert [each.name for each in tmp_path.iterdir()] == ["runs"]
+    assert len(read_trace("~/runs/run").ticks) == 1
+    assert recording_paths("~nobody-of-this-name/run")[0] == Path("~nobody-of-this-name/run.jsonl")
+
+
 def test_existing_recording_is_not_overwritten_unasked(tmp_path: Path) -> None:
     path = record(tmp_path / "run")
     before = path.read_bytes()
