@@ -85,19 +85,6 @@ def test_where_turns_are_otherwise_it_may_be_both_wheels_or_the_track(
     assert error < 2.0 * deviation
 
 
-@pytest.mark.parametrize("scale", [(1.1, 1.1), (0.9, 0.9)])
-def test_wheels_that_slip_alike_in_every_turn_are_others(scale: tuple[float, float]) -> None:
-    """No turn takes three seconds, and each of them was slip: for good, with the place 9 deviations off."""
-    back: Segment = (1.0, 0.0, -1.6)
-    turns = [TURN, (0.3, 0.0, 0.0), back, (0.3, 0.0, 0.0)]
-    odometry, error, deviation = driven(
-        [*turns, *turns, STRAIGHT], scale, config=calibrated(measured=True), seed=4
-    )
-    assert error < 3.0 * deviation
-    assert "slips" not in str(odometry.estimate.reasons)
-    assert odometry._steps.fusion.drive.flat[State.WHEEL_TURN] == pytest.approx(scale[0], abs=0.03)
-
-
 def test_a_doubt_is_counted_once_and_what_one_wheel_explains_is_none_of_the_track() -> None:
     flat = list(Odometry(calibrated())._steps.fusion.drive.flat)
     doubt = ScaleDoubt(tuple(flat))

@@ -38,8 +38,6 @@ RELEARN = 0.05
 WRONG_BLAME = 0.3
 """Deviation of the way while a wheel is not believed, of what the other choice would make it: one in ten such
 choices is wrong, as where somebody turns the robot by hand or another robot pushes it."""
-OTHER_TURNS = 0.04
-"""Share of the turn by which all turns are other than the filter has it, so that it learns them anew."""
 MOST_RELEARNT = 5
 """How often they get it: the truth is found in two or three."""
 
@@ -55,8 +53,6 @@ class Fusion:
         self.distance = 0.0
         self.held = False
         """Whether the robot may have stood in the last step though its wheels turned."""
-        self.turn_share = 1.0
-        """Turn by the gyro over that of the wheels, where all turns of late agree in it; else 1."""
         self._settings = settings
         self._half_a_turn = 0.5 * self.geometry.track_width / self.geometry.wheel_radius
         self._travel = self._blamed = 0.0
@@ -121,7 +117,7 @@ class Fusion:
             reading = replace(
                 reading, values=reading.values[:2], variances=reading.variances[:2], undated=0.0
             )
-        elif (slip.scales_are_wrong or self._turns_otherwise) and self._relearnt < MOST_RELEARNT:
+        elif slip.scales_are_wrong and self._relearnt < MOST_RELEARNT:
             reasons.tell("the wheels' scales do not fit the gyro", time, 1.0)
             slip.start_again()
             self._relearnt += 1
@@ -132,12 +128,6 @@ class Fusion:
                 reasons.tell(f"the {slip.wheel} wheel slips", time)
         self._take(reading)
         return reading
-
-    @property
-    def _turns_otherwise(self) -> bool:
-        """Whether all turns of late agree that the wheels' scales are others: none of them need be long."""
-        share = self.turn_share * self.drive.flat[State.WHEEL_TURN] / self.drive.flat[State.GYRO_SCALE]
-        return abs(share - 1.0) > OTHER_TURNS
 
     def _without_a_wheel(self, reading: Reading, innovation: float) -> Reading:
         flat, (left, right) = self.drive.flat, reading.values[:2]

@@ -126,7 +126,6 @@ class Steps:
         turned = self._geometry.body_motion(left, 0.0)[1], self._geometry.body_motion(0.0, right)[1]
         self._readings.wiring.update(span, *turned, gyro)
         self.turn_share.update(span, sum(turned), gyro)
-        self.fusion.turn_share = self.turn_share.all
         if self._readings.wiring.suspects:
             self._reasons.tell(OTHERWISE, self._readings.time)
 

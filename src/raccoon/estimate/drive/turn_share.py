@@ -20,16 +20,13 @@ FITS = 0.03
 
 
 class TurnShare:
-    """Feed it every step in which there is a gyro. value: gyro over wheels; 1 as long as nothing is odd.
+    """Feed it every step in which there is a gyro. value: gyro over wheels; 1 as long as nothing is odd."""
 
-    all: the same also where nothing is odd; 1 as long as the turns do not agree in it.
-    """
-
-    __slots__ = ("_gyro", "_mixed", "_turned", "_wheels", "all", "value")
+    __slots__ = ("_gyro", "_mixed", "_turned", "_wheels", "value")
 
     def __init__(self) -> None:
         self._gyro = self._mixed = self._wheels = self._turned = 0.0
-        self.value = self.all = 1.0
+        self.value = 1.0
 
     def update(self, span: float, wheels: float, gyro: float) -> None:
         """A step of `span` s: rad/s of the robot's turn as both wheels and as the gyro read it."""
@@ -43,6 +40,6 @@ class TurnShare:
         if self._turned < LEAST_TURN:
             return
         share = self._mixed / self._wheels
-        fits = share > 0.0 and self._gyro - share * self._mixed < FITS * self._gyro
-        self.all = share if fits else 1.0
-        self.value = 1.0 if LEAST_SHARE < share < MOST_SHARE else self.all
+        odd = share > 0.0 and not LEAST_SHARE < share < MOST_SHARE
+        fits = self._gyro - share * self._mixed < FITS * self._gyro
+        self.value = share if odd and fits else 1.0
