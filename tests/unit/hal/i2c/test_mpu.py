@@ -33,11 +33,16 @@ def standing() -> StandingPort:
 
 
 @pytest.mark.parametrize(
-    ("identity", "name", "filtered"),
-    [(0x68, "mpu6050", 0), (0x70, "mpu6500", 3), (0x71, "mpu9250", 3), (0x73, "mpu9255", 3)],
+    ("identity", "name", "filtered", "celsius"),
+    [
+        (0x68, "mpu6050", 0, -1000 / 340.0 + 36.53),  # degrees by its register map
+        (0x70, "mpu6500", 3, -1000 / 333.87 + 21.0),
+        (0x71, "mpu9250", 3, -1000 / 333.87 + 21.0),
+        (0x73, "mpu9255", 3, -1000 / 333.87 + 21.0),
+    ],
 )
 def test_the_family_is_recognised_and_configured(
-    bus: I2cBus, kernel: FakeI2c, identity: int, name: str, filtered: int
+    bus: I2cBus, kernel: FakeI2c, identity: int, name: str, filtered: int, celsius: float
 ) -> None:
     chip = MpuChip(identity)
     kernel.chips[0x69] = chip
@@ -49,6 +54,7 @@ def test_the_family_is_recognised_and_configured(
     assert registers[0x1A] == 3  # 41 Hz
     assert (registers[0x1B], registers[0x1C]) == (0x10, 0x08)  # 1000 deg/s, 4 g
     assert registers[0x1D] == filtered  # on the 6050 that register means something else
+    assert sensor.read().temperature == pytest.approx(celsius)
 
 
 def test_another_chip_is_refused_with_its_number(bus: I2cBus, chip: MpuChip) -> None:
