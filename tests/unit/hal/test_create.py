@@ -275,6 +275,9 @@ def test_unplugged_and_plugged_in_again(base: Base) -> None:
     base.cycle(REST)
     base.peer.unplug()
     assert base.port.read().faults == (Fault.LINK_DEAD,)
+    before = base.clock.now()
+    assert base.port.read().faults == (Fault.LINK_DEAD,)
+    assert base.clock.now() - before == pytest.approx(0.05)  # it waits as for a frame, and keeps no core busy
     base.port.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))  # nobody there: neither an error nor a wait
     base.clock.advance(1.0)
     assert base.port.read().faults == (Fault.LINK_DEAD,)
