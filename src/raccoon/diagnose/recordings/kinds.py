@@ -31,6 +31,7 @@ from raccoon.diagnose.recordings.doubts.battery_reading import with_battery_read
 from raccoon.diagnose.recordings.doubts.encoder_reading import with_encoder_reading
 from raccoon.diagnose.recordings.doubts.implausible import speeds_told, with_doubts
 from raccoon.diagnose.recordings.doubts.outranked import outranked
+from raccoon.diagnose.recordings.doubts.reference_scale import with_reference_scale
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.judged_on import not_judged_on
@@ -173,6 +174,7 @@ def _drive(
     if not by_volts:
         found = with_battery_reading(with_doubts(found, columns, robot), robot)
         found = with_encoder_reading(found, robot)
+    found = with_reference_scale(found)
     found = counted.told(judged_again(found, columns, sound, robot))
     gravity = strange_acceleration(columns)
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
