@@ -20,7 +20,7 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds, without_std
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.channels.broken import judged_again, without_broken
-from raccoon.diagnose.recordings.channels.counters import said_of_counters, with_counted
+from raccoon.diagnose.recordings.channels.counters import begun_anew, said_of_counters, with_counted
 from raccoon.diagnose.recordings.channels.partial import (
     as_duty,
     commands_volts,
@@ -179,7 +179,8 @@ def _drive(
     gravity = strange_acceleration(columns)
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
     strange = tuple(filter(None, (strange_reference(columns, robot, device),)))
-    found = replace(found, notes=(*found.notes, *unit, *strange, *made_by.notes, *others))
+    anew = begun_anew(columns, robot)
+    found = replace(found, notes=(*found.notes, *unit, *strange, *anew, *made_by.notes, *others))
     return _with_tophats(found, columns, robot, model, truth_free)
 
 

@@ -27,6 +27,8 @@ What is faster than 20 ms is averaged out in any case."""
 SURELY = 3.5
 """Standard deviations by which a dead zone must be wider than what a counter hides, as of a number outside
 robot.toml's."""
+FAR = 20.0
+"""Times what a wheel turns in a row at most, by which a counter jumps that begins anew."""
 FEWEST = 20
 """Numbers from which a column is a reading."""
 
@@ -90,6 +92,27 @@ def with_counted(columns: Columns, robot: RobotConfig, device: Device) -> Counte
             used.append(counter)
     whole = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in used)
     return Counted(made, tuple(used), device.position_counts_seconds / SILENCE if whole else 0.0)
+
+
+def begun_anew(columns: Columns, robot: RobotConfig) -> tuple[str, ...]:
+    """A note where both wheels' counters jump once and in one row: of two drives that meet at rest no reading
+    shows more. A program that clears them for each motion does it more often."""
+    names = [f"motor.{port}.position" for port in (robot.drive.left, robot.drive.right)]
+    if not all(_known(columns, each) for each in names):
+        return ()
+    known = np.flatnonzero(np.isfinite(columns[names[0]]) & np.isfinite(columns[names[1]]))
+    if len(known) < FEWEST:
+        return ()
+    steps = np.abs([np.diff(columns[each][known]) for each in names])
+    most = np.percentile(steps, 99.0, axis=1, keepdims=True)
+    rows = known[1:][(steps > FAR * np.maximum(most, 1.0)).all(axis=0)]
+    if len(rows) != 1:
+        return ()
+    row = int(rows[0])
+    return (
+        f"{' and '.join(names)} begin anew at {columns['t'][row]:.1f} s, row {row}: a program that clears "
+        "them, or two recordings that were put together? Then diagnose each by itself",
+    )
 
 
 @contextmanager

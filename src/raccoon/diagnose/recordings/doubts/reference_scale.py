@@ -30,8 +30,8 @@ def with_reference_scale(found: Diagnosis) -> Diagnosis:
     way = "long" if shift > 0.0 else "short"
     size = f"{100.0 * abs(math.expm1(shift)):.1f} % too {way}"
     said = (
-        f"If truth.x and truth.y are {size}, that alone makes {TRACK} and {RADIUS}: measure a way with a tape "
-        "first."
+        f"If truth.x and truth.y are {size}, that alone makes {TRACK} and {RADIUS}: measure a way with a "
+        "tape first."
     )
     causes = tuple(
         replace(each, explanation=f"{each.explanation} {said}") if each.name in lengths else each

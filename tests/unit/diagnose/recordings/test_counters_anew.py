@@ -1,0 +1,41 @@
+"""Counters of wheels that begin anew."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings.channels.counters import begun_anew
+
+ROBOT = RobotConfig()
+COUNTERS = ("motor.0.position", "motor.1.position")
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def good() -> Columns:
+    return dict(make(4, seconds=8.0).columns)
+
+
+def cleared(columns: Columns, rows: list[int], names: tuple[str, ...] = COUNTERS) -> Columns:
+    """As if a program had set these counters to 0 in these rows."""
+    found = dict(columns)
+    for name in names:
+        values = columns[name].copy()
+        for row in rows:
+            values[row:] -= values[row] + 5000.0
+        found[name] = values
+    return found
+
+
+def test_counters_that_jump_once_may_be_two_recordings(good: Columns) -> None:
+    (said,) = begun_anew(cleared(good, [700]), ROBOT)
+    assert f"motor.0.position and motor.1.position begin anew at {good['t'][700]:.1f} s, row 700" in said
+
+
+def test_a_drive_and_a_program_that_clears_its_counters_for_each_motion_are_one(good: Columns) -> None:
+    for columns in (good, cleared(good, [300, 700, 1100]), cleared(good, [700], COUNTERS[:1])):
+        assert begun_anew(columns, ROBOT) == ()
+    assert begun_anew({"t": good["t"]}, ROBOT) == ()
