@@ -83,7 +83,7 @@ def named(device: Device, columns: Columns, robot: RobotConfig, port: str | None
     """The device of a drive's columns. port: what robot.toml's controller.port or the command line says made
     the recording, None where nothing does; the recording's own word goes before."""
     if firmware_of(device) is not None or device.name != SI_WORDS.name:
-        return Named(device)
+        return Named(device, notes=_names_another(device, port))
     zone = zone_of(columns, robot)
     if port not in PORTS:
         return Named(device, notes=_looks_like(zone))
@@ -107,6 +107,16 @@ def named(device: Device, columns: Columns, robot: RobotConfig, port: str | None
         bemf_range=own.bemf_range,
     )
     return Named(told, True, (BY_PORT.format(port),))
+
+
+def _names_another(device: Device, port: str | None) -> tuple[str, ...]:
+    """A note where a recording names another firmware than what is said of it. That a simulator's robot.toml
+    has a Wombat's port says nothing."""
+    own = STOCK_PORT if device.name.startswith(STOCK.name) else RACCOON_PORT
+    wombat = device.name.startswith((STOCK.name, f"{RACCOON_PORT}-"))
+    if port not in PORTS or not wombat or own == port:
+        return ()
+    return (f'controller.port = "{port}" is not used: the recording names {device.name} as what made it',)
 
 
 def _looks_like(zone: Zone) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,10 @@ def test_what_the_readings_say_goes_before_robot_toml() -> None:
     assert named(SI_WORDS, resting(25), ROBOT, "wombat-raccoon").device.name == "wombat-raccoon-21"
     assert named(SI_WORDS, resting(0), ROBOT, "wombat-raccoon").device.name == "wombat-raccoon-17"
     assert named(STOCK, resting(25), ROBOT, "wombat-raccoon").device is STOCK  # it names itself
+    (said,) = named(STOCK, resting(25), ROBOT, "wombat-raccoon").notes
+    assert said.startswith('controller.port = "wombat-raccoon" is not used: the recording names wombat-stock')
+    assert named(STOCK, resting(25), ROBOT, "wombat").notes == ()
+    assert named(replace(STOCK, name="sim"), resting(25), ROBOT, "wombat").notes == ()
     (said,) = named(SI_WORDS, resting(10), ROBOT, None).notes
     assert said.startswith("no back-EMF is between 0 and 10 counts, as of a Wombat with the stock firmware")
     assert named(SI_WORDS, resting(0), ROBOT, "sim").notes == ()
