@@ -186,8 +186,26 @@ def test_a_reference_of_another_drive_or_time_is_said(change: Change, message: s
 def test_a_gyro_that_is_stuck_leaves_the_wheels_to_check_a_reference_by() -> None:
     columns = spinning()
     columns |= {"imu.gyro.z": np.full(3000, 0.3), "truth.heading": -columns["truth.heading"]}
-    with pytest.raises(TraceError, match=r"turns against the wheels"):
+    with pytest.raises(
+        TraceError, match=r"turns against the wheels .*mirrored, or left and right are swapped"
+    ):
         said(columns)
+
+
+def test_one_sensor_that_turns_against_a_reference_may_be_wrong_itself() -> None:
+    """Counters whose columns were swapped had a reference that was mirrored."""
+    columns = spinning()
+    swapped = {"motor.0.bemf": columns["motor.1.bemf"], "motor.1.bemf": columns["motor.0.bemf"]}
+    wheels = {name: each for name, each in (columns | swapped).items() if name != "imu.gyro.z"}
+    with pytest.raises(
+        TraceError, match=r"against the wheels .* it is mirrored, or left and right are swapped"
+    ):
+        said(wheels)
+    gyro = {name: each for name, each in columns.items() if ".bemf" not in name}
+    with pytest.raises(TraceError, match=r"it is mirrored, or the gyro's axis points down"):
+        said(gyro | {"imu.gyro.z": -columns["imu.gyro.z"]})
+    with pytest.raises(TraceError, match=r"it is mirrored\. It counts"):
+        said(columns | {"truth.heading": -columns["truth.heading"]})
 
 
 def test_a_search_starts_from_what_the_reference_says() -> None:

@@ -36,6 +36,8 @@ OTHER_UNIT = 15.0
 """Factor beyond which no robot.toml is as wrong as that: it is a unit."""
 SAME, LIKE = 2.5, 0.8
 """Factor within which two sensors agree on what they both see; correlation from which they see the same."""
+ALONE = {"imu.gyro.z": "the gyro's axis points down", "the wheels": "left and right are swapped"}
+"""What else it may be where one sensor alone turns against a reference."""
 CLEARLY = 0.85
 """Part of what one way of counting explains that the other may, where it is clearly the first: along one line
 both explain the same."""
@@ -120,9 +122,10 @@ def _check_turns(turn: Array, others: Mapping[str, Array], between: tuple[float,
             "radians"
         )
     if factor < 0.0:
+        alone = "" if len(others) > 1 else f", or {ALONE[names]}"
         raise TraceError(
-            f"truth.heading turns against {names} ({factor:.3g} times as much): it is mirrored. It counts "
-            "counter-clockwise, seen from above"
+            f"truth.heading turns against {names} ({factor:.3g} times as much): it is mirrored{alone}. It "
+            "counts counter-clockwise, seen from above"
         )
     if len(others) > 1 and not 1.0 / OTHER_UNIT < factor < OTHER_UNIT:
         raise TraceError(
