@@ -51,6 +51,13 @@ def test_what_only_the_other_one_has_is_not_looked_at(drive: Columns, other: Col
     assert [each.name for each in found.channels] == ["motor.0.bemf", "motor.1.bemf", "battery.voltage"]
 
 
+@pytest.mark.parametrize("begins", [-0.3, 1.7e9])
+def test_the_same_samples_by_another_clock_are_no_other_recording(drive: Columns, begins: float) -> None:
+    """One export from 0 and one in seconds since 1970 agreed with each other."""
+    with pytest.raises(HoldoutError, match="its samples are those of the recording that is diagnosed"):
+        diagnose_recording(drive, ROBOT, holdout={**drive, "t": drive["t"] + begins})
+
+
 def test_encoders_are_not_compared_with_counts_of_back_emf(drive: Columns) -> None:
     with pytest.raises(HoldoutError, match=r"motor\.0\.bemf, motor\.1\.bemf are missing"):
         diagnose_recording(drive, ROBOT, holdout=make(6, seconds=6.0, encoders=True).columns)
