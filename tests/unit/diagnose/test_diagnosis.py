@@ -249,6 +249,14 @@ def test_a_cause_is_said_where_it_is(where: str | None, place: str) -> None:
     assert place in explanation("friction.coulomb", where, values)
 
 
+@pytest.mark.parametrize(("lag", "name"), [("drive.wheel_slip", "time"), ("imu.latency", "seconds")])
+def test_what_play_is_taken_for_says_to_look_for_play(lag: str, name: str) -> None:
+    """Play of 0.07 rad of a wheel that rolls on was a gyro 14.8 ms late, and drivers were to plan ahead."""
+    said = explanation(lag, None, {name: ParameterResult(0.0148, 0.0014, "s", 0.0)})
+    assert "14.8 ms" in said
+    assert "turn each wheel by hand, since play in the gears" in said
+
+
 def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:
     values = sagging.causes[0].parameters
     text = explanation("battery.internal_resistance", None, values)

@@ -14,6 +14,9 @@ Values = Mapping[str, ParameterResult]
 TUNED, DRIVEN = "(raccoon tune wheels)", "(raccoon calibrate drive)"
 BOTH = "(raccoon calibrate drive, raccoon tune wheels)"
 """Of K_E: what a tick is worth, and which voltage a speed takes."""
+OR_PLAY = (
+    "and turn each wheel by hand, since play in the gears of a wheel that rolls on freely looks the same"
+)
 INTO_ROBOT = "put this value into robot.toml"
 KEYS = {
     "battery.open_circuit_voltage": "open_circuit_voltage",
@@ -190,8 +193,7 @@ _CATALOGUE: Mapping[str, Maker] = {
     ),
     "drive.wheel_slip": _number(
         "the wheels slip, and the robot lags {milli:.3g} ms behind them when they speed up or brake",
-        "clean the tyres, or accelerate more gently; and turn each wheel by hand, since play in the gears of "
-        "a wheel that rolls on freely looks the same",
+        f"clean the tyres, or accelerate more gently; {OR_PLAY}",
     ),
     "drive.turn_scrub": _number(
         "turning on the spot costs {value:.3f} N m at each wheel",
@@ -246,7 +248,9 @@ _CATALOGUE: Mapping[str, Maker] = {
         "the gyro's zero moves by {value:+.5f} rad/s every second",
         "switch the robot on some minutes before the run, so that the gyro warms up",
     ),
-    "imu.latency": _number("gyro readings come {milli:.3g} ms late", "turn more gently, or plan ahead"),
+    "imu.latency": _number(
+        "gyro readings come {milli:.3g} ms late", f"turn more gently, or plan ahead; {OR_PLAY}"
+    ),
 }
 
 _PLACES = {
