@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from raccoon.estimate.drive.scales import NOTHING
 from raccoon.estimate.ekf.generated import Flat
 
 
@@ -18,7 +19,8 @@ class Reading:
     wheels turn, or roll on while a motor at fault reads nothing. now: where nobody looked for a part of the
     step, the wheels' speeds at its end, rad/s; values are then the mean of what the counters say, variances
     and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then. mute: of one
-    wheel nothing is taken, so that there is nothing to judge the other one by.
+    wheel nothing is taken, so that there is nothing to judge the other one by. way: what `ScaleDoubt` added
+    in this step.
     """
 
     time: float
@@ -33,7 +35,7 @@ class Reading:
     now: tuple[float, float] | None = None
     together: float = 0.0
     mute: bool = False
-    way: tuple[float, float] = (0.0, 0.0)
+    way: tuple[float, float] = NOTHING
 
     @property
     def of_gyro(self) -> float:
