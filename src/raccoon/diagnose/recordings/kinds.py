@@ -21,10 +21,13 @@ from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds, without_st
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.channels.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.channels.counters import begun_anew, said_of_counters, with_counted
-from raccoon.diagnose.recordings.channels.partial import (
+from raccoon.diagnose.recordings.channels.partial import with_columns_named
+from raccoon.diagnose.recordings.channels.volts import (
+    BY_READING,
     as_duty,
     commands_volts,
-    with_columns_named,
+    explains_better,
+    over_reading,
     without_battery,
 )
 from raccoon.diagnose.recordings.doubts.battery_reading import with_battery_reading
@@ -118,12 +121,41 @@ def diagnose_recording(
         open_robot, exact = with_usual_stds(robot)
         made_by = named(device, columns, robot, port)
         with said_of_counters(columns):
-            found = _drive(columns, open_robot, holdout, more, model, truth_free, own, made_by)
+            found = _driven(columns, open_robot, holdout, more, model, truth_free, own, made_by)
         found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
     if model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS):
         problems = (*problems, NO_MODEL)
     notes = dict.fromkeys((*found.notes, *said_once(problems), *of_rows, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
+
+
+def _driven(
+    columns: Columns,
+    robot: RobotConfig,
+    holdout: Columns | None,
+    more: Sequence[Columns],
+    model: Parameters | None,
+    truth_free: bool,
+    own: Sequence[OwnEffect],
+    made_by: Named,
+) -> Diagnosis:
+    """The drive, of commanded volts by what was read of the battery, and as if the driver knew it better,
+    whichever explains it.
+    """
+    asked = model, truth_free, own, made_by
+    if not commands_volts(columns, robot) or more:
+        return _drive(columns, robot, holdout, more, *asked)
+    shares, other = over_reading(columns, robot), holdout
+    if holdout is not None and commands_volts(holdout, robot):
+        other = over_reading(holdout, robot)
+    if shares is None or (other is None and holdout is not None):
+        return _drive(columns, robot, holdout, more, *asked)
+    found = _drive(shares, robot, other, more, *asked)
+    if found.verdict is not Verdict.ADEQUATE:
+        exact = _drive(columns, robot, holdout, more, *asked)
+        if explains_better(exact, found):
+            return exact
+    return replace(found, notes=(*found.notes, BY_READING))
 
 
 def _drive(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.channels.partial import commands_volts
+from raccoon.diagnose.recordings.channels.volts import commands_volts
 from raccoon.diagnose.recordings.kind import Kind
 
 Columns = Mapping[str, NDArray[np.float64]]

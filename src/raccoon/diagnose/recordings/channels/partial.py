@@ -9,74 +9,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.config import BatteryModel, Measured, RobotConfig
-from raccoon.core.errors import TraceError
+from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import ROLES
-from raccoon.diagnose.drives.unseen import check_has, said_of_holdout
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-VOLTS = (
-    "not identifiable: motor.N.voltage is recorded instead of motor.N.duty, so the driver hides the battery"
-)
 _NO_READING = re.compile(r"there is no (\w+(?: or \w+)*) reading in this recording")
 EVERY_GROUP = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*", "bemf.*", "imu.*")
-MOST_VOLTS = 30.0
 FEWEST = 20
 """Numbers from which a column is a reading."""
-
-
-def commands_volts(columns: Columns, robot: RobotConfig) -> bool:
-    """Whether both wheels' commands are volts."""
-    names = [f"motor.{port}." for port in (robot.drive.left, robot.drive.right)]
-    return all(f"{each}voltage" in columns and f"{each}duty" not in columns for each in names)
-
-
-def as_duty(
-    columns: Columns, robot: RobotConfig, holdout: Columns | None = None
-) -> tuple[dict[str, Array], RobotConfig, tuple[Cause, ...]]:
-    """Columns and robot in which the volts are duties of a stiff battery, and the causes that remain.
-
-    A driver that commands volts makes the same of any battery, so its resistance and charge do not act.
-    holdout: what this battery must have the volts for as well. Raises TraceError for volts that no robot has.
-    """
-    volts = _volts(columns, robot)
-    largest = _largest(volts)
-    if holdout is not None:
-        with said_of_holdout():
-            largest = max(largest, _largest(_volts(holdout, robot)))
-    supply = max(largest, robot.model.battery.open_circuit_voltage.value)
-    kept = {name: each for name, each in columns.items() if name != "battery.voltage"}
-    kept |= {f"motor.{port}.duty": each / supply for port, each in volts.items()}
-    battery = BatteryModel(Measured(supply), Measured(0.0))
-    causes = tuple(each for each in drive_causes() if not each.id.startswith("battery."))
-    return kept, replace(robot, model=replace(robot.model, battery=battery)), causes
-
-
-def _volts(columns: Columns, robot: RobotConfig) -> dict[int, Array]:
-    names = {port: f"motor.{port}.voltage" for port in (robot.drive.left, robot.drive.right)}
-    check_has([name for name in names.values() if name not in columns])
-    return {port: np.asarray(columns[name], float) for port, name in names.items()}
-
-
-def _largest(volts: Mapping[int, Array]) -> float:
-    largest = max(float(np.nanmax(np.abs(each), initial=0.0)) for each in volts.values())
-    if largest > MOST_VOLTS:
-        raise TraceError(
-            f"motor.N.voltage reaches {largest:g} V: allowed are {MOST_VOLTS:g} V either way; it looks like "
-            "millivolts or counts"
-        )
-    return largest
-
-
-def without_battery(found: Diagnosis) -> Diagnosis:
-    """A diagnosis of a drive in volts, with what that hides."""
-    ids = ("battery.open_circuit_voltage", "battery.internal_resistance", "battery.discharge")
-    return replace(found, rejected=(*found.rejected, *(Rejected(each, VOLTS) for each in ids)), model=None)
 
 
 def with_columns_named(

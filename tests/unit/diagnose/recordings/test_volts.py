@@ -1,0 +1,91 @@
+"""Commands in volts: of a driver that makes them of its battery as it read it, and of one that keeps them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from blind.generator import make
+from blind.hidden import draw
+from diagnoses import cause, diagnosis
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings.channels.volts import BY_READING, explains_better, over_reading
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.result import ChannelResult, Diagnosis, Verdict
+
+Columns = dict[str, NDArray[np.float64]]
+ROBOT = RobotConfig()
+
+
+def in_volts(columns: Columns, supply: NDArray[np.float64] | float) -> Columns:
+    """The same drive with volts for duties, as a driver with this supply makes them."""
+    kept = {name: each for name, each in columns.items() if ".duty" not in name}
+    return kept | {f"motor.{port}.voltage": columns[f"motor.{port}.duty"] * supply for port in (0, 1)}
+
+
+def read_last(columns: Columns) -> NDArray[np.float64]:
+    known = np.isfinite(columns["battery.voltage"])
+    row = np.maximum.accumulate(np.where(known, np.arange(len(known)), 0))
+    row[: int(np.argmax(known))] = int(np.argmax(known))
+    return columns["battery.voltage"][row]
+
+
+def test_volts_over_what_was_read_last_are_the_duties_that_were_given() -> None:
+    drive = dict(make(3, [], seconds=4.0).columns)
+    found = over_reading(in_volts(drive, read_last(drive)), ROBOT)
+    assert found is not None
+    assert not any(".voltage" in name for name in found if name.startswith("motor."))
+    for port in (0, 1):
+        np.testing.assert_allclose(found[f"motor.{port}.duty"], drive[f"motor.{port}.duty"], atol=1e-12)
+
+
+@pytest.mark.parametrize("change", [{}, {"battery.voltage": 3.0}], ids=["not read", "of another battery"])
+def test_without_a_reading_of_their_battery_volts_are_no_duties(change: dict[str, float]) -> None:
+    drive = in_volts(dict(make(3, [], seconds=4.0).columns), 6.8)
+    del drive["battery.voltage"]
+    drive |= {name: np.full(len(drive["t"]), value) for name, value in change.items()}
+    assert over_reading(drive, ROBOT) is None
+
+
+def test_a_driver_that_reads_its_battery_does_not_hide_it() -> None:
+    """It was said that the driver hides the battery, and what it lacks was friction, a limit and lags."""
+    hidden = draw("battery.open_circuit_voltage", np.random.default_rng(2))
+    drive = dict(make(14, [hidden], seconds=8.0).columns)
+    found = diagnose_recording(in_volts(drive, read_last(drive)), ROBOT)
+    assert [each.name for each in found.causes] == ["battery.open_circuit_voltage"]
+    number = found.causes[0].parameters["voltage"]
+    assert number.value == pytest.approx(hidden.values["voltage"], abs=0.07)  # this robot's own is beside it
+    assert BY_READING in found.notes
+    assert found.model is not None
+
+
+def told(verdict: Verdict, error: float, *names: str) -> Diagnosis:
+    """A diagnosis that leaves so much of a wheel's reading beside these causes."""
+    channel = ChannelResult("motor.0.bemf", "counts", 100.0, error, 4.0)
+    return diagnosis(*(cause(each, said="") for each in names), verdict=verdict, channels=(channel,))
+
+
+RESISTANCE, LATENCY, SLIP = "battery.internal_resistance", "actuation.latency", "drive.wheel_slip"
+WHOLE, PART = Verdict.EXPLAINED, Verdict.PARTLY
+
+
+@pytest.mark.parametrize(
+    ("exact", "by_reading", "better"),
+    [
+        (told(WHOLE, 8.0, LATENCY), told(WHOLE, 16.0, LATENCY), True),
+        (told(WHOLE, 16.0), told(WHOLE, 8.0, LATENCY, SLIP), False),
+        (told(WHOLE, 8.1, LATENCY), told(WHOLE, 8.0, LATENCY, SLIP), True),
+        (told(WHOLE, 8.0, LATENCY, SLIP), told(WHOLE, 8.1, LATENCY), False),
+        (told(WHOLE, 8.1), told(WHOLE, 8.0, RESISTANCE), False),  # which it could not name
+        (told(WHOLE, 8.1, LATENCY), told(PART, 8.0, LATENCY), True),
+        (told(PART, 8.0), told(WHOLE, 8.1, LATENCY), False),
+        (replace(told(WHOLE, 8.0), channels=()), told(WHOLE, 8.0, LATENCY), False),
+    ],
+)
+def test_a_driver_keeps_its_volts_where_that_explains_the_drive_better(
+    exact: Diagnosis, by_reading: Diagnosis, better: bool
+) -> None:
+    assert explains_better(exact, by_reading) is better
