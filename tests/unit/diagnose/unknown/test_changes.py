@@ -57,6 +57,22 @@ def test_what_is_no_step_is_none(left: NDArray[np.float64]) -> None:
     assert changed(TIME, left + NOISE, WHEELS) is None
 
 
+def test_short_means_make_no_step_of_what_wanders() -> None:
+    """Of a floor's pushes for half a second, in means of 5 ms: two of five sound robots with wheel loops."""
+    time = np.asarray(0.005 * np.arange(6000), np.float64)
+    course = np.exp(-np.arange(1000) / 100.0)
+    course *= 0.006 / np.sqrt((course**2).sum())
+    for seed in range(7, 12):
+        rng = np.random.default_rng(seed)
+        wheels = {side: np.repeat(rng.uniform(-12.0, 12.0, 50), 120) for side in ("left", "right")}
+        wander = np.convolve(rng.standard_normal(len(time)), course)[: len(time)]
+        noise = 0.012 * rng.standard_normal(len(time))
+        assert changed(time, wander + noise, wheels) is None
+        found = changed(time, 0.06 * (time > 17.3) + wander + noise, wheels)
+        assert found is not None
+        assert found.at == pytest.approx(17.3, abs=0.1)
+
+
 def test_the_response_to_a_wheel_that_grew_is_what_it_turns_the_robot_by_from_then_on() -> None:
     robot = RobotConfig()
     features = SimpleNamespace(time=TIME, measured=np.zeros((len(TIME), 2)), roles=("battery", "gyro"))
