@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +121,8 @@ def diagnose_recording(
         open_robot, exact = with_usual_stds(robot)
         made_by = named(device, columns, robot, port)
         with said_of_counters(columns):
-            found = _driven(columns, open_robot, holdout, more, model, truth_free, own, made_by)
+            asked = _Asked(model, truth_free, own, made_by)
+            found = _driven(columns, open_robot, holdout, more, asked)
         found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
     if model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS):
         problems = (*problems, NO_MODEL)
@@ -129,54 +130,49 @@ def diagnose_recording(
     return replace(found, notes=tuple(notes))
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is asked of a drive, see `diagnose_recording`, and what made its recording."""
+
+    model: Parameters | None
+    truth_free: bool
+    own: Sequence[OwnEffect]
+    made_by: Named
+
+
 def _driven(
-    columns: Columns,
-    robot: RobotConfig,
-    holdout: Columns | None,
-    more: Sequence[Columns],
-    model: Parameters | None,
-    truth_free: bool,
-    own: Sequence[OwnEffect],
-    made_by: Named,
+    columns: Columns, robot: RobotConfig, holdout: Columns | None, more: Sequence[Columns], asked: _Asked
 ) -> Diagnosis:
     """The drive, of commanded volts by what was read of the battery, and as if the driver knew it better,
     whichever explains it.
     """
-    asked = model, truth_free, own, made_by
     if not commands_volts(columns, robot) or more:
-        return _drive(columns, robot, holdout, more, *asked)
+        return _drive(columns, robot, holdout, more, asked)
     shares, other = over_reading(columns, robot), holdout
     if holdout is not None and commands_volts(holdout, robot):
         other = over_reading(holdout, robot)
     if shares is None or (other is None and holdout is not None):
-        return _drive(columns, robot, holdout, more, *asked)
-    found = _drive(shares, robot, other, more, *asked)
+        return _drive(columns, robot, holdout, more, asked)
+    found = _drive(shares, robot, other, more, asked)
     if found.verdict is not Verdict.ADEQUATE:
-        exact = _drive(columns, robot, holdout, more, *asked)
+        exact = _drive(columns, robot, holdout, more, asked)
         if explains_better(exact, found):
             return exact
     return replace(found, notes=(*found.notes, BY_READING))
 
 
 def _drive(
-    columns: Columns,
-    robot: RobotConfig,
-    holdout: Columns | None,
-    more: Sequence[Columns],
-    model: Parameters | None,
-    truth_free: bool,
-    own: Sequence[OwnEffect],
-    made_by: Named,
+    columns: Columns, robot: RobotConfig, holdout: Columns | None, more: Sequence[Columns], asked: _Asked
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
     check_time(np.asarray(columns["t"], float))  # before a reference is compared with what depends on it
-    device = made_by.device
+    device, model = asked.made_by.device, asked.model
     counted = with_counted(columns, robot, device)
     sound = without_broken(counted.columns, robot)
     columns = sound.columns
     holdout, more, others = _others(holdout, more, robot, device)
     firmware = firmware_of(device)
-    if firmware is not None and made_by.said:
+    if firmware is not None and asked.made_by.said:
         firmware = replace(firmware, units=False)
     told = with_lag_of(device, robot)
     filters, robot = told is not robot, told
@@ -191,10 +187,10 @@ def _drive(
     if speeds is not None:
         found = speeds
     elif by_volts:
-        found = _by_volts(columns, robot, holdout, own, device)
+        found = _by_volts(columns, robot, holdout, asked.own, device)
     else:
         start = start_of(columns, robot, model, device)
-        tried = start.undecided([*drive_causes(), *map(own_cause, own)])
+        tried = start.undecided([*drive_causes(), *map(own_cause, asked.own)])
         known = model
         if firmware is not None:
             tried, known = firmware.asked_for(tried, filters=filters), firmware.start(start.robot, model)
@@ -212,8 +208,8 @@ def _drive(
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
     strange = tuple(filter(None, (strange_reference(columns, robot, device),)))
     anew = begun_anew(columns, robot)
-    found = replace(found, notes=(*found.notes, *unit, *strange, *anew, *made_by.notes, *others))
-    return _with_tophats(found, columns, robot, model, truth_free)
+    found = replace(found, notes=(*found.notes, *unit, *strange, *anew, *asked.made_by.notes, *others))
+    return _with_tophats(found, columns, robot, model, asked.truth_free)
 
 
 def _others(
