@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from raccoon.core.errors import TraceError
-from raccoon.trace.mistaken import COMMENTS, SEPARATOR_SAID, is_comment, misnamed, no_time
+from raccoon.trace.mistaken import COMMENTS, SEPARATOR_SAID, is_comment, misnamed, no_time, unmarked
 from raccoon.trace.rows import Rows
 
 
@@ -23,12 +23,8 @@ def read_header(rows: Iterator[list[str] | str], file: Rows, separator: str) -> 
     if isinstance(names, str):
         raise TraceError(f"line {file.line}, {names}")
     names = [name.strip() for name in names]
-    if (
-        names
-        and names[0].startswith(COMMENTS)
-        and "t" in [each.lstrip("#% ") for each in names[:1]] + names[1:]
-    ):
-        names[0] = names[0].lstrip("#% ")
+    if names and names[0].startswith(COMMENTS) and "t" in [unmarked(each) for each in names[:1]] + names[1:]:
+        names[0] = unmarked(names[0])
     if "t" not in names:
         raise TraceError(f"line {file.line}: {no_time(names)}")
     while not names[-1]:

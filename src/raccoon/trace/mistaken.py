@@ -65,7 +65,7 @@ def no_time(names: Iterable[str]) -> str:
         return f"{said}, and the first line holds the names of the columns"
     if len(cells) == 1 and "t" in header.split():
         return f"{said}: columns are parted by commas, semicolons or tabs, not by spaces"
-    alike = next((each for each in cells if _TIME.fullmatch(each.lstrip("#% "))), None)
+    alike = next((each for each in cells if _TIME.fullmatch(unmarked(each))), None)
     return said if alike is None else f"{said}: if {shown(alike)} is that, name it t"
 
 
@@ -73,11 +73,16 @@ def _cells(header: str) -> list[str]:
     return [each.strip().strip('"') for each in re.split("[,;\t]", header)]
 
 
+def unmarked(text: str) -> str:
+    """The text without a mark of a remark before it."""
+    return text.lstrip("".join(COMMENTS) + " ")
+
+
 def is_comment(line: str) -> bool:
     """Whether a line before the rows is a remark, and not the header behind a mark of one."""
     if not line.startswith(COMMENTS):
         return False
-    cells = [each.strip() for each in _cells(line.lstrip("#% "))]
+    cells = [each.strip() for each in _cells(unmarked(line))]
     return len(cells) == 1 or not any(_TIME.fullmatch(each) for each in cells)
 
 
@@ -129,7 +134,7 @@ def csv_separator(path: Path) -> str:
     text = line.decode("utf-8-sig", "replace")
     while is_comment(text) and (line := next(lines, b"")):
         text = line.decode("utf-8", "replace")
-    text = text.lstrip("#% ")
+    text = unmarked(text)
     if text.startswith(SEPARATOR_SAID) and text[4:5] in SEPARATORS:
         return text[4:5]
     for separator in SEPARATORS:

@@ -58,8 +58,6 @@ are no chance."""
 AS_FAST = 0.67
 """Correlation with the size of the commands from which a reading without a sign is one of speed: it was 0.83
 and more of speeds, and 0.51 at most of angles, on 18 blind drives."""
-
-
 MUST_DIFFER, TWICE, FEWEST_TWICE = 0.5, 0.9, 100
 """rad/s at which wheels must differ; share of such rows in which they read the very same where one column was
 written twice (of noise few are), and how many of them tell."""

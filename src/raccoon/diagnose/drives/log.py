@@ -215,7 +215,7 @@ def _brakes(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bo
         np.where(np.isfinite(duty), np.nan_to_num(columns[name]), columns[name])
         for name, duty in zip(names, duties, strict=True)
     ]
-    return np.column_stack([_latest(each) > 0.5 for each in words])
+    return np.column_stack([until_next(each) > 0.5 for each in words])
 
 
 def _time(columns: Mapping[str, Array]) -> Array:
@@ -281,11 +281,10 @@ def _command(columns: Mapping[str, Array], port: int) -> Array:
     duty = np.asarray(columns[name], float)
     if not np.isfinite(duty).any():
         raise TraceError(f"{name} holds no numbers")
-    return _latest(duty)
+    return until_next(duty)
 
 
-def _latest(values: Array) -> Array:
-    """Values of which some are numbers, where one is none the last that was; 0 before the first."""
-    known = np.isfinite(values)
-    latest = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+def until_next(values: Array) -> Array:
+    """Each number until the next one, 0 before the first."""
+    latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     return np.where(latest < 0, 0.0, values[latest])

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.binned import bin_means
 from raccoon.diagnose.drives.log import Change
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
@@ -46,8 +47,14 @@ def changed(time: Array, gyro: Array, wheels: Mapping[str, Array]) -> Change | N
     """What changed in a drive, None where nothing surely did. gyro (bins,): rad/s that a search left of it.
     wheels (bins,): rad/s, of each side."""
     rows = max(round(BIN / max(float(np.median(np.diff(time))), 1e-9)), 1)
-    time, gyro = _means(time, rows), _means(gyro, rows)
-    wheels = {side: _means(each, rows) for side, each in wheels.items()}
+    count = len(time) // rows
+    bins = np.repeat(np.arange(count), rows)
+
+    def means(values: Array) -> Array:
+        return bin_means(bins, values[: len(bins)], count)
+
+    time, gyro = means(time), means(gyro)
+    wheels = {side: means(each) for side, each in wheels.items()}
     usual = 1.48 * float(np.median(np.abs(gyro))) or 1.0
     left = np.clip(gyro, -FAR * usual, FAR * usual)
     share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-9)
@@ -105,12 +112,6 @@ def change_probes(problem: Problem, settings: Settings, wheels: Array) -> list[P
             curves=step,
         )
     ]  # fmt: skip
-
-
-def _means(values: Array, rows: int) -> Array:
-    """Means of so many bins each; what is left of the last one is not looked at."""
-    whole = len(values) // rows * rows
-    return np.asarray(values[:whole].reshape(-1, rows).mean(axis=1), float)
 
 
 def _left(values: Array, columns: Array) -> float:

@@ -26,8 +26,6 @@ DRIVEN = 0.25
 SLOW, LEAST_DUTY, USUAL_BATTERY = 0.4, 0.2, 6.6
 """Share of the V that a duty gives a motor, from such a duty and of such a battery, that its back-EMF has
 where it turns freely. A port calls it at fault below 0.3, from a duty of 0.25."""
-
-
 UNSEEN = 0.25
 """Of what a robot turns at most between two readings of the gyro as it runs into something, with one corner
 that stands and the other wheel that goes on: deviation of what no reading tells."""

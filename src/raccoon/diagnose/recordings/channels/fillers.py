@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import ROLES
+from raccoon.diagnose.drives.log import ROLES, until_next
 from raccoon.diagnose.result import SensorFault
 
 Array = NDArray[np.float64]
@@ -108,12 +108,6 @@ def command_of(role: str, columns: Mapping[str, Array], robot: RobotConfig) -> A
         return None if left is None or right is None else 0.5 * (until_next(right) - until_next(left))
     own = found.get(role.partition("_")[2])
     return None if own is None else until_next(own)
-
-
-def until_next(values: Array) -> Array:
-    """Each number until the next one, 0 before the first."""
-    latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
-    return np.where(latest < 0, 0.0, values[np.maximum(latest, 0)])
 
 
 def _frozen(time: Array, known: Array, command: Array) -> list[tuple[float, NDArray[np.intp]]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import BatteryModel, Measured, RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.log import until_next
 from raccoon.diagnose.drives.unseen import check_has, said_of_holdout
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
@@ -50,15 +50,16 @@ def over_reading(columns: Columns, robot: RobotConfig) -> Columns | None:
     cannot be the battery that the volts are of.
     """
     reading = np.asarray(columns.get("battery.voltage", ()), float)
-    known = np.flatnonzero(np.isfinite(reading) & (reading > 0.0))
+    known = reading[reading > 0.0]
     if len(known) < FEWEST:
         return None
-    rows = np.arange(len(reading))
-    held = reading[known[np.maximum(np.searchsorted(known, rows, side="right") - 1, 0)]]
+    last = until_next(np.where(reading > 0.0, reading, np.nan))
+    held = np.where(last > 0.0, last, known[0])
     volts = _volts(columns, robot)
     if any((np.abs(each) > BEYOND * held).mean() > RARELY for each in volts.values()):
         return None
-    kept = {name: each for name, each in columns.items() if not re.fullmatch(r"motor\.\d\.voltage", name)}
+    names = {f"motor.{port}.voltage" for port in volts}
+    kept = {name: each for name, each in columns.items() if name not in names}
     return kept | {f"motor.{port}.duty": np.clip(each / held, -1.0, 1.0) for port, each in volts.items()}
 
 

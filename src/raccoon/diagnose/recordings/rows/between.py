@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.binned import runs
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -26,8 +27,6 @@ LONGEST = 50
 LEVELS = 20_000
 """A reading's largest value over its finest step, up to which it is a word of some device, in whatever unit:
 of whole counts many steps are alike. What is interpolated has as many levels as digits."""
-
-
 SAID = (
     "the recording was brought to another rate by interpolation, and when a command changed between two "
     "samples is no longer known. Export the rows as they were recorded, or with the last value held"
@@ -64,22 +63,20 @@ def check_recorded(columns: Columns) -> None:
 def _stepped(duty: NDArray[np.float64]) -> bool:
     """Whether most steps of a command go by rows whose share of the step is by chance."""
     steps = np.diff(duty)
-    changes = np.flatnonzero(steps)
-    runs = np.split(changes, np.flatnonzero(np.diff(changes) > 1) + 1) if len(changes) else []
+    changes = runs(steps != 0.0)
     first, largest, between, jumps, last = [], [], [], 0, -STILL
-    for run, after in zip(runs, [*(int(each[0]) for each in runs[1:]), len(duty)], strict=False):
-        start, end = int(run[0]), int(run[-1]) + 1
+    for (start, end), after in zip(changes, [*(start for start, _ in changes[1:]), len(duty)], strict=False):
         still = start - last >= STILL and after - end >= STILL
-        size, last = float(duty[end] - duty[start]), end
-        if not still or abs(size) < LARGE or len(run) > LONG or (steps[run] * size < 0.0).any():
+        size, last, way = float(duty[end] - duty[start]), end, steps[start:end]
+        if not still or abs(size) < LARGE or len(way) > LONG or (way * size < 0.0).any():
             continue
-        if len(run) == 1 or (len(run) > 2 and np.ptp(steps[run][1:-1]) > STRAIGHTLY * abs(size)):
+        if len(way) == 1 or (len(way) > 2 and np.ptp(way[1:-1]) > STRAIGHTLY * abs(size)):
             jumps += 1
             continue
-        between.append(len(run) - 1)
-        first.append(float(steps[start] / size))
-        if len(run) > 2:
-            largest.append(float((steps[run] / size).max()))
+        between.append(len(way) - 1)
+        first.append(float(way[0] / size))
+        if len(way) > 2:
+            largest.append(float((way / size).max()))
     if len(between) < FEWEST_STEPS or len(between) < MOSTLY * (len(between) + jumps):
         return False
     return bool(np.mean(between) >= MORE and np.std(first) > UNLIKE and np.std(largest) < ALIKE)
@@ -93,9 +90,8 @@ def _interpolated(values: NDArray[np.float64]) -> float:
     if moves.sum() < FEWEST or _in_words(known):
         return 0.0
     straight = moves & (np.abs(np.diff(steps)) <= STRAIGHT * np.abs(steps[1:]))
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], straight, [False]]).astype(int)))
-    lengths = ends[1::2] - ends[::2]
-    return float(lengths[lengths <= LONGEST].sum() / moves.sum())
+    lengths = [end - start for start, end in runs(straight)]
+    return float(sum(each for each in lengths if each <= LONGEST) / moves.sum())
 
 
 def _in_words(known: NDArray[np.float64]) -> bool:
