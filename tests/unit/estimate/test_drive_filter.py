@@ -248,3 +248,12 @@ def test_what_keeps_its_speed_undriven_for_half_a_second_is_an_offset(
         told.append(0.02 * step if creeping.update(0.02, driven, *read) else 0.0)  # type: ignore[arg-type]
     found = [time for time in told if time]
     assert found == (pytest.approx([0.5, 1.0], abs=0.05) if creeps else [])
+
+
+def test_what_the_gyro_read_before_a_motor_was_driven_is_no_part_of_the_mean_after_it() -> None:
+    """A duty that moves nothing leaves wheels and gyro as they were."""
+    creeping = Creeping()
+    for step in range(60):
+        if creeping.update(0.02, step == 24, 0.0, 0.0, 0.02):
+            break
+    assert creeping.mean == pytest.approx(0.02)

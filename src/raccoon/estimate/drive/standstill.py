@@ -82,7 +82,7 @@ class Creeping:
         kept = max(abs(left - self._speeds[0]), abs(right - self._speeds[1])) < CREEP
         slow = max(left, right, -left, -right) < LARGEST_OFFSET
         if driven or rate is None:
-            self._seconds = 0.0
+            self._seconds = self._sum = 0.0
             return False
         even = abs(rate - self._rate) < STEADY_TURN and abs(rate) < LARGEST_BIAS
         if not (kept and slow and even):
