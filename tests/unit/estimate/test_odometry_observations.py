@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -134,6 +135,32 @@ def test_a_late_observation_counts_where_it_was_made(delay: float) -> None:
         estimate = odometry.estimate
         told.append((estimate.x, estimate.y, estimate.heading))
     np.testing.assert_allclose(told[0], told[1], atol=2e-3)
+
+
+@pytest.mark.parametrize("taped", [False, True])
+def test_what_was_seen_meanwhile_stays_where_something_earlier_is_told_late(taped: bool) -> None:
+    """A heading, or a taped way, at 3.4 s, and a line that was crossed at 3.2 s: in either order."""
+    ends: list[tuple[float, float, float, float, float]] = []
+    for late in (False, True):
+        odometry, last, went = Odometry(RobotConfig()), (0.0, 0.0), 0.0
+        odometry.reset(heading_std=0.02)
+        for inputs, command in islice(drive([(1.0, 0.0, 0.0), (3.0, 0.2, 0.3)], WRONG), 700):
+            odometry.update(inputs, command)
+            truth = inputs.truth
+            assert truth is not None
+            went, last = went + math.dist(last, (truth.x, truth.y)), (truth.x, truth.y)
+            if inputs.time == pytest.approx(3.2):
+                place, across = (truth.x, truth.y), truth.heading + 1.5
+                line = partial(odometry.observe_line, place, across, sensor=(0.0, 0.0), std=0.003)
+                assert late or line().accepted
+            elif inputs.time == pytest.approx(3.4):
+                heading = partial(odometry.observe_heading, truth.heading, 0.001)
+                tape = partial(odometry.observe_distance, went, 0.002)
+                assert (tape if taped else heading)().accepted
+                assert not late or line(time=3.2).accepted
+        here = odometry.estimate
+        ends.append((here.x, here.y, here.heading, here.x_std, here.heading_std))
+    np.testing.assert_allclose(ends[1], ends[0], rtol=1e-3, atol=2e-4)
 
 
 def pose(truth: Truth) -> tuple[float, float, float]:

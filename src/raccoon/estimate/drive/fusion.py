@@ -1,21 +1,23 @@
 """The drive filter at work: steps of wheels and gyro, doubt about a wheel, standing still, and things seen
 late.
 
-Every step is kept for two seconds. What was seen at an earlier time is applied to the belief of that time
-and the steps since then are taken again, so it counts where it belongs.
+Every step is kept for two seconds, with what was seen after it. What was seen at an earlier time is applied
+to the belief of that time, and all that came since then is taken again, so it counts where it belongs.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from raccoon.estimate.drive.estimate import Observation
 from raccoon.estimate.drive.health import Reasons
-from raccoon.estimate.drive.observations import Seen, Way, checked, of_state
+from raccoon.estimate.drive.observations import GATES, Seen, Way, checked, of_state
 from raccoon.estimate.drive.scales import NOTHING, ScaleDoubt
 from raccoon.estimate.drive.slip import RESTING_SPEED, SlipWatch, explained, possible
 from raccoon.estimate.drive.taken import Reading, Step
@@ -121,7 +123,7 @@ class Fusion:
             reasons.tell("the wheels' scales do not fit the gyro", time, 1.0)
             slip.start_again()
             self._relearnt += 1
-            self.drive.doubt_scales(RELEARN)
+            reading = replace(reading, scales=RELEARN)
         else:
             reading = self._without_a_wheel(reading, innovation)
             if slip.wheel is not None:
@@ -145,6 +147,8 @@ class Fusion:
 
     def _take(self, reading: Reading) -> Flat:
         span, values, variances = reading.span, reading.values, reading.variances
+        if reading.scales > 0.0:
+            self.drive.doubt_scales(reading.scales)
         if reading.now is not None:
             self._bridge(reading, reading.now)
             return ()
@@ -191,7 +195,7 @@ class Fusion:
         time: when it was seen; None is now.
         """
         if time is None:
-            return self._observe_here(seen, shift)
+            return self._remembered(partial(self._observe_here, seen, shift))
         steps = list(self._steps)
         after = next((n for n, step in enumerate(steps) if step.time > time), len(steps))
         if after == 0:
@@ -204,21 +208,27 @@ class Fusion:
             end = steps[after]
             shift, span = self._moved(here, end), end.reading.span
         share = (time - here.time) / span if span > 0.0 else 0.0
-        found = self._observe_here(seen, share * shift)
+        before, self._steps = self._steps, deque(steps[:after], maxlen=KEPT_STEPS)
+        found = self._remembered(partial(self._observe_here, seen, share * shift))
         if not found.accepted:
-            self.drive.flat = now
+            self.drive.flat, self._steps = now, before
             return found
-        self._steps = deque(steps[: after - 1], maxlen=KEPT_STEPS)
-        self._keep(here)
         for step in steps[after:]:
             self._take(step.reading)
             if step.reading.still:
                 self._hold_still()
-            self._keep(step)
+            for again in step.seen:
+                again()
+            self._steps.append(replace(step, flat=self.drive.flat))
         return found
 
-    def _keep(self, step: Step) -> None:
-        self._steps.append(replace(step, flat=self.drive.flat))
+    def _remembered(self, observe: Callable[[], Observation]) -> Observation:
+        """Take something seen; where it is believed it belongs to the last step, which may be taken again."""
+        found = observe()
+        if found.accepted and self._steps:
+            last = self._steps.pop()
+            self._steps.append(replace(last, flat=self.drive.flat, seen=(*last.seen, observe)))
+        return found
 
     @staticmethod
     def _moved(here: Step, there: Step) -> Array:
@@ -237,16 +247,19 @@ class Fusion:
     def observe_way(self, distance: float, std: float) -> Observation:
         """Take a taped way of the robot's middle since the mark, m; negative where it went back."""
         checked(std, distance)
+        return self._remembered(partial(self._observe_way_here, replace(self.way), distance, std))
+
+    def _observe_way_here(self, way: Way, distance: float, std: float) -> Observation:
         radius = self.geometry.wheel_radius
         slip = self._settings.slip_noise**2 * abs(distance)
-        before, way = self.drive.flat, self.way
+        before = self.drive.flat
         found = self.drive.observe(
             np.array([distance]),
             lambda state: way.expected(state, radius),
             lambda state: way.jacobian(state, radius),
             np.array([[std**2 + slip]]),
         )
-        return self._gated(before, found, 3.291)
+        return self._gated(before, found, GATES[1])
 
     def _gated(self, before: Flat, distance: float, gate: float) -> Observation:
         if distance <= gate:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from raccoon.estimate.drive.estimate import Observation
 from raccoon.estimate.drive.scales import NOTHING
 from raccoon.estimate.ekf.generated import Flat
 
@@ -20,7 +22,7 @@ class Reading:
     step, the wheels' speeds at its end, rad/s; values are then the mean of what the counters say, variances
     and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then. mute: of one
     wheel nothing is taken, so that there is nothing to judge the other one by. way: what `ScaleDoubt` added
-    in this step.
+    in this step. scales: deviation that the scales got before it, because they turned out wrong.
     """
 
     time: float
@@ -36,6 +38,7 @@ class Reading:
     together: float = 0.0
     mute: bool = False
     way: tuple[float, float] = NOTHING
+    scales: float = 0.0
 
     @property
     def of_gyro(self) -> float:
@@ -45,10 +48,11 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of the filter: what it took, and the belief after it."""
+    """One step of the filter: what it took, and the belief after it and after what was `seen` then."""
 
     reading: Reading
     flat: Flat
+    seen: tuple[Callable[[], Observation], ...] = ()
 
     @property
     def time(self) -> float:
