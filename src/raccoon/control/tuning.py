@@ -62,7 +62,6 @@ def margins(gains: PidGains, wheel: WheelModel, filter_time_constant: float, dea
 
     # Both crossings are searched on a fine logarithmic grid: the response is smooth and falls in between.
     grid = [10.0 ** (-1.0 + 4.5 * step / 4000.0) for step in range(4001)]
-    phase = 0.0
     crossover, phase_margin, gain_margin = 0.0, math.pi, math.inf
     last = response(grid[0])
     phase = cmath.phase(last)

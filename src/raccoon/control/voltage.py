@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from raccoon.control.feedforward import WheelModel
 
 LEAST_VOLTAGE = 3.0
-"""V; below it the reading is no battery's."""
+"""V; below it the reading is no battery's (a dead converter reads 0): the one before, or the nominal one,
+counts."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.pid import Pid, PidGains
 from raccoon.control.tuning import SlowCycles
+from raccoon.control.voltage import LEAST_VOLTAGE
 from raccoon.control.watch import WheelState, WheelWatch
 
 MAX_DUTY = 1.0
@@ -25,8 +26,6 @@ STRAIGHT_SHARE, STRAIGHT_SPEED = 0.15, 0.3
 """Of the faster wheel's speed, and rad/s, by which two wheels differ that still drive straight on."""
 OUT_OF_TURN = 0.3
 """S after a turn until the robot really drives straight on."""
-# Below this the voltage reading is no battery's (a dead converter reads 0): the nominal one is used.
-LEAST_BATTERY_VOLTAGE = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,10 +168,8 @@ class WheelLoop:
         cycle: float = CYCLE,
         dead_time: float = DEAD_TIME,
     ) -> None:
-        if not nominal_voltage > LEAST_BATTERY_VOLTAGE:
-            raise ValueError(
-                f"nominal_voltage is {nominal_voltage} V: it must be above {LEAST_BATTERY_VOLTAGE}"
-            )
+        if not nominal_voltage > LEAST_VOLTAGE:
+            raise ValueError(f"nominal_voltage is {nominal_voltage} V: it must be above {LEAST_VOLTAGE}")
         both = (gains, gains) if isinstance(gains, PidGains) else gains
         self._left = Wheel(left, both[0], filter_time_constant, cycle, dead_time)
         self._right = Wheel(right, both[1], filter_time_constant, cycle, dead_time)
@@ -214,7 +211,7 @@ class WheelLoop:
         battery_voltage: float | None,
     ) -> tuple[float, float]:
         """Duties (left, right) for this cycle. A speed of None leaves that wheel to its feedforward."""
-        if battery_voltage is not None and battery_voltage > LEAST_BATTERY_VOLTAGE:
+        if battery_voltage is not None and battery_voltage > LEAST_VOLTAGE:
             self._battery = battery_voltage
         if target == REST:
             self._straight += dt

@@ -1,7 +1,7 @@
 """`robot.toml`: what a robot is made of.
 
 Every key is optional; unknown keys and impossible values are refused. The file is described once, by the
-dataclasses below; reading, checking and the reference page follow from them.
+dataclasses of `sections` and `nominal`; reading, checking and the reference page follow from them.
 """
 
 from __future__ import annotations

@@ -14,6 +14,13 @@ from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.readings import Device
 
 
+def believable(share: float) -> bool:
+    """Whether a motor may have this share of robot.toml's K_E. Ticks that say otherwise are those of another
+    counter, or a mistake.
+    """
+    return 0.5 < share < 2.0
+
+
 def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
     """Radians of the `side` ("left" or "right") wheel in one back-EMF count · second, without its wiring
     sign.

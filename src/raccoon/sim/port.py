@@ -114,8 +114,8 @@ class SimPort:
             self._robot.step(duty, closed, self._bemf_noise())
             for port, motor in self.free_motors.items():
                 held = self._outputs.brake[port] or self._outputs.duty[port] != 0.0
-                duty = self._outputs.duty[port] if held else None
-                motor.step(duty, self._robot.state.battery, 1.0 / self._rate_hz)
+                given = self._outputs.duty[port] if held else None
+                motor.step(given, self._robot.state.bus, 1.0 / self._rate_hz)
         self._cycle += 1
         return self._inputs()
 

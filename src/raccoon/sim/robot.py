@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -119,7 +118,9 @@ class SimulatedRobot:
         self.tilt = contact.tilt((x, y, heading), self._period)
 
 
-def bridges(outputs: Outputs, ports: tuple[int, int], signs: tuple[float, float]) -> Any:
+def bridges(
+    outputs: Outputs, ports: tuple[int, int], signs: tuple[float, float]
+) -> tuple[tuple[float, float], tuple[bool, bool]]:
     """Duties that turn the wheels forward, and whether each motor is connected, from the board's outputs.
 
     A motor is connected while it has a duty or brakes (then its winding is shorted); otherwise it coasts.

@@ -11,6 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.estimate.ekf.state import OdometrySettings
+from raccoon.model.bemf import believable
 from raccoon.sim.effects.calibrated import calibrated_factor, simulated_device
 from raccoon.sim.effects.effect import Place, effect
 from raccoon.sim.effects.parameters import Parameters
@@ -144,7 +145,7 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
 def _calibrated(robot: RobotConfig, side: str) -> bool:
     """Whether robot.toml has calibrated ticks of the wheel that can be its."""
     known = robot.wheel_motor(side).radians_per_tick is not None
-    return known and 0.5 < _factor(robot, side) < 2.0
+    return known and believable(_factor(robot, side))
 
 
 def _known_ticks(robot: RobotConfig, side: str, usual: float) -> tuple[float, float]:

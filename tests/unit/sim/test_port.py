@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.config import MechanismConfig, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
-from raccoon.sim.effects.chain import Noise
+from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
@@ -91,6 +91,20 @@ def test_each_cycle_of_the_controller_has_noise_of_its_own() -> None:
     counts = [port.read().position[0] or 0.0 for _ in range(800)]
     steps = [after - before for before, after in pairwise(counts)]
     assert stdev(steps) == pytest.approx(6000.0 * 0.0125 / 3**0.5, rel=0.1)
+
+
+def test_an_arm_gets_the_voltage_that_is_there_and_not_the_one_that_is_reported() -> None:
+    """The wheels' load is over; a filter that holds still reports it."""
+    config = RobotConfig(mechanisms={"arm": MechanismConfig(motor=2)})
+    speeds = []
+    for chain in (Chain(), Chain(battery_held=0.5)):
+        port = SimPort(Parameters.from_robot(config).with_chain(chain), noise=False)
+        drive(port, (1.0, 1.0), 10)
+        port.write(Outputs(duty=(0.0, 0.0, 1.0, 0.0)))
+        for _ in range(60):
+            port.read()
+        speeds.append(port.free_motors[2].speed)
+    assert speeds[1] == pytest.approx(speeds[0], rel=1e-6)
 
 
 def test_it_takes_no_commands_after_close_and_closes_twice() -> None:

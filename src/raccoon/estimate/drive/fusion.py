@@ -19,7 +19,7 @@ from raccoon.estimate.drive.estimate import Observation
 from raccoon.estimate.drive.health import Reasons
 from raccoon.estimate.drive.observations import GATES, Seen, Way, checked, of_state
 from raccoon.estimate.drive.scales import NOTHING, ScaleDoubt
-from raccoon.estimate.drive.slip import RESTING_SPEED, SlipWatch, explained, possible
+from raccoon.estimate.drive.slip import RESTING_SPEED, SlipWatch, scales_explain, scales_possible
 from raccoon.estimate.drive.taken import Reading, Step
 from raccoon.estimate.drive.wheels import LONGEST_GAP
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
@@ -75,7 +75,7 @@ class Fusion:
         self.held = reading.held > 0.0
         if len(reading.values) == 3 and not (reading.still or reading.mute):
             reading = self._judged(reading, before, innovations, reasons, repeated_gyro)
-        if not possible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
+        if not scales_possible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
             self.drive.take_scales(before)  # no robot.toml is that wrong: something else was taken for it
         doubt = self._scales.more(self.drive.flat)
         if doubt != NOTHING:
@@ -135,7 +135,7 @@ class Fusion:
         flat, (left, right) = self.drive.flat, reading.values[:2]
         speeds = left - flat[State.LEFT_OFFSET], right - flat[State.RIGHT_OFFSET]
         turn = (reading.values[2] - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
-        scales = reading.held == 0.0 and explained(2.0 * self._half_a_turn * turn, *speeds)
+        scales = reading.held == 0.0 and scales_explain(2.0 * self._half_a_turn * turn, *speeds)
         blamed = self.slip.blame(reading.span, innovation, *speeds, scales)
         of_left, of_right, of_gyro = reading.variances
         before = self._blamed

@@ -126,7 +126,7 @@ class SlipWatch:
         self.wheel = self._suspect = None
 
 
-def explained(turn: float, left: float, right: float) -> bool:
+def scales_explain(turn: float, left: float, right: float) -> bool:
     """Whether wrong scales of the wheels may be why they do not turn the robot as the gyro says.
 
     turn: by the gyro, as the difference of the wheels that would make it. left, right: what they read at the
@@ -136,7 +136,7 @@ def explained(turn: float, left: float, right: float) -> bool:
     return abs(right - left - turn) < max(MOST_SCALE * abs(left + right), MOST_TURN * abs(turn))
 
 
-def possible(way: float, balance: float, wheel_turn: float) -> bool:
+def scales_possible(way: float, balance: float, wheel_turn: float) -> bool:
     """Whether robot.toml may be that wrong about wheels and track width (states of the filter)."""
     off = max(abs(way - 1.0), abs(balance))
     return off <= MOST_SCALE and abs(wheel_turn - 1.0) <= MOST_TURN

@@ -24,12 +24,12 @@ OTHER_BIAS = 0.003
 """rad/s above what the uncertain bias explains (4 sigma), of its mean in that time: it is another bias."""
 
 
-def explained(speed: float, sigma: float) -> bool:
+def offset_explains(speed: float, sigma: float) -> bool:
     """Whether an offset with this deviation explains a wheel's speed beyond it, rad/s."""
     return abs(speed) <= WHEEL_MARGIN + 4.0 * sigma
 
 
-def unbiased(rate: float, sigma: float) -> bool:
+def bias_explains(rate: float, sigma: float) -> bool:
     """Whether a bias with this deviation explains a turn rate beyond it, rad/s."""
     return abs(rate) <= GYRO_MARGIN + 4.0 * sigma
 
@@ -54,8 +54,8 @@ class Standstill:
         driven: a drive motor has duty. wheel: (largest speed beyond the offset, sigma of that offset), rad/s.
         gyro: (rate beyond the bias, sigma of that bias), rad/s, None where there is no gyro.
         """
-        quiet = not driven and explained(*wheel)
-        if gyro is not None and not unbiased(*gyro):
+        quiet = not driven and offset_explains(*wheel)
+        if gyro is not None and not bias_explains(*gyro):
             quiet = False
         self._quiet = self._quiet + dt if quiet else 0.0
         return self._quiet >= HOLD_TIME

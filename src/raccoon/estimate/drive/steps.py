@@ -11,7 +11,7 @@ from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
 from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.readings import DriveReadings, Pending
-from raccoon.estimate.drive.standstill import CREEP_TIME, OTHER_BIAS, Creeping, Standstill, explained
+from raccoon.estimate.drive.standstill import CREEP_TIME, OTHER_BIAS, Creeping, Standstill, offset_explains
 from raccoon.estimate.drive.taken import Reading
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
@@ -172,7 +172,7 @@ class Steps:
             other = abs(self._creeping.mean - self._bias[0])
             jumped = other > OTHER_BIAS + 4.0 * self._bias[1]
             self._bias = self._creeping.mean, gyro[1]
-            if jumped or not explained(off, sigma):
+            if jumped or not offset_explains(off, sigma):
                 self._doubt_offsets(off, sigma, other, self._begun_at if jumped else None)
             self._begun_at = None
         return still
@@ -190,7 +190,7 @@ class Steps:
         turned = gyro / self._geometry.body_motion(-1.0, 1.0)[1]  # by wheels whose offsets hide it
         if sigma > 0.0:
             drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), max(wheel, turned))
-        phantom = DATED_REST * gyro if explained(wheel, sigma) else CREEP_TIME * flat[State.TURN_RATE]
+        phantom = DATED_REST * gyro if offset_explains(wheel, sigma) else CREEP_TIME * flat[State.TURN_RATE]
         seconds, way = CREEP_TIME, CREEP_TIME * flat[State.VELOCITY]
         if begun is not None:
             since = self._readings.time - begun[0]

@@ -2,9 +2,9 @@
 
 The unknowns are three factors on the configured values: left way, right way, track width. Against motion
 capture the whole driven path is fitted (position and heading); with a gyro, its turns over stretches of a
-second or two, and the taped pieces. Deviations come from leaving out one recording (or a fifth of a single
-one) at a time: neighbouring samples of a path are anything but independent, so the fit's own covariance
-would promise too much.
+second or two, and the taped pieces. Deviations come from leaving out one recording (or, of a few, one of
+their eight or more parts) at a time: neighbouring samples of a path are anything but independent, so the
+fit's own covariance would promise too much.
 
 Wheel radius and radians a tick only ever show as their product, way a tick. It is reported both ways: as
 radians a tick at the configured radius, which is what robot.toml keeps, and as wheel radii at the

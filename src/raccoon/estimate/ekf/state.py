@@ -1,4 +1,4 @@
-"""The names of the drive filter's states, its settings and its prior.
+"""The names of the drive filter's states, and its settings.
 
 The state is what the robot cannot measure directly: where it is, how it moves, and the slowly drifting
 numbers between motion and readings. No code addresses a state by a bare number.

@@ -40,11 +40,9 @@ NEARLY_ALL = 0.98  # of the readings searched already; the rest changes nothing
 RARE = 0.03  # share of black below which lone readings may be spikes
 BORROWED = 8.0  # readings that the other surface's spread is worth as a guess of this one's
 DRIFT = 3.0  # noise standard deviations by which the floor may wander before it is called a drift
-SOME_EVIDENCE, EVIDENCE = (
-    2.0,
-    10.0,
-)  # BIC by which two surfaces must beat one of any shape where no order tells:
-# "positive" gives a weak verdict, "very strong" a sure one (Kass and Raftery 1995, Bayes factors)
+SOME_EVIDENCE, EVIDENCE = 2.0, 10.0
+"""BIC by which two surfaces must beat one of any shape where no order tells: "positive" gives a weak verdict,
+"very strong" a sure one (Kass and Raftery 1995, Bayes factors)."""
 
 
 def calibrate(samples: ArrayLike) -> TophatCalibration:

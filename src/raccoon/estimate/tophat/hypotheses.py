@@ -31,7 +31,7 @@ from raccoon.estimate.tophat.stories import (
     chances,
     moves_of_stories,
 )
-from raccoon.model.reflectance import FULL_SCALE, light_of
+from raccoon.model.reflectance import FULL_SCALE, light_of, spot_radius
 
 Array = NDArray[np.float64]
 
@@ -224,8 +224,6 @@ class Hypotheses:
 
 def usual_spot(height: float) -> float:
     """m: width of what a sensor sees at a height (see raccoon.model.reflectance.spot_radius)."""
-    from raccoon.model.reflectance import spot_radius
-
     return 2.0 * spot_radius(height)
 
 

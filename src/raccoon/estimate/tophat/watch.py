@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import TophatCalibration
+from raccoon.estimate.tophat.quality import WANDERING
 from raccoon.estimate.tophat.sensor import explanations
 
 WINDOW = 200  # readings: one second at 200 Hz
@@ -15,7 +16,6 @@ LEAST = 40  # readings before anything is said
 MOST_STRANGE = 0.3  # of the readings may lie on no surface: edges, lines along the way
 REACH = 6.0  # standard deviations within which a reading lies on a surface
 SHARE = 0.08  # of the contrast, that a level may have moved
-RESTLESS = 250.0  # counts between successive readings
 FAR = 1.5e-3  # m between them from which a sensor that goes to and fro over an edge jumps about as well
 
 
@@ -62,7 +62,7 @@ class CalibrationWatch:
             return Fit.UNKNOWN
         ordered = sorted(readings)
         steps = sorted(self._steps)
-        jumps = len(steps) >= LEAST and steps[len(steps) // 2] > RESTLESS
+        jumps = len(steps) >= LEAST and steps[len(steps) // 2] > WANDERING
         if jumps or ordered[len(ordered) // 10] >= ANALOG_TOP:
             return Fit.UNPLUGGED
         if ordered[-1 - len(ordered) // 10] <= ANALOG_BOTTOM:

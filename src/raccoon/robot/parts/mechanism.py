@@ -5,7 +5,8 @@ from __future__ import annotations
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.profile import ProfileState
 from raccoon.control.tuning import speed_loop_gains
-from raccoon.control.wheels import LEAST_BATTERY_VOLTAGE, Wheel
+from raccoon.control.voltage import LEAST_VOLTAGE
+from raccoon.control.wheels import Wheel
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.readings import Inputs
 from raccoon.robot.instead import Part
@@ -109,7 +110,7 @@ class Mechanism(Part):
         resting: no tick may follow for long. A duty that nobody watches turns it away from where it is held,
         so it gets none then, and brakes.
         """
-        if battery_voltage is not None and battery_voltage > LEAST_BATTERY_VOLTAGE:
+        if battery_voltage is not None and battery_voltage > LEAST_VOLTAGE:
             self._battery = battery_voltage
         wanted = self._wanted()
         if not self._counted.unread:

@@ -12,18 +12,15 @@ from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device
-from raccoon.model.bemf import counts_scale
+from raccoon.model.bemf import believable, counts_scale
 from raccoon.sim.effects.parameters import SIDES, Parameters
-
-BELIEVED = (0.5, 2.0)
-"""Shares of the nominal K_E that a motor can have."""
 
 
 def simulated_device(robot: RobotConfig) -> Device:
     """The simulator's words, whose ticks are those of robot.toml."""
     factors = [calibrated_factor(robot, side, SIMULATOR) for side in SIDES if _calibrated(robot, side)]
     middle = math.exp(sum(map(math.log, factors)) / len(factors)) if factors else 1.0
-    if BELIEVED[0] < middle < BELIEVED[1]:
+    if believable(middle):
         return SIMULATOR
     return replace(SIMULATOR, position_counts_seconds=1.0 / middle)
 
@@ -42,7 +39,7 @@ def calibrated_robot(robot: RobotConfig, device: Device) -> Parameters:
     parameters = Parameters.from_robot(robot)
     for side in SIDES:
         factor = calibrated_factor(robot, side, device)
-        if _calibrated(robot, side) and BELIEVED[0] < factor < BELIEVED[1]:
+        if _calibrated(robot, side) and believable(factor):
             parameters = parameters.with_effect("motor.back_emf_constant", side, factor=factor)
     return parameters
 

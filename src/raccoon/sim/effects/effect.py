@@ -1,4 +1,4 @@
-"""The catalogue of effects: everything that can make a robot differ from the textbook one, as data.
+"""What an effect is: a way in which a robot can differ from the textbook one, as data. `catalogue` has all.
 
 An effect that is off sits at its neutral value, where it changes nothing, exactly. `docs/simulator.md` says
 how to add one.

@@ -6,7 +6,7 @@ import math
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device
-from raccoon.model.bemf import radians_per_count
+from raccoon.model.bemf import believable, radians_per_count
 from raccoon.model.motor import steady_speed, time_constant
 
 
@@ -27,7 +27,7 @@ class FreeMotor:
         self._resistance = motor.armature_resistance.value
         constant = motor.back_emf_constant.value
         own = device.bemf_volts / radians_per_count(config.motor(port), constant, device)
-        self._constant = own if 0.5 < own / constant < 2.0 else constant
+        self._constant = own if believable(own / constant) else constant
         self._coulomb, self._viscous = friction.coulomb.value, friction.viscous.value
         self._inertia = inertia
         self._lag = time_constant(inertia, self._resistance, self._constant, self._viscous)
