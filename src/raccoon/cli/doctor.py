@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.config import RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.sections import CONTROLLERS, REAL_CONTROLLERS
 
 if TYPE_CHECKING:
     from raccoon.core.port import Port
     from raccoon.hal.doctor import Report
 
 HELP = "check controller, motors, sensors and battery; exit status 0 only when all is well"
-PORTS = ("wombat", "wombat-raccoon", "create", "sim", "emulator", "emulator-raccoon")
 FIRMWARES = ("stock", "17", "21")
 
 
@@ -28,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--robot", type=Path, help="robot description; without it robot.toml where there is one"
     )
     parser.add_argument(
-        "--port", choices=PORTS, help="what to examine; without it robot.toml's controller.port"
+        "--port", choices=CONTROLLERS, help="what to examine; without it robot.toml's controller.port"
     )
     parser.add_argument(
         "--no-motion", action="store_true", help="move nothing; otherwise each wheel turns to and fro"
@@ -84,7 +84,7 @@ def _report(config: RobotConfig, args: argparse.Namespace, say: Callable[[str], 
                 report = examine(port, config, move=not args.no_motion, progress=say)
         except HardwareError as error:  # closing says that the motors may still run
             report.add(lost(error))
-    if config.controller.port not in ("sim", "emulator", "emulator-raccoon"):
+    if config.controller.port in REAL_CONTROLLERS:
         report.add(i2c(args.i2c), serial_ports())
     return report
 

@@ -49,12 +49,10 @@ def _numbers(ends: list[End]) -> str:
 
 def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:
     """A map for each manoeuvre: mm from the goal, of the turn its degrees; by mitigation and condition."""
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(2, 2, figsize=(13.0, 9.0), layout="constrained", sharex=True, sharey=True)
+    figure = Figure(figsize=(13.0, 9.0), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True, sharey=True)
     for panel, name in zip(axes.flat, MANOEUVRES, strict=True):
         turning = name == "turn 90"
         error = _degrees_off if turning else _mm_off
@@ -63,7 +61,6 @@ def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:
         )
         _map(panel, values, f"{name}: {'degrees off' if turning else 'mm from the goal'} (95 %)", conditions)
     save_figure(figure, path)
-    plt.close(figure)
 
 
 def _degrees_off(ends: list[End]) -> float:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from raccoon.cli.demo.mission import DISTANCE, LEGS, TURNS, goal
 from raccoon.cli.demo.robots import BATTERIES, Outcome, Trial
+from raccoon.cli.outputs import save_figure
 from raccoon.model.pose import Pose
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ Results = list[tuple[Trial, Outcome, Outcome]]
 def draw(results: Results, path: Path) -> None:
     """Two panels over the same field, open loop left, closed loop right, and the mark from near by."""
     figure = Figure(figsize=(12.0, 4.6), layout="constrained")
-    FigureCanvasAgg(figure)
     opened, closed = figure.subplots(1, 2, sharex=True, sharey=True)
     _field(opened, [(trial, outcome) for trial, outcome, _ in results], "by time, at full power")
     _field(closed, [(trial, outcome) for trial, _, outcome in results], "with raccoon")
@@ -35,7 +34,7 @@ def draw(results: Results, path: Path) -> None:
         f"One program on {len(results)} robots: three batteries, the paper's three motors in every pairing",
         fontsize=12,
     )
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
 
 
 def _field(panel: Axes, outcomes: list[tuple[Trial, Outcome]], title: str) -> None:

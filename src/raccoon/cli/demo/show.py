@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from itertools import repeat
 from pathlib import Path
@@ -163,7 +162,5 @@ def _print_files(folder: Path, results: Results) -> None:
         print(f"picture  none: matplotlib is missing: {install('report')}")
         return
     picture = folder / "demo.png"
-    partial = folder / f".demo.{os.getpid()}.png"
-    draw(results, partial)
-    partial.replace(picture)
+    draw(results, picture)
     print(f"picture  {picture}")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from raccoon.cli.outputs import save_figure
-from raccoon.cli.view.drive import Drive, Path2
+from raccoon.cli.view.drive import Drive, Trajectory
 from raccoon.core.config import BodyConfig
 from raccoon.core.files import write_atomically
 from raccoon.sim.world.table import Box, Line, World
@@ -32,7 +32,7 @@ def write_picture(drive: Drive, world: World, path: Path) -> None:
     _save(figure, path)
 
 
-def _trails(axes: Any, drive: Drive) -> list[tuple[Path2, Any]]:
+def _trails(axes: Any, drive: Drive) -> list[tuple[Trajectory, Any]]:
     """An empty trail for where the robot was, one for where it believed to be, and which is which."""
     kinds = ((drive.truth, TRUTH, "-", "truth"), (drive.estimate, BELIEF, "--", "as the robot believes"))
     trails = [
@@ -158,7 +158,7 @@ def _robot(axes: Any, drive: Drive, row: int, *, filled: bool) -> tuple[Any, Any
     return body, nose
 
 
-def _outline(path: Path2, row: int, body: BodyConfig) -> tuple[Any, Any]:
+def _outline(path: Trajectory, row: int, body: BodyConfig) -> tuple[Any, Any]:
     """Corners of the robot's box (4, 2), and x and y of a line from its middle to its front."""
     heading = path.heading[row]
     ahead, aside = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])

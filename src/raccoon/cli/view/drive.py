@@ -22,7 +22,7 @@ ESTIMATE = ("estimate.drive.0", "estimate.drive.1", "estimate.drive.2")
 
 
 @dataclass(frozen=True)
-class Path2:
+class Trajectory:
     """Poses over time: time s, x and y m, heading rad."""
 
     time: Floats
@@ -38,10 +38,10 @@ class Path2:
         """The first row from a moment on; the last one where there is none."""
         return min(int(np.searchsorted(self.time, time)), len(self.time) - 1)
 
-    def placed(self, x: float, y: float, heading: float) -> Path2:
+    def placed(self, x: float, y: float, heading: float) -> Trajectory:
         """The same path from another start pose."""
         cosine, sine = math.cos(heading), math.sin(heading)
-        return Path2(
+        return Trajectory(
             self.time,
             x + cosine * self.x - sine * self.y,
             y + sine * self.x + cosine * self.y,
@@ -54,12 +54,12 @@ class Drive:
     """A drive to draw. truth or estimate may be absent, not both. body: the robot's outline, the
     usual one where the recording does not say."""
 
-    truth: Path2 | None
-    estimate: Path2 | None
+    truth: Trajectory | None
+    estimate: Trajectory | None
     body: BodyConfig
 
     @property
-    def best(self) -> Path2:
+    def best(self) -> Trajectory:
         """The truth where it is known."""
         path = self.truth or self.estimate
         assert path is not None
@@ -104,24 +104,24 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
     return Drive(truth, estimate, BodyConfig() if run.robot is None else run.robot.body)
 
 
-def _truth(run: Run) -> Path2 | None:
+def _truth(run: Run) -> Trajectory | None:
     return _path(run, TRUTH) if run.recording.has_truth else None
 
 
-def _estimate(run: Run) -> Path2 | None:
+def _estimate(run: Run) -> Trajectory | None:
     """Poses that the robot noted, in whatever form the recording is kept."""
     return _path(run, ESTIMATE) if all(name in run.recording for name in ESTIMATE) else None
 
 
-def _path(run: Run, pose: tuple[str, str, str]) -> Path2 | None:
+def _path(run: Run, pose: tuple[str, str, str]) -> Trajectory | None:
     """The poses in these columns, where there are two at least."""
     columns = [run.recording[name] for name in ("t", *pose)]
     known = ~np.isnan(np.stack(columns)).any(axis=0)
-    return Path2(*(column[known] for column in columns)) if known.sum() > 1 else None
+    return Trajectory(*(column[known] for column in columns)) if known.sum() > 1 else None
 
 
-def _home(path: Path2, row: int = 0) -> Path2:
+def _home(path: Trajectory, row: int = 0) -> Trajectory:
     """The path seen from its pose at a row."""
     x, y, heading = path.pose(row)
-    moved = Path2(path.time, path.x - x, path.y - y, path.heading)
+    moved = Trajectory(path.time, path.x - x, path.y - y, path.heading)
     return moved.placed(0.0, 0.0, -heading)
