@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
-from raccoon.cli.motors import add_arguments, excited, finish, show
+from raccoon.cli.motors import add_arguments, excited, finish
+
+if TYPE_CHECKING:
+    from raccoon.robot.calibration.identification import WheelFit
 
 HELP = "identify the wheels of a robot and compute their gains, with the margins they give"
 
@@ -29,6 +33,22 @@ def _wheels(args: argparse.Namespace) -> int:
     seen, fits = excited(args)
     entries = {}
     for fit in fits:
-        show(fit)
+        _show(fit)
         entries.update(fit.entries(seen.battery))
     return finish(args, entries)
+
+
+def _show(fit: WheelFit) -> None:
+    """One wheel for people."""
+    found, gains, reached = fit.voltages, fit.gains, fit.margins
+    print(f"{fit.side} wheel, motor port {fit.port}: off by {found.residual:.3f} V on average")
+    for name, unit in (("static", "V"), ("speed", "V/(rad/s)"), ("acceleration", "V/(rad/s2)")):
+        print(f"  {name:13} {getattr(found, name):8.4f} +- {getattr(found, f'{name}_std'):.4f} {unit}")
+    print(
+        f"  gains         kp {gains.kp:.3f} V/(rad/s), ki {gains.ki:.2f} V/rad; time constant "
+        f"{1e3 * fit.model.time_constant:.0f} ms"
+    )
+    print(
+        f"  margins       {math.degrees(reached.phase):.0f} deg, {reached.gain_db:.1f} dB, crossover "
+        f"{reached.crossover:.0f} rad/s: bears {1e3 * reached.delay:.0f} ms of delay beyond the model's"
+    )

@@ -102,7 +102,7 @@ def test_an_offset_that_may_be_0_has_no_share(
         "motor.1.bemf_offset": Measured(-0.76, std=0.67),
         "model.drive.track_width": Measured(0.16, std=0.001),
     }
-    monkeypatch.setattr("raccoon.cli.calibrate._manoeuvre", lambda *_: entries)
+    monkeypatch.setattr("raccoon.cli.calibrate.drive._manoeuvre", lambda *_: entries)
     recording(tmp_path / "run.csv", SQUARE[:1], truth=False)
     assert main(["calibrate", "drive", str(tmp_path / "run.csv"), "--robot", str(robot)]) == 0
     left, right, track, _ = capsys.readouterr().out.splitlines()

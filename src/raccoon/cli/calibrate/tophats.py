@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.cli.doing import doing_shown
-from raccoon.cli.motors import SIMULATED, recorded_in_simulation
+from raccoon.cli.measured import SIMULATED, recorded_in_simulation
 from raccoon.core.config import load_robot
 from raccoon.core.errors import ConfigError
 from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
