@@ -50,14 +50,6 @@ from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import Parameters
 
 
-class _First:
-    seed = 0
-
-
-FIRST = _First()
-"""The first seed of the runs; fresh at every start unless given."""
-
-
 @dataclass
 class Score:
     """Errors of one scheme on one trace."""
@@ -134,20 +126,20 @@ def pooled(scores: list[Score]) -> float:
     return math.sqrt(statistics.fmean(each.rms**2 for each in scores))
 
 
-def effects(seeds: int) -> None:
+def effects(seeds: range) -> None:
     """Each effect in turn, on matches of 30 s of a robot that nobody calibrated."""
     heading_row("one effect at a time, robot.toml as documented", seeds)
     for title, parameters in cases():
-        row(title, [match(seed, parameters, 30.0) for seed in numbers(seeds)])
+        row(title, [match(seed, parameters, 30.0) for seed in seeds])
 
 
-def calibrated_effects(seeds: int) -> None:
+def calibrated_effects(seeds: range) -> None:
     """The same after the calibration drive with a tape, the effect being there; and motors of the spread."""
     heading_row("the same after a calibration drive of 0.6 m along a tape", seeds)
-    spread = [(spread_motors(seed), seed) for seed in numbers(seeds)]
+    spread = [(spread_motors(seed), seed) for seed in seeds]
     row("motors of the spread", [after_calibration(each, seed) for each, seed in spread])
     for title, parameters in cases():
-        row(title, [after_calibration(parameters, seed) for seed in numbers(seeds)])
+        row(title, [after_calibration(parameters, seed) for seed in seeds])
 
 
 def after_calibration(parameters: Parameters, seed: int) -> Trace:
@@ -165,10 +157,10 @@ def cases() -> list[tuple[str, Parameters]]:
     return found
 
 
-def heading_row(title: str, seeds: int) -> None:
+def heading_row(title: str, seeds: range) -> None:
     """What stands over the rows."""
-    print(f"\n{title}: RMS of the position error in mm, {seeds} matches of 30 s each")
-    print(f"{'':38} {'filter':>8} {'wheels':>8} {'rules':>8} {'wpimath':>8}{'in 95 %':>10}{'deg, 95%':>10}")
+    print(f"\n{title}: RMS of the position error in mm, {len(seeds)} matches of 30 s each")
+    print(f"{'':36}{''.join(f'{name:>16}' for name in SCHEMES)}{'cover':>9}{'heading deg 95%':>17}")
 
 
 def row(title: str, traces: list[Trace]) -> None:
@@ -177,17 +169,15 @@ def row(title: str, traces: list[Trace]) -> None:
         name: [score(scheme(trace.robot), trace) for trace in traces] for name, scheme in SCHEMES.items()
     }
     ours = scores["this filter"]
-    places = "".join(f"{name} {1e3 * pooled(each):6.1f} mm  " for name, each in scores.items())
+    places = "".join(f"{1e3 * pooled(each):16.1f}" for each in scores.values())
     covered = 100 * statistics.fmean(each.coverage or 0.0 for each in ours)
     turned = math.degrees(np.percentile([each.heading for each in ours], 95))
-    print(
-        f"{title:36}{places}  inside 95 % ellipse {covered:5.1f} %  heading 95% {turned:.2f} deg", flush=True
-    )
+    print(f"{title:36}{places}{covered:9.1f}{turned:17.2f}", flush=True)
 
 
-def matches(seeds: int) -> None:
+def matches(seeds: range) -> None:
     """Two minutes with real gyro drift, offsets and motors that differ by 4 %."""
-    scores = compared("two-minute match, real faults", (match(s, real_robot(s)) for s in numbers(seeds)))
+    scores = compared("two-minute match, real faults", (match(s, real_robot(s)) for s in seeds))
     ours = scores["this filter"]
     heading = math.degrees(np.percentile([each.heading for each in ours], 95))
     place = float(np.percentile([100 * each.final / each.path for each in ours], 95))
@@ -205,11 +195,11 @@ def matches(seeds: int) -> None:
         print(f"asked: at most 0.5 of {name}: position {share_place:.2f}, heading {share_heading:.2f}")
 
 
-def slip(seeds: int) -> None:
+def slip(seeds: range) -> None:
     """One wheel loses half of its way for half a second while driving straight."""
     named, headings, shares = [], [], []
     plan = [(2.0, 0.0, 0.0), (4.0, 0.18, 0.0), (1.0, 0.0, 0.0)]
-    for seed in numbers(seeds):
+    for seed in seeds:
         side = ("left", "right")[seed % 2]
         robot = RobotConfig()
         clean = simulated("slip", robot, Parameters.from_robot(robot), plan, seed)
@@ -228,7 +218,7 @@ def slip(seeds: int) -> None:
         headings.append(abs(math.degrees(pose[2] - truth.heading)))
         error = math.hypot(pose[0] - truth.x, pose[1] - truth.y)
         shares.append(error / math.hypot(other[0] - truth.x, other[1] - truth.y))
-    print(f"\nslip: one wheel loses 50 % for 0.5 s ({seeds} drives)")
+    print(f"\nslip: one wheel loses 50 % for 0.5 s ({len(seeds)} drives)")
     print(f"asked: named within 0.2 s: worst {max(named):.3f} s")
     print(f"asked: heading error left <= 0.3 deg: worst {max(headings):.3f} deg")
     print(
@@ -237,10 +227,10 @@ def slip(seeds: int) -> None:
     )
 
 
-def clean(seeds: int) -> None:
+def clean(seeds: range) -> None:
     """False alarms in clean matches."""
     alarms: dict[str, int] = {}
-    for seed in numbers(seeds):
+    for seed in seeds:
         trace = match(seed, Parameters.from_robot(RobotConfig()))
         ours = Ours(trace.robot)
         told: set[str] = set()
@@ -250,15 +240,13 @@ def clean(seeds: int) -> None:
         for reason in told:
             alarms[reason] = alarms.get(reason, 0) + 1
     slips = sum(count for reason, count in alarms.items() if "slip" in reason)
-    print(
-        f"\nfalse alarms in {seeds} clean matches: asked 0 of slip: {slips}; all reasons: {alarms or 'none'}"
-    )
+    print(f"\nfalse alarms in {len(seeds)} clean matches: asked 0 of slip: {slips}; all: {alarms or 'none'}")
 
 
-def consistency(seeds: int) -> None:
+def consistency(seeds: range) -> None:
     """Normalised estimation error squared, with faults drawn from the very prior the filter has."""
     squares, inside = [], []
-    for seed in numbers(seeds):
+    for seed in seeds:
         settings = OdometrySettings()
         noise = Noise(bemf=settings.bemf_noise_counts, gyro=settings.gyro_noise)
         trace = with_random_slip(match(seed, drawn(seed), 40.0, noise=noise), settings.slip_noise, seed)
@@ -274,8 +262,8 @@ def consistency(seeds: int) -> None:
         squares.append(float(error @ np.linalg.solve(ours.odometry.pose_covariance, error)))
     from scipy.stats import chi2
 
-    low, high = (float(chi2.ppf(p, 3 * seeds)) / seeds for p in (0.025, 0.975))
-    print(f"\nconsistency over {seeds} simulated runs of 40 s, faults drawn from the prior")
+    low, high = (float(chi2.ppf(p, 3 * len(seeds))) / len(seeds) for p in (0.025, 0.975))
+    print(f"\nconsistency over {len(seeds)} simulated runs of 40 s, faults drawn from the prior")
     print(f"asked: mean NEES (3) inside {low:.2f}..{high:.2f}: {statistics.fmean(squares):.2f}")
     print(
         f"asked: truth inside the 95 % ellipse in 93..97 % of ticks: {100 * statistics.fmean(inside):.1f} %"
@@ -330,7 +318,7 @@ def columns(trace: Trace) -> Manoeuvre:
     )
 
 
-def recorded(_: int) -> None:
+def recorded(_: range) -> None:
     """Motion-capture sessions: calibrated on odd runs, tested on even ones."""
     if not (DATA / "optiodom").exists():
         print(f"\noptiodom: skipped, no recordings at {DATA}")
@@ -387,7 +375,7 @@ def _medians(step: Callable[[Any], None], fast: Any, stock: Any) -> tuple[float,
     return statistics.median(clocks[0]), statistics.median(clocks[1])
 
 
-def times(_: int) -> None:
+def times(_: range) -> None:
     """One predict and update against stock filterpy, and the whole estimator a tick."""
     from raccoon.core.readings import SIMULATOR
     from raccoon.estimate.drive.prior import prior, process_noise
@@ -425,7 +413,7 @@ def times(_: int) -> None:
     )
 
 
-PARTS: dict[str, tuple[Callable[[int], None], int]] = {
+PARTS: dict[str, tuple[Callable[[range], None], int]] = {
     "time": (times, 0),
     "optiodom": (recorded, 0),
     "slip": (slip, 20),
@@ -439,11 +427,6 @@ QUICK = 4
 """Simulated runs of every part with --quick."""
 
 
-def numbers(count: int) -> range:
-    """Seeds of that many simulated runs."""
-    return range(FIRST.seed, FIRST.seed + count)
-
-
 def main() -> None:
     """Run the parts that were named, or all of them."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -454,13 +437,14 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, help="the same runs again; else fresh ones")
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} simulated runs of each part")
     arguments = parser.parse_args()
-    FIRST.seed = secrets.randbelow(10**6) if arguments.first_seed is None else arguments.first_seed
-    print(f"simulated runs from seed {FIRST.seed}")
+    first = secrets.randbelow(10**6) if arguments.first_seed is None else arguments.first_seed
+    print(f"simulated runs from seed {first}")
     begin = time.process_time()
     for name in arguments.parts or PARTS:
         measure, usual = PARTS[name]
         began = time.process_time()
-        measure(arguments.seeds or (QUICK if arguments.quick else usual))
+        count = arguments.seeds or (QUICK if arguments.quick else usual)
+        measure(range(first, first + count))
         print(f"({name}: {time.process_time() - began:.0f} s of processor time)", flush=True)
     print(f"\nall: {time.process_time() - begin:.0f} s of processor time")
 

@@ -10,7 +10,8 @@ def main() -> None:
     with open_robot("robot.toml") as robot:
         robot.run(mission)
         here, sure = robot.pose, robot.estimate
-        print(f"x {here.x * 1000:.0f} mm, y {here.y * 1000:.0f} mm, each +- {sure.x_std * 1000:.0f} mm")
+        print(f"x {here.x * 1000:.0f} +- {sure.x_std * 1000:.0f} mm")
+        print(f"y {here.y * 1000:.0f} +- {sure.y_std * 1000:.0f} mm")
 
 
 if __name__ == "__main__":

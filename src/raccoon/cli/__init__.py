@@ -1,4 +1,4 @@
-"""The command line: one file a command, heavy imports inside."""
+"""The command line: one file or folder a command, heavy imports inside."""
 
 from raccoon.cli.main import main
 

@@ -41,8 +41,9 @@ class Chain:
     whole: the battery carries all of each motor's current, whichever way it flows. A driver that connects a
     motor for a share of the time, and shorts it for the rest, takes that share of its current from the
     battery, or gives it back; whoever adds up currents alone does not know of it.
-    threshold, cut: what a command beyond a deadband does: all that it says, or so much less. Otherwise less,
-    and all at full power.
+    threshold, cut: what a command beyond the deadband does. With threshold, all that it says; with cut, what
+    it says less the deadband; with neither, what is beyond the deadband is stretched so that full power is
+    full power.
 
     The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
     firmware does, `Chain.stock()` what the stock one does.
