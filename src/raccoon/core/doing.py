@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-EACH = 2000
+SAID_EVERY = 2000
 """Cycles of a recording after which it is worth a word."""
 _listener: ContextVar[Callable[[str], None] | None] = ContextVar("listener", default=None)
 

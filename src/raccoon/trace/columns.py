@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from raccoon.core.doing import EACH, tell
+from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import (
     ANALOG_PORTS,
@@ -45,7 +45,7 @@ def recording_of(trace: Trace) -> Recording:
     """
     rows: list[Row] = []
     for tick in trace.ticks:
-        if rows and len(rows) % EACH == 0:
+        if rows and len(rows) % SAID_EVERY == 0:
             tell(f"columns of {len(rows)} of {len(trace.ticks)} cycles")
         rows.append(tick_row(tick))
     names = dict.fromkeys(name for row in rows for name in row) | {"t": None}

@@ -10,7 +10,7 @@ import numpy as np
 
 from raccoon.cli.doing import doing_shown
 from raccoon.core.config import RobotConfig
-from raccoon.core.doing import EACH, tell
+from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.diagnose.drives.gravity import strange_acceleration
@@ -82,7 +82,7 @@ def _estimates(run: Run, odometry: Odometry) -> list[list[float]]:
         estimate = odometry.update(inputs, command or standing)
         rows.append([getattr(estimate, name) for name in COLUMNS])
         command = commands[-1] if commands else command
-        if len(rows) % EACH == 0:
+        if len(rows) % SAID_EVERY == 0:
             tell(f"{run.name}: odometry over {len(rows)} of {len(run.recording)} cycles")
     return rows
 
