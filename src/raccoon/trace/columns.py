@@ -139,7 +139,7 @@ def inputs_of(recording: Recording) -> Iterator[Inputs]:
 
 
 def cycles_of(recording: Recording) -> Iterator[tuple[Inputs, tuple[Outputs, ...]]]:
-    """Readings and command of each row. A duty holds until the next one of its motor.
+    """Readings and command of each row. A duty holds until the next one of its motor, and its brake with it.
 
     A gyro or accelerometer axis that has no column is 0; a row that lacks one of the existing axes has no
     reading. Columns without a place in `Inputs` go to its `extra`. A pulse that no servo takes (0, or ticks
@@ -147,12 +147,12 @@ def cycles_of(recording: Recording) -> Iterator[tuple[Inputs, tuple[Outputs, ...
     Raises ValueError for a duty outside -1..1.
     """
     names = list(recording.columns)
-    held = (0.0,) * MOTOR_PORTS
+    held = Outputs()
     for values in zip(*(recording.columns[name].tolist() for name in names), strict=True):
         # NaN is the only number that differs from itself.
         row = {name: value for name, value in zip(names, values, strict=True) if value == value}
         commands = _take_commands(row, held)
-        held = commands[-1].duty if commands else held
+        held = commands[-1] if commands else held
         yield _take_inputs(row, recording), commands
 
 
@@ -197,17 +197,18 @@ def _take_truth(row: Row) -> Truth | None:
     return Truth(x, y, heading, black if any(value is not None for value in black) else ())
 
 
-def _take_commands(row: Row, held: tuple[float, ...]) -> tuple[Outputs, ...]:
-    """The command of a row. held: the duties before it, which go on where it names only others."""
+def _take_commands(row: Row, held: Outputs) -> tuple[Outputs, ...]:
+    """The command of a row. held: the one before it, which goes on for motors that the row does not name."""
     duty = _take(row, "motor.{}.duty", MOTOR_PORTS)
     brake = _take(row, "motor.{}.brake", MOTOR_PORTS)
     servo = _take(row, "servo.{}.pulse_us", SERVO_PORTS)
     if all(word is None for word in (*duty, *servo)):
         return ()
+    brakes = zip(held.brake, brake, duty, strict=True)
     return (
         Outputs(
-            duty=tuple([old if new is None else new for old, new in zip(held, duty, strict=True)]),
-            brake=tuple([bool(value) for value in brake]),
+            duty=tuple([old if new is None else new for old, new in zip(held.duty, duty, strict=True)]),
+            brake=tuple([old if new is named is None else bool(new) for old, new, named in brakes]),
             servo_us=tuple([_pulse(value) for value in servo]),
         ),
     )

@@ -178,6 +178,19 @@ def test_a_duty_holds_until_the_next_one_of_its_motor() -> None:
     assert commands == [(0.5, 0.0), (0.5, 0.4), None, (-0.5, 0.4), (-0.5, 0.0)]
 
 
+def test_a_brake_holds_as_long_as_the_duty_of_its_motor() -> None:
+    columns = {
+        "t": [0.0, 0.1, 0.2, 0.3],
+        "motor.0.duty": [0.0, np.nan, np.nan, 0.0],
+        "motor.0.brake": [1.0, np.nan, np.nan, np.nan],
+        "motor.1.duty": [np.nan, 0.5, np.nan, np.nan],
+        "servo.0.pulse_us": [np.nan, np.nan, 1500.0, np.nan],
+    }
+    recording = Recording({name: np.array(column) for name, column in columns.items()})
+    brakes = [outputs.brake[0] for _, (outputs,) in cycles_of(recording)]
+    assert brakes == [True, True, True, False]
+
+
 def test_a_pulse_that_no_servo_takes_is_none() -> None:
     """Loggers write 0 for a servo that is off, or the 0 to 2047 of KIPR's library."""
     pulses = [0.0, 599.0, 600.0, 2400.0, 1e300, np.nan]
