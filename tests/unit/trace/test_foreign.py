@@ -65,13 +65,13 @@ def test_optiodom_says_what_is_wrong(tmp_path: Path, metadata: str, run: str, me
         load_run(session(tmp_path, metadata, run) / "run-01.csv")
 
 
-def motor_steps(folder: Path, raw: list[float], first: float) -> Path:
-    """A file as the controller's filter writes it."""
+def motor_steps(folder: Path, raw: list[float], first: float, start: float = 0.0) -> Path:
+    """A file as the controller's filter writes it, whose time begins at `start` s."""
     lines, filtered = ["time_s,command_percent,velocity_rad_s"], first
     for index, speed in enumerate([math.nan, *raw]):
         if index:
             filtered = FILTER_SHARE * filtered + (1.0 - FILTER_SHARE) * speed
-        lines.append(f"{index / 100:.4f},15.0000,{filtered:.4f}")
+        lines.append(f"{start + index / 100:.4f},15.0000,{filtered:.4f}")
     path = folder / "motor_2_cmd_15.csv"
     path.write_text("\n".join(lines) + "\n")
     return path
@@ -97,9 +97,11 @@ def test_motor_steps_that_are_in_order_have_no_problems(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording["motor.2.speed"][11:], 1.0, atol=2e-4)
 
 
-def test_a_motor_that_turns_back_is_reported(tmp_path: Path) -> None:
-    recording = read_motor_steps(motor_steps(tmp_path, [3.0] * 10 + [-1.0] * 10, 0.0))
-    assert recording.problems == ["motor 2: it turns back at 0.10 s under a constant command"]
+@pytest.mark.parametrize("start", [0.0, 5.0])
+def test_a_motor_that_turns_back_is_reported(tmp_path: Path, start: float) -> None:
+    """The time before the first sample is no way of the motor."""
+    recording = read_motor_steps(motor_steps(tmp_path, [3.0] * 10 + [-1.0] * 10, 0.0, start))
+    assert recording.problems == [f"motor 2: it turns back at {start + 0.1:.2f} s under a constant command"]
 
 
 @pytest.mark.parametrize(

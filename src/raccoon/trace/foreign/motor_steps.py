@@ -104,7 +104,7 @@ def _doubts(first: float, repeated: Mask) -> list[str]:
 def _direction(time: Column, command: Column, speed: Column) -> list[str]:
     """Whether the motor turned against its command, and whether it reversed under it."""
     fresh = np.flatnonzero(np.isfinite(speed))
-    travel = np.cumsum(speed[fresh] * np.diff(time[fresh], prepend=0.0))
+    travel = np.cumsum(speed[fresh] * np.diff(time[fresh], prepend=time[0]))
     farthest = int(np.argmax(np.abs(travel)))
     doubts = []
     if travel[farthest] * np.sign(command[0]) < 0.0:
