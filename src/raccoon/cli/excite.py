@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 HELP = "drive a safe manoeuvre that shows or separates causes, and record it"
 LONGEST = 20.0
-"""S that a drive which is chosen for a cause may last, where nothing is said."""
+"""s that a drive which is chosen for a cause may last, where nothing is said."""
 
 NOTHING = 1.0
 """Evidence of a drive that as many of it as a recording holds do not make one that decides."""

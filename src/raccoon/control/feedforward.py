@@ -50,14 +50,14 @@ class WheelModel:
         return math.copysign(min(abs(self.voltage(wanted)), most), wanted)
 
     def top_speed(self, voltage: float) -> float:
-        """Rad/s at steady state with `voltage` V at the motor; 0 where it cannot overcome friction."""
+        """rad/s at steady state with `voltage` V at the motor; 0 where it cannot overcome friction."""
         stall = self.resistance * self.coulomb / self.back_emf_constant
         slope = self.back_emf_constant + self.resistance * self.viscous / self.back_emf_constant
         return max(0.0, (voltage - stall) / slope)
 
     @property
     def time_constant(self) -> float:
-        """S, of the speed after a step of voltage: J R / (K_E^2 + R b)."""
+        """s, of the speed after a step of voltage: J R / (K_E^2 + R b)."""
         return self.inertia * self.resistance / (self.back_emf_constant**2 + self.resistance * self.viscous)
 
     @property

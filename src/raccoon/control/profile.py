@@ -53,7 +53,7 @@ class Trapezoid:
         ramps = 0.5 * peak * peak * (1.0 / acceleration + 1.0 / deceleration)
         self._cruise = (length - ramps) / peak if peak > 0.0 else 0.0
         self.duration = self._up + self._cruise + peak / deceleration
-        """S from rest to rest."""
+        """s from rest to rest."""
 
     def over(self, distance: float) -> Trapezoid:
         """A profile with the same limits over another distance."""
@@ -113,11 +113,11 @@ class SCurve:
             )
         )
         self.duration = 4.0 * ramp + 2.0 * steady + cruise
-        """S from rest to rest."""
+        """s from rest to rest."""
 
     @staticmethod
     def _ramps(speed: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
-        """S of a jerk ramp, s at full acceleration between two of them, and the speed they reach."""
+        """s of a jerk ramp, s at full acceleration between two of them, and the speed they reach."""
         if speed * jerk < acceleration * acceleration:
             return math.sqrt(speed / jerk), 0.0, speed
         return acceleration / jerk, speed / acceleration - acceleration / jerk, speed

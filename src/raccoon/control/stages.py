@@ -35,7 +35,7 @@ class Staged:
         self._stages, self._jerk = tuple(stages), jerk
         self.distance = math.fsum(each.length for each in stages)
         self.duration = 0.0
-        """S from rest to rest."""
+        """s from rest to rest."""
         self._begins: list[float] = []
         self._phases: list[tuple[ProfileState, float]] = []  # the state at its begin, and its jerk
         here = ProfileState(0.0, 0.0, 0.0)
@@ -89,7 +89,7 @@ class Staged:
 
 
 def _ramp(stage: Stage, change: float, jerk: float) -> tuple[float, float]:
-    """S of each of the two ramps of jerk (0 where there is no limit), and s of steady acceleration."""
+    """s of each of the two ramps of jerk (0 where there is no limit), and s of steady acceleration."""
     if jerk == 0.0:
         return 0.0, change / stage.acceleration
     if change * jerk < stage.acceleration**2:
@@ -98,7 +98,7 @@ def _ramp(stage: Stage, change: float, jerk: float) -> tuple[float, float]:
 
 
 def _ramp_way(stage: Stage, slow: float, fast: float, jerk: float) -> float:
-    """M that it takes from one of two speeds to the other."""
+    """m that it takes from one of two speeds to the other."""
     ramp, steady = _ramp(stage, fast - slow, jerk)
     return 0.5 * (slow + fast) * (2.0 * ramp + steady)
 
@@ -131,7 +131,7 @@ def _highest(fits: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _speeds(stages: Sequence[Stage], jerk: float) -> list[float]:
-    """M/s at which each stage is entered, and 0 after the last."""
+    """m/s at which each stage is entered, and 0 after the last."""
     speeds = [0.0, *(min(a.speed, b.speed) for a, b in itertools.pairwise(stages)), 0.0]
     for index, stage in enumerate(stages):
         speeds[index + 1] = _reached(stage, speeds[index], speeds[index + 1], jerk)

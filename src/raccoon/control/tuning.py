@@ -34,7 +34,7 @@ class Margins:
 
     @property
     def delay(self) -> float:
-        """S of dead time beyond the model's that the loop bears: the phase it has left at its crossover."""
+        """s of dead time beyond the model's that the loop bears: the phase it has left at its crossover."""
         return self.phase / self.crossover if self.crossover > 0.0 else math.inf
 
 

@@ -74,7 +74,7 @@ class SpeedBudget:
     reserve: float = 0.05
 
     def top_wheel_speed(self, wheel: WheelModel, acceleration: float = 0.0) -> float:
-        """Rad/s that `wheel` reaches while it still gains `acceleration` rad/s2, and another one like it.
+        """rad/s that `wheel` reaches while it still gains `acceleration` rad/s2, and another one like it.
 
         At the motor: U = (weakest - 2 R_i I) (1 - reserve), and U = K_E w + R I with
         I = (J a + b w + T_c) / K_E. Solved for w; 0 where it cannot move at all.

@@ -21,11 +21,11 @@ from raccoon.control.watch import WheelState, WheelWatch
 
 MAX_DUTY = 1.0
 CYCLE, DEAD_TIME = 0.005, 0.0075
-"""S, of a cycle and from a reading to its effect, where nothing else is said."""
+"""s, of a cycle and from a reading to its effect, where nothing else is said."""
 STRAIGHT_SHARE, STRAIGHT_SPEED = 0.15, 0.3
 """Of the faster wheel's speed, and rad/s, by which two wheels differ that still drive straight on."""
 OUT_OF_TURN = 0.3
-"""S after a turn until the robot really drives straight on."""
+"""s after a turn until the robot really drives straight on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,7 @@ class Wheel:
         self.pid.reset(self.pid.integral)
 
     def top_speed(self, voltage: float) -> float:
-        """Rad/s at steady state with `voltage` V at the motor; asked in every cycle."""
+        """rad/s at steady state with `voltage` V at the motor; asked in every cycle."""
         return max(0.0, (voltage - self._static) / self._per_speed)
 
     def rest(self) -> None:
@@ -179,7 +179,7 @@ class WheelLoop:
         self.saturated = False
         """True while the battery cannot give what is wanted."""
         self.missing_speed = 0.0
-        """Rad/s that the faster wheel is short of its target because of saturation."""
+        """rad/s that the faster wheel is short of its target because of saturation."""
 
     def reset(self) -> None:
         """Forget integrals, as after a stop."""

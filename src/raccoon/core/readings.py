@@ -78,7 +78,7 @@ class Fault(StrEnum):
 
 
 BEMF_FROZEN_SECONDS = 0.3
-"""S. The quietest converter, of 3 counts of noise, repeats a word for up to 0.2 s behind the filters of the
+"""s. The quietest converter, of 3 counts of noise, repeats a word for up to 0.2 s behind the filters of the
 firmwares, once in an hour of driving; real motors are louder by far."""
 
 
@@ -156,7 +156,7 @@ class Inputs:
 
     @property
     def turn_rate(self) -> float | None:
-        """Rad/s about the vertical axis as the gyro reports it, counter-clockwise positive."""
+        """rad/s about the vertical axis as the gyro reports it, counter-clockwise positive."""
         return None if self.gyro is None else self.gyro[2] * self.device.gyro_rad_s
 
 

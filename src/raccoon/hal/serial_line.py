@@ -15,7 +15,7 @@ from raccoon.core.clock import Clock
 from raccoon.core.errors import HardwareError
 
 RETRY = 0.5
-"""S from one attempt to open a device again to the next."""
+"""s from one attempt to open a device again to the next."""
 WRITE_TIMEOUT = 0.02
 """s; a command is a few bytes and the kernel buffers 4096, so only a dead line takes that long."""
 CHUNK_LIMIT = 4096

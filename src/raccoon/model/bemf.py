@@ -40,7 +40,7 @@ def radians_per_count(motor: MotorConfig, back_emf_constant: float, device: Devi
 
 
 def counter_lag(time_constant: float, sample_time: float) -> float:
-    """S by which a counter is behind, as a multiple of the filtered back-EMF: the angle now is counter + lag
+    """s by which a counter is behind, as a multiple of the filtered back-EMF: the angle now is counter + lag
     times filtered speed.
 
     The filter f += (1 - k) (raw - f) with k = exp(-sample_time / time_constant) sums to

@@ -88,12 +88,12 @@ def tophat_reading(generation: str, height: float, light: str) -> TophatReading:
 
 
 def motor_speed(voltage: float, current: float, resistance: float, back_emf_constant: float) -> float:
-    """Rad/s of a DC motor at steady state: w = (U - I R_A) / K_E, from U = R I + K_E w with dI/dt = 0."""
+    """rad/s of a DC motor at steady state: w = (U - I R_A) / K_E, from U = R I + K_E w with dI/dt = 0."""
     return (voltage - current * resistance) / back_emf_constant
 
 
 def battery_speeds() -> tuple[float, float]:
-    """Rad/s with the half-empty and with the fresh battery."""
+    """rad/s with the half-empty and with the fresh battery."""
     half_empty, fresh = (
         motor_speed(voltage - VOLTAGE_DROP, AVERAGE_CURRENT, ASSUMED_RESISTANCE, ASSUMED_BACK_EMF_CONSTANT)
         for voltage in (TESTING_VOLTAGE, COMPETITION_VOLTAGE)
@@ -108,7 +108,7 @@ def battery_speed_ratio() -> float:
 
 
 def extreme_motor_speeds() -> tuple[float, float]:
-    """Rad/s of the fastest (3) and the slowest (1) measured motor at 6.6 V, from their own currents."""
+    """rad/s of the fastest (3) and the slowest (1) measured motor at 6.6 V, from their own currents."""
     slow, fast = (
         motor_speed(TABLE_VOLTAGE, motor.current, motor.armature_resistance, motor.back_emf_constant)
         for motor in (MOTORS[0], MOTORS[2])

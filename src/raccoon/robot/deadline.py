@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 AGAIN = 1.0
-"""S until an alarm that was caught comes again."""
+"""s until an alarm that was caught comes again."""
 READINGS, ALARMS = 1000, 10
 """How often a program may catch what tells it that the time is over, in readings and in alarms."""
 NEVER_ENDS = (

@@ -115,7 +115,7 @@ class Knowledge:
 
     @property
     def time(self) -> float:
-        """S, of the last reading."""
+        """s, of the last reading."""
         self._ask()
         return 0.0 if self.inputs is None else self.inputs.time
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 MATCH_SECONDS = 120.0
 LONGEST = 3600.0
-"""S of a match; more is a time in milliseconds."""
+"""s of a match; more is a time in milliseconds."""
 CAUGHT = (
     "the program went on after the end of the match: it catches everything (except BaseException, or a bare "
     "except), the end too; write except Exception"

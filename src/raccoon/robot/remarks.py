@@ -36,7 +36,7 @@ DRIVEN, STANDS, STUCK = 0.2, 0.1, 1.0
 have given up by then, and other code may go on for ever."""
 
 ENDLESS = 120.0
-"""S of a motion without a goal, a whole match, after which it is said that nothing ends it."""
+"""s of a motion without a goal, a whole match, after which it is said that nothing ends it."""
 
 OFFSET = (
     "a motor reads motion at rest that its bemf_offset in robot.toml does not explain, and the pose goes "

@@ -46,12 +46,12 @@ class Robot(Knowledge):
         self.ticks = 0
         """Cycles so far."""
         self.dt = 0.0
-        """S between the last two readings, for whatever adds up or ramps. After a pause it is one cycle:
+        """s between the last two readings, for whatever adds up or ramps. After a pause it is one cycle:
         nothing was controlled meanwhile, so nothing may make up for it at once."""
         self.paused = False
         """Whether this tick is the first after a pause, in which the program did not let the robot read."""
         self.deadline: float | None = None
-        """S, time of a reading after which nothing runs any more: the end of a match."""
+        """s, time of a reading after which nothing runs any more: the end of a match."""
         self.ends = 0
         """How often the program was told that it is over."""
         self.stuck: dict[str, float] = {}

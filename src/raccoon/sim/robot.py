@@ -19,7 +19,7 @@ from raccoon.sim.world.table import World
 
 Noise = Sequence[Sequence[float]]
 UNSEEN = 1e-6
-"""Rad/s that no gyro sees."""
+"""rad/s that no gyro sees."""
 
 
 class SimulatedRobot:

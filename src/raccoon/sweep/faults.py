@@ -19,7 +19,7 @@ KINDS: Mapping[str, str] = {
 }
 """What each does from the moment at which it begins."""
 OUTAGE, STUTTER = 0.5, 2.0
-"""S that motors are off, and that cycles are lost."""
+"""s that motors are off, and that cycles are lost."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,12 +25,12 @@ from raccoon.trace.record import already_there
 
 OK, FAILED, CRASHED = "ok", "failed", "crashed"
 SETTLE = 0.5
-"""S after the program's end until the robot stands."""
+"""s after the program's end until the robot stands."""
 FAULTS_WITHIN = 10.0
-"""S from the start until a fault has begun, if the match has one."""
+"""s from the start until a fault has begun, if the match has one."""
 MAX_REASON = 200
 TOUCHES = 1e-3
-"""M by which a robot that is set against a wall may seem to stand in it."""
+"""m by which a robot that is set against a wall may seem to stand in it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,7 +128,7 @@ def ports_in(names: Iterable[str], kind: str, channel: str | None = None) -> lis
 
 
 def usual_step(time: Column) -> float:
-    """S by which a time usually advances a sample, 0 of a single one."""
+    """s by which a time usually advances a sample, 0 of a single one."""
     return float(np.median(np.diff(time))) if len(time) > 1 else 0.0
 
 

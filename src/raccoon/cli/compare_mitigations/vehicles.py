@@ -28,11 +28,11 @@ class Vehicle(Protocol):
     """What a timed program sees of a robot, and its true pose."""
 
     heading: float
-    """Rad, the gyro's integral since it was learnt; 0 where there is none."""
+    """rad, the gyro's integral since it was learnt; 0 where there is none."""
 
     @property
     def time(self) -> float:
-        """S."""
+        """s."""
         ...
 
     @property
@@ -74,7 +74,7 @@ class Seeing:
 
     @property
     def time(self) -> float:
-        """S."""
+        """s."""
         return self._inputs.time
 
     @property
@@ -120,7 +120,7 @@ class Blind:
 
     @property
     def time(self) -> float:
-        """S."""
+        """s."""
         return len(self._duties) / RATE_HZ
 
     def tick(self, left: float, right: float) -> None:

@@ -43,11 +43,11 @@ class Times:
     radian_lost: float
 
     def leg(self, distance: float) -> float:
-        """S at full power for `distance` m."""
+        """s at full power for `distance` m."""
         return (distance + self.metre_lost) * self.per_metre
 
     def spin(self, angle: float) -> float:
-        """S at full power on the spot for `angle` rad."""
+        """s at full power on the spot for `angle` rad."""
         return (abs(angle) + self.radian_lost) * self.per_radian
 
 

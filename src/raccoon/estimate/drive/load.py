@@ -215,7 +215,7 @@ class LoadWatch:
 
     @property
     def held_way(self) -> float:
-        """M that both wheels turned, from the first heavy step on, while it is held; 0 while it is not."""
+        """m that both wheels turned, from the first heavy step on, while it is held; 0 while it is not."""
         return abs(self._counted)
 
 

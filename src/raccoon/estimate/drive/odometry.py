@@ -74,7 +74,7 @@ class Odometry:
 
     @property
     def held_way(self) -> float:
-        """M that both wheels turned so far while they carry what they do at a wall; 0 where they do not."""
+        """m that both wheels turned so far while they carry what they do at a wall; 0 where they do not."""
         return self._steps.touch.held_way
 
     @property

@@ -87,7 +87,7 @@ class Shaking:
 
 
 def wheels_lead(flat: Flat, timing: float) -> tuple[float, float]:
-    """S by which the wheels are ahead of the robot, and the deviation of that.
+    """s by which the wheels are ahead of the robot, and the deviation of that.
 
     Only the delay between wheels and gyro shows. A gyro cannot be early: wheels behind it are late
     themselves. A gyro behind the wheels may be late, or the wheels may slip while they speed up: half of it

@@ -90,7 +90,7 @@ class Touch:
             )
 
     def carries(self, span: float, left: float, right: float) -> float:
-        """M^2 that a step of `span` s adds to the doubt about the place, because the wheels carry too much.
+        """m^2 that a step of `span` s adds to the doubt about the place, because the wheels carry too much.
 
         left, right: rad/s of the wheels, without their offsets.
         """
@@ -104,7 +104,7 @@ class Touch:
         return self._load.doubt
 
     def turned_unseen(self, span: float, between: float) -> float:
-        """Rad, deviation of what the robot turned in this step of `span` s and no reading of the gyro tells:
+        """rad, deviation of what the robot turned in this step of `span` s and no reading of the gyro tells:
         it has just run into something, and they are `between` s apart.
         """
         first = self._meets and self._met >= SETTLES
@@ -129,7 +129,7 @@ class Touch:
         )
 
     def rolls(self, span: float, left: float, right: float, turn: float | None) -> float:
-        """M^2 that a step of `span` s adds to the doubt about the place, because a wheel is mute.
+        """m^2 that a step of `span` s adds to the doubt about the place, because a wheel is mute.
 
         One that rolls on by the gyro and the other wheel may be blocked all the same, with the other one
         spinning. Two of them read 0 where they are blocked, and also where the robot rolls on without power.

@@ -153,7 +153,7 @@ class WheelTrack:
         self._filtered = None
 
     def _unknown(self, dt: float) -> float:
-        """Rad that it would have turned since its last reading at the speed that it had then."""
+        """rad that it would have turned since its last reading at the speed that it had then."""
         return (self._went if self.silent > 0.0 else self.speed) * (self.silent + dt)
 
     def _compare(self, dt: float, speed: float, angle: float) -> None:

@@ -58,7 +58,7 @@ class WheelReading:
 
 
 def lag_seconds(robot: RobotConfig, device: Device) -> float:
-    """S by which back-EMF and counter are behind the wheel: of robot.toml's filter time constant where it
+    """s by which back-EMF and counter are behind the wheel: of robot.toml's filter time constant where it
     gives one, else the device's.
     """
     own = robot.model.bemf.filter_time_constant

@@ -156,7 +156,7 @@ def resting_gyro(rest: Sequence[Inputs]) -> Measured | None:
 
 
 def gyro_turn(robot: RobotConfig, inputs: Sequence[Inputs], bias: Measured | None) -> float:
-    """Rad the robot turned by its gyro, at the scale of robot.toml. Raises CalibrationError without a gyro or
+    """rad the robot turned by its gyro, at the scale of robot.toml. Raises CalibrationError without a gyro or
     a rest for its bias."""
     _require(bias is not None, "no gyro reading at rest before the drive: wait 1 s first, or give the turn")
     assert bias is not None

@@ -13,7 +13,7 @@ WARM_UP = (0.15, 0.75)
 WARM_UP_SECONDS = 0.24
 """1.2 time constants of a bulb (0.05..0.2 s); daylight takes longer."""
 HISTORY_SECONDS = 1.5
-"""S of readings that are kept: a warm-up, and what the detector waits for after it."""
+"""s of readings that are kept: a warm-up, and what the detector waits for after it."""
 
 
 class History:

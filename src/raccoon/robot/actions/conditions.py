@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 HELD_TIME = 0.5
-"""S for which what the odometry said before is no news: its reasons last for 0.3 s."""
+"""s for which what the odometry said before is no news: its reasons last for 0.3 s."""
 
 
 def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:

@@ -240,7 +240,7 @@ def _arc(
     by_place = signed * signed / (signed * signed + FAR * FAR)
 
     def turned() -> float:
-        """Rad of the arc: on a tight one the heading tells it, on a wide one the place."""
+        """rad of the arc: on a tight one the heading tells it, on a wide one the place."""
         here = robot.estimate
         bearing = math.atan2((here.x - centre[0]) / signed, (centre[1] - here.y) / signed)
         return here.heading - start.heading + by_place * math.remainder(bearing - here.heading, math.tau)

@@ -34,7 +34,7 @@ WALL_TIME = 0.3
 PRESS_FORCE = 8.0
 """N a wheel, against a wall: tyres of 0.9 under half of 3 kg carry 13 N."""
 ODDLY, ALONG = math.radians(4.0), math.radians(1.5)
-"""Rad from a quarter of a turn of the field: of a line that is laid so, and of one along the field."""
+"""rad from a quarter of a turn of the field: of a line that is laid so, and of one along the field."""
 SLOWED_SHARE, SQUARING_SHARE = 0.9, 0.15
 """Of the fastest speed on the way: slower wheels are at a wall; wheels that differ by twice that turn it."""
 

@@ -23,15 +23,15 @@ LAG_LIMIT_TURN = 0.15
 # Fast enough to end on the mark, slow enough that the wheels stop within a tick or two.
 REST_SPEED = 0.02
 REST_RATE = 0.12
-# S that a wheel may be driven without turning before the motion gives up.
+# s that a wheel may be driven without turning before the motion gives up.
 STALL_PATIENCE = 0.4
-# S that the profile waits for a robot that stays where it is, such as one that spins a wheel at a wall and
+# s that the profile waits for a robot that stays where it is, such as one that spins a wheel at a wall and
 # would have to turn; and which part of what it may be behind is away from there (also backwards, where it was
 # pushed: it comes again).
 HELD_PATIENCE, AWAY = 2.0, 0.25
 
 CLOSING_IN, WIDENING, MOST_TOLERANCE = 1.0, 0.25, 4.0
-"""S after its profile in which a motion keeps to its tolerance; s in which that grows by itself from then on;
+"""s after its profile in which a motion keeps to its tolerance; s in which that grows by itself from then on;
 and how many times it may be."""
 
 SLOWER = 0.95
@@ -216,7 +216,7 @@ class Pace:
 
     @property
     def doubt(self) -> float:
-        """M by which the way is unsure where the wheels are a little off their calibration, or more."""
+        """m by which the way is unsure where the wheels are a little off their calibration, or more."""
         return 0.5 * mismatch(self._robot) * (self._robot.estimate.distance - self._start)
 
     def _watch(self) -> None:

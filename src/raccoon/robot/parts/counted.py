@@ -92,13 +92,13 @@ class CountedAngle:
 
     @property
     def readable(self) -> float:
-        """Rad/s up to which its back-EMF is surely read; a counter whose motor is faster stands still."""
+        """rad/s up to which its back-EMF is surely read; a counter whose motor is faster stands still."""
         reach = None if self._device is None else self._device.bemf_range
         return math.inf if reach is None else READ_SHARE * reach * abs(self._scale)
 
     @property
     def countable(self) -> float:
-        """Rad/s from which on it is surely counted: a slower motor turns further than its counter says."""
+        """rad/s from which on it is surely counted: a slower motor turns further than its counter says."""
         return 0.0 if self._device is None else surely_counted(self._device, abs(self._scale))
 
     @property
@@ -140,7 +140,7 @@ class CountedAngle:
         self._device, self._scale = device, math.copysign(scale, self._sign)
 
     def _guessed(self, inputs: Inputs) -> float:
-        """Rad that no counter tells of, up to this cycle."""
+        """rad that no counter tells of, up to this cycle."""
         if Fault.RESET in inputs.faults:
             speed = abs(self.rate)
             lasted = min(self._since, speed / self._slowing) if self._slowing > 0.0 else self._since

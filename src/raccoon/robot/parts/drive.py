@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
 
 FIRMWARE_SAMPLE = 0.005
-"""S between two samples of the back-EMF."""
+"""s between two samples of the back-EMF."""
 SHORT_DRIVE, SHORT_DRIVES = 0.1, 10
-"""S in which a drive does not come to its speed, and how many of them in a row are a loop."""
+"""s in which a drive does not come to its speed, and how many of them in a row are a loop."""
 
 
 def dead_time(config: RobotConfig) -> float:
-    """S from a reading to its effect: half a control period of hold plus one sample of the firmware."""
+    """s from a reading to its effect: half a control period of hold plus one sample of the firmware."""
     return 0.5 / config.controller.rate_hz + FIRMWARE_SAMPLE
 
 
@@ -183,7 +183,7 @@ class Drive(Part):
         return self._begins == SHORT_DRIVES
 
     def wheel_speed(self, forward: float) -> float:
-        """Rad/s of the wheels at `forward` m/s straight ahead."""
+        """rad/s of the wheels at `forward` m/s straight ahead."""
         return forward / self._radius
 
     def stop(self) -> None:
@@ -286,12 +286,12 @@ class Drive(Part):
         return f"{said}: something holds the robot or a wheel, or a number of robot.toml is wrong"
 
     def speed_of(self, voltage: float) -> float:
-        """M/s that so many V more at the motors are worth."""
+        """m/s that so many V more at the motors are worth."""
         return min(wheel.gain for wheel in self.wheels.models) * voltage * self._radius
 
     @property
     def missing_speed(self) -> float:
-        """M/s that the faster wheel is short of because the battery cannot give more."""
+        """m/s that the faster wheel is short of because the battery cannot give more."""
         return self.wheels.missing_speed * self._radius
 
     @property

@@ -55,7 +55,7 @@ class Mechanism(Part):
 
     @property
     def angle(self) -> float:
-        """Rad, as counted."""
+        """rad, as counted."""
         return self._counted.angle
 
     @angle.setter
@@ -64,16 +64,16 @@ class Mechanism(Part):
 
     @property
     def rate(self) -> float:
-        """Rad/s, as measured."""
+        """rad/s, as measured."""
         return self._counted.rate
 
     @property
     def place(self) -> float:
-        """Rad, where it is held: the next move makes good what it is off there. Else where it is."""
+        """rad, where it is held: the next move makes good what it is off there. Else where it is."""
         return self.angle if self.goal is None else float(self.goal.position)
 
     def planned_speed(self, wanted: float) -> float:
-        """Rad/s, as near `wanted` as its angle is still read."""
+        """rad/s, as near `wanted` as its angle is still read."""
         return min(max(wanted, self._counted.countable), self._counted.readable)
 
     @property

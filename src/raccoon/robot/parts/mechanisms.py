@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["move", "move_by", "release", "spin", "zero"]
 
 MARGIN_TIME = 2.0
-"""S beyond twice its profile that a move may take."""
+"""s beyond twice its profile that a move may take."""
 
 
 def move(name: str, to: float, speed: float | None = None, *, timeout: float | None = None) -> Action[float]:
@@ -165,7 +165,7 @@ def _move(
 
 
 def _planned(robot: Robot, moved: Mechanism, wanted: float) -> float:
-    """Rad/s to turn it with; where its angle would not be read at those that are `wanted`, that is said."""
+    """rad/s to turn it with; where its angle would not be read at those that are `wanted`, that is said."""
     top = moved.planned_speed(wanted)
     if top > wanted:
         say(

@@ -58,7 +58,7 @@ class Servo(Part):
         return float(where)
 
     def travel_time(self, pulse: float) -> float:
-        """S to get to `pulse` us from the last place; from the far end where that is unknown."""
+        """s to get to `pulse` us from the last place; from the far end where that is unknown."""
         ends = self.config.lowest_us, self.config.highest_us
         way = max(abs(pulse - end) for end in ends) if self.pulse is None else abs(pulse - self.pulse)
         return way / self.config.speed_us

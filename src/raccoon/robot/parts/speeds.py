@@ -43,7 +43,7 @@ class Speeds:
         self._turn_inertia_share = drive.inertia_turn.value / drive.inertia_straight.value
         self._device = ""
         self.readable = math.inf
-        """Rad/s of a wheel up to which its back-EMF is surely read."""
+        """rad/s of a wheel up to which its back-EMF is surely read."""
         self.limited = False
         """Whether a program wished for more than that."""
         self._said = False
@@ -88,7 +88,7 @@ class Speeds:
         )
 
     def planned_speed(self, wanted: float, acceleration: float, outer: float = 1.0) -> float:
-        """M/s, at most `wanted`, that the weakest battery of the match can still give and that is read.
+        """m/s, at most `wanted`, that the weakest battery of the match can still give and that is read.
 
         acceleration: m/s2 while it speeds up. outer: speed of the faster wheel over the robot's.
         """
@@ -131,7 +131,7 @@ class Speeds:
         )
 
     def planned_turn_rate(self, wanted: float, acceleration: float) -> float:
-        """Rad/s on the spot, at most `wanted`, that can be given and read as in `planned_speed`."""
+        """rad/s on the spot, at most `wanted`, that can be given and read as in `planned_speed`."""
         share = self._half_track * self._turn_inertia_share
         speed = self.planned_speed(wanted * self._half_track, acceleration * share)
         return speed / self._half_track
@@ -167,7 +167,7 @@ class Unread:
 
 
 def surely_counted(device: Device, radians_per_count: float) -> float:
-    """Rad/s from which on all of a motor's way is counted. radians_per_count: rad/s of a back-EMF count."""
+    """rad/s from which on all of a motor's way is counted. radians_per_count: rad/s of a back-EMF count."""
     return COUNT_SHARE * device.bemf_dead_zone * radians_per_count
 
 

@@ -202,7 +202,7 @@ def gyro_lag(latency: Floats, row: float) -> Floats:
 
 
 SHORTEST = 1e-4
-"""S: no drive train's mechanical time constant is below it."""
+"""s: no drive train's mechanical time constant is below it."""
 
 
 def time_constants(plants: NDArray[np.float64]) -> NDArray[np.float64]:

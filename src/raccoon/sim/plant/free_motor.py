@@ -21,7 +21,7 @@ class FreeMotor:
     def __init__(self, config: RobotConfig, port: int, inertia: float, device: Device = SIMULATOR) -> None:
         motor, friction = config.model.left, config.model.friction
         self.angle = 0.0
-        """Rad, positive with positive duty before the wiring sign."""
+        """rad, positive with positive duty before the wiring sign."""
         self.speed = 0.0
         self._sign = -1.0 if config.motor(port).inverted else 1.0
         self._resistance = motor.armature_resistance.value
@@ -33,7 +33,7 @@ class FreeMotor:
         self._lag = time_constant(inertia, self._resistance, self._constant, self._viscous)
         self._filter = max(config.model.bemf.filter_time_constant.value, 1e-6)
         self.stops = (-math.inf, math.inf)
-        """Rad, where it is blocked either way, counted from where it begins."""
+        """rad, where it is blocked either way, counted from where it begins."""
         self._counts = 0.0
         self._counted = 0.0
 

@@ -132,7 +132,7 @@ def _seen(dx: float, dy: float, cosine: float, sine: float) -> Point:
 
 
 def _distance(wall: Segment, x: float, y: float) -> float:
-    """M from a point to a wall."""
+    """m from a point to a wall."""
     along_x, along_y = wall[2] - wall[0], wall[3] - wall[1]
     share = ((x - wall[0]) * along_x + (y - wall[1]) * along_y) / (along_x**2 + along_y**2)
     share = min(max(share, 0.0), 1.0)

@@ -24,7 +24,7 @@ period late, which is stable up to five touches at once (0.2 and 0.6 would do fo
 WALL_FRICTION = 0.2
 """Coulomb's coefficient of plastic or metal along a plastic pipe."""
 STILL = 1e-4
-"""M/s of sliding at which this friction has 0.7 of its size."""
+"""m/s of sliding at which this friction has 0.7 of its size."""
 ROUNDS, SOFT = 20, 0.02
 """Of the search for the slip, and what is added to the stiffness in it."""
 ENOUGH = 1e-3

@@ -167,7 +167,7 @@ class World:
         return load_world(path)
 
     def nearest_line(self, x: float, y: float) -> tuple[float, float]:
-        """M to the nearest edge of a black line, negative inside one, and m that this line is wide."""
+        """m to the nearest edge of a black line, negative inside one, and m that this line is wide."""
         nearest, width = math.inf, math.inf
         for start_x, start_y, along_x, along_y, half in self._strips:
             dx, dy = x - start_x, y - start_y

@@ -48,7 +48,7 @@ from raccoon.sim.world.table import Box, Light, Line, Point, Ramp, Thing, Wall, 
 ARC_STEPS = 48
 """Straight pieces of a full circle, at least."""
 SAGITTA = 0.0005
-"""M by which a piece may be beside the arc."""
+"""m by which a piece may be beside the arc."""
 _KEYS = ("name", "area", "walls", "start_box", "line", "wall", "object", "light", "ramp")
 
 

@@ -14,11 +14,11 @@ HEADER = (
     "left_velocity_m_per_s", "right_velocity_m_per_s", "battery_V",
 )  # fmt: skip
 WHEEL_RADIUS = 0.03
-"""M, nominal of these robots; it is not in the files, which give the speed of the rim."""
+"""m, nominal of these robots; it is not in the files, which give the speed of the rim."""
 DEAD_CURRENT = 0.01
 """A; a driven motor that never draws more has no working current sensor."""
 SPIKE = 1.0
-"""M/s from one reading of the speed to the next and back; the fastest real change is a tenth of it."""
+"""m/s from one reading of the speed to the next and back; the fastest real change is a tenth of it."""
 
 
 def read_fleet_steps(path: str | Path, *, wheel_radius: float = WHEEL_RADIUS) -> Recording:

@@ -26,9 +26,9 @@ FILTER_SHARE = 0.2
 PRINTED = 0.5e-4
 """Largest rounding error of a printed speed, rad/s."""
 ONE_COUNT = 0.4
-"""Rad/s; speed of one count a sample. A leftover of the filter below it no longer looks like motion."""
+"""rad/s; speed of one count a sample. A leftover of the filter below it no longer looks like motion."""
 LONGEST_REPEAT = 0.05
-"""S without a new count that still can be repetition; longer is standstill."""
+"""s without a new count that still can be repetition; longer is standstill."""
 TURNED_BACK = 0.2
 """Share of the travel that must be undone before a motor is said to have reversed."""
 

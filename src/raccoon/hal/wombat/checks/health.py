@@ -70,7 +70,7 @@ class LifeWatch:
     DRIVEN = 0.25
     """Duty that turns any motor."""
     WHILE_TURNING, FROM_REST, GENTLY_FROM_REST = (0.05, 0.2), (0.3, 0.5), (0.5, 1.0)
-    """S of silence after which words are stale, and after which the controller hangs."""
+    """s of silence after which words are stale, and after which the controller hangs."""
 
     def __init__(self) -> None:
         self._last: bytes | None = None

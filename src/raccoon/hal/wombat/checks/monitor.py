@@ -28,7 +28,7 @@ LATE = 1.5
 MISSING_SECONDS = 0.05
 """Words that an IMU never sends (all bits alike) are forgiven that long: it may still be starting."""
 ANALOG_SETTLING = 0.1
-"""S after a restart in which analog words rise from 0, by the stock filter in steps of a tenth of the way."""
+"""s after a restart in which analog words rise from 0, by the stock filter in steps of a tenth of the way."""
 IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE = 0.06, 3.0, 5.0
 
 

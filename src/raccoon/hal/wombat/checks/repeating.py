@@ -21,7 +21,7 @@ class RepeatWatch:
     NEAR = 0.85
     """Of the most that a firmware measures: a motor may go beyond it from here between two conversions."""
     PAUSE = 0.1
-    """S between two words, of which nobody knows what lay between."""
+    """s between two words, of which nobody knows what lay between."""
 
     def __init__(self, most: float | None = None) -> None:
         self._most = math.inf if most is None else self.NEAR * most

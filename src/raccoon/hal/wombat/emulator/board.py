@@ -25,7 +25,7 @@ BEMF_NOISE = 3.0
 ANALOG_NOISE = 1.5
 BATTERY_NOISE = 1.0
 GYRO_NOISE = math.radians(0.1)
-"""Rad/s."""
+"""rad/s."""
 IMU_POLE = 0.0025
 """s, of each of the two poles that make a low-pass of 41 Hz, as both firmwares set the chip (DLPF 3) for its
 gyro; that of its accelerometer is as good as equal (45 Hz)."""
@@ -105,7 +105,7 @@ class Board:
         return max(0, min(ADC_MAX, round(volts / BATTERY_VOLTS_PER_COUNT + self._gauss(BATTERY_NOISE))))
 
     def gyro(self) -> tuple[float, float, float]:
-        """Rad/s about forward, left, up, as the chip smooths them."""
+        """rad/s about forward, left, up, as the chip smooths them."""
         x, y, z = (rate + self._gauss(GYRO_NOISE) for rate in self._gyro.value)
         if self._faults.gyro_sweep:
             # Old boards: -600 to 1700 units of 1/1.025 deg/s while at rest.

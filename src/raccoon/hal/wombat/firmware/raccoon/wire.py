@@ -79,7 +79,7 @@ class Telemetry:
 
     @property
     def world_gyro_deg(self) -> tuple[float, ...]:
-        """Deg/s in the quaternion's world frame."""
+        """deg/s in the quaternion's world frame."""
         return self.words[19:22]
 
     @property
@@ -116,7 +116,7 @@ class Telemetry:
 
     @property
     def heading(self) -> float:
-        """Rad in -pi..pi, counter-clockwise positive (the wire carries clockwise degrees)."""
+        """rad in -pi..pi, counter-clockwise positive (the wire carries clockwise degrees)."""
         return math.remainder(-math.radians(self.words[44]), math.tau)
 
     @property
