@@ -60,10 +60,8 @@ class Drive(Part):
         self._turn_inertia_share = model.inertia_turn.value / model.inertia_straight.value
         self._ports = (config.drive.left, config.drive.right)
         self._brake = tuple(port in self._ports for port in range(MOTOR_PORTS))
-        self._signs = tuple(
-            (-1.0 if config.motor(port).inverted else 1.0) * config.motor(port).power_factor.value
-            for port in self._ports
-        )
+        self._signs = tuple(-1.0 if config.motor(port).inverted else 1.0 for port in self._ports)
+        self._factors = tuple(config.motor(port).power_factor.value for port in self._ports)
         self.remarks: dict[str, str] = {}
         """What was said to be strange so far, the first of each kind."""
         self.followed = True
@@ -71,7 +69,7 @@ class Drive(Part):
         nothing of the motors."""
         self._target = REST
         self._open_loop: tuple[float, float] | None = None
-        self._given = (0.0, 0.0)
+        self._given = (0.0, 0.0)  # duties of the last command, before the wiring sign
         self._unread = Unread()
         self._claimed = False
         self.cut = False
@@ -225,11 +223,13 @@ class Drive(Part):
             right_speed = None if silent[1] else estimate.right_speed
             target = self._unread.slowed(self._target, silent)
             left, right = self.wheels.step(target, left_speed, right_speed, dt, battery_voltage)
+        left = max(-1.0, min(1.0, self._factors[0] * left))
+        right = max(-1.0, min(1.0, self._factors[1] * right))
         self._given = (left, right)
         self.stop()
         duty = [0.0] * MOTOR_PORTS
-        duty[self._ports[0]] = max(-1.0, min(1.0, self._signs[0] * left))
-        duty[self._ports[1]] = max(-1.0, min(1.0, self._signs[1] * right))
+        duty[self._ports[0]] = self._signs[0] * left
+        duty[self._ports[1]] = self._signs[1] * right
         return Outputs(duty=tuple(duty), brake=self._brake)
 
     def current(self, left_speed: float, right_speed: float, battery_voltage: float) -> float:
