@@ -65,7 +65,8 @@ class TraceWriter:
         self._thread.join()
         try:
             with self._file:
-                self._file.write(json_line({"end": self._ticks, "failure": self.failure}).encode())
+                last = json_line({"end": self._ticks, "failure": self.failure})
+                _write_all(self._file.fileno(), last.encode())
             pack(self._plain, self._packed)
             self._plain.unlink()
         except OSError as error:
