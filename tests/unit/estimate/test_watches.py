@@ -6,7 +6,7 @@ import pytest
 
 from raccoon.core.readings import GRAVITY
 from raccoon.estimate.battery.voltage import BatteryVoltage
-from raccoon.estimate.drive.slip import BumpWatch
+from raccoon.estimate.drive.bump import BumpWatch
 from raccoon.estimate.drive.turn_share import TurnShare
 
 PITCH_BIAS = 0.6

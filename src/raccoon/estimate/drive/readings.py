@@ -11,7 +11,6 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
 from raccoon.estimate.drive.estimate import AT_REST
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
-from raccoon.estimate.drive.slip import MOST_FORCE, MOST_PITCH
 from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
 from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReading
 from raccoon.estimate.drive.wiring import Wiring
@@ -23,8 +22,11 @@ KINKED = 0.15
 coarse: where it peaks in between, its top is cut off. While it rises evenly nothing is."""
 SHARP = 30.0
 """rad/s2; what turns a robot more suddenly, as a wall does, begins or ends between two readings. When it did
-is known no better than they are apart (`DATED` in odometry)."""
-
+is known no better than they are apart (`DATED` in steps.py)."""
+MOST_FORCE = 400.0
+"""m/s2; the accelerometers of these robots end at 16 g or less."""
+MOST_PITCH = 3.0
+"""rad/s; no robot on its wheels pitches faster, and a gyro that says so is wrong."""
 PATIENCE = 0.5
 """s for which the filter waits for wheels that are silent beside a gyro that is not."""
 

@@ -8,10 +8,11 @@ from collections import deque
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device, Fault, Inputs, Outputs
+from raccoon.estimate.drive.bump import BumpWatch
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.load import LoadWatch
 from raccoon.estimate.drive.readings import COARSE_GYRO, DriveReadings, Pending
-from raccoon.estimate.drive.slip import RESTING_SPEED, BumpWatch
+from raccoon.estimate.drive.slip import RESTING_SPEED
 from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.model.drive import DriveGeometry
 
