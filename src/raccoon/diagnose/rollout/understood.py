@@ -58,7 +58,8 @@ def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
         except TraceError as other:
             raise TraceError(f"{error}. Or {other}") from None
         raise
-    free = with_battery_before_commands(with_stops(of_free_driving(with_what_turned(log, robot))))
+    log = with_what_turned(log, robot)
+    free = with_battery_before_commands(with_stops(of_free_driving(log)))
     check_order(free)
     check_answers(free)
     if firmware is not None:

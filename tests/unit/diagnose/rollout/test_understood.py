@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.understood import understood
 
 ROBOT = RobotConfig()
@@ -39,3 +40,20 @@ def test_a_motor_of_the_other_sign_is_no_robot_in_a_hand_all_the_time() -> None:
     other = {name: -each if name.startswith("motor.1") else each for name, each in columns.items()}
     with pytest.raises(TraceError, match=r"motor 1 turns the other way .* inverted = true under"):
         understood([other], ROBOT, None)
+
+
+@pytest.mark.parametrize("made_by", [None, "simulator", "wombat-stock", "wombat-raccoon-21"])
+def test_a_wheel_that_stood_is_said_and_left_out_whoever_made_the_recording(made_by: str | None) -> None:
+    """Of a recording that names its firmware, as raccoon's own do, it was forgotten again."""
+    columns = driven_straight_and_turned_on_one_wheel()
+    del columns["imu.gyro.z"]
+    unplugged = (columns["t"] >= 4.3) & (columns["t"] < 5.9)
+    columns["motor.0.bemf"] = np.where(unplugged, np.sin(50.0 * columns["t"]), columns["motor.0.bemf"])
+    log = understood([columns], ROBOT, None if made_by is None else FIRMWARES[made_by])
+    ((column, text),) = log.stood
+    assert column == "motor.0.duty"
+    assert text.startswith("from 4.3 to 5.9 s motor 0 (left) did not turn")
+    left = log.wheel("left")
+    assert left is not None
+    assert np.isnan(left.values[unplugged]).all()
+    assert any(start <= 4.35 and end >= 5.85 for start, end in log.lost)
