@@ -65,7 +65,11 @@ def joined(logs: Sequence[Log]) -> Log:
         tuple(span for each in parts for span in each.held),
         brake=_brakes(parts),
         loads=tuple(load for each in parts for load in each.loads),
-        stood=tuple(dict(pair for each in parts for pair in each.stood).items()),
+        stood=tuple(
+            (column, f"recording {number}: {text}")
+            for number, each in enumerate(logs, 1)
+            for column, text in each.stood
+        ),
         runs=tuple(Run(float(each.time[0]), each.clocks) for each in parts),
     )
 
@@ -73,7 +77,10 @@ def joined(logs: Sequence[Log]) -> Log:
 def _begun(parts: Sequence[Log]) -> str:
     """Where each is in the time of all."""
     starts = ", ".join(f"{number} at {each.time[0]:.1f} s" for number, each in enumerate(parts[1:], 2))
-    return f"times are those of all recordings one after the other; number {starts}"
+    return (
+        f"times are those of all recordings one after the other; number {starts} (but where one recording is "
+        "named they are its own)"
+    )
 
 
 def _told(logs: Sequence[Log]) -> list[str]:

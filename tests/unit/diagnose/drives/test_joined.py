@@ -67,12 +67,14 @@ def test_what_was_known_of_each_is_kept_at_its_time() -> None:
     shift = both.runs[1].start - two.time[0]
     assert both.notes[1:] == ("recordings 1, 2: it is so",)
     assert joined([one, log(2)]).notes[1:] == ("recording 1: it is so",)
-    assert both.notes[0].endswith(f"number 2 at {both.runs[1].start:.1f} s")
+    assert f"number 2 at {both.runs[1].start:.1f} s" in both.notes[0]
     assert both.lost[0] == (1.0, 2.0)
     assert both.held == ((0.5, 0.7),)
     (load,) = both.loads
     assert (load.start, load.end) == pytest.approx((1.0 + shift, 2.0 + shift))
-    assert both.stood == (("motor.0.duty", "stood"),)
+    assert both.stood == (("motor.0.duty", "recording 2: stood"),)
+    again = joined([replace(one, stood=(("motor.0.duty", "stood too"),)), two])
+    assert [text for _, text in again.stood] == ["recording 1: stood too", "recording 2: stood"]
 
 
 def test_a_clock_tells_the_same_of_its_recording() -> None:
