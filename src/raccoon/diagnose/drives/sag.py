@@ -86,7 +86,8 @@ class Sight:
         voltage = _means(time, battery.values)
         known = np.isfinite(voltage) & (BIN * np.arange(len(voltage)) >= SETTLED)
         for start, end in log.lost:
-            known[max(int((start - log.time[0]) / BIN), 0) : int((end - log.time[0]) / BIN) + 1] = False
+            first, last = (max(int((each - log.time[0]) / BIN), -1) for each in (start, end))
+            known[max(first, 0) : last + 1] = False  # what a part of a drive has lost before it ends before 0
         if known.sum() < 2 * EDGE:
             return None
         step = _resolution(battery.values)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.loads import MOST_OF_IT, loads_told, with_loads
 from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.drives.sag import Sight
 from raccoon.diagnose.result import Verdict
 
 Array = NDArray[np.float64]
@@ -109,6 +111,16 @@ def test_a_drive_without_is_the_same_log(name: str) -> None:
     kind = "contest" if len(name) % 2 else "exciting"
     log = log_from_columns(columns := dict(make(7, hidden, kind, 14.0).columns), ROBOT)
     assert with_loads(log, columns, ROBOT) is log
+
+
+def test_what_was_lost_before_a_part_of_a_drive_hides_nothing_of_it() -> None:
+    """An index below 0 counts from the end: only the last seconds were looked at."""
+    log = log_from_columns(dict(make(7, seconds=16.0).columns), ROBOT)
+    parts = [replace(log, lost=lost).between(8.0, np.inf) for lost in ((), ((3.0, 3.5),))]
+    whole, same = (Sight.of(each) for each in parts)
+    assert whole is not None
+    assert same is not None
+    np.testing.assert_array_equal(same.known, whole.known)
 
 
 def test_a_reading_in_coarse_steps_is_no_load() -> None:
