@@ -20,15 +20,16 @@ AROUND = 0.6
 def without_moments(log: Log, moments: Sequence[float]) -> Log:
     """The log with what is around these times, s, among what is lost, and a note of it; the same log where
     there are none, or too little would be left."""
-    lost = []
-    for each in moments:
-        row = min(int(np.searchsorted(log.time, each + AROUND)), len(log.time) - 1)
-        lost.append((each - AROUND, settled(log.time, log.duty, row)))
+    spans = [(each - AROUND, each + AROUND) for each in moments]
+    rows = np.minimum(np.searchsorted(log.time, [end for _, end in spans]), len(log.time) - 1)
+    lost = [
+        (start, settled(log.time, log.duty, int(row))) for (start, _), row in zip(spans, rows, strict=True)
+    ]
     every = tuple(sorted((*log.lost, *lost)))
     if not lost or log.seconds - sum(apart(every)) < SHORTEST_SECONDS:
         return log
     note = f"{happened(moments)} Left out, since the simulated robot drives freely"
-    return replace(log, lost=every, notes=(*log.notes, note))
+    return replace(log, lost=every, held=tuple(sorted((*log.held, *spans))), notes=(*log.notes, note))
 
 
 def happened(moments: Sequence[float]) -> str:

@@ -136,6 +136,8 @@ def test_what_happened_in_a_moment_is_left_out_with_a_note(blind: dict[str, Arra
     assert less.notes[-1].startswith(
         "around 5.0 and 12.0 s the robot moved as no command and no cause makes it"
     )
+    part = less.longest_part()  # which began 0.6 s before the second one, and compared it
+    assert (part.time[0], part.time[-1]) == pytest.approx((12.6, log.time[-1]), abs=0.01)
     assert without_moments(log, []) is log
     assert without_moments(log.between(11.0, 13.5), [12.0]).lost == ()  # too little is left
 
