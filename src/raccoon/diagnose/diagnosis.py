@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
 from raccoon.diagnose.answer import Found, answered, faults_of
+from raccoon.diagnose.drives.features import with_readings
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.moments import without_moments
 from raccoon.diagnose.drives.quality import moves
@@ -119,12 +120,13 @@ class Way:
             return of_several(found)
         if not (log.lost and adds_up(found)):
             return found
-        part = log.longest_part()
+        part = with_readings(log.longest_part())
         if too_short(part.seconds) or not moves(part):
             return lost_count(found, part.seconds)
         judged = f"only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
-        part = replace(part, notes=(*log.notes, f"{ADDS_UP}: {judged}"))
-        return self._without_moments(part, None if unseen is None else unseen.longest_part())[0]
+        part = replace(part, notes=(*part.notes, f"{ADDS_UP}: {judged}"))
+        other = None if unseen is None else with_channels_of(part, unseen.longest_part())
+        return self._without_moments(part, other)[0]
 
     def _without_moments(self, log: Log, unseen: Log | None) -> tuple[Diagnosis, Log]:
         """The diagnosis without what happened in a moment, and the log that it is of."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from raccoon.diagnose.drives.binned import in_force
-from raccoon.diagnose.drives.log import Channel, Log
+from raccoon.diagnose.drives.log import FEWEST, Channel, Log
 from raccoon.diagnose.drives.whole_counts import uncut
 
 Array = NDArray[np.float64]
@@ -94,6 +94,19 @@ def _known(log: Log) -> tuple[Channel, ...]:
         return log.channels
     lost = _within(log, log.time, 0.0)
     return tuple(replace(each, values=np.where(lost, np.nan, each.values)) for each in log.channels)
+
+
+def with_readings(log: Log) -> Log:
+    """The log without channels of which too few readings are left where anything is compared, and a note of
+    them; the same log where there are none."""
+    compared = log.time >= log.time[0] + SETTLING
+    seen = {each.role: int(np.isfinite(each.values[compared]).sum()) for each in _known(log)}
+    gone = [each.name for each in log.channels if seen[each.role] < FEWEST]
+    if not gone:
+        return log
+    kept = tuple(each for each in log.channels if each.name not in gone)
+    note = f"{' and '.join(gone)}: next to no readings are left of what is compared, so left out"
+    return replace(log, channels=kept, missing=(*log.missing, *gone), notes=(*log.notes, note))
 
 
 @dataclass(frozen=True, slots=True)

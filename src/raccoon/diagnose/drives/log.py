@@ -28,6 +28,8 @@ SETTLED = 0.3
 STOPPED = 1.0
 """S in which a robot that is not driven has come to rest."""
 GAPS_SAID = 3
+FEWEST = 20
+"""Readings from which a channel is one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +196,7 @@ def arranged(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     for role, (pattern, unit, floor) in ROLES.items():
         name = pattern.format(**ports)
         values = columns.get(name)
-        if values is None or np.isfinite(values).sum() < 20:
+        if values is None or np.isfinite(values).sum() < FEWEST:
             missing.append(name)
             continue
         sign = signs[role.rpartition("_")[2]] if role in WHEELS else 1.0

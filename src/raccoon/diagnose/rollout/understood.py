@@ -11,6 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.answers import check_answers, check_signs
 from raccoon.diagnose.drives.at_once import with_battery_before_commands
+from raccoon.diagnose.drives.features import with_readings
 from raccoon.diagnose.drives.held import LIFTED, not_free, of_free_driving, spans, with_free_driving
 from raccoon.diagnose.drives.joined import joined, said_of_recording
 from raccoon.diagnose.drives.loads import with_loads
@@ -65,5 +66,5 @@ def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     if firmware is not None:
         free = of_free_driving(firmware.understood(log, columns, robot))
         if firmware.chain.battery_held:  # such a reading is low without a load
-            return free
-    return with_loads(free, columns, robot)
+            return with_readings(free)
+    return with_readings(with_loads(free, columns, robot))

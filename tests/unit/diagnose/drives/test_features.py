@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import gc
 import weakref
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.features import BIN, SETTLING, Features, answered
+from raccoon.diagnose.drives.features import BIN, SETTLING, Features, answered, with_readings
 from raccoon.diagnose.drives.log import Channel, Log
 
 Array = NDArray[np.float64]
@@ -38,6 +39,21 @@ def test_counts_that_are_missing_do_not_make_the_others_fractions() -> None:
     values = np.full(len(TIME), -20.0)
     values[::3] = np.nan
     assert bins_of(values) == pytest.approx(-20.5)
+
+
+def test_a_channel_without_readings_of_what_is_compared_is_missing() -> None:
+    """It was an IndexError: a battery that was read until the robot drove off."""
+    counts = Channel("motor.0.bemf", "bemf_left", "counts", np.sin(TIME), 1.0)
+    volts = np.where((TIME < 0.25) | ((TIME > 4.0) & (TIME < 5.0)), 6.8, np.nan)
+    log = Log(
+        TIME, np.zeros((len(TIME), 2)), (counts, Channel("battery.voltage", "battery", "V", volts, 0.004))
+    )
+    assert with_readings(log) is log
+    kept = with_readings(replace(log, lost=((3.9, 5.1),)))
+    assert [each.role for each in kept.channels] == ["bemf_left"]
+    assert kept.missing == ("battery.voltage",)
+    assert kept.notes[0].startswith("battery.voltage: next to no readings are left")
+    assert Features.of(kept).measured.shape[1] == 1
 
 
 def test_bins_are_means_and_lines_over_what_is_missing() -> None:
