@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -100,6 +102,11 @@ def test_a_gyro_that_a_logger_holds_is_known_where_it_is_new(good: Columns) -> N
 def test_what_moves_a_reading_is_its_own_command(good: Columns) -> None:
     left, right = good["motor.0.duty"].copy(), good["motor.1.duty"]
     np.testing.assert_array_equal(command_of("gyro", good, ROBOT), 0.5 * (right - left))
+    motors = {0: replace(ROBOT.motor(0), inverted=True), 1: ROBOT.motor(1)}
+    wired = {**good, "motor.0.duty": -left}  # what turns a robot is no matter of how its motors are wired
+    np.testing.assert_array_equal(
+        command_of("gyro", wired, replace(ROBOT, motors=motors)), 0.5 * (right - left)
+    )
     left[:3] = left[100] = np.nan
     own = command_of("bemf_left", {**good, "motor.0.duty": left}, ROBOT)
     assert own is not None

@@ -90,6 +90,20 @@ def test_a_counter_is_differenced_around_its_row() -> None:
     assert "motor.1.bemf" not in counted.columns
 
 
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_a_counter_that_is_read_less_often_tells_the_same_and_nothing_of_a_gap(first: int) -> None:
+    """Read in every second row it told nothing at all, and over a gap half of a speed that the wheel had."""
+    rows = np.arange(first, 400)
+    there = (rows < 160) | (rows >= 240)
+    every_other = {"t": 0.005 * rows, "motor.0.position": np.where(rows % 2 == 0, 5.0 * rows, np.nan)}
+    gap = {"t": 0.005 * rows[there], "motor.0.position": np.cumsum(5.0 * there)[there]}
+    for columns, fewest in ((every_other, 60), (gap, 100)):
+        reading = with_counted(columns, ROBOT, SI_WORDS).columns["motor.0.bemf"]
+        known = reading[np.isfinite(reading)]
+        assert len(known) >= fewest
+        assert known == pytest.approx(1000.0 * SI_WORDS.position_counts_seconds)
+
+
 def test_a_zone_as_narrow_as_a_tick_is_the_counters(read: Diagnosis) -> None:
     named = read.causes[0]
 

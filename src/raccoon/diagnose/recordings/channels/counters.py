@@ -24,6 +24,8 @@ SILENCE = 0.1
 AVERAGED = 0.015
 """S over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a wheel that creeps has.
 What is faster than 20 ms is averaged out in any case."""
+LONGER = 1.5
+"""Times as long as usual, from which there is a gap in such rows."""
 SURELY = 3.5
 """Standard deviations by which a dead zone must be wider than what a counter hides, as of a number outside
 robot.toml's."""
@@ -132,16 +134,20 @@ def said_of_counters(columns: Columns) -> Iterator[None]:
 
 
 def _rate(time: Array, ticks: Array) -> Array:
-    """Ticks a second: the mean over an odd number of rows, in the middle one of these; NaN in the others.
+    """Ticks a second: the mean over an odd number of rows that have any, in the middle one of these; NaN in
+    the others, and over a gap, in which a wheel may have done anything.
 
     A counter grows by what is read in a row, so between two rows it grows by the later ones' readings.
     """
-    row = max(usual_step(time), 1e-6)
+    known = np.flatnonzero(np.isfinite(ticks))
+    row = max(usual_step(time[known]), 1e-6)
     half = int(np.ceil(0.5 * (AVERAGED / row - 1.0)))
     rows = max(2 * half + 1, 1)
-    ends = np.arange(0, len(time), rows)
+    ends = known[::rows]
+    spans = np.diff(time[ends])
+    whole = spans < LONGER * rows * row
     found = np.full(len(time), np.nan)
-    found[ends[1:] - half] = np.diff(ticks[ends]) / np.diff(time[ends])
+    found[known[rows - half :: rows][: len(spans)][whole]] = (np.diff(ticks[ends]) / spans)[whole]
     return found
 
 

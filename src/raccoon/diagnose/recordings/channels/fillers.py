@@ -101,13 +101,15 @@ def _blank(values: Array, rows: NDArray[np.intp]) -> Array:
 
 def command_of(role: str, columns: Mapping[str, Array], robot: RobotConfig) -> Array | None:
     """What moves what a role reads: a wheel's command, or what turns the robot; None where it is missing."""
-    sides = {"left": robot.drive.left, "right": robot.drive.right}
-    found = {side: columns.get(f"motor.{port}.duty") for side, port in sides.items()}
+    ports = {"left": robot.drive.left, "right": robot.drive.right}
+    found = {
+        side: (-1.0 if robot.motor(port).inverted else 1.0) * until_next(columns[f"motor.{port}.duty"])
+        for side, port in ports.items()
+        if f"motor.{port}.duty" in columns
+    }
     if role == "gyro":
-        left, right = found["left"], found["right"]
-        return None if left is None or right is None else 0.5 * (until_next(right) - until_next(left))
-    own = found.get(role.partition("_")[2])
-    return None if own is None else until_next(own)
+        return 0.5 * (found["right"] - found["left"]) if len(found) == len(ports) else None
+    return found.get(role.partition("_")[2])
 
 
 def _frozen(time: Array, known: Array, command: Array) -> list[tuple[float, NDArray[np.intp]]]:
