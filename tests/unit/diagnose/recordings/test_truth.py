@@ -183,6 +183,15 @@ def test_a_reference_of_another_drive_or_time_is_said(change: Change, message: s
     assert bool(text) is bool(message)
 
 
+def test_a_place_and_a_heading_of_rows_of_their_own_are_compared_all_the_same() -> None:
+    """Without a row that had both it was an IndexError."""
+    columns = spinning()
+    odd = np.arange(len(columns["t"])) % 2 == 1
+    for name in TRUTH:
+        columns[name] = np.where(odd == (name == TRUTH[2]), columns[name], np.nan)
+    assert strange_reference(columns, ROBOT, SI_WORDS) == ""
+
+
 def test_a_gyro_that_is_stuck_leaves_the_wheels_to_check_a_reference_by() -> None:
     columns = spinning()
     columns |= {"imu.gyro.z": np.full(3000, 0.3), "truth.heading": -columns["truth.heading"]}

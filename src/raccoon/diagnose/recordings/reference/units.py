@@ -152,8 +152,9 @@ def _moved(columns: Columns, robot: RobotConfig, device: Device) -> _Moved | Non
     if place is None:
         return None
     heading = heading_at(time, columns["truth.heading"], 2.0 * math.pi)
-    known = np.isfinite(columns["truth.x"]) & np.isfinite(columns["truth.heading"])
-    ends = ends_of(time, time[known][0], time[known][-1], 0.2 * STRETCH)
+    # A place and a heading may be of rows of their own, as from two cameras.
+    known = [time[np.isfinite(columns[f"truth.{each}"])] for each in ("x", "y", "heading")]
+    ends = ends_of(time, max(each[0] for each in known), min(each[-1] for each in known), 0.2 * STRETCH)
     wheels = wheel_ways(columns, robot, device, time, ends)
     if wheels is None or len(ends) < FEWEST:
         return None
