@@ -207,17 +207,19 @@ def arranged(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
 
 def _brakes(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bool_] | None:
     """Whether each motor is shorted at duty 0, (n, 2), each valid until the next row, as the format has it: a
-    command without a word of it does not brake, and a row without a command has that of before. None where no
+    command without a word of it does not brake, and a row without either has that of before. None where no
     row of one of them has any word."""
     names = [f"motor.{port}.brake" for port in ports]
     if not all(name in columns and np.isfinite(columns[name]).any() for name in names):
         return None
     duties = [columns[f"motor.{port}.duty"] for port in ports]
-    words = [
-        np.where(np.isfinite(duty), np.nan_to_num(columns[name]), columns[name])
-        for name, duty in zip(names, duties, strict=True)
-    ]
-    return np.column_stack([until_next(each) > 0.5 for each in words])
+    words = [braked(columns[name], duty) for name, duty in zip(names, duties, strict=True)]
+    return np.column_stack([each > 0.5 for each in words])
+
+
+def braked(words: Array, duty: Array) -> Array:
+    """Whether a motor is shorted at duty 0 in each row, 0 or 1. words, duty: its columns as recorded."""
+    return until_next(np.where(np.isfinite(duty), np.nan_to_num(words), words))
 
 
 def _time(columns: Mapping[str, Array]) -> Array:

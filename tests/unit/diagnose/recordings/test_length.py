@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.log import arranged
 from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_others
 from raccoon.diagnose.recordings.rows.length import MOST_SECONDS, PAUSE, REST, bounded
@@ -53,6 +55,22 @@ def test_of_minutes_before_the_start_and_after_the_end_some_seconds_are_looked_a
     assert said == "of 230 s only 85.0 to 140.0 s are looked at: nothing is commanded before and after that"
     nothing = drive(400.0, ())
     assert bounded(nothing)[0]["t"] is nothing["t"]
+
+
+def test_a_motor_that_was_told_to_brake_still_does_in_a_part() -> None:
+    """All rows had a command then, and one without a word of the brake does not brake."""
+    columns = drive(60.0, ((20.0, 25.0), (26.0, 30.0)))
+    duty = columns["motor.0.duty"]
+    columns |= {f"motor.{port}.brake": np.where(duty == 0.0, 1.0, np.nan) for port in (0, 1)}
+    columns["motor.1.duty"] = duty
+    found, (said,) = bounded(columns)
+    assert "only 10.0 to 40.0 s" in said
+    part = (columns["t"] >= found["t"][0]) & (columns["t"] <= found["t"][-1])
+    whole, less = arranged(columns, RobotConfig()).brake, arranged(found, RobotConfig()).brake
+    assert whole is not None
+    assert less is not None
+    np.testing.assert_array_equal(less, whole[part])
+    assert less[0].all()
 
 
 def test_what_is_no_time_is_left_to_be_refused() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.log import until_next
+from raccoon.diagnose.drives.log import braked, until_next
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ PAUSES_SAID = 3
 REST = 10.0
 """S before the first command and after the last one that are looked at: of a robot that stands there is no
 more to see, and each takes as long as one of driving. A minute may pass until the light starts a match."""
-_COMMAND = re.compile(r"motor\.\d+\.(duty|voltage|force|torque)")
+_COMMAND, _BRAKE = re.compile(r"motor\.\d+\.(duty|voltage|force|torque)"), re.compile(r"motor\.\d+\.brake")
 
 
 def bounded(columns: Columns, *, pauses_too: bool = True) -> tuple[Columns, tuple[str, ...]]:
@@ -38,11 +38,24 @@ def bounded(columns: Columns, *, pauses_too: bool = True) -> tuple[Columns, tupl
     commands = {name: until_next(each) for name, each in columns.items() if _COMMAND.fullmatch(name)}
     driven = np.any([each != 0.0 for each in commands.values()], axis=0)
     part, said = _where_it_drives(time, driven)
-    if said:  # what holds in the first row may have been commanded before it
-        columns = {name: each[part] for name, each in {**columns, **commands, "t": time}.items()}
+    if said:
+        held = {**commands, **_braked(columns)}
+        columns = {name: each[part] for name, each in {**columns, "t": time}.items()}
+        for name, each in held.items():  # what holds in the first row may have been commanded before it
+            columns[name] = np.concatenate([each[part][:1], columns[name][1:]])
     elif pauses:
         columns = {**columns, "t": time}
     return columns, (*pauses, *said)
+
+
+def _braked(columns: Columns) -> dict[str, Array]:
+    """The words of brakes, by name, as each row has them."""
+    duties = {name: name.replace(".brake", ".duty") for name in columns if _BRAKE.fullmatch(name)}
+    return {
+        name: braked(columns[name], columns[duty])
+        for name, duty in duties.items()
+        if duty in columns and np.isfinite(columns[name]).any()
+    }
 
 
 def _with_short_pauses(time: Array) -> tuple[Array, tuple[str, ...]]:
