@@ -45,7 +45,7 @@ from raccoon.diagnose.recordings.named import Named, named
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.reference.units import strange_reference
-from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_others
+from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_other, rows_of_others
 from raccoon.diagnose.recordings.rows.repeated import without_repeated
 from raccoon.diagnose.recordings.together import check_commands, check_drives
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
@@ -63,7 +63,7 @@ _WITH_MORE = {
     Verdict.NOT_IDENTIFIABLE: Verdict.PARTLY,
 }
 """The verdict of a drive whose tophats have causes too."""
-NO_MODEL = "the effects of --model were not used: only drives and tophats are simulated with them"
+NO_MODEL = "the effects of --model were not used: only drives by duty and tophats are simulated with them"
 
 
 def diagnose_recording(
@@ -96,15 +96,15 @@ def diagnose_recording(
         columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
     columns, repeated = without_repeated(columns)
     kind = kind_of(columns, robot)
-    check_drives([columns, *more], [kind, *(kind_of(each, robot) for each in more)])
+    check_drives([columns, *more], robot)
     columns, of_rows = rows_of(columns, kind)
-    more, of_others = rows_of_others(more, kind, "recording {}")
+    more, of_others = rows_of_others(more, kind)
     of_rows = (*repeated, *of_rows, *of_others)
     unused = ""
     if holdout is not None:
         with said_of_holdout():
-            (holdout,), of_other = rows_of_others([holdout], kind, "the other recording")
-            of_rows = (*of_rows, *of_other)
+            holdout, of_other = rows_of_other(holdout, kind)
+            of_rows = (*of_rows, *(f"the other recording: {each}" for each in of_other))
             unused = not_judged_on(columns, holdout, kind, kind_of(holdout, robot))
     if kind is Kind.STEP:
         found = diagnose_step(columns, step_port(columns) or 0)
@@ -154,7 +154,8 @@ def _driven(
     if shares is None or (other is None and holdout is not None):
         return _drive(columns, robot, holdout, more, asked)
     found = _drive(shares, robot, other, more, asked)
-    if found.verdict is not Verdict.ADEQUATE:
+    by_duty = holdout is not None and not commands_volts(holdout, robot)
+    if found.verdict is not Verdict.ADEQUATE and not by_duty:
         exact = _drive(columns, robot, holdout, more, asked)
         if explains_better(exact, found):
             return exact
@@ -188,6 +189,7 @@ def _drive(
         found = speeds
     elif by_volts:
         found = _by_volts(columns, robot, holdout, asked.own, device)
+        others += [] if model is None else [NO_MODEL]
     else:
         start = start_of(columns, robot, model, device)
         tried = start.undecided([*drive_causes(), *map(own_cause, asked.own)])

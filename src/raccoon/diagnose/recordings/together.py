@@ -10,27 +10,32 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.joined import said_of_recording
 from raccoon.diagnose.recordings.channels.volts import commands_volts
-from raccoon.diagnose.recordings.kind import Kind
+from raccoon.diagnose.recordings.kind import Kind, kind_of
+from raccoon.diagnose.recordings.rows.repeated import without_repeated
 
 Columns = Mapping[str, NDArray[np.float64]]
 
 
-def check_drives(every: Sequence[Columns], kinds: Sequence[Kind]) -> None:
-    """Raise TraceError where one of several is no drive, or is there twice. kinds: of each."""
+def check_drives(every: Sequence[Columns], robot: RobotConfig) -> None:
+    """Raise TraceError where one of several is no drive, or is there twice."""
     if len(every) == 1:
         return
-    for number, kind in enumerate(kinds):
-        if kind is not Kind.DRIVE:
-            raise TraceError(f"recording {number + 1}: it is of {kind}; only drives are diagnosed together")
-    for (one, first), (two, second) in combinations(enumerate(every), 2):
+    seen = []
+    for number, each in enumerate(every):
+        with said_of_recording(number):
+            seen.append(without_repeated(each)[0])
+            if (kind := kind_of(seen[-1], robot)) is not Kind.DRIVE:
+                raise TraceError(f"it is of {kind}; only drives are diagnosed together")
+    for (one, first), (two, second) in combinations(enumerate(seen), 2):
         if _same(first, second):
             raise TraceError(f"recording {two + 1}: its samples are those of recording {one + 1}")
 
 
 def _same(one: Columns, two: Columns) -> bool:
     moving = [name for name in one if name in two and name.startswith(("motor.", "imu."))]
-    return all(np.array_equal(one[name], two[name], equal_nan=True) for name in moving)
+    return bool(moving) and all(np.array_equal(one[name], two[name], equal_nan=True) for name in moving)
 
 
 def check_commands(every: Sequence[Columns], robot: RobotConfig) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.log import arranged
 from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_others
@@ -81,9 +82,12 @@ def test_what_is_no_time_is_left_to_be_refused() -> None:
 
 def test_each_of_several_says_which_it_is() -> None:
     long = drive(230.0, ((95.0, 130.0),))
-    found, said = rows_of_others([drive(5.0, ((0.0, 5.0),)), long], Kind.DRIVE, "recording {}")
+    found, said = rows_of_others([drive(5.0, ((0.0, 5.0),)), long], Kind.DRIVE)
     assert [len(each["t"]) for each in found] == [500, 5500]
     assert [each.partition(": ")[0] for each in said] == ["recording 3"]
+    late = {**long, "t": 1000.0 * long["t"]}
+    with pytest.raises(TraceError, match=r"^recording 3: t advances by 10 s a sample"):
+        rows_of_others([long, late], Kind.DRIVE)
 
 
 @pytest.mark.parametrize("effort", ["voltage", "force", "torque"])

@@ -12,9 +12,11 @@ from blind.generator import make
 from blind.hidden import draw
 from diagnoses import cause, diagnosis
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.recordings.channels.volts import BY_READING, explains_better, over_reading
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import ChannelResult, Diagnosis, Verdict
+from raccoon.sim.effects.parameters import Parameters
 
 Columns = dict[str, NDArray[np.float64]]
 ROBOT = RobotConfig()
@@ -60,6 +62,33 @@ def test_a_driver_that_reads_its_battery_does_not_hide_it() -> None:
     assert number.value == pytest.approx(hidden.values["voltage"], abs=0.07)  # this robot's own is beside it
     assert BY_READING in found.notes
     assert found.model is not None
+
+
+def test_what_is_judged_on_a_drive_by_duty_is_taken_by_its_readings_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where that did not explain it, an error of the other recording came after minutes."""
+    drive, asked = dict(make(3, [], seconds=4.0).columns), []
+
+    def partly(columns: Columns, *_: object) -> Diagnosis:
+        asked.append(columns)
+        return told(Verdict.PARTLY, 8.0)
+
+    monkeypatch.setattr(kinds, "_drive", partly)
+    found = diagnose_recording(
+        in_volts(drive, read_last(drive)), ROBOT, holdout=dict(make(5, seconds=4.0).columns)
+    )
+    assert BY_READING in found.notes
+    assert ["motor.0.duty" in each for each in asked] == [True]
+
+
+def test_a_model_that_volts_leave_unused_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = in_volts(dict(make(3, [], seconds=4.0).columns), 6.8)
+    del drive["battery.voltage"]
+    monkeypatch.setattr(kinds, "diagnose", lambda *_, **__: told(WHOLE, 8.0))
+    model = Parameters.from_robot(ROBOT)
+    assert kinds.NO_MODEL in diagnose_recording(drive, ROBOT, model=model).notes
+    assert kinds.NO_MODEL not in diagnose_recording(drive, ROBOT).notes
 
 
 def told(verdict: Verdict, error: float, *names: str) -> Diagnosis:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.joined import said_of_recording
 from raccoon.diagnose.drives.times import check_step
 from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.rows.between import check_recorded
@@ -32,11 +33,19 @@ def rows_of(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
     return columns, (*held, *long)
 
 
-def rows_of_others(every: Sequence[Columns], kind: Kind, name: str) -> tuple[list[Columns], tuple[str, ...]]:
-    """The same of other recordings. name: what each is called, with its number as {}; the first is 2."""
+def rows_of_other(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
+    """The same of another recording, each row of it once."""
+    columns, repeated = without_repeated(columns)
+    columns, said = rows_of(columns, kind)
+    return columns, (*repeated, *said)
+
+
+def rows_of_others(every: Sequence[Columns], kind: Kind) -> tuple[list[Columns], tuple[str, ...]]:
+    """The same of the recordings after the first, each said by its number, in errors as well."""
     found, notes = [], []
-    for number, each in enumerate(every, 2):
-        columns, said = rows_of(without_repeated(each)[0], kind)
+    for number, each in enumerate(every, 1):
+        with said_of_recording(number):
+            columns, said = rows_of_other(each, kind)
         found.append(columns)
-        notes += [f"{name.format(number)}: {note}" for note in said]
+        notes += [f"recording {number + 1}: {note}" for note in said]
     return found, tuple(notes)

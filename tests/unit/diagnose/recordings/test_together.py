@@ -1,0 +1,35 @@
+"""Whether several recordings can be fitted together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.together import check_drives
+
+ROBOT = RobotConfig()
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def drive() -> Columns:
+    return dict(make(4, seconds=3.0).columns)
+
+
+def test_a_recording_with_a_sample_written_twice_is_the_same_still(drive: Columns) -> None:
+    twice = {name: np.insert(each, 100, each[100]) for name, each in drive.items()}
+    with pytest.raises(TraceError, match="recording 2: its samples are those of recording 1"):
+        check_drives([drive, twice], ROBOT)
+
+
+def test_recordings_that_share_no_column_are_not_the_same(drive: Columns) -> None:
+    other = {"t": drive["t"], "motor.2.duty": drive["motor.0.duty"]}
+    check_drives([drive, other], ROBOT)
+
+
+def test_one_that_is_empty_is_said_by_its_number(drive: Columns) -> None:
+    with pytest.raises(TraceError, match=r"^recording 2: the recording is empty"):
+        check_drives([drive, {"t": np.zeros(0)}], ROBOT)
