@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis.diagnosis import Place, _diagnosis
 from raccoon.diagnose.recordings.axis.judge import judge_axis
 from raccoon.diagnose.recordings.axis.log import axis_log
 from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.motors import diagnosis as motors
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.supply import judge_supply
 from raccoon.diagnose.result import Verdict
@@ -134,6 +136,22 @@ def test_the_current_of_a_motor_with_swapped_wires_is_its_own(as_commanded: bool
     assert found.sensor_faults == ()
     assert found.identified["resistance"].value == pytest.approx(4.0, rel=0.03)
     assert found.identified["back_emf"].value == pytest.approx(0.09, rel=0.02)
+
+
+def test_a_battery_that_never_changes_tells_nothing_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What rounding left of 8.1 V was an error of 0, and a division by it."""
+    columns = pair(5, (0.008, 0.0))
+    power = columns["motor.0.voltage"] * columns["motor.0.current"]
+    for volts in np.arange(60, 130) / 10.0:
+        assert judge_supply(columns["t"], np.full(len(power), volts), power, 0.0) is None
+    columns["battery.voltage"][:] = 11.5
+
+    def not_asked(*_: object) -> None:
+        raise TraceError("its motors are no matter here")
+
+    monkeypatch.setattr(motors, "diagnose_axis", not_asked)
+    reasons = {each.id: each.reason for each in diagnose_motors(columns, ROBOT).rejected}
+    assert reasons["battery.internal_resistance"].startswith("not visible: battery.voltage, or what")
 
 
 def test_a_battery_of_0_volts_is_none() -> None:

@@ -39,6 +39,7 @@ SLOWEST_STEP = 0.9
 """S between samples. An axis may be slow, but not so slow."""
 MOST_VOLTS = 100.0
 """V of a battery's reading."""
+NO_LOAD = "not visible: battery.voltage, or what the motors take, never changes"
 _WORST_FIRST = (Verdict.UNKNOWN, Verdict.PARTLY, Verdict.EXPLAINED, Verdict.ADEQUATE)
 
 
@@ -220,8 +221,9 @@ def _joined(
         channels.append(supply.channel)
         rejected += supply.rejected
         causes += [] if supply.cause is None else [supply.cause]
-    elif missing:
-        rejected.append(Rejected("battery.internal_resistance", f"not identifiable: {are_missing(missing)}"))
+    else:
+        why = f"not identifiable: {are_missing(missing)}" if missing else NO_LOAD
+        rejected.append(Rejected("battery.internal_resistance", why))
     identified = {
         name if len(ports) == 1 else f"motor.{port}.{name}": value
         for port, each in zip(ports, found, strict=True)

@@ -40,10 +40,10 @@ def judge_supply(time: Array, voltage: Array, power: Array, assumed: float) -> S
     """voltage: V of the battery. power: W that the motors take. assumed: ohm of the model so far.
 
     The current is power over voltage, the model V = V0 - R I, fitted before the split that the command steps
-    give and judged after it. None where too little is known.
+    give and judged after it. None where too little is known, or one of both never changes.
     """
     known = np.isfinite(voltage) & np.isfinite(power)
-    if known.sum() < FEWEST or not np.ptp(power[known]) > 0.0:
+    if known.sum() < FEWEST or not (np.ptp(power[known]) > 0.0 and np.ptp(voltage[known]) > 0.0):
         return None
     time, voltage, power = time[known], voltage[known], power[known]
     current = power / voltage
