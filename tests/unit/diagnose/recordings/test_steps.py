@@ -48,12 +48,22 @@ def test_a_made_step_that_turns_backwards() -> None:
     assert found.identified["dead time at 20 %"].value == pytest.approx(0.31, abs=0.011)
 
 
+def test_a_step_of_back_emf_is_drawn_in_counts() -> None:
+    time = 0.01 * np.arange(200.0)
+    columns = {"t": time, "motor.2.duty": np.full(200, 0.2), "motor.2.bemf": np.where(time > 0.3, 300.0, 0.0)}
+    (curve,) = diagnose_recording(columns, ROBOT).curves
+    assert (curve.name, curve.unit) == ("motor.2.bemf", "counts")
+
+
 def test_a_step_begins_where_its_command_does() -> None:
     """Blank rows before the first command were a power of nan %, and counted as dead time."""
     time = 0.01 * np.arange(200.0)
     duty = np.where(time < 0.095, np.nan, 0.2)
     columns = {"t": time, "motor.2.duty": duty, "motor.2.speed": np.where(time > 0.305, 5.0, 0.0)}
     assert kind_of(columns, ROBOT) is Kind.STEP
+    found = diagnose_recording(columns, ROBOT)
+    assert found.identified["dead time at 20 %"].value == pytest.approx(0.21, abs=0.011)
+    columns["motor.2.speed"][:15] = np.nan  # of which the first came late; the command did not
     found = diagnose_recording(columns, ROBOT)
     assert found.identified["dead time at 20 %"].value == pytest.approx(0.21, abs=0.011)
     late = {**columns, "motor.2.duty": np.where(time < 1.95, np.nan, 0.2)}

@@ -39,7 +39,7 @@ class ReadingFaults:
 def reading_faults(time: Array, speed: Array) -> ReadingFaults:
     """Look at a reading (n,) recorded at `time` (n,) after one power step at time[0]; NaN is left out."""
     known = np.isfinite(speed)
-    time, speed = time[known], speed[known]
+    begin, time, speed = float(time[0]), time[known], speed[known]
     falling = _falling(speed)
     ratios = speed[1 : falling + 1] / speed[:falling]
     # The first, largest ones are least disturbed by what was measured meanwhile.
@@ -50,7 +50,7 @@ def reading_faults(time: Array, speed: Array) -> ReadingFaults:
     )
     repeats = float((np.diff(speed) == 0.0).mean()) if len(speed) > 1 else 0.0
     stale = float(speed[0]) if decay is not None else None
-    return ReadingFaults(stale, decay, repeats, _dead_time(time, speed, falling), float(deviation))
+    return ReadingFaults(stale, decay, repeats, _dead_time(time - begin, speed, falling), float(deviation))
 
 
 def _falling(speed: Array) -> int:
@@ -64,10 +64,11 @@ def _falling(speed: Array) -> int:
 
 
 def _dead_time(time: Array, speed: Array, start: int) -> float | None:
-    """First time, after the stale start, at which the reading passes a tenth of its later typical size."""
+    """First time after the stale start at which the reading passes a tenth of its later typical size. time:
+    s since the command."""
     later = np.abs(speed[len(speed) // 2 :])
     limit = MOVING_SHARE * float(np.median(later))
     if not limit > 0.0:
         return None
     moving = np.flatnonzero(np.abs(speed[start:]) > limit)
-    return float(time[start + moving[0]] - time[0]) if len(moving) else None
+    return float(time[start + moving[0]]) if len(moving) else None

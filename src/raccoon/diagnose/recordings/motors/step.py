@@ -77,7 +77,7 @@ def diagnose_step(columns: Columns, port: int) -> Diagnosis:
     name = _reading(columns, port)
     if name is None:
         raise ValueError(f"motor {port} has no speed")
-    duty = float(columns[f"motor.{port}.duty"][0])
+    duty, unit = float(columns[f"motor.{port}.duty"][0]), "counts" if name.endswith(".bemf") else "rad/s"
     faults = reading_faults(columns["t"], columns[name])
     repeats = _repeats(columns, port, faults)
     latency = () if faults.dead_time is None else (f"dead time at {100 * duty:.0f} %",)
@@ -93,7 +93,7 @@ def diagnose_step(columns: Columns, port: int) -> Diagnosis:
         ("a single step tells the habits of the reading and the dead time, and no motor constants",),
         _numbers(columns, faults, repeats, latency),
         (*_faults(name, faults, repeats), *_backwards(columns, port, name, duty)),
-        (Curve(name, "rad/s", columns["t"], columns[name], _blank(columns), _blank(columns)),),
+        (Curve(name, unit, columns["t"], columns[name], _blank(columns), _blank(columns)),),
     )
 
 
