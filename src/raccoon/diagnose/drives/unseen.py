@@ -6,8 +6,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
+import numpy as np
+
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.stops import brakes
 
 
 @contextmanager
@@ -34,10 +37,15 @@ def check_has(lacking: Sequence[str]) -> None:
 
 
 def with_channels_of(fitted: Log, other: Log) -> Log:
-    """The other log with the channels that were fitted, in their order.
+    """The other log with the channels that were fitted, in their order. Where only the fitted one says when
+    motors brake, the other's stops tell whether its own do.
 
     Raises TraceError naming those that it does not have.
     """
     own = {each.role: each for each in other.channels}
     check_has([each.name for each in fitted.channels if each.role not in own])
-    return replace(other, channels=tuple(own[each.role] for each in fitted.channels), missing=fitted.missing)
+    brake = other.brake
+    if fitted.brake is not None and brake is None:
+        brake = np.full(other.duty.shape, brakes(other))
+    channels = tuple(own[each.role] for each in fitted.channels)
+    return replace(other, channels=channels, missing=fitted.missing, brake=brake)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import cycle
 
 import numpy as np
@@ -12,6 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.stops import BOTH, brakes, with_stops
+from raccoon.diagnose.drives.unseen import with_channels_of
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
@@ -100,3 +102,15 @@ def test_a_ramp_down_is_no_brake(ramp: float) -> None:
     columns, _ = stops((False,), ramp)
     log = log_from_columns(columns, ROBOT)
     assert with_stops(log) is log
+
+
+@pytest.mark.parametrize("brake", [True, False])
+def test_what_is_judged_on_stops_as_it_does_where_only_the_other_says_how(brake: bool) -> None:
+    """As of several that are fitted together: else its motors were taken to coast."""
+    silent = log_from_columns(stops((brake,))[0], ROBOT)
+    said = replace(silent, brake=np.ones(silent.duty.shape, bool))
+    other = with_channels_of(said, silent)
+    assert other.brake is not None
+    assert (other.brake == brake).all()
+    assert with_channels_of(silent, silent).brake is None
+    assert with_channels_of(silent, said).brake is said.brake

@@ -11,7 +11,7 @@ from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis import model as axis_model
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.fit import cut, nice_stretch
-from raccoon.diagnose.recordings.axis.log import axis_log, held_back
+from raccoon.diagnose.recordings.axis.log import axis_log, held_back, like
 from raccoon.diagnose.recordings.axis.model import NEUTRAL, Stretches, simulated
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
@@ -146,6 +146,19 @@ def test_what_cannot_be_used_is_said() -> None:
         named({**good, "motor.0.travel": np.zeros(len(good["t"]))})
     with pytest.raises(TraceError, match="too short"):
         named({name: each[:130] for name, each in good.items()})
+
+
+def test_a_full_command_is_the_same_in_a_recording_of_small_ones() -> None:
+    """A dead band that leaves 11 of 12 V left 5 of 6 V of the other recording, and did not help there."""
+    time = 0.01 * np.arange(400.0)
+    pulses = np.where(time % 1.0 < 0.5, 12.0, 0.0)
+    large: Columns = {"t": time, "motor.0.voltage": pulses, "motor.0.speed": 0.5 * pulses}
+    small = large | {"motor.0.voltage": 0.5 * pulses}
+    log, other = axis_log(large, 0), axis_log(small, 0)
+    assert like(log, other).full == 12.0
+    assert like(other, log).full == 6.0
+    battery = axis_log(small | {"battery.voltage": np.full(400, 11.0)}, 0)
+    assert like(log, battery).full == 11.0
 
 
 def test_a_real_axis_with_a_worn_screw() -> None:

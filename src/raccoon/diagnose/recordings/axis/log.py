@@ -98,6 +98,8 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
 def like(log: AxisLog, other: AxisLog) -> AxisLog:
     """The other log of the same axis with what this one has. Raises TraceError naming what it lacks."""
     check_has([ours for ours, theirs in zip(log.names[:2], other.names[:2], strict=True) if ours != theirs])
+    if other.full <= float(np.abs(other.effort).max()):  # the largest of two efforts is no command's in full
+        other = replace(other, full=log.full)
     if log.current is None:
         return replace(other, current=None)
     check_has([log.names[2]] if other.current is None else [])
