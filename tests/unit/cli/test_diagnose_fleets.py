@@ -16,6 +16,8 @@ from raccoon.cli.diagnose.files import recordings, robot_names, short_names
 from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings import kinds
+from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.loading import load_run
 from raccoon.trace.mcap import write_mcap
@@ -295,3 +297,23 @@ def test_nothing_is_reported_where_nothing_was_done(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("raccoon.cli.diagnose.many.diagnose_or_reason", interrupted)
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 130
     assert not (tmp_path / "out.json").exists()
+
+
+def test_a_recording_to_judge_on_of_another_controller_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was read as if of the first one's, without a word, and what its reader left out was not said."""
+    one = written(tmp_path / "one.csv", make(1, seconds=3.0).columns)
+    trace = tmp_path / "trace.jsonl.gz"
+    record(trace)
+    asked: list[str] = []
+
+    def answer(*_: object, problems: tuple[str, ...], **__: object) -> Diagnosis:
+        asked[:] = problems
+        return Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.0)
+
+    monkeypatch.setattr(kinds, "diagnose_recording", answer)
+    for holdout, said in ((trace, True), (one, False)):
+        diagnose_job(Job(one, None, None, holdout, truth_free=False))
+        told = f"--holdout {holdout}: it is of the controller simulator, and judged as if it were of no"
+        assert any(each.startswith(told) for each in asked) is said

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.trace.loading import Run
+    from raccoon.trace.recording import Recording
 
     Whose = tuple[RobotConfig, Path | None, tuple[str, ...]]
 
@@ -103,18 +104,20 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
     robot, file, told = whose
     start = Parameters.from_model_file(job.model, robot) if isinstance(job.model, Path) else job.model
     own = () if job.causes is None else load_own(job.causes)
-    holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
+    holdout = None if job.holdout is None else load_run(job.holdout).recording
     if start is not None and job.robot is not None:  # wheels and sensors are where robot.toml has them now
         start = replace(start, robot=_wired_as(robot, start))
     first, *others = (each.recording for each in runs)
     problems = list(first.problems) if not others else [
         f"{path}: {each}" for path, run in zip(paths, runs, strict=True) for each in run.recording.problems
     ]  # fmt: skip
+    if holdout is not None:
+        problems += [f"--holdout {job.holdout}: {each}" for each in _of_holdout(holdout, first)]
     try:
         return diagnose_recording(
             first.columns,
             robot if start is None else start.robot,
-            holdout=holdout,
+            holdout=None if holdout is None else holdout.columns,
             more=[each.columns for each in others],
             model=start,
             truth_free=job.truth_free,
@@ -129,6 +132,14 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
         if others and _NUMBERED.search(str(error)):
             raise TraceError(_NUMBERED.sub(lambda it: str(paths[int(it[1]) - 1]), str(error))) from None
         raise TraceError(f"{job.path}: {error}" if not others else f"--together: {error}") from None
+
+
+def _of_holdout(holdout: Recording, first: Recording) -> list[str]:
+    """What is to be said of a recording to judge on, beside the one that is diagnosed."""
+    if holdout.device == first.device:
+        return holdout.problems
+    one, other = _made_by(holdout.device), _made_by(first.device)
+    return [*holdout.problems, f"it is of {one}, and judged as if it were of {other}"]
 
 
 def _wired_as(robot: RobotConfig, model: Parameters) -> RobotConfig:
