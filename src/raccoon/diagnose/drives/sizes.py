@@ -170,11 +170,11 @@ def last_change(duty: Array) -> NDArray[np.intp]:
 
 
 def slope(x: Array, y: Array) -> float | None:
-    """Least-squares slope through 0 where both are known and x says something; None otherwise."""
+    """Least-squares slope through 0 where both are known, change and go together; None otherwise."""
     both = np.isfinite(x) & np.isfinite(y)
-    if both.sum() < FEWEST or float(np.ptp(x[both])) == 0.0:
-        return None
     x, y = x[both], y[both]
+    if len(x) < FEWEST or 0.0 in (float(np.ptp(x)), float(np.ptp(y))):
+        return None
     if float(np.corrcoef(x, y)[0, 1]) ** 2 < 0.3 or not math.isfinite(float(x @ x)):
         return None
     return float(x @ y / (x @ x))

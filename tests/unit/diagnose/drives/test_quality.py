@@ -10,10 +10,19 @@ import pytest
 from blind.drives import contest, exciting
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.quality import moves, swing
+from raccoon.diagnose.drives.sizes import slope
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, manoeuvre
 
 RATE = 200.0
+
+
+def test_what_never_changes_goes_together_with_nothing() -> None:
+    """It had a slope, with a warning of NumPy's."""
+    ramp = np.arange(100.0)
+    for one, two in ((ramp, np.full(100, 3.0)), (np.full(100, 3.0), ramp)):
+        assert slope(one, two) is None
+    assert slope(ramp, 2.0 * ramp) == pytest.approx(2.0)
 
 
 def steered(turns: np.ndarray, forward: float = 0.4) -> Log:
