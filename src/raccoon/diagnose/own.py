@@ -95,14 +95,18 @@ class OwnEffect(Effect):
         """What reaches the motors. Raises ConfigError for anything but finite (n, 2)."""
         if self.commands is None:
             return duty
-        found = self._called("commands", self.commands, time, duty.copy(), values)
+        found = self._called("commands", self.commands, time.copy(), duty.copy(), values)
         return np.clip(self._sound("commands", found, duty.shape), -1.0, 1.0)
 
     def read(self, drive: Simulated, values: Values) -> dict[str, Array]:
         """All readings, changed or not. Raises ConfigError for one that is not recorded or not (n,)."""
         if self.readings is None or not set(self.needs) <= set(drive.readings):
             return dict(drive.readings)
-        changed = self._called("readings", self.readings, drive, values)
+        copied = {
+            role: each.copy() for role, each in drive.readings.items()
+        }  # a hook may change them in place
+        given = Simulated(drive.time.copy(), drive.duty.copy(), copied)
+        changed = self._called("readings", self.readings, given, values)
         if not isinstance(changed, Mapping):
             raise ConfigError(f"{self.id}: readings must give the changed readings by name, not {changed!r}")
         for role, each in changed.items():

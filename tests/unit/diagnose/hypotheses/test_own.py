@@ -133,6 +133,32 @@ def test_robots_with_and_without_it_are_simulated_side_by_side() -> None:
     np.testing.assert_allclose(with_it, expected, atol=1e-9)
 
 
+def test_what_a_hook_changes_in_place_is_its_own() -> None:
+    """`time -= time[0]` moved the time of the whole recording."""
+
+    def half(time: np.ndarray, duty: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+        time -= 1.0
+        duty *= 1.0 - values["gain"]
+        return duty
+
+    def shifted(drive: Simulated, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        np.copyto(drive.time, 0.0)
+        np.copyto(drive.duty, 0.0)
+        for each in drive.readings.values():
+            each += values["gain"]
+        return {"gyro": drive.readings["gyro"]}
+
+    own = replace(SHIFT, commands=half, readings=shifted)
+    time, duty = np.arange(3.0), np.ones((3, 2))
+    readings = {"gyro": np.ones(3), "battery": np.ones(3)}
+    assert own.commanded(time, duty, {"gain": 0.5}).tolist() == [[0.5, 0.5]] * 3
+    found = own.read(Simulated(time, duty, readings), {"gain": 0.5})
+    assert {role: each.tolist() for role, each in found.items()} == {"gyro": [1.5] * 3, "battery": [1.0] * 3}
+    assert time.tolist() == [0.0, 1.0, 2.0]
+    assert (duty == 1.0).all()
+    assert (readings["gyro"] == 1.0).all()
+
+
 def test_each_of_many_numbers_has_its_column_and_none_is_tried_out_of_its_bounds() -> None:
     """A third one's was divided by 0, and a share of which 1 is all was tried at 1.1."""
     parameters = (
