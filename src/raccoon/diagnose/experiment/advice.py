@@ -180,8 +180,8 @@ class Plan:
         beside = _beside(np.vstack([self.own, self.restless]))
 
         def power(name: str) -> float:
-            columns = np.array(_wanted(self.columns, name, 1.0))
-            return float(np.linalg.eigvalsh(beside(columns) @ columns.T)[0])
+            wanted = _wanted(self.columns, name, 1.0)
+            return min(float(np.linalg.eigvalsh(beside(each) @ each.T)[0]) for each in wanted)
 
         names = dict.fromkeys(group.name for group, _ in self.columns)
         found = {}
@@ -214,11 +214,11 @@ def _planned(robot: RobotConfig, duty: Array, causes: Mapping[str, Cause]) -> Pr
 
 
 def _wanted(columns: Columns, cause: str, size: float) -> list[Array]:
-    """Columns of the cause at about that size: the first, or every part of an arrow."""
+    """Columns of each variant of the cause at about that size: the first, or every part of an arrow."""
     own = [(abs(_strength(group) - size), each) for group, each in columns if group.name == cause]
     nearest = min(away for away, _ in own)
     parts = None if cause.startswith(ARROWS) else 1
-    return [column for away, each in own if away <= nearest for column in each[:parts]]
+    return [each[:parts] for away, each in own if away <= nearest]
 
 
 def _strength(group: Group) -> float:
@@ -258,16 +258,23 @@ def _beside(others: Array) -> Callable[[Array], Array]:
 
 
 def _evidence(
-    column: Array, beside: Callable[[Array], Array], rivals: Sequence[tuple[str, Array, Array]]
+    columns: Array, beside: Callable[[Array], Array], rivals: Sequence[tuple[str, Array, Array]]
 ) -> tuple[float, str]:
-    """||P d||^2 beside all others and that rival which leaves least; and the rival. rivals: the name of each,
-    its columns, and what is left of them beside the others."""
-    left = beside(column[None])[0]
-    found = [(_limited(left * column), "")]
+    """||P d||^2 beside all others and that rival which leaves least; and the rival. columns: of one number,
+    or of an arrow, which points where it shows least. rivals: the name of each, its columns, and what is left
+    of them beside the others."""
+    left = beside(columns)
+    found = [(_least(left, columns), "")]
     for name, rival, its in rivals:
-        share = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left)
-        found.append((_limited((left - share @ its) * column), name))
+        shares = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left.T)
+        found.append((_least(left - shares.T @ its, columns), name))
     return min(found)
+
+
+def _least(left: Array, columns: Array) -> float:
+    """Evidence of the direction among columns in which what is left of them is least."""
+    way = np.linalg.eigh(left @ columns.T)[1][:, 0]
+    return _limited((way @ left) * (way @ columns))
 
 
 def _limited(products: Array) -> float:

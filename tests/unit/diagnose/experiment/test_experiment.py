@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Outputs
-from raccoon.diagnose.experiment.advice import Plan, advise, reach_of
+from raccoon.diagnose.experiment.advice import DECIDES, Plan, advise, reach_of
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE, manoeuvre
+from raccoon.diagnose.fit.linear import Group
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
@@ -70,9 +71,45 @@ def test_twins_cannot_be_told_apart_by_any_drive() -> None:
 
 def test_a_slope_is_shown_by_a_drive_that_meets_it_from_all_sides() -> None:
     """Back and forth shows its part along the drive only; what lies across would stay unseen."""
-    slope = {each.manoeuvre: each.evidence for each in advise(ROBOT, "drive.slope")}
-    assert slope["spin"] > 30.0
+    slope = {each.manoeuvre: each.evidence for each in advise(ROBOT, "drive.slope", seconds=60.0)}
+    assert slope["checkup"] > DECIDES
     assert slope["back and forth"] < 1.0
+
+
+def plan_of(groups: list[tuple[Group, NDArray[np.float64]]], seed: int = 3) -> Plan:
+    """A plan of some whitened columns, beside one base number, one other cause and nothing restless."""
+    random = np.random.default_rng(seed)
+    other, own = random.normal(size=(2, 1, groups[0][1].shape[1]))
+    columns = (*groups, (Group("imu.gyro_bias", np.empty((1, 0, 0))), other))
+    return Plan(columns, own, own[:0])
+
+
+def test_where_a_slope_points_changes_nothing_of_what_a_drive_is_said_to_show() -> None:
+    """One across the drive showed nothing, and one half across half as much as one along it: it points where
+    it shows least, and not along one of the two axes of the start."""
+    along, across = np.random.default_rng(4).normal(size=(2, 1200))
+    pair = np.stack([along, 0.2 * across])
+    turns = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in (0.0, 0.4, math.pi / 4)]
+    group = Group("drive.slope", np.empty((2, 0, 0)))
+    evidence = [plan_of([(group, turn @ pair)]).evidence("drive.slope")[0] for turn in turns]
+    assert evidence == pytest.approx([evidence[0]] * 3, rel=1e-9)
+    assert evidence[0] == pytest.approx(0.04 * 1200, rel=0.15)
+
+
+def test_the_shapes_that_a_cause_is_tried_in_are_not_taken_for_parts_of_it() -> None:
+    """Stiction was said to show from four times the size on: of its three shapes only what makes them differ
+    counted."""
+    shape, others = (
+        np.random.default_rng(5).normal(size=1200),
+        np.random.default_rng(6).normal(size=(3, 1200)),
+    )
+    name = "friction.stiction"
+    groups = [
+        (Group(name, np.empty((1, 0, 0)), (0.7, float(place))), (shape + 0.1 * other)[None])
+        for place, other in enumerate(others)
+    ]
+    together = plan_of(groups).shows()[name]
+    assert together in {plan_of([each]).shows()[name] for each in groups}
 
 
 def test_what_another_cause_imitates_in_a_drive_is_no_evidence() -> None:
@@ -133,7 +170,7 @@ def test_what_a_drive_cannot_show_is_said_before_it_is_driven() -> None:
     shown = Plan.of(ROBOT, manoeuvre("straight")).shows()
     assert shown["imu.gyro_scale"] == ""  # it never turns
     assert shown["friction.stiction"].endswith("more than is usual")  # it never creeps
-    assert shown["drive.turn_scrub"] == shown["actuation.deadband"] == ""  # but for rounding, or full power
+    assert shown["drive.turn_scrub"] == ""  # but for rounding
     assert shown["friction.coulomb"].startswith("from about 0.0")
 
 
