@@ -140,7 +140,7 @@ def estimated(search: Search) -> Search:
     point = fit_scanned(problem, steady, _fit_of(problem, search.linear, steady)).point
     fit = fit_at(problem, whitener, point)
     residual = problem.features.measured - problem.predict([fit.point])[0]
-    linear = replace(search.linear, residual=residual)
+    linear = replace(search.linear, point=fit.point, residual=residual)
     return replace(search, fit=fit, linear=linear)
 
 

@@ -45,7 +45,11 @@ def test_a_small_cause_that_the_noise_of_a_search_hides_is_found_under_that_of_t
     search = searched(problem, named(problem).with_cause(SMALL, np.array([HOW_MUCH])), named(problem))
     going_on, _ = forward(search)
     assert SMALL not in going_on.fit.point.active
-    more = with_missed(estimated(search))
+    last = estimated(search)
+    # What all columns must explain does not depend on where a fit stands.
+    apart = (last.linear.target - search.linear.target) / problem.features.floors
+    assert np.sqrt((apart**2).mean(axis=0)).max() < 0.5
+    more = with_missed(last)
     assert more is not None
     assert set(more.fit.point.active) == {*LARGE, SMALL}
     assert more.gains[SMALL] >= gate(SMALL) + missed.SHORT * (missed.CROWD - len(LARGE))
