@@ -202,7 +202,7 @@ def contributions(search: Search) -> dict[str, Contribution]:
     floor = _floor(problem, search.linear.residual)
     count = len(problem.base)
     base = (search.linear.own[:count] / floor).reshape(count, -1)
-    low, high = problem.limits(Point(point.base))
+    low, high = (each - point.base for each in problem.limits(Point(point.base)))  # from where they are
     gram = base @ base.T + 1e-9 * np.eye(count)
     factor = np.linalg.cholesky(gram)
     found = {}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.recordings.reference.rescaled import Rescaled
 from raccoon.diagnose.result import ChannelResult, Curve
-from raccoon.diagnose.select.outlook import start_search
+from raccoon.diagnose.select.outlook import Search, start_search
 from raccoon.diagnose.unknown.probes import probes_for
 
 ROBOT = RobotConfig()
@@ -134,6 +136,27 @@ def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
         found["actuation.latency"].unabsorbed / 3.0, rel=0.05
     )
     assert less["actuation.latency"].change == pytest.approx(most[1] / 3.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("place", "left"), [(-3.5, 0.0), (0.0, 0.0), (3.0, 0.5), (3.5, 1.0)])
+def test_a_base_number_absorbs_as_far_as_it_may_go_from_where_it_is(place: float, left: float) -> None:
+    """A cause does what a deviation more of a number does, which may be 3.5 of them off."""
+    column = np.random.default_rng(7).normal(size=(40, 1))
+    point = Point(np.array([place]), {"a": np.array([1.0])})
+    search = SimpleNamespace(
+        problem=SimpleNamespace(
+            base=(None,),
+            features=SimpleNamespace(floors=np.zeros(1)),
+            limits=lambda _: (np.array([-3.5]), np.array([3.5])),
+            predict=lambda points: np.stack([len(each.active) * column for each in points]),
+        ),
+        fit=SimpleNamespace(point=point),
+        linear=SimpleNamespace(residual=np.ones((40, 1)), own=column[None]),
+    )
+    whole = float(np.sqrt((column**2).mean()))
+    found = contributions(cast(Search, search))["a"]
+    assert found.change == pytest.approx(whole)
+    assert found.unabsorbed == pytest.approx(left * whole, abs=1e-6)
 
 
 def test_another_factor_on_the_gyro_is_judged_by_half_seconds_of_whole_swings_as_well() -> None:
