@@ -234,7 +234,7 @@ def _as_base(base: Coordinate, cause: Coordinate, u: float) -> float:
     """A cause's coordinate in the units of a base coordinate."""
     if base.factor:
         return math.log(cause.value(u)) / math.log(base.value(1.0))
-    return cause.value(u) / base.value(1.0)
+    return (cause.from_zero * u if cause.factor else cause.value(u)) / base.value(1.0)
 
 
 def _times(problem: Problem, each: Coordinate, total: float, factor: float) -> float:

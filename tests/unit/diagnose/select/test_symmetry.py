@@ -13,11 +13,13 @@ from raccoon.diagnose.findings.naming import confounded, probability
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.hypotheses.coordinates import added
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.rivals import compared
 from raccoon.diagnose.select.symmetry import (
     BACK_EMF,
     LINES,
+    _as_base,
     _factor,
     along,
     likely_twins,
@@ -256,3 +258,14 @@ def test_along_a_line_a_number_that_counts_by_what_is_added_comes_back_to_what_i
     assert there is not None
     assert name not in there.active
     assert problem.settings(there)[key] == pytest.approx(problem.neutral[key])
+
+
+def test_a_friction_that_robot_toml_has_none_of_is_counted_in_what_is_added_to_it(problem: Problem) -> None:
+    """A factor of none is none, so a cause adds to it; taken for a factor its torque was a hundred times too
+    large in robot.toml's deviations."""
+    (cause,) = problem.causes["friction.coulomb"].coordinates
+    base = added("friction.coulomb", None, "torque", 0.01)
+    torque = dict.fromkeys(cause.settings, 0.0)
+    cause.apply(torque, 0.3)
+    (size,) = set(torque.values())
+    assert _as_base(base, cause, 0.3) == pytest.approx(size / 0.01)
