@@ -111,6 +111,12 @@ class Results:
                 raise ConfigError(
                     f"{self.path} is the result of a sweep with another {what}; choose another file"
                 )
+        if (end is None) != (wanted["end"] is None):
+            counts = "does not count" if end is None else "counts"
+            raise ConfigError(
+                f"{self.path} is the result of a sweep in which where a match ends {counts}; "
+                "choose another file"
+            )
         return {**wanted, "end": end}
 
     def _opened(self) -> IO[str]:
@@ -134,15 +140,14 @@ class Results:
         except OSError:
             raise ConfigError(f"{self.path}: another sweep is writing it") from None
         write_atomically(self._about_path, json.dumps(self.about, indent=1))
-        file.seek(0)
-        text = _text_of(file, self._rows_path)
-        whole = text[: text.rfind("\n") + 1]
-        if len(whole) != len(text):
-            file.truncate(len(whole.encode()))
+        data = self._rows_path.read_bytes()
+        whole = data[: data.rfind(b"\n") + 1]  # of bytes: it may be torn in the midst of a letter
+        if len(whole) != len(data):
+            file.truncate(len(whole))
         if not whole:
             file.write(_line(self._columns))
             file.flush()
-        self.rows = _read(whole, self._columns, self._rows_path)
+        self.rows = _read(_text_of(whole, self._rows_path), self._columns, self._rows_path)
 
     def _write_parquet(self) -> None:
         pyarrow = _pyarrow(self.path)
@@ -162,16 +167,16 @@ def read_results(path: str | Path) -> list[Row]:
     if path.suffix == ".parquet":
         rows: list[Row] = _pyarrow(path).parquet.read_table(path).to_pylist()
         return rows
-    with path.open(encoding="utf-8", newline="") as file:
-        text = _text_of(file, path)
+    data = path.read_bytes()
+    text = _text_of(data[: data.rfind(b"\n") + 1] or data, path)
     header = tuple(next(csv.reader(io.StringIO(text.removeprefix(BYTE_ORDER_MARK))), ()))
-    found = _read(text[: text.rfind("\n") + 1], header, path)
+    found = _read(text, header, path)
     return [found[run] for run in sorted(found)]
 
 
-def _text_of(file: IO[str], path: Path) -> str:
+def _text_of(data: bytes, path: Path) -> str:
     try:
-        return file.read()
+        return data.decode()
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not a table of a sweep: {error}") from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 from pathlib import Path
@@ -13,6 +14,7 @@ from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose.files import recordings, robot_names, short_names
+from raccoon.cli.diagnose.many import Work
 from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
@@ -285,6 +287,22 @@ def test_what_is_done_when_it_is_interrupted_is_reported(
     assert set(found["recordings"]) == {"run0.csv", "run1.csv"}
     assert found["failed"] == {"run2.csv": "interrupted before it was done"}
     assert "run2.csv: no diagnosis: interrupted" in capsys.readouterr().out
+
+
+def test_what_was_interrupted_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With --save-model each recording was diagnosed again after Ctrl-C, to say what the model foresees."""
+    asked: list[Job] = []
+
+    def once(job: Job) -> Answer | str:
+        asked.append(job)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("raccoon.cli.diagnose.many.diagnose_or_reason", once)
+    work = Work(argparse.Namespace(workers=1, executor="processes"))
+    jobs = [Job(Path(name), None, None, None, False) for name in ("run1.csv", "run2.csv")]
+    for _ in range(2):
+        assert work(jobs) == ["interrupted before it was done"] * 2
+    assert asked == jobs[:1]
 
 
 def test_nothing_is_reported_where_nothing_was_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,6 +89,21 @@ def test_a_torn_last_line_is_cut_off(tmp_path: Path, cut: int) -> None:
     assert read_results(path) == [row(run) for run in range(3)]
 
 
+def test_a_row_that_is_torn_within_a_letter_is_cut_off(tmp_path: Path) -> None:
+    """A power cut knows nothing of letters: the table was refused, and with it all matches before."""
+    path = tmp_path / "results.csv"
+    results = Results(path, COLUMNS, ABOUT)
+    results.add(row(0))
+    results.add(row(1, reason="zu spät"))
+    results.close()
+    data = path.read_bytes()
+    path.write_bytes(data[: data.index("ä".encode()) + 1])
+    assert read_results(path) == [row(0)]
+    results = Results(path, COLUMNS, ABOUT)
+    assert sorted(results.rows) == [0]
+    results.close()
+
+
 def test_no_run_counts_twice(path: Path) -> None:
     results = Results(path, COLUMNS, ABOUT)
     results.add(row(0))
@@ -119,6 +134,18 @@ def test_the_goal_is_that_of_the_first_time(path: Path) -> None:
     results = Results(path, COLUMNS, {**ABOUT, "end": [1.0, 2.0, 3.5]})
     assert results.about["end"] == [1.0, 2.0, 3.0]
     results.close()
+
+
+@pytest.mark.parametrize("ends", [(None, [1.0, 2.0, 3.0]), ([1.0, 2.0, 3.0], None)])
+def test_a_sweep_whose_ends_count_does_not_go_on_in_one_whose_ends_do_not(
+    path: Path, ends: tuple[list[float] | None, list[float] | None]
+) -> None:
+    """With --any-end the table went on as it was begun, and where a match ended counted."""
+    before, now = ends
+    Results(path, COLUMNS, {**ABOUT, "end": before}).close()
+    counts = "counts" if before else "does not count"
+    with pytest.raises(ConfigError, match=f"where a match ends {counts}; choose another file"):
+        Results(path, COLUMNS, {**ABOUT, "end": now})
 
 
 def test_a_file_of_something_else_is_left_alone(path: Path) -> None:

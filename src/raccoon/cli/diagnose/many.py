@@ -192,7 +192,8 @@ class Work:
         """The answers, or why there is none, in the order of the jobs."""
         done: dict[int, Answer | str] = {}
         try:
-            self._do(jobs, done)
+            if not self.stopped:  # what is foreseen of each recording is as much work again
+                self._do(jobs, done)
         except KeyboardInterrupt:
             self.stopped = True
             print("\ninterrupted: only what is done is reported", file=sys.stderr)
