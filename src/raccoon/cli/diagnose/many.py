@@ -79,6 +79,8 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     if len(files) > 1 or len(runs) < 2:  # of as many robots: no one track width is theirs
         return None
     robot = robots[0]
+    if any((each.drive, each.motors) != (robot.drive, robot.motors) for each in robots):
+        return None  # a tick of one is not what it is of another
     columns = [each.recording.columns for each in runs]
     others = [_geometry(path, columns, robot) for path in args.holdout]
     found = diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)

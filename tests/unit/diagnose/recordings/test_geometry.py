@@ -225,6 +225,32 @@ def test_runs_of_two_robots_are_not_pooled(tmp_path: Path, capsys: pytest.Captur
     assert "run3.csv (red): " in capsys.readouterr().out
 
 
+def session(folder: Path, columns: Columns, gear: float, track: float) -> None:
+    """An OptiOdom session of one run, of a robot with 64 counts a revolution of its motor."""
+    folder.mkdir()
+    (folder / "metadata.csv").write_text(f"type,diff\nngear,{gear}\nencRes,64\nLi,{track}\nDi,0.08,0.08\n")
+    ticks = [np.diff(columns[f"motor.{port}.position"], prepend=0.0) for port in (1, 0)]
+    poses = [columns[name] for name in ("t", "truth.x", "truth.y", "truth.heading")]
+    rows = (",".join(f"{each:.9g}" for each in row) for row in zip(*poses, *ticks, strict=True))
+    (folder / "run-01.csv").write_text("\n".join(rows) + "\n")
+
+
+def test_runs_whose_ticks_are_worth_something_else_are_not_pooled(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Those of another gear were read with the first one's. (Another nominal track is a ruler's doing.)"""
+    gear, one = 2.0 * math.pi / (0.002 * 64), driven(3)
+    session(tmp_path / "one", one, gear, 0.2)
+    session(tmp_path / "same", driven(4), gear, 0.205)
+    assert main(["diagnose", str(tmp_path)]) == 0
+    assert "run-01.csv: " not in capsys.readouterr().out
+    other = {name: each * (2.0 if "position" in name else 1.0) for name, each in driven(5).items()}
+    session(tmp_path / "geared", other, 2.0 * gear, 0.2)
+    assert main(["diagnose", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "geared/run-01.csv: adequate: -" in said
+
+
 @pytest.mark.parametrize(
     ("columns", "factor"),
     [(("truth.x", "truth.y"), 0.0), (("truth.x", "truth.y"), 10.0), (("motor.0.position",), 1 / 6.2832)],
