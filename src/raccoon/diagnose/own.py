@@ -102,9 +102,8 @@ class OwnEffect(Effect):
         """All readings, changed or not. Raises ConfigError for one that is not recorded or not (n,)."""
         if self.readings is None or not set(self.needs) <= set(drive.readings):
             return dict(drive.readings)
-        copied = {
-            role: each.copy() for role, each in drive.readings.items()
-        }  # a hook may change them in place
+        # A hook that works in place would change the drive of every robot that is simulated later.
+        copied = {role: each.copy() for role, each in drive.readings.items()}
         given = Simulated(drive.time.copy(), drive.duty.copy(), copied)
         changed = self._called("readings", self.readings, given, values)
         if not isinstance(changed, Mapping):

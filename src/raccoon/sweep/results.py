@@ -92,7 +92,7 @@ class Results:
         """What the file beside the table says, or `about` where there is none."""
         wanted: dict[str, Any] = json.loads(json.dumps(about))
         if not self._about_path.exists():
-            for path in {self.path, self._rows_path}:
+            for path in (self.path, self._rows_path):
                 if path.exists():
                     raise ConfigError(f"{path} is there already and is not the result of a sweep")
             return wanted

@@ -36,7 +36,7 @@ def accepted_without(search: Search, name: str, fit: Fit) -> Search:
 
 def replaced_by(search: Search, fit: Fit) -> Search:
     """Another set of causes in the place of the one that is on."""
-    gone = set(search.fit.point.active) - set(fit.point.active)
+    gone = [name for name in search.fit.point.active if name not in fit.point.active]
     search.failed.update(dict.fromkeys(gone, BETTER_TOGETHER))
     rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
     return moved(search, fit, rivals)
