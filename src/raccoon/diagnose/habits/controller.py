@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -136,32 +135,56 @@ def controller_of(
     model: Parameters | None,
     firmware: Firmware | None = None,
 ) -> tuple[Log, Habits]:
-    """The log with changes of commands whose rows it lost, and the controller's habits.
+    """The log with changes of commands whose rows it lost, and the controller's habits, see `nearest`."""
+    found = nearest(log, robot, causes, model, firmware)
+    if found is None:
+        return log, _first(log, firmware)
+
+    def loose(each: Log) -> Problem:
+        return loosened(drive_problem(each, robot, causes, found.habits, model), found.habits.wheels)
+
+    return restored(log, loose, found.point), found.habits
+
+
+def _first(log: Log, firmware: Firmware | None) -> Habits:
+    """What is tried first. Whoever reads no back-EMF need not let motors coast for it: with encoders a sound
+    robot had a resistance that was 10 % low."""
+    if firmware is not None:
+        return Habits(firmware.chain, False, low_pass=firmware.smooths, firmware=firmware)
+    return Habits(_usual_chains(log)[0], False)
+
+
+def _usual_chains(log: Log) -> Sequence[Chain]:
+    return USUAL_CHAINS if reads_back_emf(each.role for each in log.channels) else USUAL_CHAINS[::-1]
+
+
+def nearest(
+    log: Log,
+    robot: RobotConfig,
+    causes: Sequence[Cause],
+    model: Parameters | None,
+    firmware: Firmware | None = None,
+) -> Fitted | None:
+    """The controller's habits that come nearest to the wheels' readings; None where there are none.
 
     Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
     what the wheels were driven with. firmware: of which nothing needs to be found out but, where the
     recording itself does not name it, what else filters the battery.
     """
-    wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
-    # Whoever reads no back-EMF need not let motors coast for it: with encoders a sound robot had a resistance
-    # that was 10 % low.
-    reads = reads_back_emf(each.role for each in log.channels)
-    usual, other = USUAL_CHAINS if reads else USUAL_CHAINS[::-1]
-    first = Habits(usual, False)
-    if firmware is not None:
-        first = Habits(firmware.chain, False, low_pass=firmware.smooths, firmware=firmware)
     if not any(each.role in WHEELS for each in log.channels):
-        return log, first
+        return None
+    wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
+    first, reads = _first(log, firmware), reads_back_emf(each.role for each in log.channels)
 
-    def loose(part: Log, habits: Habits) -> Problem:
-        return loosened(drive_problem(part, robot, causes, habits, model), habits.wheels)
+    def loose(habits: Habits) -> Problem:
+        return loosened(drive_problem(wheels, robot, causes, habits, model), habits.wheels)
 
     def fit_of(habits: Habits) -> Fitted:
-        problem = loose(wheels, habits)
+        problem = loose(habits)
         return fitted(problem, start_of(problem), habits)
 
     def better(habits: Habits, found: Fitted, by: float) -> Fitted:
-        problem = loose(wheels, habits)
+        problem = loose(habits)
         start = found.carried_to(problem)
         near = misfit(problem, start) < found.misfit - by + ROUGHLY
         return fitted(problem, start, habits).instead_of(found, by) if near else found
@@ -173,7 +196,7 @@ def controller_of(
         return other if other.as_told else other.instead_of(found, USUAL)
 
     found = fit_of(first)
-    slow = None if first.knows_battery else _slow_battery(first, partial(loose, wheels), found.point)
+    slow = None if first.knows_battery else _slow_battery(first, loose, found.point)
     if slow is not None:
         found = fit_of(with_battery(first, slow))
     if log.brake is None and brakes(log):
@@ -182,7 +205,7 @@ def controller_of(
         by_row = cycle_by_row(log)
         if reads and not found.as_told and by_row == Chain().cycle:
             found = fit_of(_of_any_moment(found.habits)).instead_of(found, USUAL)
-        plain = replace(found.habits, chain=other, any_moment=False)
+        plain = replace(found.habits, chain=_usual_chains(log)[1], any_moment=False)
         found = likelier(plain if slow is None else with_battery(plain, slow), found)
         if (once_a_row := with_cycle(found.habits, by_row)) != found.habits:
             found = better(once_a_row, found, USUAL)
@@ -190,7 +213,7 @@ def controller_of(
     slowed = slowed_by_pauses(found.habits.chain)
     if firmware is None and slowed is not None and reads:
         found = better(replace(found.habits, chain=slowed), found, SLOWED)
-    return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
+    return found
 
 
 def _of_any_moment(habits: Habits) -> Habits:

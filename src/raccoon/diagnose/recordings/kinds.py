@@ -42,6 +42,7 @@ from raccoon.diagnose.recordings.kind import Kind, kind_of
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
 from raccoon.diagnose.recordings.named import Named, named
+from raccoon.diagnose.recordings.recognised import recognised
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.reference.units import strange_reference
@@ -119,7 +120,7 @@ def diagnose_recording(
         found = _nothing(columns, robot)
     else:
         open_robot, exact = with_usual_stds(robot)
-        made_by = named(device, columns, robot, port)
+        made_by = recognised(named(device, columns, robot, port), columns, open_robot)
         with said_of_counters(columns):
             asked = _Asked(model, truth_free, own, made_by)
             found = _driven(columns, open_robot, holdout, more, asked)

@@ -72,11 +72,13 @@ def zone_of(columns: Columns, robot: RobotConfig) -> Zone:
 @dataclass(frozen=True, slots=True)
 class Named:
     """device: of the columns, with the firmware where it is known. said: whether it is told beside the
-    recording, which does not vouch for units then. notes: what is to be said of it."""
+    recording, which does not vouch for units then. notes: what is to be said of it. like: the same with a
+    firmware that nobody named, which its smallest readings are like."""
 
     device: Device
     said: bool = False
     notes: tuple[str, ...] = ()
+    like: Named | None = None
 
 
 def named(device: Device, columns: Columns, robot: RobotConfig, port: str | None) -> Named:
@@ -86,7 +88,7 @@ def named(device: Device, columns: Columns, robot: RobotConfig, port: str | None
         return Named(device, notes=_names_another(device, port))
     zone = zone_of(columns, robot)
     if port not in PORTS:
-        return Named(device, notes=_looks_like(zone))
+        return _like(device, zone)
     fits = {STOCK_PORT: (Zone.STOCK, Zone.UNKNOWN), RACCOON_PORT: (Zone.RACCOON_21, Zone.NONE, Zone.UNKNOWN)}
     if zone not in fits[port]:
         least = Zone.STOCK if port == STOCK_PORT else Zone.RACCOON_21
@@ -97,7 +99,12 @@ def named(device: Device, columns: Columns, robot: RobotConfig, port: str | None
         )
         return Named(device, notes=(unused,))
     own = STOCK if port == STOCK_PORT else RACCOON_21 if zone is Zone.RACCOON_21 else RACCOON_17
-    told = replace(
+    return Named(_behind(own, device), True, (BY_PORT.format(port),))
+
+
+def _behind(own: Device, device: Device) -> Device:
+    """The device of the columns with what is known of the firmware's own."""
+    return replace(
         device,
         name=own.name,
         position_counts_seconds=own.position_counts_seconds,
@@ -106,7 +113,6 @@ def named(device: Device, columns: Columns, robot: RobotConfig, port: str | None
         driven_share=own.driven_share,
         bemf_range=own.bemf_range,
     )
-    return Named(told, True, (BY_PORT.format(port),))
 
 
 def _names_another(device: Device, port: str | None) -> tuple[str, ...]:
@@ -119,16 +125,21 @@ def _names_another(device: Device, port: str | None) -> tuple[str, ...]:
     return (f'controller.port = "{port}" is not used: the recording names {device.name} as what made it',)
 
 
-def _looks_like(zone: Zone) -> tuple[str, ...]:
+def _like(device: Device, zone: Zone) -> Named:
     ports = {
-        Zone.STOCK: (STOCK_PORT, "the stock firmware", 24),
-        Zone.RACCOON_21: (RACCOON_PORT, "RaccoonOS 21", 10),
+        Zone.STOCK: (STOCK_PORT, STOCK, "the stock firmware", 24),
+        Zone.RACCOON_21: (RACCOON_PORT, RACCOON_21, "RaccoonOS 21", 10),
     }
     if zone not in ports:
-        return ()
-    port, name, share = ports[zone]
-    return (
-        f"no back-EMF is between 0 and {zone.value}, as of a Wombat with {name}, which lets its motors coast "
-        f"for {share} % of the time: if it made this recording, say so (--port {port}, or controller.port = "
-        f'"{port}" in robot.toml), or its habits are taken for causes such as a higher resistance',
+        return Named(device)
+    port, own, name, share = ports[zone]
+    seen = (
+        f"no back-EMF is between 0 and {zone.value}, as of a Wombat with {name}, which lets its motors coast"
     )
+    unsaid = (
+        f"{seen} for {share} % of the time: if it made this recording, say so (--port {port}, or "
+        f'controller.port = "{port}" in robot.toml), or its habits are taken for causes such as a higher '
+        "resistance"
+    )
+    taken = f"{seen} for {share} % of the time, and the wheels answer as behind it: taken for one"
+    return Named(device, notes=(unsaid,), like=Named(_behind(own, device), True, (taken,)))
