@@ -38,7 +38,7 @@ FEWEST_BEYOND = 10
 """Such rows that say nothing yet."""
 DUTY = re.compile(r"motor\.\d+\.duty")
 SURFACE = re.compile(r"truth\.surface\.\d+")
-_OF_SAMPLES = re.compile(r"t|(motor|imu|analog|truth)\..+")
+_OF_SAMPLES = re.compile(r"(motor|imu|analog|truth)\..+")
 _FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
 
 
@@ -95,9 +95,10 @@ class Recording:
                 )
 
     def fingerprint(self) -> str:
-        """The same of two recordings with the same samples, whatever file and form they are in."""
+        """The same of two recordings with the same samples, whatever file and form they are in, and whichever
+        clock has their times."""
         found = hashlib.sha256()
-        for name in sorted(each for each in self.columns if _OF_SAMPLES.fullmatch(each)):
+        for name in sorted(each for each in self.columns if _OF_SAMPLES.fullmatch(each)) or ["t"]:
             found.update(name.encode())
             found.update((self.columns[name] + 0.0).tobytes())  # -0 is 0
         return found.hexdigest()

@@ -77,6 +77,15 @@ def test_a_copy_of_a_recording_counts_once(tmp_path: Path, capsys: pytest.Captur
     assert "c.mcap: no diagnosis: its samples are those of a.csv" in capsys.readouterr().out
 
 
+def test_a_copy_by_another_clock_is_a_copy() -> None:
+    own = Recording(tophat(5, factor=0.9, seconds=1.0))
+    later = Recording({**own.columns, "t": own.columns["t"] + 100.1})
+    assert later.fingerprint() == own.fingerprint()
+    other = {name: each.copy() for name, each in own.columns.items()}
+    next(each for name, each in other.items() if name.startswith("analog."))[3] += 1.0
+    assert Recording(other).fingerprint() != own.fingerprint()
+
+
 def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

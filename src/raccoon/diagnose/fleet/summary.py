@@ -25,8 +25,8 @@ class FleetCause:
     stds: its first parameter in each, in the order of `recordings`, which name it in `unit`. series: how it
     goes over all of them, one that does not name the cause counting as nominal, one that cannot tell not at
     all. rivals: what at least half of the recordings that name it do not tell it from. telling: how many can
-    tell. robots: those of which most recordings that can tell name it. of_robots: how many have one that can
-    tell."""
+    tell. robots: those of which most recordings that can tell name it, also since it last changed. of_robots:
+    how many have one that can tell."""
 
     name: str
     share: float
@@ -46,7 +46,7 @@ class FleetCause:
         """Whether most robots have it, or of one robot most recordings, and more than one."""
         if self.of_robots > 1:
             return 1 < len(self.robots) >= COMMON_SHARE * self.of_robots
-        return self.share >= COMMON_SHARE and len(self.recordings) > 1
+        return bool(self.robots) and len(self.recordings) > 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +113,8 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
     # Where a current is missing a friction is in volts: it counts, and is not compared.
     alike = _of_usual_unit(found)
     first = next(iter(alike.values()))
+    series = series_of(_beside_each_other(name, alike), robots, silent | (found.keys() - alike.keys()))
+    gone = _gone(series, found)
     return FleetCause(
         name,
         len(found) / len(able),
@@ -121,14 +123,26 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
         tuple(each.std for each in alike.values()),
         first.nominal,
         first.unit,
-        series_of(_beside_each_other(name, alike), robots, silent | (found.keys() - alike.keys())),
+        series,
         _rivals(name, results),
         len(able),
         tuple(
-            each for each in dict.fromkeys(having) if having.count(each) >= COMMON_SHARE * able.count(each)
+            each
+            for each in dict.fromkeys(having)
+            if having.count(each) >= COMMON_SHARE * able.count(each) and each not in gone
         ),
         len(set(able)),
     )
+
+
+def _gone(series: Series, found: Mapping[str, ParameterResult]) -> set[str]:
+    """The robots that had a cause and have it no more: none of their recordings since it last jumped names
+    it."""
+    return {
+        each.robot
+        for each in series.courses
+        if found.keys().isdisjoint(each.recordings[each.pieces[-1].first : each.pieces[-1].last + 1])
+    }
 
 
 def _beside_each_other(name: str, found: Mapping[str, ParameterResult]) -> Mapping[str, ParameterResult]:

@@ -93,6 +93,22 @@ def test_what_creeps_what_jumps_and_what_was_once(weeks: dict[str, Diagnosis]) -
     assert "motor.1.current: dead" in text
 
 
+def test_what_went_back_to_normal_is_not_common() -> None:
+    """Seven of ten days had it, and the head said so of a robot that was repaired."""
+    days = {
+        f"{day}.csv": diagnosis(cause("battery.internal_resistance", 0.16 + 1e-4 * day))
+        if day < 7
+        else diagnosis()
+        for day in range(10)
+    }
+    fleet = fleet_of(days)
+    (battery,) = fleet.causes
+    assert (jumps(battery), battery.common) == ([7], False)
+    assert "some: 0.csv" in fleet_report(fleet)
+    later = {name: each for name, each in days.items() if name != "9.csv"} | {"9.csv": days["0.csv"]}
+    assert fleet_of(later).causes[0].common
+
+
 def test_one_robot_of_many_is_far_from_the_others() -> None:
     fleet = {f"robot-{i}.csv": diagnosis(back_emf=1.08 + 0.002 * (i % 3) - 0.15 * (i == 4)) for i in range(8)}
     (motor,) = fleet_of(fleet).numbers
