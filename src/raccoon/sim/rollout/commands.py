@@ -30,6 +30,8 @@ class Commands:
     closed_right: Floats
 
     def __post_init__(self) -> None:
+        for name in self.__slots__:
+            object.__setattr__(self, name, _as_compiled(getattr(self, name)))
         _check_time(self.time)
         for name in ("left", "right"):
             _check_row(name, getattr(self, name), self.time, -1.0, 1.0)
@@ -45,8 +47,8 @@ class Commands:
         brake: whether a motor is shorted where its duty is 0 (one value, or one a row, or (n, 2)). True is
         the textbook motor, whose voltage is 0 then; the controller's default is to coast (False).
         """
-        moments = np.ascontiguousarray(time, dtype=np.float64)
-        duties = [np.ascontiguousarray(each, dtype=np.float64) for each in (left, right)]
+        moments = np.asarray(time, dtype=np.float64)
+        duties = [np.asarray(each, dtype=np.float64) for each in (left, right)]
         for name, duty in zip(("left", "right"), duties, strict=True):
             _check_row(name, duty, moments, -1.0, 1.0)
         if not np.all(np.isin(brake, (0.0, 1.0))):
@@ -55,8 +57,7 @@ class Commands:
         brakes = rows if rows.ndim == 2 else np.stack((rows, rows), axis=-1)
         brakes = np.broadcast_to(brakes, (len(moments), 2))
         closed = [
-            np.ascontiguousarray((duty != 0.0) | brakes[:, side], dtype=np.float64)
-            for side, duty in enumerate(duties)
+            np.asarray((duty != 0.0) | brakes[:, side], dtype=np.float64) for side, duty in enumerate(duties)
         ]
         return cls(moments, *duties, *closed)
 
@@ -67,6 +68,12 @@ class Commands:
     def rows(self) -> tuple[Floats, Floats, Floats, Floats]:
         """What the equations take."""
         return self.left, self.right, self.closed_left, self.closed_right
+
+
+def _as_compiled(values: ArrayLike) -> Floats:
+    """Of the one kind of array that the plant is compiled for. Others, such as read-only ones of pandas, took
+    it 40 s each to be compiled anew."""
+    return np.require(values, np.float64, ["C", "W"])
 
 
 def _check_time(time: Floats) -> None:

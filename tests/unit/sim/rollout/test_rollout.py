@@ -348,6 +348,19 @@ def test_impossible_commands_are_named(left: np.ndarray, message: str) -> None:
         Commands.of_wheels(TIME, left, LEFT)
 
 
+def test_commands_are_of_the_kind_that_the_plant_is_compiled_for() -> None:
+    """Read-only columns, as pandas gives them, had it compiled anew: 40 s each time."""
+    duty, still = LEFT.copy(), np.zeros(400)
+    for each in (duty, still):
+        each.flags.writeable = False
+    every_second = np.repeat(TIME, 2)[::2]
+    by_wheels = Commands.of_wheels(every_second, duty, still)
+    for commands in (by_wheels, Commands(every_second, duty, duty, still, still)):
+        for each in (commands.time, *commands.rows):
+            assert each.flags.writeable
+            assert each.flags.c_contiguous
+
+
 def test_times_that_do_not_rise_are_named() -> None:
     with pytest.raises(ConfigError, match=r"time\[2\]"):
         Commands.of_wheels([0.0, 0.1, 0.1], [0, 0, 0], [0, 0, 0])
