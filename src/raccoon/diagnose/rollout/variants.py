@@ -20,7 +20,7 @@ from raccoon.diagnose.rollout.encoders import WINDOW, counted
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.heard import LEAST_ZONE, flickering, heard
 from raccoon.diagnose.rollout.robots import Variant, gyro_numbers, with_inertia
-from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.chain import SHORTEST_CYCLE, Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import (
     LOOSE_STEP,
@@ -244,10 +244,10 @@ def _some(lanes: Lanes, which: slice | Possible) -> Lanes:
 def _cycle(row: float, usual: float) -> float:
     """How often the controller samples, s: the recording's usual row is a whole number of its cycles.
 
-    Rows much shorter than a cycle say nothing of it.
+    Rows much shorter than a cycle say nothing of it, and rows shorter than any cycle are one each.
     """
     cycles = round(row / usual)
-    return row / cycles if cycles else usual
+    return max(row / cycles, SHORTEST_CYCLE) if cycles else usual
 
 
 def _values(own: OwnEffect, settings: Settings) -> dict[str, float]:

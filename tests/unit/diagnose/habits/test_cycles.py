@@ -18,7 +18,7 @@ from raccoon.diagnose.habits.others import DOUBT, if_ahead, sound
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.diagnose.select.search import begun
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -48,6 +48,16 @@ def test_a_later_command_is_no_filter_that_runs_all_the_time() -> None:
     search, habits = as_the_filter_runs(search, PLAIN, under, begun)
     assert habits == PLAIN
     assert not sound(search)
+
+
+@pytest.mark.parametrize("row", [0.0009999, 0.0008])
+def test_rows_that_are_shorter_than_any_cycle_are_one_each(row: float) -> None:
+    """Of 1000 Hz a recording was refused for a cycle that robot.toml does not even have."""
+    time = row * np.arange(5000)
+    columns = {"t": time, "motor.0.duty": np.sign(np.sin(9.0 * time)), "motor.1.duty": np.zeros(5000)}
+    log = log_from_columns(columns | {"motor.0.bemf": 0.0 * time}, ROBOT)
+    run = PlantRollout(log, ROBOT, with_cycle(PLAIN, FINE_CYCLE), plain=True)
+    assert np.isfinite(run.samples([neutral_settings(ROBOT)])[0]).all()
 
 
 @pytest.mark.parametrize(("causes", "taken"), [({}, True), ({"drive.inertia": 0.5}, False)])
