@@ -11,6 +11,7 @@ from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.bent import ADVICE
 from raccoon.diagnose.recordings.channels.broken import judged_again, without_broken
+from raccoon.diagnose.recordings.channels.sagging import not_sagging
 from raccoon.diagnose.result import ChannelResult, Diagnosis, Rejected, Verdict
 
 ROBOT = RobotConfig()
@@ -260,6 +261,15 @@ def test_a_battery_that_does_not_sag_is_no_reading_of_it(ohm: float, told: bool)
     assert without_broken({**GOOD, "battery.voltage": volts}, stiff).faults == ()
 
 
+def test_a_battery_need_not_sag_where_no_motor_is_driven() -> None:
+    """Of a robot that only stood it was said to be the reading of another one."""
+    still = dict.fromkeys(("motor.0.duty", "motor.1.duty"), np.zeros(1000))
+    assert (
+        not_sagging({**GOOD, **still, "battery.voltage": 6.8 + 0.005 * RNG.standard_normal(1000)}, ROBOT)
+        is None
+    )
+
+
 def test_a_battery_is_believed_where_commands_are_no_duties() -> None:
     """What a loop that keeps a speed draws is not in its commands, but the reading knows of the motors."""
     speeds = {f"motor.{port}.duty": 0.8 * TURNS for port in (0, 1)}
@@ -299,3 +309,4 @@ def test_the_rate_that_a_strange_time_has_is_no_advice() -> None:
     notes = without_broken({**GOOD, "t": time + 1e-9 * np.arange(1000)}, ROBOT).notes
     assert any("the controller runs at 200 Hz" in each for each in notes)
     assert not any("write controller.rate_hz" in each for each in notes)
+    assert any("Hz: if t is not right, filters" in each for each in notes)

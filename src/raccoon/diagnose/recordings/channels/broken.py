@@ -159,10 +159,12 @@ def _about_rate(time: Array, rate_hz: float) -> tuple[str, ...]:
     if cycles <= 0.0 or abs(cycles - max(round(cycles), 1)) < OTHER_RATE:
         return ()
     rate = rate_hz / cycles
-    told = f"if t is right, write controller.rate_hz = {rate:.3g}; if it is not, "
+    told = "if t is not right"
+    if CYCLE_RATE.allows(rate):
+        told = f"if t is right, write controller.rate_hz = {rate:.3g}; if it is not"
     return (
         f"t advances by {1000.0 / rate:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
-        f"{told if CYCLE_RATE.allows(rate) else ''}filters, latencies and inertia are found wrong",
+        f"{told}, filters, latencies and inertia are found wrong",
     )
 
 

@@ -68,7 +68,8 @@ def not_sagging(columns: Columns, robot: RobotConfig) -> SensorFault | None:
 
 
 def sag_of(columns: Columns, robot: RobotConfig) -> Sag | None:
-    """What a drive's battery reading says of its resistance; None where a channel for that is missing."""
+    """What a drive's battery reading says of its resistance; None where a channel for that is missing, or no
+    motor is driven."""
     time = np.asarray(columns["t"], float)
     reading, step = columns.get(BATTERY), usual_step(time)
     # Of a time that stands still, or is in another unit, others say so.
@@ -86,7 +87,10 @@ def sag_of(columns: Columns, robot: RobotConfig) -> Sag | None:
     known = np.flatnonzero(np.isfinite(voltage) & np.isfinite(table).all(axis=1))
     if len(known) < FEWEST:
         return None
-    sizes = np.maximum(np.abs(table[known]).max(axis=0), 1e-9)
+    sizes = np.abs(table[known]).max(axis=0)
+    if not sizes[2 : 2 + len(FILTERS)].all():  # no current: whatever the resistance is, nothing sags
+        return None
+    sizes = np.maximum(sizes, 1e-9)
     table, target = table[known] / sizes, voltage[known]
     of_current = 2 + len(FILTERS)
     inverse, numbers, rest = _fitted(table[:, :of_current], target)
