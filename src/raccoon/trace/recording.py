@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
@@ -49,7 +49,8 @@ class Recording:
     events: remarks; their tick is the row. Numbers under the name `event` are remarks too. device: what a
     word of the recording is worth, SI_WORDS but for the position counter, whose ticks differ between
     controllers, and who the controller is, as far as it is known. problems: what a reader had to leave out.
-    Raises TraceError where t is missing, not finite or goes back, or where lengths differ.
+    Raises TraceError where t is missing, not finite or goes back, where lengths differ, and for a column that
+    does not hold numbers.
     """
 
     columns: dict[str, Column]
@@ -60,7 +61,7 @@ class Recording:
     def __post_init__(self) -> None:
         if "t" not in self.columns:
             raise TraceError(f"there is no column t; there are {_listed(self.columns)}")
-        self.columns = {name: np.asarray(column, np.float64) for name, column in self.columns.items()}
+        self.columns = {name: numbers_of(name, column) for name, column in self.columns.items()}
         check_lengths(self.columns)
         _check_time(self.columns["t"])
         if EVENT in self.columns:  # of a program that counts its events; no form has two things of one name
@@ -106,6 +107,16 @@ class Recording:
     def ports(self, kind: str, channel: str | None = None) -> list[int]:
         """Port numbers that have a column, such as ports("motor", "bemf") or ports("analog")."""
         return ports_in(self.columns, kind, channel)
+
+
+def numbers_of(name: str, values: ArrayLike) -> Column:
+    """A column's numbers. Raises TraceError naming it where it holds anything else."""
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError) as error:
+        raise TraceError(
+            f"column {name}: {error}: allowed are numbers, and NaN where there is none"
+        ) from None
 
 
 def check_lengths(columns: Mapping[str, Column]) -> None:

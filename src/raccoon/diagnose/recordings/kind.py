@@ -1,18 +1,19 @@
-"""What kind a recording is, by its columns."""
+"""Whether columns are a recording, and of what kind."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import TraceError
+from raccoon.core.errors import ConfigError, TraceError
 from raccoon.diagnose.recordings.motors.diagnosis import motor_ports
 from raccoon.diagnose.recordings.motors.step import step_port
-from raccoon.trace.recording import check_lengths
+from raccoon.trace.recording import check_lengths, numbers_of
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -35,6 +36,29 @@ class Kind(StrEnum):
     """Reflectance sensors alone."""
     NOTHING = "nothing"
     """Nothing that the simulation predicts without what is missing."""
+
+
+def columns_given(columns: Any) -> dict[str, NDArray[np.float64]]:
+    """Columns as arrays of floats; lists and whole numbers do as well.
+
+    Raises TraceError for anything but a mapping of names to numbers.
+    """
+    if not isinstance(columns, Mapping):
+        more = ": give its columns" if hasattr(columns, "columns") else ""
+        more = ": give its recording.columns" if hasattr(columns, "recording") else more
+        given = type(columns).__name__
+        raise TraceError(f"a recording is columns of numbers by their names, not a {given}{more}")
+    return {name: numbers_of(name, each) for name, each in columns.items()}
+
+
+def check_robot(robot: Any) -> None:
+    """Raise ConfigError for anything but a robot, such as None: a CSV does not say whose it is."""
+    if not isinstance(robot, RobotConfig):
+        given = "None" if robot is None else f"{robot!r:.60}"
+        raise ConfigError(
+            f'robot is {given}: it must be a RobotConfig, as load_robot("robot.toml") gives; '
+            "RobotConfig() is the default robot"
+        )
 
 
 def kind_of(columns: Columns, robot: RobotConfig) -> Kind:

@@ -38,7 +38,7 @@ from raccoon.diagnose.recordings.doubts.reference_scale import with_reference_sc
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.judged_on import not_judged_on
-from raccoon.diagnose.recordings.kind import Kind, kind_of
+from raccoon.diagnose.recordings.kind import Kind, check_robot, columns_given, kind_of
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
 from raccoon.diagnose.recordings.named import Named, named
@@ -93,6 +93,9 @@ def diagnose_recording(
     CalibrationError where a reference cannot be used; HoldoutError for a holdout of another kind or the same
     samples.
     """
+    check_robot(robot)
+    columns, more = columns_given(columns), [columns_given(each) for each in more]
+    holdout = None if holdout is None else columns_given(holdout)
     if truth_free:
         columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
     columns, repeated = without_repeated(columns)
