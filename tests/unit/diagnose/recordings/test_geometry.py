@@ -10,8 +10,10 @@ import pytest
 from csv_files import written
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Verdict
 from raccoon.trace.loading import Run, load_runs
 from shared_data import data_path
@@ -64,6 +66,30 @@ def test_radius_and_track_are_found_on_runs_that_were_not_fitted() -> None:
     assert found.model is not None
     assert found.model.value("drive.track_width", "factor") == factors["drive.track_width"]
     assert "not identifiable" in next(each.reason for each in found.rejected if each.id == "friction.*")
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_a_counter_that_goes_by_k_e_tells_no_wheel_from_its_motor(calibrated: bool) -> None:
+    """A wheel whose magnet had lost 6 % was 6 % larger with a probability of 0.99, and robot.toml was to have
+    its radius for both."""
+    runs = [driven(seed) for seed in range(2)]
+    for each in runs:
+        each["motor.0.position"] = np.round(0.94 * each["motor.0.position"])
+    k_e = BEMF_VOLTS_PER_COUNT / 0.002
+    lengths = {"wheel_radius": 0.04, "track_width": 0.2}
+    plain = parse_robot({"model": {"drive": lengths, "motor": {"back_emf_constant": k_e}}})
+    found = diagnose_geometry(runs, ROBOT if calibrated else plain)
+    (cause,) = found.causes
+    assert cause.name == "drive.wheel_radius@left"
+    assert cause.parameters["factor"].value == pytest.approx(1 / 0.94, abs=0.002)
+    text = terminal_report(found)
+    if calibrated:
+        assert (cause.confounded_with, cause.probability) == ((), 0.99)
+        assert "put radians_per_tick = 0.00212" in text
+    else:
+        assert (cause.confounded_with, cause.probability) == (("motor.back_emf_constant@left",), 0.5)
+        assert "calibrate its radians a tick" in text
+        assert "measure the wheels with a ruler" in text
 
 
 @pytest.mark.parametrize("seed", range(0, 6, 2))

@@ -24,7 +24,7 @@ from raccoon.diagnose.recordings.geometry.fit import (
     combined,
     leaves_its_wheels,
 )
-from raccoon.diagnose.recordings.geometry.words import geometry_cause
+from raccoon.diagnose.recordings.geometry.words import RULER, geometry_cause
 from raccoon.diagnose.recordings.reference.units import check_reference
 from raccoon.diagnose.reports.manoeuvre_words import MANOEUVRES
 from raccoon.diagnose.result import (
@@ -158,8 +158,7 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
     in_sample = replace(fit, unseen=fit.fitted)
     floor = in_sample.errors(fit.factors)
     results = tuple(
-        geometry_cause(*pair, (before, after, floor), rank + 1, fit.robot.model.drive)
-        for rank, pair in enumerate(causes)
+        geometry_cause(*pair, (before, after, floor), rank + 1, fit.robot) for rank, pair in enumerate(causes)
     )
     rejected = [
         Rejected(each.name, "inside its deviation" if each not in useless else "it does not help unseen runs")
@@ -178,7 +177,7 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
         results,
         (*rejected, *_without_commands()),
         _unexplained(before, after, far),
-        (),
+        (RULER,) if any(each.confounded_with for each in results) else (),
         time.perf_counter() - begin,
         with_causes(Parameters.from_robot(fit.robot), results),
         (_shared_how(fit), *other_robot(results), *([leaves_its_wheels(fit, after_factors)] if far else [])),
