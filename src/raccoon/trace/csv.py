@@ -194,7 +194,7 @@ class _Reader:
         self._events = [each for each in self._events if each.tick != self._count]
         for column in columns.values():
             column.pop()
-        self._report(f"column t: it goes on from before {self._advance.wild:g}, whose line is left out")
+        self._report(f"column t: it goes on from before '{self._advance.wild:g}', whose line is left out")
 
     def _report(self, problem: str) -> None:
         said = f"line {self._rows.line}, {problem}"

@@ -12,6 +12,7 @@ from raccoon.trace import csv as trace_csv
 from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv, write_csv
 from raccoon.trace.format import Event, read_trace
+from raccoon.trace.problems import said_once
 from raccoon.trace.recording import Recording
 from unit.trace.recordings import record
 
@@ -138,7 +139,16 @@ def test_one_wild_time_costs_its_own_line_and_the_next(tmp_path: Path) -> None:
     found = read_csv(write(tmp_path / "run.csv", text), strict=False)
     assert found["x"].tolist() == [0.0, 1.0, 4.0, 5.0]
     assert found.events == []
-    assert "goes on from before 1e+09, whose line is left out" in found.problems[1]
+    assert "goes on from before '1e+09', whose line is left out" in found.problems[1]
+
+
+def test_wild_times_are_said_once(tmp_path: Path) -> None:
+    """Of stamps with jitter a report had a note for each."""
+    times = (time for each in range(0, 50, 5) for time in (each, each + 1, each + 100, each + 2, each + 3))
+    text = "t,x\n" + "".join(f"{time},0\n" for time in times)
+    found = read_csv(write(tmp_path / "run.csv", text), strict=False)
+    assert len(found["t"]) == 30
+    assert len(said_once(found.problems)) == 2
 
 
 def test_of_lines_out_of_order_the_late_ones_are_left_out(tmp_path: Path) -> None:
