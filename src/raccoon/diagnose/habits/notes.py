@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.spread import LATE, Spread
 from raccoon.diagnose.habits.chains import FINE_CYCLE, pauses
 from raccoon.diagnose.habits.controller import SLOW_BATTERY
 from raccoon.diagnose.habits.driver import DEADBAND
 from raccoon.diagnose.habits.lags import LATE_GYRO
+from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS, LOW_PASS_DELAY, UNKNOWN_PHASE
 from raccoon.diagnose.hypotheses.runs import RESISTANCE
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout.encoders import WINDOW
@@ -43,18 +44,28 @@ def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> t
 
 
 def less_sure(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
-    """Causes; a battery's resistance with what is not known of when it is read."""
+    """Causes; a battery's resistance with what is not known of when it is read, and a latency with what is
+    not known of when readings are taken. None is more likely than such a number allows."""
     firmware = habits.firmware if habits.knows_battery else None
     share = MOMENT if firmware is None else firmware.sag
-    return tuple(_less_sure(each, share) if each.id == RESISTANCE[0] else each for each in causes)
+    open_ = {RESISTANCE[0]: (share, 0.0)}
+    if habits.firmware is None:
+        chip = 0.0 if habits.low_pass else 0.5 * LOW_PASS
+        open_ |= {LATE: (0.0, UNKNOWN_PHASE), LATE_GYRO: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
+    return tuple(_less_sure(each, *open_[each.id]) if each.id in open_ else each for each in causes)
 
 
-def _less_sure(cause: CauseResult, share: float) -> CauseResult:
-    wider = {
-        name: replace(number, std=math.hypot(number.std, share * number.value))
-        for name, number in cause.parameters.items()
-    }
-    return replace(cause, parameters=wider)
+def _less_sure(cause: CauseResult, share: float, least: float) -> CauseResult:
+    """The cause, whose one number is that share of itself less sure, and that much."""
+    ((name, number),) = cause.parameters.items()
+    std = math.hypot(number.std, share * number.value, least)
+    away = (number.value - number.nominal) / std
+    likely = 1.0 if cause.confounded_with else 1.0 / (1.0 + math.exp(-0.5 * away**2))
+    return replace(
+        cause,
+        parameters={name: replace(number, std=std)},
+        probability=min(cause.probability, likely),
+    )
 
 
 def _of_the_firmware(firmware: Firmware) -> str:

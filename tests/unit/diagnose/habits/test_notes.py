@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -26,3 +27,37 @@ def test_when_a_battery_is_read_leaves_its_resistance_open(firmware: str | None,
     (wider, same) = less_sure((found, other), Habits(Chain(), False, firmware=known))
     assert wider.parameters["resistance"].std == pytest.approx(std, abs=0.0006)
     assert same == other
+
+
+@pytest.mark.parametrize(
+    ("name", "firmware", "smooths", "std"),
+    [
+        ("actuation.latency", None, False, 0.00145),
+        ("actuation.latency", "wombat-stock", True, 0.0001),
+        ("actuation.latency", "simulator", False, 0.0001),
+        ("imu.latency", None, False, 0.0032),
+        ("imu.latency", None, True, 0.0025),
+        ("imu.latency", "wombat-raccoon-21", True, 0.0001),
+    ],
+)
+def test_when_samples_are_taken_leaves_a_latency_open(
+    name: str, firmware: str | None, smooths: bool, std: float
+) -> None:
+    """Of a controller whose samples were 4.3 ms old in each row a latency of 14.7 ms was said to be
+    17.3 +- 0.12, and a gyro 20.6 ms late, whose chip smooths, 26.0 +- 0.2; and one of 1.2 ms, which is none,
+    had a probability of 1."""
+    found = cause(name, {"seconds": ParameterResult(0.0012, 0.0001, "s", 0.0)}, "")
+    known = None if firmware is None else FIRMWARES[firmware]
+    (wider,) = less_sure((found,), Habits(Chain(), False, low_pass=smooths, firmware=known))
+    assert wider.parameters["seconds"].std == pytest.approx(std, abs=0.00005)
+    unsure = 1.0 / (1.0 + math.exp(-0.5 * (0.0012 / std) ** 2))
+    assert wider.probability == pytest.approx(min(found.probability, unsure), abs=0.01)
+
+
+def test_of_what_has_rivals_a_number_says_nothing_of_its_probability() -> None:
+    found = replace(
+        cause("imu.latency", {"seconds": ParameterResult(0.0012, 0.0001, "s", 0.0)}, ""),
+        confounded_with=("drive.wheel_slip",),
+    )
+    (wider,) = less_sure((found,), Habits(Chain(), False))
+    assert wider.probability == found.probability
