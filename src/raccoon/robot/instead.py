@@ -89,6 +89,27 @@ def refuse_name(name: str, asking: FrameType) -> NoReturn:
     raise AttributeError(said)
 
 
+def note_value(error: BaseException | None) -> None:
+    """Add to the error of `robot.pose()`, which calls a value like a function, what to write."""
+    if not (isinstance(error, TypeError) and str(error).endswith("object is not callable")):
+        return
+    from dis import get_instructions
+
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is None:
+        return
+    called = ""
+    for each in get_instructions(trace.tb_frame.f_code):
+        if each.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+            called = each.argval
+        elif each.opname == "CALL" and each.offset == trace.tb_lasti and each.argval == 0 and called:
+            error.add_note(f"{called} is a value, no function: write .{called} without ()")
+        elif each.opname not in ("PRECALL", "PUSH_NULL", "CACHE"):
+            called = ""
+
+
 class Part:
     """A part of a robot that programs look at and motions move.
 

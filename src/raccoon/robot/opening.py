@@ -16,6 +16,7 @@ from raccoon.core.port import Port, in_real_time
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.functions import NOTHING_RUN, perform
+from raccoon.robot.instead import note_value
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.remarks import say
 from raccoon.robot.robot import Robot
@@ -57,6 +58,7 @@ class Opening:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
+        note_value(error)
         return self._opened.__exit__(kind, error, trace)
 
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else

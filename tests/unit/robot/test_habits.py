@@ -58,6 +58,37 @@ def test_what_is_meant_is_said(asked: str, said: str) -> None:
             eval(asked, names)
 
 
+def noted(call: str) -> list[str]:
+    """What a program that does `call` is told beside Python's own error."""
+    names = {"wait_for": wait_for, "when": when, "straight": straight, "one": 1}
+
+    def program() -> None:
+        with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+            robot.tick()
+            eval(call, {**names, "robot": robot})
+
+    with pytest.raises(TypeError) as caught:
+        program()
+    return getattr(caught.value, "__notes__", [])
+
+
+@pytest.mark.parametrize(
+    ("call", "value"),
+    [
+        ("robot.pose().x", "pose"),
+        ("robot.estimate.velocity()", "velocity"),
+        ("robot.run(wait_for(when(lambda robot: robot.time() > 2.0)))", "time"),
+    ],
+)
+def test_a_value_that_is_called_is_said_to_be_one(call: str, value: str) -> None:
+    assert noted(call) == [f"{value} is a value, no function: write .{value} without ()"]
+
+
+@pytest.mark.parametrize("call", ["robot.time(robot.dt)", "robot.time + one()", "straight()"])
+def test_of_another_call_no_value_is_said(call: str) -> None:
+    assert noted(call) == []
+
+
 def test_an_import_of_kipr_says_what_stands_here() -> None:
     with pytest.raises(ImportError, match=r"raccoon has no motor: write robot.run\(motors\("):
         exec("from raccoon import motor")
