@@ -43,6 +43,7 @@ from odometry_traces import (
 )
 from raccoon.core.config import RobotConfig
 from raccoon.estimate.drive.prior import offset_std_counts, scale_std, track_std
+from raccoon.estimate.drive.steps import GYRO_RATE
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.ekf.state import OdometrySettings
@@ -248,7 +249,9 @@ def consistency(seeds: range) -> None:
     squares, inside = [], []
     for seed in seeds:
         settings = OdometrySettings()
-        noise = Noise(bemf=settings.bemf_noise_counts, gyro=settings.gyro_noise)
+        # As much as it is held for in a second, of readings that come at another rate.
+        gyro = settings.gyro_noise * math.sqrt(RobotConfig().controller.rate_hz / GYRO_RATE)
+        noise = Noise(bemf=settings.bemf_noise_counts, gyro=gyro)
         trace = with_random_slip(match(seed, drawn(seed), 40.0, noise=noise), settings.slip_noise, seed)
         trace = with_wandering_bias(trace, settings.gyro_bias_walk, seed)
         ours = Ours(trace.robot)

@@ -62,7 +62,7 @@ class OdometrySettings:
     Raises ConfigError for a value that is not a number of 0 or more.
 
     bemf_noise_counts: of one back-EMF reading before the board's filter.
-    gyro_noise: rad/s of one gyro reading.
+    gyro_noise: rad/s of one gyro reading, of which a hundred a second have a noise of their own.
     slip_noise: m of wheel travel after one metre; grows with the square root of the travel.
     acceleration, turn_acceleration: how much velocity and turn rate change, (m/s)/sqrt(s) and
     (rad/s)/sqrt(s).
@@ -80,7 +80,7 @@ class OdometrySettings:
     """
 
     bemf_noise_counts: float = 7.0
-    gyro_noise: float = 0.0012
+    gyro_noise: float = 0.0016
     slip_noise: float = 0.0005
     acceleration: float = 3.0
     turn_acceleration: float = 20.0
