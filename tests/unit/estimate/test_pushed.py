@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drive_traces import drive
+from drive_traces import Errors, drive
 from raccoon.core.config import RobotConfig
 from raccoon.estimate.drive.odometry import Odometry
 
@@ -29,3 +29,16 @@ def test_a_push_that_turns_the_robot_leaves_a_pose_within_its_deviation(push: fl
     off = np.array([estimate.x - x, estimate.y - y, estimate.heading - heading])
     deviations = math.sqrt(float(off @ np.linalg.solve(odometry.pose_covariance, off)))
     assert deviations < 3.8  # 99.8 % of three values
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_in_a_turn_on_the_spot_nobody_knows_which_wheel_slips(side: str) -> None:
+    """As where a corner of the robot is at a wall: both wheels read too much, each its own way."""
+    odometry = Odometry(RobotConfig())
+    turn = [(1.5, 0.0, 0.0), (1.5, 0.0, 1.4), (0.5, 0.0, 0.0)]
+    for inputs, command in drive(turn, Errors(slip=(2.0, 2.6, side, 0.6))):
+        estimate = odometry.update(inputs, command)
+    assert inputs.truth is not None
+    off = math.hypot(estimate.x - inputs.truth.x, estimate.y - inputs.truth.y)
+    assert math.hypot(estimate.x, estimate.y) < 0.002  # in the middle between the two
+    assert 0.01 < off < 1.2 * math.hypot(estimate.x_std, estimate.y_std)

@@ -19,7 +19,13 @@ from raccoon.estimate.drive.estimate import Observation
 from raccoon.estimate.drive.health import Reasons
 from raccoon.estimate.drive.observations import GATES, Seen, Way, checked, of_state
 from raccoon.estimate.drive.scales import NOTHING, ScaleDoubt
-from raccoon.estimate.drive.slip import RESTING_SPEED, SlipWatch, scales_explain, scales_possible
+from raccoon.estimate.drive.slip import (
+    RESTING_SPEED,
+    SlipWatch,
+    could_be_either,
+    scales_explain,
+    scales_possible,
+)
 from raccoon.estimate.drive.taken import Reading, Step
 from raccoon.estimate.drive.wheels import LONGEST_GAP
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
@@ -40,6 +46,8 @@ RELEARN = 0.05
 WRONG_BLAME = 0.3
 """Deviation of the way while a wheel is not believed, of what the other choice would make it: one in ten such
 choices is wrong, as where somebody turns the robot by hand or another robot pushes it."""
+EITHER = 0.5
+"""The same where it could be either wheel: the way lies in the middle, and each choice is so far from it."""
 MOST_RELEARNT = 5
 """How often they get it: the truth is found in two or three."""
 
@@ -138,9 +146,12 @@ class Fusion:
         scales = reading.held == 0.0 and scales_explain(2.0 * self._half_a_turn * turn, *speeds)
         blamed = self.slip.blame(reading.span, innovation, *speeds, scales)
         of_left, of_right, of_gyro = reading.variances
-        before = self._blamed
-        self._blamed += WRONG_BLAME * self.geometry.track_width * abs(innovation) * reading.span
+        either, before = could_be_either(innovation, *speeds), self._blamed
+        share = EITHER if either else WRONG_BLAME
+        self._blamed += share * self.geometry.track_width * abs(innovation) * reading.span
         held = reading.held + self._blamed**2 - before**2
+        if either:
+            return replace(reading, swing=0.0, wobble=reading.wobble + DOUBTED, held=held)
         if blamed == "left":
             return replace(reading, variances=(of_left + DOUBTED, of_right, of_gyro), held=held)
         return replace(reading, variances=(of_left, of_right + DOUBTED, of_gyro), held=held)

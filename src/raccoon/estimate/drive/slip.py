@@ -142,3 +142,8 @@ def slipping_wheel(innovation: float, left: float, right: float) -> str:
     if left_could != right_could:
         return "left" if left_could else "right"
     return "left" if abs(left) > abs(right) else "right"
+
+
+def could_be_either(innovation: float, left: float, right: float) -> bool:
+    """Whether nothing tells which wheel slips: both turn, each its own way, and read too much of that."""
+    return min(left * innovation, -right * innovation) > RESTING_SPEED * abs(innovation)

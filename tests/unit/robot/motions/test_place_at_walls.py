@@ -30,3 +30,17 @@ def test_wheels_that_slip_at_a_wall_leave_the_place_in_doubt(
         std = math.hypot(here.x_std, here.y_std)
         assert off < 3.0 * std
         assert std < max(3.0 * off, 0.015)  # and not in more than it must be
+
+
+@pytest.mark.parametrize("angle", [90.0, -90.0])
+def test_a_turn_that_starts_at_a_wall_leaves_the_place_in_doubt(angle: float) -> None:
+    """A corner of the robot pushes it 37 mm back from the wall, and both wheels slip for it."""
+    config, clock = RobotConfig(), SteppedClock()
+    plant = SimulatedPlant(Parameters.from_robot(config), World(walls=(Wall((0.095, -1.0), (0.095, 1.0)),)))
+    port = WombatPort(Emulator(plant, clock=clock), clock=clock)
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(turn(math.radians(angle)))
+        here = robot.estimate
+    off = math.hypot(here.x - plant.pose[0], here.y - plant.pose[1])
+    assert 0.02 < off < 2.0 * math.hypot(here.x_std, here.y_std)
