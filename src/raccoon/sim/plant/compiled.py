@@ -30,6 +30,8 @@ from raccoon.sim.plant.quantities import Plant, State
 Advance = Callable[..., Any]
 ANY = Kind()
 NOT_KEPT = "nothing can be written in {} (the variable RACCOON_CACHE names another folder)"
+INNER = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""How numba compiles what only compiled functions call: that Python can call it takes a third of the time."""
 _TEXTS = ("series.py", "friction.py", "equations.py", "sensing.py", "driver.py")
 _HEAD = """from __future__ import annotations
 
@@ -188,7 +190,7 @@ def compiled_module(text: str) -> Any:
     for name in order:
         outer = name in ("advance_cells", "advance_lanes")
         function = getattr(module, name)
-        options = {"nogil": True} if outer else {"forceinline": True}
+        options = {"nogil": True} if outer else INNER
         made = numba.njit(error_model="numpy", **options)(function)
         if outer and cached:
             with suppress(RuntimeError):  # beside the file and in the user's folder nothing can be written
