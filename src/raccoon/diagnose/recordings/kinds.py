@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +13,7 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.gravity import strange_acceleration
 from raccoon.diagnose.drives.times import check_time
-from raccoon.diagnose.drives.unseen import are_missing, said_of_holdout
+from raccoon.diagnose.drives.unseen import said_of_holdout
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds, without_std
@@ -42,6 +41,7 @@ from raccoon.diagnose.recordings.kind import Kind, check_robot, columns_given, k
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
 from raccoon.diagnose.recordings.named import Named, named
+from raccoon.diagnose.recordings.nothing import nothing_to_compare
 from raccoon.diagnose.recordings.recognised import recognised
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
@@ -50,7 +50,7 @@ from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_other, rows
 from raccoon.diagnose.recordings.rows.repeated import without_repeated
 from raccoon.diagnose.recordings.together import check_commands, check_drives
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
-from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
+from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.problems import said_once
@@ -120,7 +120,7 @@ def diagnose_recording(
     elif kind is Kind.TOPHATS:
         found = diagnose_tophats(columns, robot, model, truth_free)
     elif kind is Kind.NOTHING:
-        found = _nothing(columns, robot)
+        found = nothing_to_compare(columns, robot)
     else:
         open_robot, exact = with_usual_stds(robot)
         made_by = recognised(named(device, columns, robot, port), columns, open_robot)
@@ -274,29 +274,4 @@ def _with_tophats(
         notes=found.notes + tophats.notes,
         sensor_faults=found.sensor_faults + tophats.sensor_faults,
         seconds=found.seconds + tophats.seconds,
-    )
-
-
-def _nothing(columns: Columns, robot: RobotConfig) -> Diagnosis:
-    """No commands and no reference: the missing columns by name."""
-    begin = time.perf_counter()
-    ports = (robot.drive.left, robot.drive.right)
-    missing = [f"motor.{port}.duty" for port in ports if f"motor.{port}.duty" not in columns]
-    if "truth.x" not in columns:
-        missing.append("truth.x")
-    reason = (
-        f"not identifiable: {are_missing(missing)}: without commands the simulation cannot drive "
-        "along, and without a reference wheels have nothing to be compared with"
-    )
-    groups = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*")
-    return Diagnosis(
-        Verdict.NOT_IDENTIFIABLE,
-        (),
-        (),
-        tuple(Rejected(each, reason) for each in groups),
-        Unexplained(0.0),
-        ("record with the commands (raccoon's own recordings have them), or with a reference system",),
-        time.perf_counter() - begin,
-        None,
-        (reason,),
     )

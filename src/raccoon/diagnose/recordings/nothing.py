@@ -1,0 +1,40 @@
+"""The diagnosis of a recording with neither commands nor a reference."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.unseen import are_missing
+from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+
+def nothing_to_compare(columns: Columns, robot: RobotConfig) -> Diagnosis:
+    """Not identifiable: the missing columns by name."""
+    begin = time.perf_counter()
+    ports = (robot.drive.left, robot.drive.right)
+    missing = [f"motor.{port}.duty" for port in ports if f"motor.{port}.duty" not in columns]
+    if "truth.x" not in columns:
+        missing.append("truth.x")
+    reason = (
+        f"not identifiable: {are_missing(missing)}: without commands the simulation cannot drive "
+        "along, and without a reference wheels have nothing to be compared with"
+    )
+    groups = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*")
+    return Diagnosis(
+        Verdict.NOT_IDENTIFIABLE,
+        (),
+        (),
+        tuple(Rejected(each, reason) for each in groups),
+        Unexplained(0.0),
+        ("record with the commands (raccoon's own recordings have them), or with a reference system",),
+        time.perf_counter() - begin,
+        None,
+        (reason,),
+    )
