@@ -137,6 +137,25 @@ def test_a_late_observation_counts_where_it_was_made(delay: float) -> None:
     np.testing.assert_allclose(told[0], told[1], atol=2e-3)
 
 
+@pytest.mark.parametrize("latency", [0.03, 0.0])
+@pytest.mark.parametrize("told_at", [3.2, 3.205, 3.6])
+def test_what_is_seen_late_is_set_against_a_gyro_that_is_late_too(told_at: float, latency: float) -> None:
+    """The robot turns: a heading of a moment is not what the gyro read then. How late that is was told, or is
+    learnt."""
+    swings: list[Segment] = [(1.0, 0.0, 0.0), (0.8, 0.15, 1.8), (0.8, 0.15, -1.8), (1.4, 0.15, 1.8)]
+    odometry = Odometry(RobotConfig(), settings=OdometrySettings(imu_latency=latency))
+    odometry.reset(heading_std=0.1)
+    for inputs, command in drive(swings, Errors(imu_latency=0.03)):
+        odometry.update(inputs, command)
+        assert inputs.truth is not None
+        if inputs.time == pytest.approx(3.2):
+            seen = inputs.truth.heading, inputs.time
+        if inputs.time == pytest.approx(told_at):
+            assert odometry.observe_heading(seen[0], 0.001, time=seen[1]).accepted
+    assert inputs.truth is not None
+    assert odometry.estimate.heading == pytest.approx(inputs.truth.heading, abs=0.003)
+
+
 @pytest.mark.parametrize("taped", [False, True])
 def test_what_was_seen_meanwhile_stays_where_something_earlier_is_told_late(taped: bool) -> None:
     """A heading, or a taped way, at 3.4 s, and a line that was crossed at 3.2 s: in either order."""

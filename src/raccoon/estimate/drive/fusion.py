@@ -27,12 +27,13 @@ from raccoon.estimate.drive.slip import (
     scales_possible,
 )
 from raccoon.estimate.drive.taken import Reading, Step
+from raccoon.estimate.drive.timing import further_on, wheels_lead
 from raccoon.estimate.drive.wheels import LONGEST_GAP
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import OdometrySettings, State
-from raccoon.model.drive import DriveGeometry
+from raccoon.model.drive import DriveGeometry, arc_end
 
 KEPT_STEPS = 100
 DOUBTED = 1e4
@@ -201,7 +202,8 @@ class Fusion:
             self._steps.append(replace(last, reading=reading, flat=self.drive.flat))
 
     def observe(self, seen: Seen, shift: Array, span: float, time: float | None) -> Observation:
-        """Take something seen. shift: (3,) how far the pose has moved on since the last step, `span` s ago.
+        """Take something seen. shift: (3,) how far the robot is now beyond the pose of the last step, which
+        was `span` s ago.
 
         time: when it was seen; None is now.
         """
@@ -215,12 +217,14 @@ class Fusion:
         here = steps[after - 1]
         now = self.drive.flat
         self.drive.flat = here.flat
+        begin = self._beyond(here.flat, here.flat)
         if after < len(steps):
             end = steps[after]
-            shift, span = self._moved(here, end), end.reading.span
+            shift, span = self._beyond(end.flat, here.flat), end.reading.span
         share = (time - here.time) / span if span > 0.0 else 0.0
+        shift = begin + share * (shift - begin)
         before, self._steps = self._steps, deque(steps[:after], maxlen=KEPT_STEPS)
-        found = self._remembered(partial(self._observe_here, seen, share * shift))
+        found = self._remembered(partial(self._observe_here, seen, shift))
         if not found.accepted:
             self.drive.flat, self._steps = now, before
             return found
@@ -241,10 +245,13 @@ class Fusion:
             self._steps.append(replace(last, flat=self.drive.flat, seen=(*last.seen, observe)))
         return found
 
-    @staticmethod
-    def _moved(here: Step, there: Step) -> Array:
-        """How far the pose moves from a step to the next."""
-        moved: Array = np.array(there.flat[: State.VELOCITY]) - np.array(here.flat[: State.VELOCITY])
+    def _beyond(self, there: Flat, here: Flat) -> Array:
+        """How far the robot at a belief, by the delays of its readings too, is beyond the pose of another."""
+        lead, _ = wheels_lead(there, self._settings.timing)
+        velocity = there[State.WAY] * there[State.VELOCITY]
+        travel, turn = further_on(there, lead, velocity, there[State.TURN_RATE])
+        x, y, heading = there[: State.VELOCITY]
+        moved: Array = np.array(arc_end(x, y, heading, travel, turn)) - np.array(here[: State.VELOCITY])
         return moved
 
     def _observe_here(self, seen: Seen, shift: Array) -> Observation:

@@ -208,7 +208,8 @@ class Odometry:
         flat = self._steps.fusion.drive.flat
         here = self._estimate
         shift = np.array([here.x - flat[State.X], here.y - flat[State.Y], here.heading - flat[State.HEADING]])
-        found = self._steps.fusion.observe(seen, shift, self._readings.pending.span, time)
+        since = self._readings.pending.span + self._readings.ahead[0]
+        found = self._steps.fusion.observe(seen, shift, since, time)
         self._estimate = self._published()
         return found
 

@@ -13,7 +13,7 @@ from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.fusion import Fusion
 from raccoon.estimate.drive.noise import SILENT_WHEEL
 from raccoon.estimate.drive.readings import DriveReadings
-from raccoon.estimate.drive.timing import wheels_lead
+from raccoon.estimate.drive.timing import further_on, wheels_lead
 from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.ekf.filter import covariance_index, covariance_of, variance_index
 from raccoon.estimate.ekf.generated import Flat
@@ -50,7 +50,7 @@ def published(fusion: Fusion, readings: DriveReadings, settings: OdometrySetting
         x, y, heading = arc_end(x, y, heading, travel, turn)
         distance += travel
     lead, late = wheels_lead(flat, settings.timing)
-    x, y, heading = arc_end(x, y, heading, -lead * velocity, (flat[State.GYRO_DELAY] - lead) * turn_rate)
+    x, y, heading = arc_end(x, y, heading, *further_on(flat, lead, velocity, turn_rate))
     apart = late * velocity
     if min(readings.left.silent, readings.right.silent) > HOLD:  # the step that is waited for adds it
         apart = math.hypot(apart, math.sqrt(0.5 * SILENT_WHEEL * span) * geometry.wheel_radius)

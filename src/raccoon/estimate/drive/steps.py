@@ -120,7 +120,7 @@ class Steps:
         held = self.touch.carries(span, *speeds) + self.touch.rolls(span, *speeds, turn)
         if turn is not None:
             undated = hypot(undated, self.touch.turned_unseen(span, pending.gyro_span / pending.gyro_count))
-        time = self._readings.time
+        time = self._readings.time - self._readings.ahead[0]
         reading = Reading(time, span, read, variances, swing, wobble, still, undated, held, mute=alone)
         self.fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self.touch.feel(pending, still)
@@ -146,9 +146,8 @@ class Steps:
         self._standstill.interrupt()
         self.touch.interrupt(velocity)
         read = pending.left / span, pending.right / span
-        reading = Reading(
-            self._readings.time, span, read, variances, 0.0, wobble, False, now=now, together=together
-        )
+        time = self._readings.time - self._readings.ahead[0]
+        reading = Reading(time, span, read, variances, 0.0, wobble, False, now=now, together=together)
         self.fusion.advance(reading, self._reasons, False)
 
     def _stands(self, span: float, command: Outputs | None) -> bool:

@@ -98,3 +98,9 @@ def wheels_lead(flat: Flat, timing: float) -> tuple[float, float]:
         return delay, sqrt(timing**2 + variance)
     half = 0.5 * delay
     return half, sqrt(timing**2 + half * half + 0.25 * variance)
+
+
+def further_on(flat: Flat, lead: float, velocity: float, turn_rate: float) -> tuple[float, float]:
+    """m and rad that the robot is beyond the pose of a belief, whose heading is of the gyro's time and whose
+    place is of the wheels'. lead: s, of `wheels_lead`. velocity, turn_rate: m/s and rad/s."""
+    return -lead * velocity, (flat[State.GYRO_DELAY] - lead) * turn_rate
