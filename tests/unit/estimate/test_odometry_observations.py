@@ -224,6 +224,18 @@ def test_an_observation_from_too_long_ago_or_the_future_is_not_taken(time: float
     assert (found.accepted, "seen at" in found.reason) == (False, True)
 
 
+def test_a_robot_that_moves_is_where_it_was_said_to_be() -> None:
+    """Also where its gyro was found to be late."""
+    odometry = Odometry(RobotConfig())
+    swings: list[Segment] = [(1.0, 0.0, 0.0), (0.8, 0.15, 1.8), (0.8, 0.15, -1.8), (0.8, 0.15, 1.8)]
+    for inputs, command in drive(swings, Errors(imu_latency=0.03)):
+        odometry.update(inputs, command)
+    odometry.reset(1.0, 2.0, 0.5)
+    here = odometry.estimate
+    assert (here.x, here.y, here.heading) == pytest.approx((1.0, 2.0, 0.5), abs=1e-9)
+    assert here.turn_rate == pytest.approx(1.8, abs=0.1)
+
+
 def test_what_was_seen_before_the_robot_was_put_elsewhere_is_not_taken() -> None:
     odometry, cycles = Odometry(RobotConfig()), drive(OUT, WRONG)
     for inputs, command in islice(cycles, 600):

@@ -27,7 +27,7 @@ from raccoon.estimate.drive.slip import (
     scales_possible,
 )
 from raccoon.estimate.drive.taken import Reading, Step
-from raccoon.estimate.drive.timing import further_on, wheels_lead
+from raccoon.estimate.drive.timing import beyond
 from raccoon.estimate.drive.wheels import LONGEST_GAP
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.generated import Flat
@@ -247,11 +247,9 @@ class Fusion:
 
     def _beyond(self, there: Flat, here: Flat) -> Array:
         """How far the robot at a belief, by the delays of its readings too, is beyond the pose of another."""
-        lead, _ = wheels_lead(there, self._settings.timing)
-        velocity = there[State.WAY] * there[State.VELOCITY]
-        travel, turn = further_on(there, lead, velocity, there[State.TURN_RATE])
         x, y, heading = there[: State.VELOCITY]
-        moved: Array = np.array(arc_end(x, y, heading, travel, turn)) - np.array(here[: State.VELOCITY])
+        pose = arc_end(x, y, heading, *beyond(there, self._settings.timing))
+        moved: Array = np.array(pose) - np.array(here[: State.VELOCITY])
         return moved
 
     def _observe_here(self, seen: Seen, shift: Array) -> Observation:

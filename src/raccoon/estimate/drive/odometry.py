@@ -19,9 +19,11 @@ from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_se
 from raccoon.estimate.drive.published import pose_covariance, published
 from raccoon.estimate.drive.readings import DriveReadings
 from raccoon.estimate.drive.steps import Steps
+from raccoon.estimate.drive.timing import beyond
 from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.drive.wiring import Wiring
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
+from raccoon.model.drive import arc_end
 
 __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]
 
@@ -122,7 +124,8 @@ class Odometry:
         for name, std in (("position_std", position_std), ("heading_std", heading_std)):
             if not 0.0 <= std < math.inf:
                 raise ValueError(f"{name} is {std}: allowed are finite numbers from 0")
-        self._steps.fusion.place(x, y, heading)
+        travel, turn = beyond(self._steps.fusion.drive.flat, self._settings.timing)
+        self._steps.fusion.place(*arc_end(x, y, heading, -travel, -turn))
         self._steps.fusion.drive.widen((State.X, State.Y), position_std)
         self._steps.fusion.drive.widen((State.HEADING,), heading_std)
         self._readings.clear()

@@ -104,3 +104,9 @@ def further_on(flat: Flat, lead: float, velocity: float, turn_rate: float) -> tu
     """m and rad that the robot is beyond the pose of a belief, whose heading is of the gyro's time and whose
     place is of the wheels'. lead: s, of `wheels_lead`. velocity, turn_rate: m/s and rad/s."""
     return -lead * velocity, (flat[State.GYRO_DELAY] - lead) * turn_rate
+
+
+def beyond(flat: Flat, timing: float) -> tuple[float, float]:
+    """`further_on` at the speeds of the belief itself. timing: see `wheels_lead`."""
+    lead, _ = wheels_lead(flat, timing)
+    return further_on(flat, lead, flat[State.WAY] * flat[State.VELOCITY], flat[State.TURN_RATE])
