@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.fit.problem import Point, Problem
 
@@ -88,7 +89,8 @@ def restored(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Lo
     chosen = []
     for change in changes:
         logs = [changed_at(log, change, moment) for moment in change.moments]
-        tried = [squares, *(_squares(problem_of(each), point, wheels) for each in logs)]
+        problems = (_in_bins_of(usual, problem_of(each), each) for each in logs)
+        tried = [squares, *(_squares(each, point, wheels) for each in problems)]
         start = log.time[change.row - 1]
         answer = (time >= start) & (time < start + ANSWER)
         best = int(np.argmin([each[answer].sum() for each in tried]))
@@ -105,6 +107,14 @@ def _told(moments: Sequence[float]) -> str:
     told = ", ".join(f"{each:.2f}" for each in moments[:SAID]) + (", ..." if len(moments) > SAID else "")
     rows = "a row in which a command" if len(moments) == 1 else "rows in which commands"
     return f"the recording lost {rows} changed: taken for changed at {told} s, as the wheels answer"
+
+
+def _in_bins_of(usual: Problem, problem: Problem, log: Log) -> Problem:
+    """The problem of a log with a row more in the bins of the usual one: where a loop changes commands these
+    are as long as a command holds, and one that is moved may make a bin more or less of the whole drive."""
+    width = usual.features.width
+    same = problem.features.width == width
+    return problem if same else replace(problem, features=Features.of(log, width))
 
 
 def _squares(problem: Problem, point: Point, wheels: Sequence[int]) -> Array:

@@ -12,6 +12,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.habits import controller
 from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.habits.lost import changed_at, lost_changes, restored
 from raccoon.diagnose.hypotheses.candidates import drive_causes
@@ -87,6 +88,17 @@ def test_several_changes_are_put_back() -> None:
     found = put_back(log_from_columns(without(columns, changes), ROBOT))
     assert np.isin(np.round(columns["t"][changes], 6), np.round(found.time, 6)).all()
     assert error(found) < 1.05 * error(log_from_columns(columns, ROBOT))
+
+
+def test_a_row_that_is_put_in_makes_no_other_bins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bins are as long as commands hold: in 2 of 20 drives by a loop it made one more, and an IndexError."""
+    columns = drive(4.0)
+    log = log_from_columns(without(columns, [4 * EVERY]), ROBOT)
+    monkeypatch.setattr(
+        controller, "answered", lambda each: 0.01 if len(each.time) == len(log.time) else 0.011
+    )
+    found = put_back(log)
+    assert found.time[4 * EVERY] == pytest.approx(columns["t"][4 * EVERY], abs=1e-9)
 
 
 def test_a_command_that_a_late_loop_sent_stays_in_its_row() -> None:
