@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
 from raccoon.diagnose.answer import Found, answered, faults_of
-from raccoon.diagnose.drives.features import with_readings
+from raccoon.diagnose.drives.features import Features, with_readings
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.moments import without_moments
 from raccoon.diagnose.drives.quality import moves
@@ -179,7 +179,9 @@ class Way:
         if unseen is not None:
             unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
             other = drive_problem(unseen, robot, causes, habits, model)
-            other = replace(other, neutral=search.problem.neutral, base=search.problem.base)
+            fitted = search.problem  # whose noise is that of bins as long as its own
+            bins = Features.kept(unseen, fitted.features.width)
+            other = replace(other, neutral=fitted.neutral, base=fitted.base, features=bins)
         search, judged = proven(search, other)
         found = answered(log, search, judged, habits, self.begin)
         if other is None:

@@ -11,11 +11,16 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose import diagnosis as diagnosing
 from raccoon.diagnose.answer import Found, _verdict
 from raccoon.diagnose.diagnosis import SAME_ROBOT, Way, _not_the_same, diagnose
+from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fleet.summary import fleet_of
+from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.hypotheses.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import PRESLIDING, base_coordinates
@@ -25,6 +30,7 @@ from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout.robots import parameters_of
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.unknown.probes import RUBS_ANEW
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
@@ -41,6 +47,30 @@ def sagging() -> Diagnosis:
     hidden = draw("battery.internal_resistance", np.random.default_rng(8))
     columns = dict(make(8, [hidden], seconds=16.0).columns)
     return diagnose(columns, ROBOT)
+
+
+def test_what_is_judged_on_has_bins_as_long_as_what_was_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A loop's commands made them a quarter as long, and their noise was held against that of 20 ms."""
+    duty = np.tile(np.linspace(0.2, 0.3, 7)[:, None], (120, 2))
+    fitted, unseen = (
+        log_from_columns(make(3, drive=each).columns, ROBOT) for each in (0.0 * duty + 0.3, duty)
+    )
+    habits, seen = Habits(Chain.firmware(), False), list[Problem]()
+
+    def found(log: Log, *_: object) -> tuple[Any, Habits, Log]:
+        problem = drive_problem(log, ROBOT, (), habits, None)
+        return SimpleNamespace(problem=problem, fit=SimpleNamespace(point=problem.nominal())), habits, log
+
+    def judged(_: object, other: Problem) -> None:
+        seen.append(other)
+        raise StopIteration
+
+    monkeypatch.setattr(diagnosing, "searched", found)
+    monkeypatch.setattr(diagnosing, "proven", judged)
+    with pytest.raises(StopIteration):
+        Way(ROBOT, (), None, None, 0.0).once(fitted, unseen)
+    assert seen[0].features.width == BIN
+    assert drive_problem(unseen, ROBOT, (), habits, None).features.width < BIN
 
 
 @pytest.mark.parametrize(
