@@ -226,7 +226,7 @@ def _others(
 
     def whole(other: Columns, which: str) -> Columns:
         part = without_broken(with_counted(other, robot, device).columns, robot)
-        notes.extend(f"{which}: {each.text}" for each in part.faults)
+        notes.extend(f"{which}: {each}" for each in (*(fault.text for fault in part.faults), *part.notes))
         return part.columns
 
     if holdout is not None:

@@ -8,6 +8,8 @@ import pytest
 from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.core.readings import SI_WORDS
+from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.recordings.together import check_drives
 
 ROBOT = RobotConfig()
@@ -33,3 +35,13 @@ def test_recordings_that_share_no_column_are_not_the_same(drive: Columns) -> Non
 def test_one_that_is_empty_is_said_by_its_number(drive: Columns) -> None:
     with pytest.raises(TraceError, match=r"^recording 2: the recording is empty"):
         check_drives([drive, {"t": np.zeros(0)}], ROBOT)
+
+
+def test_an_uneven_time_of_another_recording_is_said_as_of_the_first(drive: Columns) -> None:
+    rows = np.arange(len(drive["t"]))
+    late = {**drive, "t": 0.005 * rows + np.random.default_rng(1).uniform(-0.002, 0.002, len(rows))}
+    _, _, said = kinds._others(late, [late], ROBOT, SI_WORDS)
+    assert [each.partition(": steps")[0] for each in said] == [
+        "the other recording: t is uneven",
+        "recording 2: t is uneven",
+    ]
