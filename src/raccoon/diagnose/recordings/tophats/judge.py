@@ -275,7 +275,7 @@ def _number(id_: str, moved: float, std: float, nominal: Nominal) -> ParameterRe
     """The number as the catalogue allows it."""
     base = {AMBIENT: nominal.offset, GAIN: nominal.factor, HEIGHT: nominal.height}[id_]
     parameter = effect(id_).parameters[0]
-    value = base * (1.0 + moved) if id_ == GAIN else base + moved
+    value, std = (base * (1.0 + moved), base * std) if id_ == GAIN else (base + moved, std)
     value = float(np.clip(value, parameter.bounds.low, parameter.bounds.high))
     return ParameterResult(value, std, parameter.unit, base)
 
