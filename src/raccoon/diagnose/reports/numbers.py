@@ -39,7 +39,7 @@ def with_deviation(value: float, std: float) -> str:
 
 
 def _rounded(number: float, places: int) -> str:
-    return f"{round(number, places):.{max(places, 0)}f}"
+    return f"{round(number, places) + 0.0:.{max(places, 0)}f}"  # and never -0
 
 
 def _places(std: float) -> int | None:

@@ -45,8 +45,8 @@ RECORD_AGAIN = (
 )
 """What to do where nothing is known of what is wrong."""
 _ANY_SIZE = re.compile(r"; would show from about .*")
-_BEYOND_ALL = re.compile(r"; would show from about [\d.]+e\+(?:0[3-9]|[1-9]\d)\b.*")
-"""A size that no robot has: it says no more than that nothing would show."""
+_BEYOND_ALL = re.compile(r"; would show from about (?:\d{4,}|[\d.]+e\+\d\d)\b.*")
+"""A size that no robot has, of a thousand and more: it says no more than that nothing would show."""
 
 
 def terminal_report(diagnosis: Diagnosis) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from diagnoses import diagnosis
+from raccoon.core.schema import Bounds
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.html import page, save_html
@@ -28,6 +29,8 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
+from raccoon.diagnose.select.visible import shows_from
+from raccoon.sim.effects.effect import Parameter
 
 TIME = np.linspace(0.0, 5.0, 400)
 CAUSE = CauseResult(
@@ -358,13 +361,21 @@ def test_a_finding_is_a_note_and_no_advice() -> None:
     assert "To learn more: ten turns." in text
 
 
+@pytest.mark.parametrize(("power", "said"), [(1e-9, False), (1e-3, False), (1.0, True)])
+def test_a_size_of_a_thousand_and_more_is_said_of_nothing(power: float, said: bool) -> None:
+    """They were not found any more once large numbers had all their digits."""
+    size = shows_from(Parameter("gain", "counts", 0.0, Bounds(), 10.0), power, 8.0)  # of a team's own effect
+    rejected = (Rejected("team.hum", f"not visible in this recording; would show {size}"),)
+    assert (size in terminal_report(replace(FOUND, rejected=rejected))) == said
+
+
 @pytest.mark.usefixtures("words_only")
 def test_what_is_wholly_unknown_comes_with_something_to_do() -> None:
     reason = "not visible in this recording: a usual deviation would not show"
     lost = replace(
         FOUND, verdict=Verdict.UNKNOWN, causes=(), unexplained=Unexplained(0.0), shapes=(),
         rejected=(Rejected("motor.heating", f"{reason}; would show from about 3.9e+19 % on"),
-                  Rejected("drive.inertia", f"{reason}; would show from about 2.1e+02 % on")),
+                  Rejected("drive.inertia", f"{reason}; would show from about 210 % on")),
     )  # fmt: skip
     for text in (terminal_report(lost), page(lost, "run")):
         assert "raccoon excite --record again.jsonl.gz" in text
@@ -372,7 +383,7 @@ def test_what_is_wholly_unknown_comes_with_something_to_do() -> None:
         assert "would show from" not in text
     known = terminal_report(replace(lost, unexplained=Unexplained(0.3, ("heading",))))
     assert "ten counted full turns" in known
-    assert "2.1e+02 %" in known
+    assert "210 %" in known
     assert "e+19" not in known  # no robot is that far off
 
 
