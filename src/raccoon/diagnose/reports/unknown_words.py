@@ -31,7 +31,8 @@ def shape_text(shape: Shape) -> str:
     often = times_a_turn(shape)
     most = f"{often} times in a turn" if often else f"highest at {shape.highest:.3g} {shape.over_unit}"
     if shape.depends_on.startswith(TIME):  # in steps
-        most = f"most of it at about {changed(shape):.2g} {shape.over_unit}"
+        moment = changed(shape)
+        most = f"most of it at about {moment:.{0 if moment >= 10.0 else 1}f} {shape.over_unit}"
     size = f"{shape.quantity} varies by {number_text(shape.size)} over the {along(shape)}, {most}"
     look = look_at(shape.depends_on)
     return f"{size}: {look}" if look else size
