@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,17 @@ from raccoon.cli.diagnose.files import recordings, robot_names, short_names
 from raccoon.cli.diagnose.many import Work
 from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, load_robot
 from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.sim.effects.parameters import Parameters
+from raccoon.trace.columns import trace_of
+from raccoon.trace.csv import write_csv
 from raccoon.trace.loading import load_run
 from raccoon.trace.mcap import write_mcap
+from raccoon.trace.record import RecordingPort
 from raccoon.trace.recording import Recording
+from raccoon.trace.replay import ReplayPort
 from unit.diagnose.axes import motor
 from unit.trace.recordings import record
 
@@ -84,6 +89,24 @@ def test_a_copy_by_another_clock_is_a_copy() -> None:
     other = {name: each.copy() for name, each in own.columns.items()}
     next(each for name, each in other.items() if name.startswith("analog."))[3] += 1.0
     assert Recording(other).fingerprint() != own.fingerprint()
+
+
+def test_a_trace_and_the_csv_of_it_are_one_recording(tmp_path: Path) -> None:
+    """The one has its robot in itself and the other robot.toml beside it, so both counted."""
+    robot, traced = tmp_path / "robot.toml", tmp_path / "run.jsonl.gz"
+    robot.write_text('name = "drumbot"\n[tophat.left]\nanalog = 2\n')
+    columns = tophat(5, factor=0.9, seconds=4.0)
+    with closing(
+        RecordingPort(ReplayPort(trace_of(Recording(columns))), traced, config=load_robot(robot))
+    ) as port:
+        for _ in columns["t"]:
+            port.read()
+    write_csv(load_run(traced).recording, tmp_path / "run.csv")
+    assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
+    table = json.loads((tmp_path / "out.json").read_text())
+    assert list(table["recordings"]) == ["run.csv"]
+    assert table["failed"] == {"run.jsonl.gz": "its samples are those of run.csv, and count once"}
+    assert table["robots"] == {"drumbot": ["run.csv"]}
 
 
 def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(

@@ -116,7 +116,10 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
 
     jobs = {name: job_of(args, path) for name, path in zip(short_names(paths), paths, strict=True)}
     work = Work(args)
-    found = _each_once(dict(zip(jobs, work(list(jobs.values())), strict=True)))
+    found = dict(zip(jobs, work(list(jobs.values())), strict=True))
+    said = {name: (each.robot, each.file) for name, each in found.items() if isinstance(each, Answer)}
+    called = dict(zip(said, robot_names([*said.values()]), strict=True))
+    found = _each_once(found, called)
     answers = {name: each for name, each in found.items() if isinstance(each, Answer)}
     failed = {
         name: each.removeprefix(f"{path}: ")
@@ -125,10 +128,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     }
     if work.stopped and not answers:
         raise KeyboardInterrupt
-    robots = robot_names([(each.robot, each.file) for each in answers.values()])
-    fleet = fleet_of(
-        {name: each.diagnosis for name, each in answers.items()}, dict(zip(answers, robots, strict=True))
-    )
+    fleet = fleet_of({name: each.diagnosis for name, each in answers.items()}, called)
     common = None
     if args.save_model is not None and answers:
         common = common_of(fleet, jobs, work)
@@ -153,15 +153,16 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
 TWICE = "its samples are those of {}, and count once"
 
 
-def _each_once(found: Mapping[str, Answer | str]) -> dict[str, Answer | str]:
+def _each_once(found: Mapping[str, Answer | str], called: Mapping[str, str]) -> dict[str, Answer | str]:
     """The answers. Of a recording that a robot has twice, as a copy or in another form, the later one is said
-    to be that: it would make what it says surer than it is."""
+    to be that: it would make what it says surer than it is. called: each one's robot; a trace has its robot
+    in itself, and the CSV that was made of it beside it."""
     once: dict[str, Answer | str] = {}
-    first: dict[tuple[str, Path | None, str], str] = {}
+    first: dict[tuple[str, str], str] = {}
     for name, each in found.items():
         before = name
         if isinstance(each, Answer):
-            before = first.setdefault((each.robot, each.file, each.samples), name)
+            before = first.setdefault((called[name], each.samples), name)
         once[name] = each if before == name else TWICE.format(before)
     return once
 

@@ -45,7 +45,10 @@ def test_a_load_that_was_taken_is_said_with_its_time(moment: float, told: str) -
     values = np.where(over > moment, 0.03, 0.0)
     load = Shape("time (friction)", "friction of each wheel", "N m", over, "s", values, np.full(48, 0.002))
     said = shape_text(load)
-    assert f"over the time, most of it at about {told} s: was something picked up, put down or lost then?" in said
+    assert (
+        f"over the time, most of it at about {told} s: was something picked up, put down or lost then?"
+        in said
+    )
 
 
 def test_every_probe_has_a_question_that_a_team_can_answer(problem: Problem) -> None:
