@@ -244,9 +244,12 @@ def write_csv(recording: Recording, path: str | Path) -> None:
         file = io.TextIOWrapper(raw, encoding="utf-8", errors="backslashreplace", newline="")
         try:
             writer = csv.writer(file, lineterminator="\n")
+            # Python before 3.13 puts no \r between quotation marks, and alone it ends a line when it is read.
+            quoting = csv.writer(file, lineterminator="\n", quoting=csv.QUOTE_ALL)
             writer.writerow(names + [EVENT] * bool(events))
             for row, cells in enumerate(zip(*(_cells(recording, name) for name in names), strict=True)):
-                writer.writerow([*cells, events.get(row, "")] if events else cells)
+                text = events.get(row, "")
+                (quoting if "\r" in text else writer).writerow([*cells, text] if events else cells)
         finally:
             file.detach()  # flushed; who opened it closes it
 

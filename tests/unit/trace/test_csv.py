@@ -342,6 +342,14 @@ def test_a_link_to_a_recording_stays_one(tmp_path: Path) -> None:
     assert path.read_text() == "t\n0\n1\n"
 
 
+@pytest.mark.parametrize("text", ["10 %\r100 %", "a\r\nb", "a\nb", "\r", 'say "no"\r, twice'])
+def test_a_remark_comes_back_with_the_ends_of_its_lines(tmp_path: Path, text: str) -> None:
+    """A line of progress that a program noted parted its row in two, and the file was refused."""
+    path = tmp_path / "run.csv"
+    write_csv(Recording({"t": np.array([0.0, 0.1])}, [Event(0, text)]), path)
+    assert read_csv(path).events == [Event(0, text)]
+
+
 def test_a_remark_may_name_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
     write_csv(Recording({"t": np.arange(2.0)}, [Event(0, "b\udce4d.py")]), tmp_path / "run.csv")
     assert read_csv(tmp_path / "run.csv").events == [Event(0, "b\\udce4d.py")]
