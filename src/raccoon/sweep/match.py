@@ -180,10 +180,11 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
 
 
 def _said(error: BaseException) -> str:
-    """Kind and text of an error; a program's own may fail to say its text."""
+    """Kind and text of an error; a program's own may fail to say its text, and the name of a file may be no
+    text, which no table holds."""
     kind = type(error).__name__
     try:
-        return f"{kind}: {error}".rstrip()
+        return f"{kind}: {error}".rstrip().encode("utf-8", "backslashreplace").decode()
     except Exception as failed:
         return f"{kind}: its own text ended in {type(failed).__name__}"
 

@@ -127,6 +127,7 @@ def test_a_program_of_no_known_encoding_is_named(tmp_path: Path) -> None:
         ("return False", "mission returned False"),
         ("raise SystemExit(3)", "SystemExit: 3 (line 4)"),
         ("raise RuntimeError('no ' * 100)", f"RuntimeError: {'no ' * 61}..."),
+        ("raise OSError('b\\udce4.txt')", r"OSError: b\udce4.txt (line 4)"),
         ("import asyncio; raise asyncio.CancelledError", "CancelledError: (line 4)"),
         (
             "raise type('Odd', (Exception,), {'__str__': lambda self: 1 / 0})",
