@@ -136,6 +136,7 @@ def fleet_figure(fleet: Fleet) -> Any:
 
 
 def _label(name: str) -> str:
-    """The name of a recording under its point; a $ in it is no formula."""
+    """The name of a recording under its point; a $ in it is no formula, and what is no text is spelled."""
+    name = name.encode("utf-8", "backslashreplace").decode()
     short = name if len(name) <= 24 else "..." + name[-21:]
     return short.replace("$", r"\$")

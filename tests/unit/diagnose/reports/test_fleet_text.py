@@ -145,7 +145,7 @@ def test_many_recordings_are_not_all_named(tmp_path: Path, monkeypatch: pytest.M
 
 def test_names_of_files_are_no_formulas(tmp_path: Path) -> None:
     """Two $ in a name were a formula of the picture, and an error in it ended the command without a page."""
-    names = ("a$^$b.csv", "<b>\u65e5\u672c.csv")
+    names = ("a$^$b.csv", "<b>\u65e5\u672c.csv", "c\udce4.csv")
     save_fleet_html(fleet_of({name: of_tophat(2, factor=0.9) for name in names}), tmp_path / "fleet.html")
     page = (tmp_path / "fleet.html").read_text("utf-8")
     assert "a$^$b.csv" in page
