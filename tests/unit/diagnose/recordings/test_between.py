@@ -48,6 +48,25 @@ def test_commands_between_two_commands_are_said(good: Columns) -> None:
     check_recorded(resampled(good, 0.005))
 
 
+@pytest.mark.parametrize("row", [0.004, 0.0035, 0.0031])
+def test_so_they_are_of_a_little_faster_rows(good: Columns, row: float) -> None:
+    """Of a sound robot latencies of 1.5 to 2.2 ms were named, each with a probability of 1."""
+    with pytest.raises(TraceError, match=r"motor\.0\.duty has rows between two .* by interpolation"):
+        check_recorded(resampled(good, row))
+
+
+@pytest.mark.parametrize("sizes", [(0.3, 0.5), (0.25, 0.3, 0.45), (0.3, 0.35, 0.4, 0.5)])
+def test_a_ramp_of_so_much_a_row_is_none(sizes: tuple[float, ...]) -> None:
+    now, ramped = 0.0, []
+    for step in range(40):
+        for _ in range(10):
+            goal = (-1.0) ** step * sizes[step % len(sizes)] / 2.0
+            now += max(-0.2, min(0.2, goal - now))
+            ramped.append(now)
+    columns: Columns = {"t": 0.005 * np.arange(len(ramped)), "motor.0.duty": np.array(ramped)}
+    check_recorded(columns)
+
+
 @pytest.mark.parametrize("most", [0.03, 0.1, 0.25])
 @pytest.mark.parametrize("rows", [1, 2, 3, 5])
 def test_a_program_that_ramps_its_commands_interpolates_none(good: Columns, most: float, rows: int) -> None:

@@ -39,9 +39,13 @@ FEWEST_STEPS, MOSTLY = 8, 0.8
 STRAIGHTLY = 0.03
 """Part of a step by which its rows, the first and the last aside, may move differently on a straight line."""
 MORE, UNLIKE, ALIKE = 1.7, 0.05, 0.03
-"""Rows within a step, on average: with one, as at the same rate, nothing wrong was named. Of interpolation
-the share of a step that its first row makes is chance (its standard deviation 0.1 to 0.2; of a filter and a
-ramp in so many rows 0), and the largest share is the same (0.01; of a ramp by so much a row it is not)."""
+"""Rows within a step, on average, from which these tell alone. Of interpolation the share of a step that its
+first row makes is chance (its standard deviation 0.1 to 0.2; of a filter and a ramp in so many rows 0), and
+the largest share is the same (0.01; of a ramp by so much a row it is not)."""
+FEW, FEWEST_LARGEST, NEAR_ONE, NO_LARGER = 1.12, 3, 0.15, 1.05
+"""With fewer rows, from so many on (with one, as at the same rate, nothing wrong was named), also the share
+of a step that a whole row makes, which some steps show, times the rows is 1, by so much (0.09 at most; of a
+ramp it is less), and no row of any step makes more."""
 
 
 def check_recorded(columns: Columns) -> None:
@@ -64,7 +68,7 @@ def _stepped(duty: NDArray[np.float64]) -> bool:
     """Whether most steps of a command go by rows whose share of the step is by chance."""
     steps = np.diff(duty)
     changes = runs(steps != 0.0)
-    first, largest, between, jumps, last = [], [], [], 0, -STILL
+    first, largest, between, jumps, last, most = [], [], [], 0, -STILL, 0.0
     for (start, end), after in zip(changes, [*(start for start, _ in changes[1:]), len(duty)], strict=False):
         still = start - last >= STILL and after - end >= STILL
         size, last, way = float(duty[end] - duty[start]), end, steps[start:end]
@@ -75,11 +79,16 @@ def _stepped(duty: NDArray[np.float64]) -> bool:
             continue
         between.append(len(way) - 1)
         first.append(float(way[0] / size))
+        most = max(most, float((way / size).max()))
         if len(way) > 2:
             largest.append(float((way / size).max()))
     if len(between) < FEWEST_STEPS or len(between) < MOSTLY * (len(between) + jumps):
         return False
-    return bool(np.mean(between) >= MORE and np.std(first) > UNLIKE and np.std(largest) < ALIKE)
+    rows = float(np.mean(between))
+    if rows < FEW or len(largest) < FEWEST_LARGEST or np.std(first) <= UNLIKE or np.std(largest) >= ALIKE:
+        return False
+    whole = float(np.mean(largest))
+    return rows >= MORE or (abs(rows * whole - 1.0) < NEAR_ONE and most < NO_LARGER * whole)
 
 
 def _interpolated(values: NDArray[np.float64]) -> float:
