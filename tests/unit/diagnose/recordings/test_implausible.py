@@ -157,3 +157,18 @@ def test_a_time_that_is_too_slow_or_too_fast_is_thought_of(inertia: float, lag: 
 @pytest.mark.parametrize(("inertia", "lag"), [(1.3, 2.1), (1.9, 0.5), (1.15, 1.2)])
 def test_a_heavy_robot_with_a_slow_filter_has_a_right_time(inertia: float, lag: float) -> None:
     assert not any("watch" in each for each in both_slow(inertia, lag).notes)
+
+
+@pytest.mark.parametrize(
+    ("rows", "lag", "said"),
+    [(1.1, 1.106, "10 % longer"), (0.9, 0.9, "10 % shorter"), (1.1, 1.2, ""), (1.0, 1.1, ""), (2.0, 1.1, "")],
+)
+def test_a_filter_that_is_off_as_rows_are_is_a_wrong_time(rows: float, lag: float, said: str) -> None:
+    """A clock 10 % too fast was a slow filter alone, with a probability of 1."""
+    columns = driven(0.3)
+    stretched = {**columns, "t": rows * columns["t"]}
+    value = {"time_constant": ParameterResult(0.0225 * lag, 0.0002, "s", 0.0225)}
+    found = with_doubts(diagnosis(cause("bemf.filter_lag", value)), stretched, ROBOT)
+    assert found.verdict is (Verdict.PARTLY if said else Verdict.EXPLAINED)
+    assert ("more likely t is wrong" in found.causes[0].explanation) is bool(said)
+    assert said in found.causes[0].explanation

@@ -26,6 +26,7 @@ from raccoon.diagnose.result import (
 )
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.understood import understood
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -61,6 +62,10 @@ SLOW = {"drive.inertia": "factor", "bemf.filter_lag": "time_constant"}
 """What a time that is too fast or too slow makes of a robot."""
 STRETCHED, ALIKE = 0.3, 0.25
 """Logarithms: of how far both must be off for that, and by which they may differ."""
+ROWS_OFF, AS_ROWS = 0.03, 0.02
+"""Logarithms: of how far rows must be from whole cycles, and by how much more or less a filter may be off to
+be so by the same factor. A time 10 % off made it 1.102 to 1.106 and 0.897 times what it was."""
+LAG = "bemf.filter_lag"
 TOO_LOW = 0.5
 """Factor of both motors' resistance (or inertia, which may stand in its place) below which a loop drives."""
 QUICK = ("motor.armature_resistance", "drive.inertia")
@@ -92,7 +97,8 @@ def with_doubts(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagn
             return _no_duty(found, robot, loop, sure=quick or loop.clear)
     slow = _slow_time(found)
     found = replace(found, notes=(*found.notes, *slow)) if slow else found
-    causes = tuple(_doubted(each) for each in found.causes)
+    off = _rows_off(columns, robot)
+    causes = tuple(_by_wrong_time(_doubted(each), off) for each in found.causes)
     if causes == found.causes:
         return found
     verdict = Verdict.PARTLY if found.verdict is Verdict.EXPLAINED else found.verdict
@@ -117,6 +123,28 @@ def _slow_time(found: Diagnosis) -> tuple[str, ...]:
     return (
         f"{names} are both about {math.exp(off):.2g} times what robot.toml says, as they are where t "
         "advances by as much too far: compare the length of the recording with a watch before anything else",
+    )
+
+
+def _rows_off(columns: Columns, robot: RobotConfig) -> float:
+    """Logarithm of how much longer a row is by t than the whole cycles of the controller nearest to it."""
+    cycles = usual_step(np.asarray(columns["t"], float)) * robot.controller.rate_hz
+    return math.log(cycles / max(round(cycles), 1))
+
+
+def _by_wrong_time(cause: CauseResult, off: float) -> CauseResult:
+    """A filter that is longer by as much as rows are: more likely t is wrong, and no filter."""
+    if cause.name != LAG or abs(off) < ROWS_OFF:
+        return cause
+    if abs(math.log(_factor(cause, SLOW[LAG])) - off) > AS_ROWS:
+        return cause
+    percent = 100.0 * abs(math.expm1(off))
+    longer = "longer" if off > 0.0 else "shorter"
+    return replace(
+        cause,
+        explanation=f"{cause.explanation} By t a row is {percent:.0f} % {longer} than the controller's cycle "
+        "as well, so more likely t is wrong by that, or the controller has another rate than "
+        "controller.rate_hz, and the filter is right: compare the recording's length with a watch.",
     )
 
 
