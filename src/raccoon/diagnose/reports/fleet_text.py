@@ -13,6 +13,7 @@ from raccoon.diagnose.fleet.series import Course
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause, FleetNumber
 from raccoon.diagnose.fleet.telling import CANNOT_TELL
 from raccoon.diagnose.reports.numbers import two_digits
+from raccoon.diagnose.reports.unknown_words import depends_text
 from raccoon.diagnose.result import Diagnosis, Verdict
 
 CREPT: Mapping[str, str] = {
@@ -100,7 +101,9 @@ def most_of_one(fleet: Fleet) -> int:
 def told(diagnosis: Diagnosis) -> str:
     """What was found in a recording, or why nothing can be."""
     found = [each.name for each in diagnosis.causes]
-    found += [f"something that depends on {each}" for each in diagnosis.unexplained.depends_on]
+    found += [
+        f"something that depends on {depends_text([each])}" for each in diagnosis.unexplained.depends_on
+    ]
     said = ", ".join(found)
     if not said and diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
         said = _why_not(diagnosis)

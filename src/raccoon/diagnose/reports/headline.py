@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 
 from raccoon.diagnose.reports.names import NAMES
+from raccoon.diagnose.reports.unknown_words import depends_text
 from raccoon.diagnose.result import STOOD, Diagnosis, Verdict
 
 VERDICTS: Mapping[Verdict, str] = {
@@ -37,7 +38,7 @@ _FROM = re.compile(r"; would show from about (.*) on")
 def verdict_text(diagnosis: Diagnosis) -> str:
     """The verdict as a sentence; of what is unknown what it depends on. That nothing is wrong is not said
     where next to nothing would have shown, nor of a robot whose motors did not answer."""
-    depends_on = ", ".join(diagnosis.unexplained.depends_on)
+    depends_on = depends_text(diagnosis.unexplained.depends_on)
     if diagnosis.verdict is Verdict.UNKNOWN and depends_on:
         return f"{VERDICTS[Verdict.UNKNOWN].removesuffix('.')}: it depends on {depends_on}."
     if diagnosis.verdict is not Verdict.ADEQUATE:

@@ -26,7 +26,7 @@ from raccoon.diagnose.reports.terminal import (
     rest_text,
     terminal_report,
 )
-from raccoon.diagnose.reports.unknown_words import shape_text
+from raccoon.diagnose.reports.unknown_words import depends_text, shape_text
 from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
@@ -61,8 +61,8 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         errors=png(error_figure(diagnosis)) if diagnosis.channels else None,
         rest=[rest_text(diagnosis, each) for each in diagnosis.channels],
         evidence=png(cause_figure(diagnosis)) if diagnosis.causes else None,
-        left=left_text(diagnosis.unexplained),
-        shapes=[(shape_text(each), png(shape_figure(each))) for each in diagnosis.shapes],
+        left=f"{left_text(diagnosis.unexplained)} {depends_text(diagnosis.unexplained.depends_on)}",
+        shapes=[(shape_text(each).replace("+-", "±"), png(shape_figure(each))) for each in diagnosis.shapes],
         curves=[(each, png(curve_figure(each, diagnosis))) for each in diagnosis.curves[:MOST_CURVES]],
         refused={reason: ids for reason, ids in why.items() if not reason.startswith(UNKNOWABLE)},
         hidden={reason: ids for reason, ids in why.items() if reason.startswith(UNKNOWABLE)},

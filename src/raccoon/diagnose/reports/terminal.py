@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 
 from raccoon.diagnose.reports.headline import seen_text, verdict_text
 from raccoon.diagnose.reports.numbers import number_text
-from raccoon.diagnose.reports.unknown_words import shape_text
+from raccoon.diagnose.reports.unknown_words import depends_text, shape_text
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
@@ -59,7 +59,7 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     for cause in diagnosis.causes:
         yield from _cause(cause, made_up(cause, diagnosis))
     if diagnosis.unexplained.depends_on:
-        yield f"  ? {left_text(diagnosis.unexplained)}: {', '.join(diagnosis.unexplained.depends_on)}."
+        yield f"  ? {left_text(diagnosis.unexplained)}: {depends_text(diagnosis.unexplained.depends_on)}."
     for shape in diagnosis.shapes:
         yield f"       {shape_text(shape)}"
     for fault in diagnosis.sensor_faults:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 
 from raccoon.diagnose.reports.numbers import number_text
@@ -9,6 +12,7 @@ from raccoon.diagnose.result import Shape
 
 MOSTLY = 0.6
 """Part of a curve's power from which one wave is said to be all of it."""
+_ANGLE = re.compile(r"wheel angle (left|right)")
 FRICTION, TIME = " (friction)", "time ("
 LOOK = {
     "position": "is the floor rough, dirty or taped there?",
@@ -24,6 +28,11 @@ LOOK = {
     "battery over time": "is a plug loose, or does something else draw from the battery?",
 }
 """By what a curve depends on, without what is in parentheses or which of several it is."""
+
+
+def depends_text(depends_on: Sequence[str]) -> str:
+    """What something unknown depends on, in words."""
+    return ", ".join(_ANGLE.sub(r"the angle of the \1 wheel", each) for each in depends_on)
 
 
 def shape_text(shape: Shape) -> str:
@@ -45,8 +54,9 @@ def changed(shape: Shape) -> float:
 
 
 def along(shape: Shape) -> str:
-    """What the curve runs over, in a word or two."""
-    return shape.depends_on.partition(" (")[0].rpartition(" over ")[2]
+    """What the curve runs over, in some words."""
+    name = shape.depends_on.partition(" (")[0].rpartition(" over ")[2]
+    return depends_text([name]).removeprefix("the ")
 
 
 def look_at(depends_on: str) -> str:

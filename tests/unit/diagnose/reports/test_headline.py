@@ -36,7 +36,7 @@ def test_that_nothing_is_wrong_is_not_said_of_what_could_not_have_shown_it() -> 
 
 def test_what_is_unknown_is_said_with_what_it_depends_on() -> None:
     found = replace(adequate(0), verdict=Verdict.UNKNOWN, unexplained=Unexplained(0.8, ("wheel angle left",)))
-    said = "in a way that no known cause describes: it depends on wheel angle left."
+    said = "in a way that no known cause describes: it depends on the angle of the left wheel."
     assert terminal_report(found).splitlines()[0].endswith(said)
     assert page(found, "run").partition("<pre")[0].count(said) == 1
     nothing = replace(found, unexplained=Unexplained(0.8))

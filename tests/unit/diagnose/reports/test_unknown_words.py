@@ -28,7 +28,7 @@ def test_what_comes_several_times_in_a_turn_is_counted(curve: str, times: int) -
 def test_a_motor_that_cogs_is_said_with_how_often_and_where_to_look() -> None:
     said = shape_text(_shape("wheel angle right", "five"))
     assert said.startswith(
-        "torque forward varies by 0.0600 +- 0.0028 N m over the wheel angle right, 5 times in a turn"
+        "torque forward varies by 0.0600 +- 0.0028 N m over the angle of the right wheel, 5 times in a turn"
     )
     assert said.endswith("does the right motor cog: is a tooth of its gear, or its shaft, damaged?")
 
@@ -36,7 +36,7 @@ def test_a_motor_that_cogs_is_said_with_how_often_and_where_to_look() -> None:
 def test_a_wheel_that_rubs_is_said_where_it_is_most() -> None:
     said = shape_text(_shape("wheel angle left (friction)", "rub"))
     assert "highest at 0 rad: does the left wheel rub" in said
-    assert along(_shape("wheel angle left (friction)", "rub")) == "wheel angle left"
+    assert along(_shape("wheel angle left (friction)", "rub")) == "angle of the left wheel"
 
 
 @pytest.mark.parametrize(("moment", "told"), [(3.2, "3.2"), (12.1, "12"), (123.4, "123")])
