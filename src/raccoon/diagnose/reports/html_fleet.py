@@ -100,7 +100,7 @@ def _whom(each: FleetCause, fleet: Fleet) -> str:
     """Who has a cause that is not common; of many recordings how many, as their names are in the table."""
     told = kind_text(each, fleet)
     many = len(each.recordings) > FEW and not told.startswith(("only robot", "robots"))
-    return f"{count_text(each)} recordings" if many else told
+    return f"{count_text(each)} recordings" if many else told.removeprefix("some: ")
 
 
 def fleet_figure(fleet: Fleet) -> Any:

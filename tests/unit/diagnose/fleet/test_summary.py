@@ -137,6 +137,15 @@ def test_the_page_counts_what_the_terminal_counts(tmp_path: Path, monkeypatch: p
     assert "Dry friction (left): 5 of 10 recordings." in page
 
 
+def test_the_headline_says_of_two_of_four_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was "Dry friction (left): some: wed, thu"."""
+    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    named = diagnosis(cause("friction.coulomb@left", 0.008, "N m"))
+    fleet = {"mon": diagnosis(), "tue": diagnosis(), "wed": named, "thu": named}
+    save_fleet_html(fleet_of(fleet), tmp_path / "fleet.html")
+    assert "Dry friction (left): wed, thu." in (tmp_path / "fleet.html").read_text()
+
+
 def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_path: Path) -> None:
     save_fleet_html(fleet_of(weeks), tmp_path / "fleet.html", {"bad.csv": "it is <empty>"})
     page = (tmp_path / "fleet.html").read_text()
