@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat import Tophat, Verdict, calibrate
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration
-from raccoon.estimate.tophat.flicker import FlickerWatch, demodulated, lamps
+from raccoon.estimate.tophat.flicker import UNEVEN, FlickerWatch, demodulated, lamps
+from raccoon.estimate.tophat.quality import restless
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
 
@@ -118,6 +119,42 @@ def test_a_spike_under_flickering_lamps_makes_no_edge(hertz: int) -> None:
         crossed = [each for each in edges if each is not None]
         assert [each.to_black for each in crossed] == [True]
         assert crossed[0].time == pytest.approx(299.5 / RATE, abs=1.0 / RATE)
+
+
+def as_renewed(readings: int, phase: float) -> NDArray[np.float64]:
+    """S at which words of RaccoonOS are of, which renews them every 4 ms."""
+    at = np.arange(readings) / RATE
+    return np.asarray(np.floor((at - phase) / 0.004) * 0.004 + phase)
+
+
+@pytest.mark.parametrize("condition", SENSORS[:2], ids=name)
+@pytest.mark.parametrize("flicker", [100.3, 119.7])
+def test_words_that_come_unevenly_beat_otherwise(condition: TophatReading, flicker: float) -> None:
+    sun = 0.02 * (1.0 + 0.8 * np.sin(2.0 * np.pi * flicker * as_renewed(1600, 0.001) + 1.0))
+    wrong, _ = wrong_share(condition, sun, 1)
+    assert wrong < 0.06  # a mean of 40 ms is 4 of the 12 readings of these lines late
+
+
+@pytest.mark.parametrize("flicker", [100.3, 119.7])
+def test_uneven_words_are_told(flicker: float) -> None:
+    rng = np.random.default_rng(1)
+    wave = 20.0 * np.sin(2.0 * np.pi * flicker * as_renewed(400, 0.0013) + 1.0)
+    counts = 1000.0 + wave + rng.normal(0.0, 5.0, 400)
+    assert lamps(counts) == UNEVEN
+    assert np.std(demodulated(counts, UNEVEN)) < 0.4 * np.std(counts)
+    assert not restless(1000.0 + 5.0 * (counts - 1000.0))
+
+
+@pytest.mark.parametrize("flicker", [100.3, 119.7])
+def test_the_watch_over_uneven_words_looks_whether_the_lamps_still_burn(flicker: float) -> None:
+    rng, watch, seen = np.random.default_rng(2), FlickerWatch(UNEVEN), []
+    wave = 30.0 * np.sin(2.0 * np.pi * flicker * as_renewed(1600, 0.002))
+    wave[400:1200] = 0.0
+    for each in 1000.0 + wave + rng.normal(0.0, 4.0, 1600):
+        watch.update(float(each))
+        seen.append(watch.hertz)
+    assert set(seen[200:400]) == set(seen[1500:]) == {UNEVEN}
+    assert not any(seen[1050:1200])
 
 
 def test_flicker_is_kept_with_the_calibration() -> None:

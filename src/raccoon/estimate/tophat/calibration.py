@@ -52,8 +52,9 @@ class TophatCalibration:
     threshold, low, high: counts; at or above `high` a reading is black, at or below `low` white, between them
     the last answer stands. separation: (black - white) / (sd of white + sd of black). share_black: of the
     readings, 0..1. error_rate: expected share of wrong readings at `threshold`. reason: one sentence for
-    people. flickers: Hz at which the light did (100, 120; else 0), over which readings were averaged. Without
-    a second surface threshold, low, high, black and error_rate are None.
+    people. flickers: Hz at which the light did (100, 120; else 0), over which readings were averaged; 250
+    where it did and words that come so often beat with it. Without a second surface threshold, low, high,
+    black and error_rate are None.
     """
 
     verdict: Verdict

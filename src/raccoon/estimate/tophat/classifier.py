@@ -102,6 +102,11 @@ class Tophat:
         return True
 
     @property
+    def counts(self) -> float:
+        """The last reading that was one, without what lamps that flicker do to it."""
+        return self._last_counts
+
+    @property
     def threshold(self) -> float:
         """Counts from which a reading is black, in the light of now."""
         return self.levels.threshold

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface, TophatCalibration, Verdict, believed
-from raccoon.estimate.tophat.flicker import demodulated, lamps
+from raccoon.estimate.tophat.flicker import UNEVEN, demodulated, lamps
 from raccoon.estimate.tophat.mixture import best_mixture, single_surface_bic
 from raccoon.estimate.tophat.quality import checked, refusal, wanders
 from raccoon.estimate.tophat.sequence import (
@@ -61,7 +61,8 @@ def calibrate(samples: ArrayLike) -> TophatCalibration:
     hertz = lamps(counts)
     if hertz:
         found = _found(demodulated(counts, hertz))
-        return replace(found, flickers=hertz, reason=f"{found.reason}; the light flickers at {hertz} Hz")
+        told = "flickers" if hertz == UNEVEN else f"flickers at {hertz} Hz"
+        return replace(found, flickers=hertz, reason=f"{found.reason}; the light {told}")
     return _found(counts)
 
 

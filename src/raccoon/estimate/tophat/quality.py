@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import TophatCalibration, Verdict
+from raccoon.estimate.tophat.flicker import lamps
 from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
@@ -17,6 +18,7 @@ MOST_AT_RAIL = 0.9
 MAINS = 10  # readings averaged: whole periods of lamps on mains of 50 and of 60 Hz
 APART = 6  # readings between such means
 RESTLESS = 10.0  # counts by which they change at random under a robot that stands: plugged in, below 5
+LEFT = 0.5  # of the readings' spread under lamps, which such means may have where words come unevenly
 WANDERING = 250.0  # counts between successive readings: no floor under a sensor does that
 
 
@@ -74,4 +76,5 @@ def restless(standing: ArrayLike) -> bool:
         return False
     means = np.convolve(counts, np.full(MAINS, 1.0 / MAINS), "valid")
     bends = means[2 * APART :] - 2.0 * means[APART:-APART] + means[: -2 * APART]
-    return float(np.median(np.abs(bends))) > RESTLESS
+    limit = max(RESTLESS, LEFT * float(counts.std())) if lamps(counts) else RESTLESS
+    return float(np.median(np.abs(bends))) > limit

@@ -9,7 +9,7 @@ from typing import Any
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds, finite, refuse_unknown, shown
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
-from raccoon.estimate.tophat.flicker import LAMPS
+from raccoon.estimate.tophat.flicker import KINDS
 from raccoon.model.reflectance import FULL_SCALE, GENERATIONS
 
 COUNTS = Bounds(0.0, FULL_SCALE)
@@ -68,8 +68,8 @@ def _calibration(table: object, where: str) -> TophatCalibration:
     flickers = values.get("flickers", 0)
     if isinstance(flickers, bool):  # of files from before lamps of 120 Hz were known
         flickers = 100 if flickers else 0
-    if flickers not in (0, *LAMPS):
-        raise ConfigError(f"{where}.flickers = {shown(flickers)}: allowed are 0, 100 and 120 (Hz)")
+    if flickers not in (0, *KINDS):
+        raise ConfigError(f"{where}.flickers = {shown(flickers)}: allowed are 0, 100, 120 and 250 (Hz)")
     threshold, low, high = (
         _maybe(values.get(key), COUNTS, f"{where}.{key}") for key in ("threshold", "low", "high")
     )

@@ -109,7 +109,7 @@ class TophatSensor(Part):
         # Half on a line neither surface explains what it reads, so only a drive across the floor proves it.
         moves = way is None or way > MOVES
         if (moves and classifier.adapt) or not ANALOG_BOTTOM < counts < ANALOG_TOP:
-            watch.update(counts, 0.0 if way is None else way)
+            watch.update(counts if classifier.missed else classifier.counts, 0.0 if way is None else way)
 
     def check(self, time: float) -> Fit | None:
         """Judge `fit` anew; a few times a second is enough. time: s, of now."""
