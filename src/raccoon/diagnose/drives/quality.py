@@ -104,8 +104,8 @@ def check_wheel_signs(log: Log, robot: RobotConfig) -> None:
     for _, channel, factor in _wheels_over_commands(log, robot):
         if factor < -0.2:
             raise TraceError(
-                f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
-                f"does not fit this recording"
+                f"{channel.name} has the opposite sign of its command (robot.toml's inverted turns both): "
+                "write one of the two with the other sign, or look at the wires by which the motor is read"
             )
 
 

@@ -100,7 +100,7 @@ def diagnose_recording(
         columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
     columns, repeated = without_repeated(columns)
     kind = kind_of(columns, robot)
-    check_drives([columns, *more], robot)
+    check_drives([columns, *(without_repeated(each)[0] for each in more)], robot)
     columns, of_rows = rows_of(columns, kind)
     more, of_others = rows_of_others(more, kind)
     of_rows = (*repeated, *of_rows, *of_others)

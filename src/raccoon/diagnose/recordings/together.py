@@ -13,22 +13,19 @@ from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.joined import said_of_recording
 from raccoon.diagnose.recordings.channels.volts import commands_volts
 from raccoon.diagnose.recordings.kind import Kind, kind_of
-from raccoon.diagnose.recordings.rows.repeated import without_repeated
 
 Columns = Mapping[str, NDArray[np.float64]]
 
 
 def check_drives(every: Sequence[Columns], robot: RobotConfig) -> None:
-    """Raise TraceError where one of several is no drive, or is there twice."""
+    """Raise TraceError where one of several is no drive, or is there twice. every: each row once."""
     if len(every) == 1:
         return
-    seen = []
     for number, each in enumerate(every):
         with said_of_recording(number):
-            seen.append(without_repeated(each)[0])
-            if (kind := kind_of(seen[-1], robot)) is not Kind.DRIVE:
+            if (kind := kind_of(each, robot)) is not Kind.DRIVE:
                 raise TraceError(f"it is of {kind}; only drives are diagnosed together")
-    for (one, first), (two, second) in combinations(enumerate(seen), 2):
+    for (one, first), (two, second) in combinations(enumerate(every), 2):
         if _same(first, second):
             raise TraceError(f"recording {two + 1}: its samples are those of recording {one + 1}")
 

@@ -65,6 +65,8 @@ def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     check_answers(free)
     if firmware is not None:
         free = of_free_driving(firmware.understood(log, columns, robot))
+        if not native:  # a logger of a team's own, whose rows are what it makes of them
+            free = with_battery_before_commands(with_stops(free))
         if firmware.chain.battery_held:  # such a reading is low without a load
             return with_readings(free)
     return with_readings(with_loads(free, columns, robot))

@@ -322,7 +322,8 @@ def test_a_reading_of_the_opposite_sign_is_no_motor_that_is_the_other_way_round(
 ) -> None:
     """The wheels then turn as the gyro does not, all the time. (Inverting the motor changes its command.)"""
     name = f"motor.{port}.bemf"
-    with pytest.raises(TraceError, match=rf"motor\.{port}\.bemf has the opposite sign of its command"):
+    said = rf"motor\.{port}\.bemf has the opposite sign of its command \(robot.toml's inverted turns both\)"
+    with pytest.raises(TraceError, match=said):
         diagnose({**good, name: -good[name]}, ROBOT)
 
 

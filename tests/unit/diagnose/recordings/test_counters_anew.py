@@ -7,7 +7,8 @@ import pytest
 
 from blind.generator import make
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings.channels.counters import begun_anew
+from raccoon.core.readings import SI_WORDS
+from raccoon.diagnose.recordings.channels.counters import begun_anew, with_counted
 
 ROBOT = RobotConfig()
 COUNTERS = ("motor.0.position", "motor.1.position")
@@ -39,3 +40,11 @@ def test_a_drive_and_a_program_that_clears_its_counters_for_each_motion_are_one(
     for columns in (good, cleared(good, [300, 700, 1100]), cleared(good, [700], COUNTERS[:1])):
         assert begun_anew(columns, ROBOT) == ()
     assert begun_anew({"t": good["t"]}, ROBOT) == ()
+
+
+def test_a_counter_over_a_time_that_stands_still_is_no_warning(good: Columns) -> None:
+    """Of another recording than the first its time is looked at later, and refused."""
+    time = np.where(np.arange(len(good["t"])) % 40 < 20, good["t"], good["t"][0])
+    columns = {"t": time, **{name: good[name] for name in COUNTERS}}
+    made = with_counted(columns, ROBOT, SI_WORDS).columns
+    assert not np.isinf(made["motor.0.bemf"]).any()

@@ -45,6 +45,7 @@ def test_a_made_step_that_turns_backwards() -> None:
     assert kind_of(columns, ROBOT) is Kind.STEP
     found = diagnose_recording(columns, ROBOT)
     assert [each.fault for each in found.sensor_faults] == ["repeats", "inverted"]
+    assert "set inverted" not in found.sensor_faults[1].text  # which turns command and reading
     assert found.identified["dead time at 20 %"].value == pytest.approx(0.31, abs=0.011)
 
 

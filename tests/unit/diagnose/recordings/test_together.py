@@ -24,7 +24,7 @@ def drive() -> Columns:
 def test_a_recording_with_a_sample_written_twice_is_the_same_still(drive: Columns) -> None:
     twice = {name: np.insert(each, 100, each[100]) for name, each in drive.items()}
     with pytest.raises(TraceError, match="recording 2: its samples are those of recording 1"):
-        check_drives([drive, twice], ROBOT)
+        kinds.diagnose_recording(drive, ROBOT, more=[twice])
 
 
 def test_recordings_that_share_no_column_are_not_the_same(drive: Columns) -> None:

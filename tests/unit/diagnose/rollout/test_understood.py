@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -9,6 +11,7 @@ from scipy.signal import lfilter
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.at_once import SAID
 from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.understood import understood
 
@@ -57,3 +60,16 @@ def test_a_wheel_that_stood_is_said_and_left_out_whoever_made_the_recording(made
     assert left is not None
     assert np.isnan(left.values[unplugged]).all()
     assert any(start <= 4.35 and end >= 5.85 for start, end in log.lost)
+
+
+@pytest.mark.parametrize("named_beside", [True, False])
+def test_a_logger_of_ones_own_may_read_the_battery_after_the_command(named_beside: bool) -> None:
+    """Of a CSV whose firmware was said with --port that was found out, and forgotten again."""
+    columns = driven_straight_and_turned_on_one_wheel()
+    sag = np.zeros(len(columns["t"]))
+    for port in (0, 1):
+        duty, volts = columns[f"motor.{port}.duty"], BEMF_VOLTS_PER_COUNT * columns[f"motor.{port}.bemf"]
+        sag += 0.1 * duty * (6.8 * duty - volts) / 1.8
+    columns["battery.voltage"] = 6.8 - sag
+    made_by = replace(FIRMWARES["wombat-raccoon-21"], units=not named_beside)
+    assert (SAID in understood([columns], ROBOT, made_by).notes) is named_beside

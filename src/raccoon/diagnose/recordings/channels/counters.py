@@ -145,9 +145,9 @@ def _rate(time: Array, ticks: Array) -> Array:
     rows = max(2 * half + 1, 1)
     ends = known[::rows]
     spans = np.diff(time[ends])
-    whole = spans < LONGER * rows * row
+    whole = (spans > 0.0) & (spans < LONGER * rows * row)
     found = np.full(len(time), np.nan)
-    found[known[rows - half :: rows][: len(spans)][whole]] = (np.diff(ticks[ends]) / spans)[whole]
+    found[known[rows - half :: rows][: len(spans)][whole]] = np.diff(ticks[ends])[whole] / spans[whole]
     return found
 
 

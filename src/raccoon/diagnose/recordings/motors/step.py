@@ -154,5 +154,8 @@ def _backwards(columns: Columns, port: int, name: str, duty: float) -> list[Sens
     mean, size = float(np.nanmean(later)), float(np.nanmean(np.abs(later)))
     if not mean * duty < -0.2 * size * abs(duty):
         return []
-    text = f"{name} goes against its command: set inverted for motor {port} in robot.toml, or swap its wires"
+    text = (
+        f"{name} goes against its command (robot.toml's inverted turns both): write one of the two with the "
+        "other sign, or look at the wires by which the motor is read"
+    )
     return [SensorFault(name, "inverted", text)]
