@@ -16,8 +16,8 @@ from raccoon.trace.format import Trace, read_trace
 from raccoon.trace.record import recording_file
 from raccoon.trace.recording import Recording
 
-SWEEP = ".sweep.json"
-"""Ending of the file beside a table of matches."""
+SWEEP, ROWS = ".sweep.json", ".rows.csv"
+"""Endings of the file beside a table of matches, and of the rows of one that is no CSV while they come."""
 ROBOT_TOML = "robot.toml"
 TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
 
@@ -84,7 +84,7 @@ def recordings_in(folder: Path) -> list[Path]:
 
 def _is_recording(path: Path) -> bool:
     """By its name: the table of a sweep and what describes the recordings beside it are none."""
-    if path.name == optiodom.METADATA or path.with_name(path.name + SWEEP).exists():
+    if path.name == optiodom.METADATA or path.with_name(path.name.removesuffix(ROWS) + SWEEP).exists():
         return False
     return path.name.endswith(TRACE_ENDINGS) or path.suffix.lower() in (".csv", ".mcap", ".mat")
 

@@ -123,9 +123,10 @@ def test_a_folder_is_not_one_recording(tmp_path: Path) -> None:
 
 
 def test_the_table_of_a_sweep_is_no_recording_of_its_folder(tmp_path: Path) -> None:
-    for name in ("run.csv", "matches.csv"):
+    for name in ("run.csv", "matches.csv", "more.parquet.rows.csv"):  # the last while its matches are played
         (tmp_path / name).write_text("t\n0\n1\n")
-    (tmp_path / "matches.csv.sweep.json").write_text("{}")
+    for name in ("matches.csv", "more.parquet"):
+        (tmp_path / f"{name}.sweep.json").write_text("{}")
     (tmp_path / "old.csv").mkdir()
     assert recordings_in(tmp_path) == [tmp_path / "run.csv"]
     assert [run.name for run in load_runs(tmp_path)] == ["run.csv"]
