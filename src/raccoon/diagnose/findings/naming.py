@@ -22,7 +22,7 @@ from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import LAGS, SCALE, SMOOTHS, delay_alike
 from raccoon.diagnose.select.rivals import CLOSE, odds, only_beside
 from raccoon.diagnose.select.search import NOTHING
-from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
+from raccoon.diagnose.select.visible import VISIBLE, visibility, would_show
 from raccoon.sim.effects.effect import Effect
 from raccoon.sim.effects.parameters import SIDES
 
@@ -251,8 +251,7 @@ def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
 def _usual_reason(search: Search, id_: str, visible: float) -> str:
     """Of an effect whose channels are all there."""
     cause = next(each for each in search.problem.causes.values() if each.id == id_)
-    from_size = shows_from(cause.effect.parameters[0], visible, gate(id_, alone=not search.fit.point.active))
-    shows = f"; would show {from_size}" if from_size else ""
+    shows = would_show(cause, visible, gate(id_, alone=not search.fit.point.active))
     if visible < VISIBLE:
         return f"not visible in this recording: a usual deviation would not show{shows}"
     for name, reason in search.failed.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from raccoon.diagnose.hypotheses.candidates import HIGHEST_LIMIT
-from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
+from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause
 from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.effects.effect import Parameter
 
@@ -36,7 +36,13 @@ def visibility(search: Search) -> dict[str, float]:
     return least
 
 
-def shows_from(parameter: Parameter, power: float, gate: float) -> str:
+def would_show(cause: Cause, power: float, gate: float) -> str:
+    """From which size on a cause would show, as the end of a reason; empty where `shows_from` is."""
+    size = shows_from(cause.effect.parameters[0], power, gate, own=cause.own is not None)
+    return f"; would show {size}" if size else ""
+
+
+def shows_from(parameter: Parameter, power: float, gate: float, *, own: bool = False) -> str:
     """The smallest deviation that would be named in all but one of a hundred recordings, in words.
 
     Empty where nothing of it shows, or only what is beyond the parameter's bounds, as of a dead band of more
@@ -44,6 +50,7 @@ def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     is not promised.
 
     parameter: the effect's first. power: evidence of one width. gate: log evidence from which it is named.
+    own: whether it is a team's, whose numbers are all counted by what is added, whatever they are called.
     With s = u sqrt(power), u widths make a log evidence that is normal with mean (s^2 - log(1 + power)) / 2
     and standard deviation s.
     """
@@ -52,9 +59,9 @@ def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     surely = SURELY + math.sqrt(SURELY**2 + 2.0 * gate + math.log1p(power))
     u = surely / math.sqrt(power)
     width = WIDTH_FACTOR * parameter.prior_width
-    if parameter.name == "limit":
+    if parameter.name == "limit" and not own:
         return f"below about {min(1.0 / u, HIGHEST_LIMIT):.2g} {parameter.unit}"
-    factor = parameter.name == "factor"
+    factor = parameter.name == "factor" and not own
     high = parameter.bounds.high
     highest = math.log(high) if factor else high - (parameter.neutral or 0.0)
     if width * u > highest:

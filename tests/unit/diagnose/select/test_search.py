@@ -12,6 +12,7 @@ import pytest
 
 from blind.generator import make
 from raccoon.core.config import RobotConfig
+from raccoon.core.schema import Bounds
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.descent import FARTHEST, _reach
 from raccoon.diagnose.fit.fits import fit_point
@@ -40,7 +41,7 @@ from raccoon.diagnose.select.outlook import (
 from raccoon.diagnose.select.search import NOTHING, SURE, _credible, _fails_held_out, _too_little
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown.probes import probes_for
-from raccoon.sim.effects.effect import effect
+from raccoon.sim.effects.effect import Parameter, effect
 from unit.diagnose.searches import search_at, searched
 
 ROBOT = RobotConfig()
@@ -253,6 +254,14 @@ def test_no_current_limit_is_promised_that_is_higher_than_those_that_were_simula
     limit = effect("motor.current_limit").parameters[0]
     assert shows_from(limit, 1e5, gate("motor.current_limit")) == "below about 2 A"
     assert shows_from(limit, 20.0, gate("motor.current_limit")) == "below about 0.61 A"
+
+
+@pytest.mark.parametrize("name", ["limit", "factor", "gain"])
+def test_the_size_of_a_teams_own_effect_is_what_is_added_whatever_its_number_is_called(name: str) -> None:
+    """One called limit was said to show below an inverse of its widths, in a unit that this has not."""
+    number = Parameter(name, "counts", 1.0, Bounds(), 5.0)
+    # Two usual deviations are a width, and it takes 2.33 + (2.33² + 2 · 8 + log 101)^½ = 7.4 tenths of one.
+    assert shows_from(number, 100.0, 8.0, own=True) == "from about 7.4 counts on"
 
 
 def test_no_size_is_said_that_no_robot_has() -> None:
