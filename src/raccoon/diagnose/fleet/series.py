@@ -77,7 +77,9 @@ def series_of(
         spread == 0.0 and np.isfinite(stds).any()
     ):  # most are equal to the last digit, which says nothing of one
         spread = float(np.nanmedian(stds))
-    return Series(tuple(courses), levels, spread, (*(odd if len(found) > 1 else ()), *odd_robots))
+    return Series(
+        tuple(courses), levels, spread, (*(odd if len(found) >= FEWEST_FOR_OUTLIERS else ()), *odd_robots)
+    )
 
 
 def _far(left: Sequence[float], spread: float, stds: Array) -> list[bool]:

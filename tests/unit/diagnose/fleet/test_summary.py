@@ -116,6 +116,15 @@ def test_one_robot_of_many_is_far_from_the_others() -> None:
     assert motor.series.courses == ()
 
 
+@pytest.mark.parametrize(("count", "odd"), [(3, ()), (4, ("run1",))])
+def test_of_three_recordings_none_is_far_from_the_others(count: int, odd: tuple[str, ...]) -> None:
+    """Of three numbers that scatter two are often much nearer to each other: one of four such was odd."""
+    name, values = "battery.internal_resistance", (0.12, 0.19, 0.122, 0.121)[:count]
+    fleet = {f"run{i}": diagnosis(cause(name, value)) for i, value in enumerate(values)}
+    (found,) = fleet_of(fleet).causes
+    assert found.series.outliers == odd
+
+
 def test_numbers_in_other_units_count_and_are_not_compared() -> None:
     fleet = {str(i): diagnosis(cause("friction.coulomb@left", 0.008, "N m")) for i in range(4)}
     fleet["volts"] = diagnosis(cause("friction.coulomb@left", 0.3, "V"))
