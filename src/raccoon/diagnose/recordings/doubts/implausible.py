@@ -15,6 +15,7 @@ from raccoon.diagnose.drives.log import arranged
 from raccoon.diagnose.drives.quality import driven_freely
 from raccoon.diagnose.drives.speed_loop import SpeedLoop, speed_loop
 from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.recordings.doubts.rounded import with_rounded
 from raccoon.diagnose.result import (
     NO_DUTY,
     CauseResult,
@@ -97,6 +98,7 @@ def with_doubts(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagn
             return _no_duty(found, robot, loop, sure=quick or loop.clear)
     slow = _slow_time(found)
     found = replace(found, notes=(*found.notes, *slow)) if slow else found
+    found = with_rounded(found, columns)
     off = _rows_off(columns, robot)
     causes = tuple(_by_wrong_time(_doubted(each), off) for each in found.causes)
     if causes == found.causes:
