@@ -11,6 +11,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.reports.headline import seen_text, verdict_text
+from raccoon.diagnose.reports.names import plain_name
 from raccoon.diagnose.reports.numbers import deviation, with_deviation
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
 from raccoon.diagnose.reports.terminal import (
@@ -98,9 +99,9 @@ def _headline(diagnosis: Diagnosis) -> str:
 
 def _wrong(cause: CauseResult) -> str:
     """What is wrong, and what else it may be, or be in part."""
-    others = [each for each in cause.confounded_with if each not in cause.beside]
-    instead = f"; or {'one of ' * (len(others) > 1)}{', '.join(others)} acts instead" if others else ""
-    part = f"; a part of it may be {' or '.join(cause.beside)}" if cause.beside else ""
+    others = [plain_name(each) for each in cause.confounded_with if each not in cause.beside]
+    instead = f"; or it is {' or '.join(others)}" if others else ""
+    part = f"; a part of it may be {' or '.join(map(plain_name, cause.beside))}" if cause.beside else ""
     what = told(cause).what.partition(". ")[0]
     return f"{what}{instead}{part}."
 

@@ -190,7 +190,7 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
         "The K_E (volts per speed) of the left motor is 4.1 % lower than assumed.",
         "<b>To do:</b> Calibrate the left motor (raccoon calibrate drive, raccoon tune wheels).",
         "Error of the gyro&#39;s reading varies by 0.02", "it depends on heading",
-        "lower than assumed; or bemf.scale@left acts instead.", "cannot tell it from bemf.scale@left",
+        "lower than assumed; or it is scale of the back-EMF (left).", "cannot tell it from bemf.scale@left",
         "What was considered and not named",
         "explains nothing that is left",
         "What this recording cannot show", "ten counted full turns", "a note",
@@ -259,9 +259,9 @@ def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) 
 def test_the_headline_says_what_else_it_may_be() -> None:
     two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
     text = page(replace(FOUND, causes=(two,)), "run")
-    assert "; or one of bemf.scale@left, drive.wheel_radius@left acts instead." in text
+    assert "; or it is scale of the back-EMF (left) or wheel radius (left)." in text
     alone = page(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)), "run")
-    assert "acts instead" not in alone
+    assert "; or it is" not in alone
 
 
 @pytest.mark.usefixtures("words_only")
@@ -270,12 +270,12 @@ def test_a_lag_that_another_may_have_a_part_of_is_not_said_to_be_alone() -> None
     text, shown = (report(replace(FOUND, causes=(part,))) for report in (terminal_report, _page))
     assert "0.99 that it is motor.back_emf_constant@left, alone or with bemf.scale@left beside it\n" in text
     assert "One of these or some of each, which" in text
-    assert "; a part of it may be bemf.scale@left." in shown
-    assert "acts instead" not in shown
+    assert "; a part of it may be scale of the back-EMF (left)." in shown
+    assert "; or it is" not in shown
     both = replace(part, confounded_with=(*CAUSE.confounded_with, "drive.wheel_radius@left"))
     text, shown = (report(replace(FOUND, causes=(both,))) for report in (terminal_report, _page))
     assert "alone or with bemf.scale@left beside it, and none of the others\n" in text
-    assert "; or drive.wheel_radius@left acts instead; a part of it may be bemf.scale@left." in shown
+    assert "; or it is wheel radius (left); a part of it may be scale of the back-EMF (left)." in shown
     assert "none of the others" not in terminal_report(replace(FOUND, causes=(part,)))
 
 
@@ -497,7 +497,7 @@ def test_a_sentence_of_another_kind_of_recording_stays_whole() -> None:
     assert told(lag).what.endswith("lower than assumed")
     assert told(lag).more == "With imu.latency beside it this is the sum."
     html = page(replace(FOUND, causes=(lag,), channels=(), curves=(), shapes=()), "run")
-    assert "lower than assumed; or bemf.scale@left acts instead." in html
+    assert "lower than assumed; or it is scale of the back-EMF (left)." in html
     assert "lower than assumed. With imu.latency beside it this is the sum." in html
     assert told(lag).todo == "calibrate the left motor (raccoon calibrate drive, raccoon tune wheels)"
 
