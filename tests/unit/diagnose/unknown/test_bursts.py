@@ -48,6 +48,7 @@ def test_bursts_are_told_with_their_size() -> None:
     (said,) = said_of(gyro=(0.003, 0.15))
     assert said.startswith("what is left of the gyro comes where wheels speed up or brake")
     assert "the tyres spin or skid, or something is loose" in said
+    assert said.endswith("log each when it is given")  # of a sound robot that was logged by another clock too
     (said,) = said_of(gyro=(0.003, 0.02), wheel=(3.0, 150.0))
     assert said.startswith("what is left of the left wheel comes")
 
