@@ -192,13 +192,14 @@ def align_on_wall(
         raise ValueError("speed is 0: allowed are numbers above or below it")
 
     def steps(robot: Robot) -> Steps[MotionResult]:
-        begin, quiet = robot.time, 0.0
+        begin, before, quiet = robot.time, robot.estimate.distance, 0.0
         wheel_speed = robot.drive.wheel_speed(speed)
         at_wall = _AtWall(robot.drive.half_track)
         try:
             while quiet < WALL_TIME:
                 if robot.time - begin > timeout:
-                    raise MotionTimeout(f"no wall after {timeout:g} s: {_why_no_wall(robot)}")
+                    way = abs(robot.estimate.distance - before)
+                    raise MotionTimeout(f"no wall after {timeout:g} s: {_why_no_wall(robot, way)}")
                 here = robot.estimate
                 turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
                 started = robot.time - begin > WALL_TIME
@@ -227,8 +228,8 @@ def align_on_wall(
     return Action("align on a wall", steps)
 
 
-def _why_no_wall(robot: Robot) -> str:
-    """What the wheels do where they do not both stand."""
+def _why_no_wall(robot: Robot, way: float) -> str:
+    """What the wheels do where they do not both stand. way: m that they turned."""
     here, drive = robot.estimate, robot.config.drive
     for side, port, speed, other in (
         ("left", drive.left, here.left_speed, here.right_speed),
@@ -236,7 +237,8 @@ def _why_no_wall(robot: Robot) -> str:
     ):
         if abs(speed) < STANDS < abs(other):
             return f"the {side} wheel alone stands (motor port {port}): blocked, unplugged or a fuse"
-    return "the wheels still turn, on the way or spinning at it"
+    on_the_way = f"after {way:.2f} m, on the way (a longer timeout= gets there)"
+    return f"the wheels still turn {on_the_way} or spinning at it"
 
 
 class _AtWall:

@@ -244,6 +244,9 @@ def test_no_wall_is_said(port: str) -> None:
     config = replace(CONFIG, controller=replace(CONFIG.controller, port=port))
     with (
         open_robot(config) as robot,
-        pytest.raises(MotionTimeout, match="no wall after 1 s: the wheels still turn"),
+        pytest.raises(
+            MotionTimeout,
+            match=r"wheels still turn after 0.0\d m, on the way \(a longer timeout=",
+        ),
     ):
         robot.run(align_on_wall(timeout=1.0))
