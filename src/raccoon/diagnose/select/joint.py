@@ -22,7 +22,7 @@ from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
 from raccoon.diagnose.select.sets import Chosen, Member, Sets, apart
-from raccoon.diagnose.select.symmetry import fitted_twins
+from raccoon.diagnose.select.twins import fitted_twins
 
 PROPOSED = 3
 POLISHED = 3

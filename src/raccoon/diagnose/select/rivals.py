@@ -18,7 +18,7 @@ from raccoon.diagnose.select.one_way import same_one_way
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags
 from raccoon.diagnose.select.sets import Sets, apart
-from raccoon.diagnose.select.symmetry import fitted_twins
+from raccoon.diagnose.select.twins import fitted_twins
 
 Array = NDArray[np.float64]
 Other = tuple[float, Group, Array]

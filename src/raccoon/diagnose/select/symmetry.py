@@ -21,12 +21,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.fits import fit_afresh
-from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, cause_name
-from raccoon.diagnose.select.gates import gates
-from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.sets import apart
 
 Array = NDArray[np.float64]
@@ -83,33 +79,8 @@ LINES: tuple[Line, ...] = (
 robot's friction, and so as a torque."""
 LEFT_OPEN = 2.5
 """Standard deviations of robot.toml up to which a number is left to it, and no cause."""
-HOPE = 20.0
-"""Log evidence, less the gates, that one may lack before it is fitted: one lacked 12 and led by 15 then."""
-MOST_TWINS = 4
 LEAST, MOST = 0.01, 0.5
 """Of the logarithm of the factor along a line: less is the same set, and more no robot."""
-
-
-def fitted_twins(search: Search) -> list[tuple[str, Fit]]:
-    """Each cause that a likely twin does without, and that twin fitted: with other base numbers its columns
-    are others, and simulated anew."""
-    twins = likely_twins(search.problem, search.fit.point)
-    fits = fit_afresh(search.problem, search.whitener, [point for _, point in twins], 4)
-    return [(name, fit) for (name, _), fit in zip(twins, fits, strict=True)]
-
-
-def likely_twins(problem: Problem, point: Point) -> list[tuple[str, Point]]:
-    """Of the same drives those that are not much less likely, the likeliest first. The misfit is the same, so
-    robot.toml and the gates decide."""
-
-    def worth(each: Point) -> float:
-        vector = each.vector()
-        return -0.5 * float(vector @ vector) - gates(each.active)
-
-    now = worth(point)
-    found = [(worth(other) - now, name, other) for name, other in same_drives(problem, point)]
-    found.sort(key=lambda each: -each[0])
-    return [(name, other) for lead, name, other in found[:MOST_TWINS] if lead > -HOPE]
 
 
 def same_drives(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
@@ -166,7 +137,7 @@ def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | 
         if power and is_own(problem, index):
             base[index] *= 1.0 if each.factor else factor**power
         elif power:
-            base[index] = _times(problem, each, _total(problem, point, index), factor**power)
+            base[index] = _times(problem, each, total_of(problem, point, index), factor**power)
             moved.setdefault(id_of(each), []).append(index)
     for name, u in point.active.items():
         if problem.causes[name].id not in moved:
@@ -183,7 +154,7 @@ def _factor(problem: Problem, point: Point, name: str, line: Line) -> float:
         power = _power(line, each)
         if not power or is_own(problem, index) or name not in _causes(problem, index):
             continue
-        total = _total(problem, point, index)
+        total = total_of(problem, point, index)
         if each.factor:
             return math.exp(-total * math.log(each.value(1.0)) / power)
         nominal = problem.neutral[each.settings[0]]
@@ -221,7 +192,7 @@ def _causes(problem: Problem, index: int) -> list[str]:
     ]
 
 
-def _total(problem: Problem, point: Point, index: int) -> float:
+def total_of(problem: Problem, point: Point, index: int) -> float:
     """How far a number is from robot.toml's in all, in its standard deviations."""
     each, total = problem.base[index], float(point.base[index])
     for name in _causes(problem, index):

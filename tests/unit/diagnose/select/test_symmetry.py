@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import BatteryModel, Measured
+from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.known_together import NOT_MEASURED, others_told, scale_told, unmeasured_note
 from raccoon.diagnose.findings.naming import confounded, probability
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import added
+from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.rivals import compared
 from raccoon.diagnose.select.symmetry import (
@@ -22,10 +25,11 @@ from raccoon.diagnose.select.symmetry import (
     _as_base,
     _factor,
     along,
-    likely_twins,
     relieved,
     same_drives,
 )
+from raccoon.diagnose.select.twins import GEAR, geared, likely_twins
+from raccoon.sim.effects.chain import Chain
 from unit.diagnose.searches import searched
 
 _, RESISTANCE, WHEELS = LINES
@@ -269,3 +273,31 @@ def test_a_friction_that_robot_toml_has_none_of_is_counted_in_what_is_added_to_i
     cause.apply(torque, 0.3)
     (size,) = set(torque.values())
     assert _as_base(base, cause, 0.3) == pytest.approx(size / 0.01)
+
+
+def test_gears_that_lose_torque_are_more_inertia_and_friction_where_no_motor_brakes(
+    problem: Problem,
+) -> None:
+    steps = np.repeat([(0.0, 0.0), (0.4, 0.4), (0.8, 0.7), (1.0, 1.0), (0.0, 0.0)], 160, axis=0)
+    log = planned_log(steps)
+    rollout = PlantRollout(log, problem.robot, Habits(Chain.firmware(), brake=False))
+    forward = replace(problem, features=Features.of(log), rollout=rollout)
+    point = at(forward, friction_load_dependent=0.8)
+    other = geared(forward, point)
+    assert other is not None
+    assert set(other.active) == {"drive.inertia", "friction.coulomb"}
+    lost = apart_by(forward, forward.nominal(), point)
+    assert lost > 10.0
+    assert apart_by(forward, point, other) < 0.1 * lost
+    back = geared(forward, other)
+    assert back is not None
+    assert set(back.active) == {GEAR}
+    np.testing.assert_allclose(back.active[GEAR], point.active[GEAR], rtol=0.05)
+
+
+def test_a_k_e_that_is_low_may_be_gears_that_lose_torque_beside_a_track(problem: Problem) -> None:
+    """Of a robot whose gears lost 17 % and whose gyro read 6 % too much, K_E of both motors was said 6.5 %
+    low with a probability of 1; the truth was 7.6 of log evidence ahead, and lacked 2.4 with its gates."""
+    point = at(problem, motor_back_emf_constant=-1.0)
+    twins = [set(other.active) for _, other in likely_twins(problem, point)]
+    assert any({GEAR, "drive.track_width"} <= each for each in twins)
