@@ -14,7 +14,7 @@ from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import STOP, Fault, Inputs, Outputs
 from raccoon.hal.supervise.supervisor import Supervisor
-from raccoon.hal.wombat.emulator import Emulator, Firmware
+from raccoon.hal.wombat.emulator import Emulator, Firmware, emulator
 from raccoon.hal.wombat.port import WombatPort, open_wombat
 
 FIRMWARES: list[Firmware] = ["stock", 17, 21]
@@ -274,6 +274,18 @@ def test_what_was_not_counted_while_it_hung_for_a_moment_is_said(firmware: Firmw
     assert len(counting) > 12
     told = [Fault.POSITION_JUMP in inputs.faults for inputs in counting[:3]]
     assert (told[0], told[2]) == (True, False)  # the other motor's may go on a cycle later
+
+
+def test_wheels_that_came_to_rest_while_the_controller_restarted_are_read(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(emulator, "BOOT_SECONDS", 0.45)  # longer than they roll out
+    bench.run(FORWARD, 100)
+    bench.emulator.reset()
+    seen = bench.run(STOP, 150)
+    assert [each for each in seen if Fault.RESET in each.faults]
+    assert not seen[-1].faults
+    assert None not in (*seen[-1].position, *seen[-1].bemf)
 
 
 def test_offsets_at_rest_are_measured() -> None:

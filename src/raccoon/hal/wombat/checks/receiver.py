@@ -158,6 +158,7 @@ class Receiver:
         self._restart = False
         self.faults.append(Fault.RESET)
         self._counters.continue_from(reading.position)
+        self._dialect.begin_anew()
         self._restarts = [*(each for each in self._restarts if time - each < RESTART_SECONDS), time]
         if len(self._restarts) >= RESTARTS:
             raise HardwareError(

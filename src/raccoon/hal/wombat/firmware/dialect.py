@@ -93,6 +93,10 @@ class Dialect(Protocol):
         """
         ...
 
+    def begin_anew(self) -> None:
+        """The controller has restarted: what was known of its motors is of before."""
+        ...
+
     def obeys(self, reply: bytes, sent: bytes, /) -> bool:
         """Whether the frame shows what the command before it asked for (True where it cannot tell)."""
         ...

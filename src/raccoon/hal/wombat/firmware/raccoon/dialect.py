@@ -106,6 +106,9 @@ class RaccoonDialect:
         limit = RESTART_COUNTS_SECONDS / self.device.position_counts_seconds
         return near_zero(struct.unpack_from("<4i", reply, POSITION), limit)
 
+    def begin_anew(self) -> None:
+        self._missing, self._still = [0.0] * MOTOR_PORTS, [0] * MOTOR_PORTS
+
     def obeys(self, _reply: bytes, _sent: bytes) -> bool:
         return True
 

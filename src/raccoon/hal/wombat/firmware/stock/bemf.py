@@ -79,6 +79,12 @@ class StockBemf:
         """Begin to count the time anew: of what the counters did so far, what comes now holds nothing."""
         self._since_news = self._owed = 0.0
 
+    def begin_anew(self) -> None:
+        """The firmware has restarted, and its filter holds nothing: counters that stand now are not late, as
+        the wheels may have come to rest meanwhile."""
+        self.restart()
+        self.value, self.averaged, self._standing = (0.0, 0.0, 0.0, 0.0), False, False
+
     def _made_up(self, port: int, difference: int, updates: int) -> float:
         if difference == 0:
             return 0.0

@@ -97,6 +97,9 @@ class StockDialect:
         # One damaged byte is no restart: the counters must have started anew, too.
         return near_zero(struct.unpack_from(">4i", reply, wire.MOT_POS), LARGEST_AFTER_BOOT)
 
+    def begin_anew(self) -> None:
+        self._bemf.begin_anew()
+
     def obeys(self, reply: bytes, sent: bytes) -> bool:
         if sent[3] != len(commands.IMAGE):
             return True
