@@ -39,9 +39,14 @@ def open_serial(path: str, baud: int) -> SerialDevice:
 
     Raises OSError (serial.SerialException is one) when it cannot.
     """
+    import termios
+
     import serial
 
-    return serial.Serial(path, baud, timeout=0, write_timeout=WRITE_TIMEOUT, exclusive=True)
+    try:
+        return serial.Serial(path, baud, timeout=0, write_timeout=WRITE_TIMEOUT, exclusive=True)
+    except termios.error as error:  # no OSError; a plug that bounces is gone again between open and set-up
+        raise OSError(*error.args) from error
 
 
 class SerialLine:

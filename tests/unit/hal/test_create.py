@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import signal
 import subprocess
 import sys
+import termios
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -289,6 +291,23 @@ def test_unplugged_and_plugged_in_again(base: Base) -> None:
     inputs = base.cycle(replace(REST, left_encoder=150))
     assert inputs.position[0] == 50
     assert inputs.faults == ()
+
+
+def test_a_plug_that_bounces_is_not_there_yet(base: Base, monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(*_: object) -> None:
+        raise termios.error(errno.EIO, "Input/output error")
+
+    base.cycle(REST)
+    base.peer.unplug()
+    assert base.port.read().faults == (Fault.LINK_DEAD,)
+    base.peer.plug()
+    base.clock.advance(1.0)
+    with monkeypatch.context() as bouncing:
+        bouncing.setattr(termios, "tcflush", gone)
+        assert base.port.read().faults == (Fault.LINK_DEAD,)
+    base.clock.advance(1.0)
+    base.port.read()
+    assert base.cycle(REST).faults == ()
 
 
 def test_a_base_that_left_its_mode_loses_commands_and_is_asked_back(base: Base) -> None:
