@@ -35,6 +35,7 @@ class Servo(Part):
         self.pulse: float | None = None
         self.moved_by: str | None = None
         """The action that moves it now."""
+        self._side, self._arrives = 0.0, -math.inf  # the way it comes to `pulse`, 0 where unknown; s of then
 
     def __repr__(self) -> str:
         return f"<servo {self.name}: {'off' if self.pulse is None else f'{self.pulse:g} us'}>"
@@ -57,10 +58,24 @@ class Servo(Part):
             )
         return float(where)
 
-    def travel_time(self, pulse: float) -> float:
-        """s to get to `pulse` us from the last place; from the far end where that is unknown."""
-        ends = self.config.lowest_us, self.config.highest_us
-        way = max(abs(pulse - end) for end in ends) if self.pulse is None else abs(pulse - self.pulse)
+    def send(self, pulse: float, time: float, lasts: float = 0.0) -> None:
+        """Command `pulse` us from `time` s on; lasts: s until it should be there."""
+        here = self.at(time)
+        self._side = 0.0 if here is None else math.copysign(1.0, pulse - here)
+        self.pulse, self._arrives = pulse, time + lasts
+
+    def at(self, time: float) -> float | None:
+        """us where it should be at `time` s, also on a way that its action did not wait for; None where
+        nobody knows."""
+        left = max(0.0, self._arrives - time) * self.config.speed_us
+        if self.pulse is None or left == 0.0:
+            return self.pulse
+        return self.pulse - self._side * left if self._side else None
+
+    def travel_time(self, pulse: float, time: float) -> float:
+        """s to get to `pulse` us from where it is at `time` s; from the far end where that is unknown."""
+        here, ends = self.at(time), (self.config.lowest_us, self.config.highest_us)
+        way = max(abs(pulse - end) for end in ends) if here is None else abs(pulse - here)
         return way / self.config.speed_us
 
 
@@ -84,16 +99,21 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
         moved = robot.servo(name)
         goal = moved.place(to)
         with held(moved, label):
-            start = goal if moved.pulse is None or seconds is None else moved.pulse
-            lasts = moved.travel_time(goal) if seconds is None else max(seconds, moved.travel_time(goal))
-            begin = robot.time
+            begin = last = robot.time
+            start = None if seconds is None else moved.at(begin)  # where it begins to go evenly
+            way = moved.travel_time(goal, begin)
+            lasts = way if seconds is None else max(seconds, way)
+            if start is None:
+                moved.send(goal, begin, way)
             while (share := (robot.time - begin) / lasts if lasts > 0.0 else 1.0) < 1.0:
-                moved.pulse = start + share * (goal - start)
+                if start is not None:
+                    moved.send(start + share * (goal - start), robot.time)
                 last = robot.time
                 yield
                 if robot.paused and seconds is not None:  # it stood meanwhile, where it was sent last
                     begin += robot.time - last - robot.dt
-            moved.pulse = goal
+            if start is not None:
+                moved.send(goal, robot.time)
 
     return Action(label, steps, lambda robot: robot.servo(name).place(to))
 

@@ -91,6 +91,19 @@ def test_a_servo_gets_the_time_it_needs_and_holds() -> None:
             assert robot.time - begin == pytest.approx(us / 3000.0, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("to", "seconds"), [("closed", 700 / 3000 - 0.05), ("open", 0.05)], ids=["goes on", "goes back"]
+)
+def test_a_servo_whose_way_was_cut_short_gets_the_time_from_where_it_is(to: str, seconds: float) -> None:
+    with open_robot(CONFIG, port=Spy()) as robot:
+        robot.run(servo("claw", "open"))
+        robot.run(servo("claw", "closed").until(after_time(0.05)))
+        begin = robot.time
+        robot.run(servo("claw", to))
+        assert robot.time - begin == pytest.approx(seconds, abs=0.02)
+        assert robot.servo("claw").at(robot.time) == robot.servo("claw").place(to)
+
+
 def test_a_slow_servo_goes_evenly() -> None:
     port = Spy()
     with open_robot(CONFIG, port=port) as robot:
