@@ -38,6 +38,9 @@ have given up by then, and other code may go on for ever."""
 ENDLESS = 120.0
 """s of a motion without a goal, a whole match, after which it is said that nothing ends it."""
 
+MEASURED = re.compile(r"(?<![\w.])(?<!port )(?<!analog )[-+]?\d[.\d]*(?:e[-+]\d+)?")
+"""A number in a remark that is no part of a name (arm2) and no port."""
+
 OFFSET = (
     "a motor reads motion at rest that its bemf_offset in robot.toml does not explain, and the pose goes "
     "wrong by it: calibrate again, or leave the offset out and let the robot stand before it drives"
@@ -199,11 +202,11 @@ class Endless:
 def say(robot: Knowledge, said: str, kind: str | None = None) -> None:
     """A remark for the recording, the log and the match report, unless one of its kind was made before.
 
-    kind: its text without numbers where None.
+    kind: its text without what was measured where None; names and ports are no numbers that change.
     """
     import logging
 
-    kind = re.sub(r"[-+.\d]+", "", said) if kind is None else kind
+    kind = MEASURED.sub("", said) if kind is None else kind
     if kind not in robot.drive.remarks:
         robot.drive.remarks[kind] = said
         robot.note(f"remark: {said}")
