@@ -282,6 +282,7 @@ def _ramped(duty: Array, most: float) -> Array:
     """A command that changes by that much a row, at most."""
     now, found = float(duty[0]), []
     for each in duty.tolist():
-        now += max(-most, min(most, each - now))
+        change = each - now
+        now = now + most if change > most else now - most if change < -most else each
         found.append(now)
     return np.array(found)

@@ -97,17 +97,19 @@ class Family:
 def follower(duty: Array, rate: float) -> Array:
     """A low-pass of a command. rate: rows over its time constant."""
     keep, speed, speeds = float(np.exp(-rate)), 0.0, []
+    gain = 1.0 - keep
     for each in duty.tolist():  # scipy's filter would bring 25 MB along
-        speed = (1.0 - keep) * each + keep * speed
+        speed = gain * each + keep * speed
         speeds.append(speed)
     return np.array(speeds)
 
 
 def unexplained(follows: Array, reading: Array) -> float:
     """Mean square of a reading beyond what such a wheel explains, with a dry friction and an offset."""
-    columns = np.column_stack([follows, np.sign(follows), np.ones_like(follows)])
-    found = np.linalg.lstsq(columns, reading, rcond=None)[0]
-    return float(np.mean((reading - columns @ found) ** 2))
+    columns = np.stack([follows, np.sign(follows), np.ones_like(follows)])
+    # Of so few columns their products do, in a tenth of the time; of two that are alike they have no inverse.
+    found = np.linalg.lstsq(columns @ columns.T, columns @ reading, rcond=None)[0]
+    return float(np.mean((reading - found @ columns) ** 2))
 
 
 def least_unexplained(follows: Array, reading: Array) -> float:
