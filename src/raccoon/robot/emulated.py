@@ -73,7 +73,7 @@ class SimulatedPlant:
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
         """Let time pass with the motors driven this way."""
-        before = self._forward_speed
+        before = self._state.forward_speed + self._contact.slip.forward
         left, right = drives[self._ports[0]], drives[self._ports[1]]
         left = None if left is None else self._signs[0] * left
         right = None if right is None else self._signs[1] * right
@@ -84,12 +84,7 @@ class SimulatedPlant:
             self._meet_the_world(step)
         for port, motor in self.free_motors.items():
             motor.step(drives[port], self._state.bus, seconds)
-        change = (self._forward_speed - before) / seconds if seconds > 0.0 else 0.0
-        return self._seen(change, seconds)
-
-    @property
-    def _forward_speed(self) -> float:
-        return self._state.forward_speed + self._contact.slip.forward
+        return self._seen(before, seconds)
 
     def _meet_the_world(self, seconds: float) -> None:
         s = self._state
@@ -98,9 +93,11 @@ class SimulatedPlant:
             self._state = placed(s, x, y, heading)
         self._numbers = self._contact.carried(self._numbers, x, y)
 
-    def _seen(self, acceleration: float, seconds: float) -> PlantState:
-        s, p = self._state, self._numbers
-        turn_rate = s.yaw_rate + self._contact.slip.turning
+    def _seen(self, before: float, seconds: float) -> PlantState:
+        """before: m/s ahead, so many seconds ago."""
+        s, p, slip = self._state, self._numbers, self._contact.slip
+        speed, turn_rate = s.forward_speed + slip.forward, s.yaw_rate + slip.turning
+        change = (speed - before) / seconds if seconds > 0.0 else 0.0
         lean, pitch_rate = self._contact.tilt(self.pose, seconds)
         volts = [0.0] * MOTOR_PORTS
         volts[self._ports[0]] = self._signs[0] * p.back_emf_left * s.speed_left
@@ -111,7 +108,7 @@ class SimulatedPlant:
             bemf_volts=tuple(volts),
             battery_voltage=s.bus,
             gyro=(0.0, pitch_rate, turn_rate),
-            accel=specific_force(acceleration, self._forward_speed, turn_rate, lean),
+            accel=specific_force(change, speed, turn_rate, lean),
             analog=self._analog(),
             button=self.button,
         )

@@ -97,7 +97,8 @@ class Board:
             neighbour = self.state.analog[(port + 1) % ANALOG_PORTS]
             self._floating += 0.02 * (neighbour - self._floating) + self._gauss(20.0)
             level = self._floating
-        return max(0, min(ADC_MAX, round(level + self._gauss(deviation))))
+        counts = round(level + self._random.gauss(0.0, deviation * self._noise))
+        return counts if 0 <= counts <= ADC_MAX else max(0, min(ADC_MAX, counts))
 
     def battery(self, voltage: float | None = None) -> int:
         """Conversion of the battery voltage. voltage: V, the mean of several conversions; None: as now."""
