@@ -15,7 +15,7 @@ that was not shown, is known by how it comes (`bulb.py`).
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from bisect import insort
 from typing import NamedTuple
 
 from raccoon.core.errors import ConfigError
@@ -98,7 +98,9 @@ class StartLight:
         self._hold, self._rise, self._rehearsal = max(hold, self._still), rise, rehearsal
         self._ambient = self._brightest = math.nan
         self._variance = 25.0
-        self._learning: list[float] = []
+        self._learning: list[float] = []  # readings, and steps from one to the next, both in their order
+        self._steps: list[float] = []
+        self._begun = math.nan  # the last of these readings
         self._learnt = math.nan  # the reading that was learnt last
         self._first = self._last = math.nan
         self._unknown = True  # the ambient light
@@ -241,12 +243,13 @@ class StartLight:
 
     def _begin(self, counts: float) -> None:
         """Ambient level and noise from the median so far: a flash while learning must not pass for either."""
-        self._learning.append(counts)
-        ordered = sorted(self._learning)
-        self._ambient = self._brightest = ordered[len(ordered) // 2]
-        steps = sorted(abs(after - before) for before, after in pairwise(self._learning))
-        if steps:
+        ordered, steps = self._learning, self._steps
+        if ordered:
+            insort(steps, abs(counts - self._begun))
             self._variance = steps[len(steps) // 2] ** 2 + 9.0  # the median step of noise is 0.95 sd
+        self._begun = counts
+        insort(ordered, counts)
+        self._ambient = self._brightest = ordered[len(ordered) // 2]
 
     def _learn(self, counts: float, dt: float) -> None:
         share = min(dt / AMBIENT_SECONDS, 1.0)
