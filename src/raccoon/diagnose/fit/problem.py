@@ -105,11 +105,11 @@ class Problem:
     def settings(self, point: Point) -> Settings:
         """The simulator's settings at a point."""
         settings = dict(self.neutral)
-        for coordinate, u in zip(self.base, point.base, strict=True):
-            coordinate.apply(settings, float(u))
+        for coordinate, u in zip(self.base, point.base.tolist(), strict=True):
+            coordinate.apply(settings, u)
         late = sorted(point.active, key=lambda name: self.causes[name].joint is not None)
         for name in late:  # those that count from what others have set come last
-            self.causes[name].apply(settings, [float(each) for each in point.active[name]])
+            self.causes[name].apply(settings, point.active[name].tolist())
         return settings
 
     def predict(self, points: Sequence[Point]) -> Array:

@@ -25,6 +25,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import (
     LOOSE_STEP,
     SHORTEST,
+    check_nominal,
     plant_numbers,
     safe_step,
     sample_slots,
@@ -215,7 +216,7 @@ class PlantRollout:
         turned: dict[tuple[float, float], RobotConfig] = {}
         robots = [cast(Parameters, Variant(self._turned(each, turned), chain, each)) for each in variants]
         first = robots[0]
-        plant = np.array([plant_numbers(each) for each in robots])
+        plant = np.array([plant_numbers(each, checked=True) for each in robots])
         if self._heard:
             plant[:, _ZONES] = 0.0
         return Lanes(
@@ -232,7 +233,9 @@ class PlantRollout:
         straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
         if (straight, turn) not in made:
             plain = straight == turn == 1.0
-            made[straight, turn] = self._robot if plain else with_inertia(self._robot, straight, turn)
+            robot = self._robot if plain else with_inertia(self._robot, straight, turn)
+            check_nominal(robot.model)
+            made[straight, turn] = robot
         return made[straight, turn]
 
 

@@ -33,12 +33,14 @@ BRISTLE_STEP = 0.6
 """Longest step as a part of sqrt(compliance J), the time of the bristles' swing over 2 pi."""
 
 
-def plant_numbers(parameters: Parameters) -> Plant:
+def plant_numbers(parameters: Parameters, checked: bool = False) -> Plant:
     """The plant of a robot: nominal values and effects multiplied out, signs of wiring taken away.
 
-    Raises ConfigError naming a nominal value that no robot can have.
+    checked: whether the nominal values are known to be such as robots have. Raises ConfigError naming one
+    that no robot can have otherwise.
     """
-    check_nominal(parameters.robot.model)
+    if not checked:
+        check_nominal(parameters.robot.model)
     sides = _Sides(parameters)
     return Plant._make(
         (
