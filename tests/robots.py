@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from types import MappingProxyType
 from typing import Any
 
@@ -10,6 +11,7 @@ from raccoon import Action, Robot, RobotConfig, open_robot, wait
 from raccoon.core.config import Measured, MotorConfig, TophatConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Inputs, Outputs, Truth
+from raccoon.estimate.tophat import TophatCalibration, calibrate
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -40,6 +42,12 @@ def simulated(
         effect, _, side = name.partition("@")
         parameters = parameters.with_effect(effect, side or None, **values)
     return SimPort(parameters, world or World.empty(), robot=config, seed=seed, start=start)
+
+
+@cache
+def tophat_calibration() -> TophatCalibration:
+    """White at 1270 counts, black at 3800. Made once, by whoever needs it: not where tests are collected."""
+    return calibrate([level + i % 5 for level in (1270.0, 3800.0) for i in range(200)])
 
 
 class Between:

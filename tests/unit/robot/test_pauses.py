@@ -34,16 +34,14 @@ from raccoon import (
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import MechanismConfig, ServoConfig
 from raccoon.core.readings import STOP, Inputs
-from raccoon.estimate.tophat import calibrate
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import World
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, Between, simulated, tophat_calibration
 
 ARM = RobotConfig(motors=CONFIG.motors, tophats=CONFIG.tophats, mechanisms={"arm": MechanismConfig(motor=2)})
-CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
 
 
 class Pausing(Between):
@@ -67,7 +65,7 @@ def first_duties(action: Action[Any], seconds: float) -> list[float]:
     port = Pausing()
     with open_robot(ARM, port=port) as robot:
         for sensor in robot.tophats.values():
-            sensor.calibrate(CALIBRATION)
+            sensor.calibrate(tophat_calibration())
         robot.run(wait(0.5))
         port.pause(seconds)
         port.written.clear()

@@ -1,6 +1,7 @@
 """Following a line: around bends, across an edge of light, and after it was lost."""
 
 import math
+from functools import cache
 from itertools import pairwise
 
 import pytest
@@ -20,6 +21,7 @@ SHADE = 0.3
 STRAIGHT = Line(((-0.5, 0.0), (3.0, 0.0)))
 
 
+@cache
 def calibration(ambient: float) -> TophatCalibration:
     optics = fit("new").at(0.007)
     levels = [optics.counts(dark, ambient) for dark in (0.0, 1.0)]

@@ -28,16 +28,13 @@ from raccoon import (
 )
 from raccoon.core.config import BodyConfig, RobotConfig
 from raccoon.core.readings import STOP, Inputs
-from raccoon.estimate.tophat import calibrate
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.lines import align_on_line, align_on_wall
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Line, Wall, World
-from robots import CONFIG, Between, simulated
-
-CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
+from robots import CONFIG, Between, simulated, tophat_calibration
 
 
 def on_table(
@@ -46,7 +43,7 @@ def on_table(
     port = simulated(world=world, start=start)
     with open_robot(CONFIG, port=port) as robot:
         for sensor in robot.tophats.values():
-            sensor.calibrate(CALIBRATION)
+            sensor.calibrate(tophat_calibration())
         robot.run(wait(0.5))
         result = robot.run(action)
         robot.run(wait(0.2))
@@ -83,7 +80,7 @@ def test_sensors_in_each_others_port_are_said_where_the_line_lies_oddly_by_them(
     world = World(lines=(Line(((0.2, -0.5), (0.2, 0.5))),))
     with open_robot(CONFIG, port=Between(simulated(world=world), seen=plugged)) as robot:
         for sensor in robot.tophats.values():
-            sensor.calibrate(CALIBRATION)
+            sensor.calibrate(tophat_calibration())
         result = robot.run(seq(wait(0.5), turn(deg(8)), align_on_line("left", "right")))[-1]
     said = (
         "by left and right the line lies 16 deg askew in the field, and along it if their plugs are exchanged"
@@ -127,7 +124,7 @@ def test_a_tophat_that_was_unplugged_is_named_where_no_line_is_found(motion: Act
     full = Between(simulated(), seen=lambda inputs: replace(inputs, analog=(4095,) * 6))
     with open_robot(CONFIG, port=full) as robot:
         for sensor in robot.tophats.values():
-            sensor.calibrate(CALIBRATION)
+            sensor.calibrate(tophat_calibration())
         with pytest.raises(
             MotionTimeout, match=r"line.*; tophat left reads the top of the scale .* plugged in"
         ):
@@ -145,7 +142,7 @@ def test_a_tophat_without_calibration_is_said() -> None:
 def test_a_robot_that_cannot_move_gives_up_looking_for_a_line() -> None:
     with open_robot(CONFIG, port=Between(sent=lambda _: STOP)) as robot:
         for sensor in robot.tophats.values():
-            sensor.calibrate(CALIBRATION)
+            sensor.calibrate(tophat_calibration())
         robot.run(wait(0.5))
         with pytest.raises(
             MotionTimeout, match=r"0\.000 of 0\.5 m; power and no motion at left \(motor port 0\)"

@@ -28,14 +28,12 @@ from raccoon import (
 )
 from raccoon.core.config import MechanismConfig, ServoConfig
 from raccoon.core.readings import Inputs, Status
-from raccoon.estimate.tophat import calibrate
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.store import TophatStore
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, Between, simulated, tophat_calibration
 
-CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
 LINES = "".join(
     f"[[line]]\npoints = [[{0.3 + 0.37 * i:.2f}, -1.0], [{0.3 + 0.37 * i:.2f}, 1.0]]\nwidth = 0.02\n"
     for i in range(12)
@@ -259,7 +257,7 @@ def test_an_open_port_sees_no_line_and_is_said_while_the_robot_stands() -> None:
     port = Between(simulated(), seen=lambda each: rewired(each, wander, 0.0) if is_open else each)
     with open_robot(CONFIG, port=port) as robot:
         for sensor in robot.tophats.values():
-            sensor.calibrate(CALIBRATION)
+            sensor.calibrate(tophat_calibration())
         robot.run(wait(1.5))
         assert not robot.blind
         is_open = True
@@ -286,7 +284,7 @@ def test_a_sensor_that_an_arm_shakes_over_an_edge_is_plugged_in() -> None:
     port = Between(simulated(config=config), seen=lambda each: rewired(each, shake, 0.5))
     with open_robot(config, port=port) as robot:
         for sensor in robot.tophats.values():
-            sensor.calibrate(CALIBRATION)
+            sensor.calibrate(tophat_calibration())
         robot.run(seq(wait(0.5), move("arm", 3.0, 2.0), servo("claw", 1000, seconds=1.0)))
         assert not robot.blind
         robot.run(wait(1.5))
