@@ -180,11 +180,11 @@ def check_answers(log: Log) -> None:
                 "delay, and 95 % of a robot's: are they of the same motor and of the same drive, and is it "
                 "all that was given to it?"
             )
-    ramps = [ramp_of(log.time, log.duty[:, index], each) for index, each, _ in _measured(log)]
-    if ramps and all(each is not None and each <= SLOW_RAMP for each in ramps):
+    ramp = _slow_ramp(log)
+    if ramp is not None:
         names = " and ".join(command for _, _, command in _measured(log))
         raise TraceError(
-            f"the wheels follow {names} as if a ramp of about {ramps[0]:g} a second were between them: the "
+            f"the wheels follow {names} as if a ramp of about {ramp:g} a second were between them: the "
             "columns hold what was asked for, before something slowed it down. Log what the motors are given"
         )
     _check_gyro(log)
@@ -255,6 +255,16 @@ def _range(wheel: Channel) -> float:
     return float(np.ptp(np.nanpercentile(wheel.values, [1.0, 99.0])))
 
 
+def _slow_ramp(log: Log) -> float | None:
+    """The first wheel's ramp where every wheel follows a slow one; of a sound drive one wheel tells."""
+    ramps: list[float | None] = []
+    for index, wheel, _ in _measured(log):
+        ramps.append(ramp_of(log.time, log.duty[:, index], wheel))
+        if ramps[-1] is None or ramps[-1] > SLOW_RAMP:
+            return None
+    return ramps[0] if ramps else None
+
+
 def ramp_of(time: Array, duty: Array, channel: Channel) -> float | None:
     """The ramp, duty a second, behind which a wheel follows its command far better; None without one."""
     step = usual_step(time)
@@ -273,9 +283,11 @@ def ramp_of(time: Array, duty: Array, channel: Channel) -> float | None:
         return min(unexplained(each[row], reading) for each in speeds for row in rows)
 
     plain = least(duty)
+    if plain <= SEEN * float(np.var(reading)):
+        return None
     ramped = {rate: least(_ramped(duty, rate * step)) for rate in RAMPS}
     best = min(ramped, key=lambda rate: ramped[rate])
-    return best if ramped[best] < RAMPED * plain and plain > SEEN * float(np.var(reading)) else None
+    return best if ramped[best] < RAMPED * plain else None
 
 
 def _ramped(duty: Array, most: float) -> Array:
