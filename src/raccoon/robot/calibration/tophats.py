@@ -21,7 +21,7 @@ from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration
-    from raccoon.estimate.tophat.store import TophatStore
+    from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
     from raccoon.robot.robot import Robot
 
 STANDING = 0.4  # s of standing before a drive, in which a tophat that is unplugged wanders
@@ -61,7 +61,7 @@ def calibrate_tophats(
     # In a replay this was stored when it happened.
     kept = None if store is None or hasattr(robot.port, "trace") else near_program(store)
     if kept is not None:
-        stored = _checked(kept, set_name)
+        stored = _checked(kept, set_name, robot.config.name)
         before = {name: stored.get(name) if each is None else each for name, each in before.items()}
     begin: list[Inputs] = []
     readings: list[Inputs] = []
@@ -111,6 +111,8 @@ def load_tophats(
     """Use the newest stored calibration of every tophat; returns them by name.
 
     store: a file, looked for where the program was started and then beside the program, as robot.toml is.
+    Two robots may share it: this one's own go first, and another one's are used where there are none, which
+    is said.
     Whether they fit is found out within a second of driving: see `TophatSensor.fit`, the log and the
     recording. Raises CalibrationError naming the sensors that have none, ConfigError for a damaged file.
     """
@@ -118,7 +120,8 @@ def load_tophats(
 
     check_robot(robot, "load_tophats()")
     shelf = TophatStore(near_program(store))
-    entries = {name: shelf.latest(name, set_name) for name in robot.tophats}
+    own = robot.config.name
+    entries = {name: _newest(shelf.history(name, set_name), own) for name in robot.tophats}
     missing = [name for name, entry in entries.items() if entry is None]
     if missing:
         raise CalibrationError(
@@ -129,7 +132,19 @@ def load_tophats(
         if entry is not None:
             robot.tophat(name).calibrate(entry.calibration)
             robot.note(f"tophat {name}: calibration {set_name!r} of {entry.time}")
+            if entry.robot not in ("", own):
+                say(
+                    robot,
+                    f"tophat {name}: its calibration {set_name!r} is that of the robot {entry.robot!r}, and "
+                    f"this one is {own!r}: calibrate it, too, unless only its name is new",
+                )
     return found
+
+
+def _newest(stored: Sequence[StoredCalibration], own: str) -> StoredCalibration | None:
+    """The newest one that may be of the robot `own`, else the newest of any; `stored`: oldest first."""
+    mine = [each for each in stored if each.robot in ("", own)]
+    return next(reversed(mine or stored), None)
 
 
 def _there_is(shelf: TophatStore) -> str:
@@ -142,16 +157,17 @@ def _there_is(shelf: TophatStore) -> str:
     return "there is " + "; ".join(f"{name!r} of {', '.join(sensors)}" for name, sensors in sets.items())
 
 
-def _checked(store: Path, set_name: str) -> dict[str, TophatCalibration]:
-    """The newest calibrations in `store`, by name. Raises ConfigError where it cannot be read or written, but
-    for what the card is to blame for: nobody mends that before a match, and the calibration is good all the
-    same.
+def _checked(store: Path, set_name: str, own: str) -> dict[str, TophatCalibration]:
+    """The newest calibrations of the robot `own` in `store`, by name. Raises ConfigError where it cannot be
+    read or written, but for what the card is to blame for: nobody mends that before a match, and the
+    calibration is good all the same.
     """
     from raccoon.estimate.tophat.store import TophatStore
 
     found: dict[str, TophatCalibration] = {}
     try:
-        found = {each.sensor: each.calibration for each in TophatStore(store).history(set_name=set_name)}
+        stored = TophatStore(store).history(set_name=set_name)
+        found = {each.sensor: each.calibration for each in stored if each.robot in ("", own)}
         store.parent.mkdir(parents=True, exist_ok=True)
         # As the store itself does it: only a file that was made tells whether one can be.
         handle, trial = tempfile.mkstemp(dir=store.parent, prefix=f".{store.name}.", suffix=".part")

@@ -28,11 +28,13 @@ from raccoon import (
 )
 from raccoon.core.config import MechanismConfig, ServoConfig
 from raccoon.core.readings import Inputs, Status
+from raccoon.estimate.tophat import calibrate
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
-from raccoon.estimate.tophat.store import TophatStore
+from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
 from robots import CONFIG, Between, simulated, tophat_calibration
+from standing_port import StandingPort
 
 LINES = "".join(
     f"[[line]]\npoints = [[{0.3 + 0.37 * i:.2f}, -1.0], [{0.3 + 0.37 * i:.2f}, 1.0]]\nwidth = 0.02\n"
@@ -128,6 +130,26 @@ def test_a_set_may_lie_beside_a_program_that_is_started_from_elsewhere(
         calibrate_tophats(robot, 0.4, store="tophats.json")  # the same file goes on, there is no second one
     assert list(other.iterdir()) == []
     assert len(TophatStore(team / "tophats.json").history()) == 4
+
+
+def test_two_robots_may_share_a_file(tmp_path: Path) -> None:
+    store = tmp_path / "tophats.json"
+    levels = {"one": 300.0, "two": 600.0}  # newest last
+    found = {
+        name: calibrate([white + n % 7 for n in range(200)] + [2800.0 + n % 7 for n in range(100)])
+        for name, white in levels.items()
+    }
+    TophatStore(store).add(
+        *(
+            StoredCalibration(sensor, "default", f"2026-01-0{day}T09:00:00+00:00", found[name], name)
+            for day, name in enumerate(levels, 1)
+            for sensor in ("left", "right")
+        )
+    )
+    for name, used, said in (("one", "one", False), ("two", "two", False), ("three", "two", True)):
+        robot = Robot(StandingPort(), replace(CONFIG, name=name))
+        assert load_tophats(robot, store)["left"].threshold == found[used].threshold
+        assert any("is that of the robot 'two'" in each for each in robot.drive.remarks.values()) is said
 
 
 def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
