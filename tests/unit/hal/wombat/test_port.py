@@ -328,6 +328,16 @@ def test_a_silent_bus_is_named(silence: int) -> None:
     assert clock.now() == pytest.approx(2.9)  # it might have been starting
 
 
+def test_single_dead_frames_before_and_after_a_pause_are_no_lost_link(bench: Bench) -> None:
+    bench.run(STOP, 20)
+    for _ in range(2):
+        bench.emulator.faults.silent = 0
+        assert Fault.LINK_DEAD in bench.port.read().faults
+        bench.clock.advance(5.0)
+    bench.emulator.faults.silent = None
+    assert bench.run(STOP, 3)[-1].faults == ()
+
+
 @pytest.mark.parametrize("word", [0x00, 0xFF])
 def test_single_dead_frames_are_no_restarts(bench: Bench, word: int) -> None:
     bench.run(FORWARD, 40)

@@ -67,6 +67,8 @@ class Receiver:
 
         Raises HardwareError where the link or the controller is lost.
         """
+        if time - self._taken > PATIENCE_SECONDS:
+            self._unusable_since = None  # nobody looked meanwhile: of that pause the link says nothing
         self._taken = time
         reply = self.exchange(frame)
         if not self._dialect.aligned(reply):
