@@ -24,7 +24,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, STOP, Fault, Inputs, Out
 from raccoon.hal.create import RADIANS_PER_TICK, CreatePort, open_create, protocol
 from raccoon.hal.create.counters import WheelCounter
 from raccoon.hal.create.protocol import BAUD, PACKETS, Mode, Sensors, StreamDecoder
-from raccoon.hal.serial_line import SerialLine
+from raccoon.hal.serial_line import CHUNK_LIMIT, SerialLine
 from raccoon.hal.supervise import supervisor
 from serial_peer import SerialPeer
 
@@ -341,6 +341,20 @@ def test_a_cycle_waits_for_its_frame(base: Base, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(SerialLine, "read", read)
     assert base.port.read().faults == ()
     assert waits == pytest.approx([0.05, 0.03])
+
+
+def test_the_newest_frame_counts_of_what_came_in_a_pause(base: Base, monkeypatch: pytest.MonkeyPatch) -> None:
+    base.cycle(REST)
+    kept = b"".join(frame(replace(REST, left_encoder=100 + tick)) for tick in range(500))
+
+    def read(*_: object) -> bytes:
+        nonlocal kept
+        data, kept = kept[:CHUNK_LIMIT], kept[CHUNK_LIMIT:]
+        return data
+
+    monkeypatch.setattr(SerialLine, "read", read)
+    base.clock.advance(7.5)
+    assert base.port.read().position[0] == 499
 
 
 def test_a_base_that_never_obeys_is_reported(peer: SerialPeer) -> None:

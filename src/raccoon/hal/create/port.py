@@ -23,7 +23,7 @@ from raccoon.core.readings import (
 from raccoon.hal.create import protocol
 from raccoon.hal.create.counters import WheelCounter
 from raccoon.hal.create.protocol import BAUD, Mode, Sensors, StreamDecoder
-from raccoon.hal.serial_line import SerialLine
+from raccoon.hal.serial_line import CHUNK_LIMIT, SerialLine
 
 RADIANS_PER_TICK = 2.0 * math.pi / 508.8
 """rad of a wheel in one encoder tick (OI specification, packet 43)."""
@@ -47,6 +47,8 @@ SILENCE = 0.5
 """s without a frame after which the interface is started again."""
 PATIENCE = 5.0
 """s without a frame after which the base is given up: time to put a plug back in."""
+MOST_READS = 20
+"""In one cycle: more than what a cable's driver keeps, 64 KiB."""
 _ANALOG_REST = (None,) * (ANALOG_PORTS - 4)
 _MOTOR_REST = (None,) * (MOTOR_PORTS - 2)
 
@@ -162,14 +164,17 @@ class CreatePort:
         # The select inside the line waits in real time, so the number of waits is bounded as well: a trickle
         # of garbage must not keep the cycle here when the clock is a stepped one.
         deadline = self._clock.now() + CYCLE_TIMEOUT
-        for _ in range(8):
+        frames: list[Sensors] = []
+        for _ in range(MOST_READS):
             data = self._line.read(max(deadline - self._clock.now(), 0.0))
             if self._line.openings != self._openings:
                 self._start()
-            frames = self._decoder.feed(data)
-            if frames or not data or self._clock.now() >= deadline:
-                return frames
-        return []
+            frames += self._decoder.feed(data)
+            # A whole chunk is of a pause in which nobody read: the newest frame lies behind it.
+            done = frames and len(data) < CHUNK_LIMIT
+            if done or not data or self._clock.now() >= deadline:
+                break
+        return frames
 
     def _silent_cycle(self, now: float) -> Inputs:
         silent = now - self._last_frame
