@@ -184,6 +184,16 @@ def test_repeated_imu_words_are_not_news(bench: Bench) -> None:
     assert fresh == pytest.approx(expected, abs=4)
 
 
+def test_an_imu_that_freezes_after_a_pause_is_told_as_soon_as_before_it(bench: Bench) -> None:
+    bench.run(STOP, 200)
+    rate = bench.port.rates.imu
+    bench.clock.advance(60.0)  # somebody is asked to press Enter
+    assert Fault.IMU_FROZEN not in bench.run(STOP, 20)[-1].faults
+    assert bench.port.rates.imu == pytest.approx(rate, rel=0.05)
+    bench.emulator.faults.imu_frozen = True
+    assert Fault.IMU_FROZEN in bench.run(STOP, 40)[-1].faults
+
+
 @pytest.mark.parametrize("firmware", FIRMWARES)
 def test_a_robot_at_rest_may_repeat_itself_for_ever(firmware: Firmware) -> None:
     bench = Bench(firmware, noise=False)

@@ -16,20 +16,28 @@ class Liveness:
     """Whether words still change, measured by how often they used to.
 
     Noise changes the low bits of a live controller all the time; how often depends on the build, so the limit
-    is `patience` of the usual intervals, but within `shortest` and `longest` seconds.
+    is `patience` of the usual intervals, but within `shortest` and `longest` seconds. A pause in which nobody
+    looked is none of them.
     """
+
+    PAUSE = 0.1
+    """s between two looks."""
 
     def __init__(self, shortest: float, longest: float, patience: float = 10.0) -> None:
         self._shortest, self._longest, self._patience = shortest, longest, patience
         self._last: bytes | None = None
         self._changed_at = 0.0
-        self._first = 0.0
+        self._first = self._looked = 0.0
         self._changes = 0
         self.fresh = False
         self.age = 0.0
 
     def update(self, words: bytes, time: float) -> bool:
         """True where the words have been the same for too long. `fresh`: they are new in this cycle."""
+        unseen, self._looked = time - self._looked, time
+        if unseen > self.PAUSE:
+            self._first += unseen
+            self._changed_at += unseen
         self.fresh = words != self._last
         if self.fresh:
             if self._last is None:
