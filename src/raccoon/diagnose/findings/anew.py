@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from raccoon.diagnose.result import Diagnosis
+from raccoon.diagnose.select.gates import CROWDED
 
 HOT = "motor.heating"
 WANDERS = 1.9
@@ -14,8 +15,11 @@ def may_rub_anew(found: Diagnosis) -> bool:
     as the friction of a robot that took a load, or wheels that are far off what nothing explains.
 
     Asked for always, the curve's fifteen steps are fifteen more ways to be wrong in, for which the noise has
-    room: of a deadband's 22.7 beside four causes on 12 s 19.8 were left.
+    room: of a deadband's 22.7 beside four causes on 12 s 19.8 were left. Beside a crowd of causes their forms
+    are as far off, and the whole search that asks takes as long again.
     """
+    if len(found.causes) >= CROWDED:
+        return False
     hot = any(each.id == HOT for each in found.causes)
     wheels = [each for each in found.channels if each.name.startswith("motor.")]
     return hot or any(each.rmse_after > WANDERS * each.noise_floor for each in wheels)

@@ -20,11 +20,12 @@ from raccoon.diagnose.habits.chains import CHAINS
 from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, battery_off, with_battery
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.select.gates import CROWDED
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, start_search
 from raccoon.diagnose.select.refits import SEVERAL
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import begun, beside_unknown, gone_on, whole
+from raccoon.diagnose.select.search import begun, beside_unknown, finished, grown_on, whole
 from raccoon.diagnose.unknown.changes import KNOWN, name_of
 from raccoon.diagnose.unknown.probes import probes_for
 
@@ -168,7 +169,11 @@ def if_ahead(
         if _ended_behind(second, search, min(wanted, 0.0)):
             under.were_vain(search, habits, [other])
             return search, habits
-        second = gone_on(second)
+        second = grown_on(second)
+        if _grown_behind(second, search):
+            under.were_vain(search, habits, [other])
+            return search, habits
+        second = finished(second)
     if sound(second) and not sound(search):
         wanted = min(wanted, 0.0)
     more = explains_more(second, search)
@@ -189,6 +194,13 @@ def _ended_behind(second: Search, search: Search, wanted: float) -> bool:
     named, there = search.fit.point.active, second.fit.point.active
     same = set(named) == set(there) and set(search.unknown) == set(second.unknown)
     return same and len(there) < SEVERAL and explains_more(second, search) < wanted - DOUBT
+
+
+def _grown_behind(second: Search, search: Search) -> bool:
+    """Whether a search has grown to a crowd of causes as well, and explains less with them: what other habits
+    do not make simpler is no sign of them, and the rest of such a search takes longest."""
+    crowds = (each.fit.point.active for each in (second, search))
+    return all(len(each) >= CROWDED for each in crowds) and explains_more(second, search) < 0.0
 
 
 def first_ahead(

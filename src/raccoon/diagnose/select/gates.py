@@ -27,6 +27,9 @@ SCALE_GATE = 11.0
 """One reading's scale differs from the other's as wheels and motors do that are far out in robot.toml."""
 MANY = 4
 """Causes from which others may have been missed, and one more is no wonder."""
+CROWDED = 10
+"""Causes beside which every further question takes as long as the whole search of another recording: only
+those are asked that may well lead to something else."""
 _IMITATED = ("friction.", "drive.turn_scrub", "bemf.")
 """What else the noise of floor and readings gets 6 and more for."""
 _ONE_WHEEL = ("friction.", "actuation.deadband")

@@ -216,9 +216,14 @@ def begun(search: Search) -> Search:
     return grown(search, SEVERAL)
 
 
+def grown_on(search: Search) -> Search:
+    """All of the first part from its beginning on, which has ended by itself where it has fewer causes."""
+    return grown(search) if len(search.fit.point.active) >= SEVERAL else search
+
+
 def gone_on(search: Search) -> Search:
-    """The whole search from its beginning on, which has ended by itself where it has fewer causes."""
-    return finished(grown(search) if len(search.fit.point.active) >= SEVERAL else search)
+    """The whole search from its beginning on."""
+    return finished(grown_on(search))
 
 
 def known_after_all(search: Search) -> tuple[Search, bool]:

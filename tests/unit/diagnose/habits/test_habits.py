@@ -31,6 +31,7 @@ from raccoon.diagnose.habits.others import (
     MOST_KEPT,
     Under,
     _ended_behind,
+    _grown_behind,
     as_wheels_give,
     best_of,
     if_ahead,
@@ -45,6 +46,7 @@ from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.variants import Habits, _cycle
+from raccoon.diagnose.select.gates import CROWDED
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.search import begun
@@ -348,6 +350,27 @@ def test_a_beginning_that_ended_far_behind_with_the_same_cause_is_not_gone_on_wi
     assert not _ended_behind(search("drive.inertia", 1.0), found, far)
     assert not _ended_behind(search("drive.inertia", 0.01), found, 0.0)
     assert not _ended_behind(search("motor.back_emf_constant", 1.0), found, 0.0)
+
+
+def test_a_crowd_that_explains_less_under_other_habits_is_not_gone_on_with(problem: Problem) -> None:
+    """Twelve causes on 36 s had grown under others to ten that lacked 214: going on from these, and from
+    something unknown after them, took longer than all before."""
+    measured = problem.predict([problem.nominal()])[0]
+    driven = replace(problem, features=replace(problem.features, measured=measured))
+    wholes = [name for name in driven.causes if "@" not in name and name != "drive.inertia"]
+
+    def search(others: int, inertia: float) -> Search:
+        active = {"drive.inertia": np.array([inertia])}
+        active |= {name: np.zeros(driven.causes[name].size) for name in wholes[:others]}
+        return search_at(driven, replace(driven.nominal(), active=active))
+
+    crowd, few = search(CROWDED - 1, 0.0), search(CROWDED - 2, 0.0)
+    behind = search(CROWDED - 1, 1.0)
+    assert explains_more(behind, crowd) < 0.0
+    assert _grown_behind(behind, crowd)
+    assert not _grown_behind(crowd, behind)
+    assert not _grown_behind(behind, few)
+    assert not _grown_behind(search(CROWDED - 2, 1.0), crowd)
 
 
 def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() -> None:
