@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Change
-from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
+from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Setting, Settings
 from raccoon.diagnose.rollout.variants import Rollout
 
 Array = NDArray[np.float64]
@@ -190,12 +190,17 @@ class Problem:
         plain = bool(coordinate.settings) and not coordinate.factor and cause.own is None
         if not plain or coordinate.low > -np.inf:
             return coordinate.low
-        key = coordinate.settings[0]
-        bounds = next(each.bounds for each in cause.effect.parameters if each.name == key[2])
+        name = coordinate.settings[0][2]
+        bounds = next(each.bounds for each in cause.effect.parameters if each.name == name)
         if not np.isfinite(bounds.low):
             return coordinate.low
-        opened = sum(each.value(each.low) for each in self.base if key in each.settings)
-        return min((bounds.low - self.neutral[key] - opened) / coordinate.value(1.0), 0.0)
+
+        def smallest(key: Setting) -> float:
+            opened = sum(each.value(each.low) for each in self.base if key in each.settings)
+            return self.neutral[key] + opened
+
+        left = min(map(smallest, coordinate.settings))  # of two wheels that which has less
+        return min((bounds.low - left) / coordinate.value(1.0), 0.0)
 
 
 def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Point], Array]:
@@ -216,13 +221,25 @@ def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Poi
 
 
 def carried(point: Point, here: Problem, there: Problem) -> Point:
-    """A point in another problem, whose base coordinates may be fewer or more."""
-    known = dict(zip((each.settings for each in here.base), point.base, strict=True))
-    return replace(point, base=np.array([known.get(each.settings, 0.0) for each in there.base]))
+    """A point in another problem, whose base coordinates may be fewer or more, and of other widths: the same
+    numbers, as near as its limits allow."""
+    known = {each.settings: (each, u) for each, u in zip(here.base, point.base, strict=True)}
+    base = np.zeros(len(there.base))
+    for index, each in enumerate(there.base):
+        if each.settings in known:
+            own, u = known[each.settings]
+            base[index] = u * own.units_of(each)
+    return there.inside(replace(point, base=base))
 
 
-def carried_rows(here: Problem, there: Problem) -> list[int] | None:
-    """Which of a problem's base coordinates those of another are, None where that has others as well."""
+def carried_columns(columns: Array, here: Problem, there: Problem) -> Array | None:
+    """Columns (coordinates, ...) of a problem as those of another, of which it knows all base coordinates,
+    None where it does not. What comes after the base coordinates stays."""
     known = {each.settings: index for index, each in enumerate(here.base)}
     rows = [known.get(each.settings, -1) for each in there.base]
-    return None if -1 in rows else rows
+    if -1 in rows:
+        return None
+    found = columns[[*rows, *range(len(here.base), len(columns))]]
+    for index, (row, each) in enumerate(zip(rows, there.base, strict=True)):
+        found[index] *= each.units_of(here.base[row])
+    return np.asarray(found, float)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.fit.fits import fit_many, fit_point
 from raccoon.diagnose.fit.noise import white_noise
-from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
+from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.coordinates import added, multiplied
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, Wheels, base_coordinates
@@ -69,11 +69,10 @@ class Fitted:
     def carried_to(self, problem: Problem) -> Point:
         """Where a fit in another problem, of these coordinates or fewer, arrives with the columns of this: as
         near to the readings, by `ROUGHLY`, as with columns of its own."""
-        rows = carried_rows(self.problem, problem)
-        assert rows is not None, "other habits have coordinates of their own"
+        columns = carried_columns(self.columns, self.problem, problem)
+        assert columns is not None, "other habits have coordinates of their own"
         start = carried(self.point, self.problem, problem)
         whitener = _whitener(problem, start)
-        columns = self.columns[[*rows, *range(len(self.problem.base), len(self.columns))]]
         return fit_many(problem, whitener, [start], whitener(columns), ROUGH_STEPS)[0].point
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from raccoon.core.doing import tell
 from raccoon.diagnose.fit.fits import fit_at, fit_many, fit_point
 from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
+from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
 from raccoon.diagnose.habits.chains import CHAINS
 from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, battery_off, with_battery
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
@@ -119,11 +119,10 @@ def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:
         columns = fit_at(problem, whitener, there[0]).jacobian[: len(problem.base)]
         rough = fit_many(problem, whitener, there, columns, ROUGH_STEPS, lost)
         there = [max(rough, key=lambda each: net_lead(search, each, search.fit)).point]
-    elif (rows := carried_rows(search.problem, problem)) is not None:
-        columns, present = search.fit.jacobian, search.fit.point
-        if list(there[0].active) == list(present.active):
-            rows = [*rows, *range(len(present.base), len(columns))]
-        (first,) = fit_many(problem, whitener, there, columns[rows], ROUGH_STEPS, lost)
+    elif (known := carried_columns(search.fit.jacobian, search.problem, problem)) is not None:
+        if list(there[0].active) != list(search.fit.point.active):
+            known = known[: len(problem.base)]
+        (first,) = fit_many(problem, whitener, there, known, ROUGH_STEPS, lost)
         if lost(first, 0.0):
             return first
         there = [first.point]

@@ -55,6 +55,12 @@ class Coordinate:
             else:
                 settings[key] = max(self.from_zero * u, 0.0)
 
+    def units_of(self, other: Coordinate) -> float:
+        """How many units of another, which moves the same settings, one unit of this is."""
+        if self.factor:
+            return math.log(self.value(1.0)) / math.log(other.value(1.0))
+        return self.value(1.0) / other.value(1.0)
+
 
 FORMS = {"drive.wheel_slip": "at_once"}
 """Parameters that choose between two forms of an effect, by id: nothing in between is meant, so no fit moves

@@ -112,6 +112,16 @@ def test_no_cause_goes_where_the_simulator_has_no_robot(name: str, problem: Prob
     assert values == pytest.approx([0.0] * len(values), abs=1e-12)
 
 
+def test_of_wheels_that_differ_that_with_less_friction_bounds_what_both_may_lose(problem: Problem) -> None:
+    """A model to start from may have more at one wheel: the other's was then less than none."""
+    settings = [("friction.viscous", side, "coefficient") for side in ("left", "right")]
+    more = dict(problem.neutral) | {settings[0]: 2.0 * problem.neutral[settings[0]]}
+    known = replace(problem, neutral=more, causes={each.name: each for each in drive_causes()})
+    low, _ = known.limits(known.nominal().with_cause("friction.viscous", np.zeros(1)))
+    least = known.settings(Point(low[:-1], {"friction.viscous": low[-1:]}))
+    assert min(least[key] for key in settings) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_a_fit_starts_where_there_are_robots(problem: Problem) -> None:
     far = problem.nominal().with_cause("drive.backlash", np.array([-5.0, 0.0]))
     measured = problem.features.measured

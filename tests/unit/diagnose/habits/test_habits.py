@@ -20,7 +20,7 @@ from raccoon.diagnose.drives.quality import swing
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.descent import ROUGH
-from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
+from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
 from raccoon.diagnose.habits.chains import FREE_RUNNING, PAUSING
 from raccoon.diagnose.habits.controller import controller_of, drive_problem, problem_of
 from raccoon.diagnose.habits.lags import with_readings_that_lag
@@ -42,7 +42,7 @@ from raccoon.diagnose.habits.others import (
 from raccoon.diagnose.habits.searching import _as_logged, _sooner, _under_another_filter, searched
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import Wheels
+from raccoon.diagnose.hypotheses.open_numbers import INSIDE, LOOP_LATENCY, Wheels
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.variants import Habits, _cycle
@@ -421,7 +421,7 @@ def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> N
         for wheels in (Wheels.GIVING, Wheels.RIGID)
     )
     rng = np.random.default_rng(2)
-    point = Point(rng.standard_normal(len(gives.base)), {"drive.inertia": np.array([0.3])})
+    point = gives.inside(Point(rng.standard_normal(len(gives.base)), {"drive.inertia": np.array([0.3])}))
     there = carried(point, gives, slides)
     assert (
         slides.settings(there).items()
@@ -429,14 +429,35 @@ def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> N
             key: value for key, value in gives.settings(point).items() if key[0] != "friction.presliding"
         }.items()
     )
-    rows = carried_rows(gives, slides)
-    assert rows is not None
-    np.testing.assert_array_equal(point.base[rows], there.base)
-    assert carried_rows(slides, gives) is None
+    columns = carried_columns(point.vector()[:, None], gives, slides)
+    assert columns is not None
+    np.testing.assert_array_equal(columns[:, 0], there.vector())
+    assert carried_columns(columns, slides, gives) is None
     back = carried(there, slides, gives)
     lost = [each.settings[0][0] == "friction.presliding" for each in gives.base]
     np.testing.assert_array_equal(back.base, np.where(lost, 0.0, point.base))
     assert back.active == point.active
+
+
+def test_a_point_carried_to_habits_that_leave_more_open_keeps_its_times_and_how_readings_follow() -> None:
+    """A clock of its own leaves three times as much open of the filter, and five times of the latency: 1 ms
+    late was 0.2 ms late in step."""
+    log = planned_log(exciting(np.random.default_rng(1), 2.0))
+    steps, runs = (
+        drive_problem(log, ROBOT, CAUSES, Habits(chain, False), None)
+        for chain in (Chain.firmware(), FREE_RUNNING)
+    )
+    late = ("actuation.latency", None, "seconds")
+    (index,) = (index for index, each in enumerate(runs.base) if each.settings == (late,))
+    point = replace(runs.nominal(), base=0.5 * np.eye(len(runs.base))[index])
+    there = carried(point, runs, steps)
+    assert runs.settings(point)[late] == pytest.approx(0.00074, abs=1e-5)
+    assert steps.settings(there) == pytest.approx(runs.settings(point))
+    columns = carried_columns(np.eye(len(runs.base)), runs, steps)
+    assert columns is not None  # as much as a point is carried by, its columns change the readings by less
+    np.testing.assert_allclose(there.base @ columns, point.base)
+    far = carried(replace(point, base=6.0 * point.base), runs, steps)
+    assert steps.settings(far)[late] == pytest.approx(INSIDE * LOOP_LATENCY)
 
 
 @pytest.mark.parametrize(("cause", "named"), [(None, "friction.load_dependent"), ("drive.inertia",) * 2])
