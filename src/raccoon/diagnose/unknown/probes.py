@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.features import SETTLING
 from raccoon.diagnose.drives.log import Change
 from raccoon.diagnose.fit.linear import Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
@@ -89,7 +90,9 @@ def motion_of(problem: Problem, settings: Settings) -> Motion | None:
     rate = (way[:, 1] - way[:, 0]) / track
     if "gyro" in features.roles:
         scale = problem.robot.model.imu.gyro_scale.value * settings[("imu.gyro_scale", None, "factor")]
-        bias = settings[("imu.gyro_bias", None, "rate")]
+        since = features.time - features.time[0] + SETTLING
+        drift = settings[("imu.gyro_drift", None, "rate_per_second")] * since
+        bias = settings[("imu.gyro_bias", None, "rate")] + drift
         rate = (features.measured[:, features.roles.index("gyro")] - bias) / scale
     heading = np.cumsum(rate) * features.width
     forward = way.mean(axis=1) * features.width

@@ -137,6 +137,22 @@ def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> N
     assert way == pytest.approx(6.0 * 1.01 * model.drive.wheel_radius.value * (bins - 1) * BIN)
 
 
+def test_a_gyro_that_drifts_does_not_turn_the_robot(problem: Problem) -> None:
+    """By 0.002 rad/s in each second heading and place were 1.6 rad astray after 40 s."""
+    nominal = problem.nominal()
+    drifts = problem.settings(nominal) | {("imu.gyro_drift", None, "rate_per_second"): 0.002}
+    (samples,), _ = problem.rollout([problem.settings(nominal), drifts])
+    steady, drifting = (
+        motion_of(replace(problem, features=replace(problem.features, measured=measured)), settings)
+        for measured, settings in zip(
+            problem.features.simulated(samples), (problem.settings(nominal), drifts), strict=True
+        )
+    )
+    assert steady is not None
+    assert drifting is not None
+    np.testing.assert_allclose(drifting.heading, steady.heading, atol=1e-3)
+
+
 def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong() -> None:
     """An offset, or K_E, that is off as robot.toml allows shifted its waves on the way, and it was taken for
     noise."""
