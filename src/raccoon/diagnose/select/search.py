@@ -192,7 +192,7 @@ def pruned(search: Search, name: str, why: str, fit: Fit | None = None) -> Searc
 
 def grown(search: Search, most: int = MOST_CAUSES) -> Search:
     """The first part of a search: causes added one by one, those that lose their place dropped."""
-    dropped: set[str] = set()
+    seen: set[frozenset[str]] = set()
     for _ in range(2 * MOST_CAUSES):
         tell(f"looking for causes; so far {_listed(search)}")
         if len(search.fit.point.active) >= most:
@@ -203,11 +203,11 @@ def grown(search: Search, most: int = MOST_CAUSES) -> Search:
             break
         if len(search.fit.point.active) > (0 if search.unknown else 1):
             search, removed = backward(search)
+            left = frozenset((*search.fit.point.active, *search.unknown))
+            if removed and left in seen:  # from which it has gone round
+                break
             if removed:
-                gone = set(search.failed) - dropped
-                if not gone:
-                    break
-                dropped |= gone
+                seen.add(left)
     return search
 
 
@@ -232,7 +232,7 @@ def known_after_all(search: Search) -> tuple[Search, bool]:
     if not search.unknown or not search.fit.point.active or search.problem.change is not None:
         return search, False
     bare = beside_unknown(search, {}, search.fit.point)
-    bare.rivals, bare.failed = search.rivals, search.failed
+    bare.rivals, bare.failed = search.rivals, dict(search.failed)
     following, _ = forward(bare)
     return (search, False) if following.unknown else (following, True)
 

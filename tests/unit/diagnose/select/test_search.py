@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -38,7 +39,15 @@ from raccoon.diagnose.select.outlook import (
     screen,
     start_search,
 )
-from raccoon.diagnose.select.search import NOTHING, SURE, _credible, _fails_held_out, _too_little
+from raccoon.diagnose.select.search import (
+    NOTHING,
+    SURE,
+    _credible,
+    _fails_held_out,
+    _too_little,
+    grown,
+    known_after_all,
+)
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.sim.effects.effect import Parameter, effect
@@ -463,3 +472,55 @@ def test_a_set_that_comes_back_is_not_gone_through_again(monkeypatch: pytest.Mon
     monkeypatch.setattr(f"{module}.grown", lambda _: both)
     monkeypatch.setattr(f"{module}._stable", lambda search: search)
     assert _credible(one) is none
+
+
+@pytest.mark.parametrize(
+    ("steps", "end"),
+    [
+        (["+a", "+b", "-a", "+c", "-b", "+d"], "cd"),
+        (["+a", "+b", "-a", "+a", "-a", "+c"], "b"),
+    ],
+)
+def test_causes_are_added_until_what_is_left_was_left_before(
+    steps: list[str], end: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That another cause was dropped once, and this one had once failed to be named, is no sign of a circle:
+    what had the place of the second was never asked for."""
+    module, left = "raccoon.diagnose.select.search", list(steps)
+
+    def at(names: Iterable[str]) -> Any:
+        failed = dict.fromkeys("abcd", NOTHING)  # whatever was tried and not taken at first
+        return SimpleNamespace(fit=_with_causes(*names), unknown={}, failed=failed)
+
+    def step(search: Any, sign: str) -> tuple[Any, bool]:
+        if not left or not left[0].startswith(sign):
+            return search, False
+        names = dict.fromkeys(search.fit.point.active)
+        name = left.pop(0)[1:]
+        return at([*names, name] if sign == "+" else [each for each in names if each != name]), True
+
+    monkeypatch.setattr(f"{module}.forward", lambda search: step(search, "+"))
+    monkeypatch.setattr(f"{module}.backward", lambda search: step(search, "-"))
+    monkeypatch.setattr(f"{module}.merged", lambda search: search)
+    assert "".join(grown(at([])).fit.point.active) == end
+
+
+def test_what_is_asked_without_something_unknown_says_nothing_where_that_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Why causes are not named was what they explain of what the unknown explains."""
+    module = "raccoon.diagnose.select.search"
+    why = {"imu.latency": "explains too little (log evidence +3.0)"}
+    start: Any = SimpleNamespace(
+        fit=_with_causes("a"), unknown={"speed": 20.0}, failed=dict(why), rivals={}, problem=SimpleNamespace()
+    )
+    start.problem.change = None
+    monkeypatch.setattr(f"{module}.beside_unknown", lambda *_: SimpleNamespace())
+
+    def forward(bare: Any) -> tuple[Any, bool]:
+        bare.failed["imu.latency"] = NOTHING
+        return SimpleNamespace(unknown=start.unknown), True
+
+    monkeypatch.setattr(f"{module}.forward", forward)
+    assert known_after_all(start) == (start, False)
+    assert start.failed == why
