@@ -128,7 +128,8 @@ def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | 
     that is not among the causes.
 
     What robot.toml gives stays inside it where it can; otherwise its cause is on. Causes of one side where
-    robot.toml has one number for both stay as they are.
+    robot.toml has one number for both stay as they are where they are a factor on it, and follow where they
+    are added.
     """
     base, active = point.base.copy(), dict(point.active)
     moved: dict[str, list[int]] = {}
@@ -140,8 +141,10 @@ def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | 
             base[index] = _times(problem, each, total_of(problem, point, index), factor**power)
             moved.setdefault(id_of(each), []).append(index)
     for name, u in point.active.items():
-        if problem.causes[name].id not in moved:
-            active[name] = _scaled(problem.causes[name], u, line, factor)
+        cause = problem.causes[name]
+        its = {each for index in moved.get(cause.id, ()) for each in _causes(problem, index)}
+        if not its or not (name in its or cause.coordinates[0].factor):
+            active[name] = _scaled(cause, u, line, factor)
     for id_, indices in moved.items():
         if not _shared(problem, active, id_, indices, base):
             return None

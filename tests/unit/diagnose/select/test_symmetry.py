@@ -84,6 +84,18 @@ def test_along_a_line_the_drive_stays_the_same(
     assert apart_by(problem, point, other) < 0.2
 
 
+@pytest.mark.parametrize("line", [BACK_EMF, RESISTANCE])
+@pytest.mark.parametrize("name", ["friction_viscous__left", "friction_coulomb__left"])
+def test_what_one_wheel_has_beyond_a_number_of_both_follows_with_it(
+    problem: Problem, line: dict[tuple[str, str], float], name: str
+) -> None:
+    """Of viscous friction that is added, and stayed: up to 4.5 times the noise."""
+    point = at(problem, motor_back_emf_constant=0.5, **{name: 0.8})
+    other = along(problem, point, line, 0.85)
+    assert other is not None
+    assert apart_by(problem, point, other) < 0.2
+
+
 def test_stiction_keeps_its_form(problem: Problem) -> None:
     point = at(problem, friction_stiction=0.8, motor_back_emf_constant=0.5)
     other = along(problem, point, BACK_EMF, 1.1)
