@@ -82,11 +82,12 @@ def slow_friction(
     not round. What it lost before these bins is one number more.
     """
     course = courses(problem.features.time[bins], seconds)
-    torque = problem.neutral[("friction.coulomb", "left", "torque")]
     columns = []
-    for response in (coulomb_response(problem, linear, side) for side in SIDES):
+    for side in SIDES:
+        response = coulomb_response(problem, linear, side)
         if response is None:
             continue
+        torque = problem.neutral[("friction.coulomb", side, "torque")]
         at_once = torque * (response - _lost_angle(problem, linear, response[None], slice(None))[0])
         column = course[:, :, None] * at_once[bins]
         columns.append(column + _lost_angle(problem, linear, column, bins))

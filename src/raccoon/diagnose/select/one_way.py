@@ -14,6 +14,7 @@ import numpy as np
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.select.sets import apart
 
 FRICTION, UNEVEN, SLOPE = "friction.coulomb", "friction.direction_dependent", "drive.slope"
@@ -53,12 +54,13 @@ def same_one_way(problem: Problem, point: Point, name: str) -> Iterator[tuple[st
 
 
 def _against(problem: Problem, name: str, size: float, way: int) -> float:
-    """N m by which a cause of that size holds each wheel back."""
+    """N m by which a cause of that size holds each wheel back, beyond what is known to."""
     cause, there = problem.causes[name], dict(problem.neutral)
     cause.apply(there, [size, *[0.0] * (cause.size - 1)])
-    if name == SLOPE:
-        return -way * there[SLOPE, None, "along_x"]
-    friction = there[FRICTION, "left", "torque"]
-    if name == UNEVEN:
-        return way * friction * there[UNEVEN, "left", "asymmetry"]
-    return friction - problem.neutral[FRICTION, "left", "torque"]
+    return _held_back(there, way) - _held_back(problem.neutral, way)
+
+
+def _held_back(settings: Settings, way: int) -> float:
+    """N m that hold each wheel back."""
+    lean = way * settings[UNEVEN, "left", "asymmetry"]
+    return settings[FRICTION, "left", "torque"] * (1.0 + lean) - way * settings[SLOPE, None, "along_x"]

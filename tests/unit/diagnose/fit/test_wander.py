@@ -43,6 +43,19 @@ CHUNK = 20
 RUNOUT = "drive.wheel_eccentricity@left"
 
 
+def test_of_wheels_that_differ_each_has_its_own_friction_to_wander() -> None:
+    """A model to start from may have more at one: the left one's was taken for both. What a share of its own
+    changes is the same, however many N m that is."""
+    log = planned_log(exciting(np.random.default_rng(1), 4.0))
+    causes = [each for each in drive_causes() if each.id == "friction.coulomb"]
+    plain = drive_problem(log, ROBOT, causes, Habits(Chain.firmware(), False), None)
+    key = ("friction.coulomb", "right", "torque")
+    other = replace(plain, neutral=dict(plain.neutral) | {key: 2.0 * plain.neutral[key]})
+    linear = linearise(plain, plain.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
+    both, more = (slow_friction(each, linear) for each in (plain, other))
+    np.testing.assert_allclose(more, both)
+
+
 def wandering(drive: Array, course: Array, out_of_round: float) -> Array:
     """Readings (1, channels, rows) of a robot whose left wheel's friction follows a course (rows,), in parts
     of Coulomb friction."""
