@@ -20,6 +20,7 @@ from raccoon.diagnose.fit.problem import Creep, Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, reads_back_emf, slowed_by_pauses
 from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
+from raccoon.diagnose.hypotheses.candidates import counted_from
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels, base_coordinates
 from raccoon.diagnose.hypotheses.runs import run_coordinates, run_settings
@@ -67,13 +68,13 @@ def drive_problem(
 ) -> Problem:
     """The problem of a drive under a controller's habits."""
     own = [each.own for each in causes if each.own is not None]
-    by_name = {each.name: each for each in causes}
     battery = robot.model.battery.internal_resistance.value if log.own_batteries else 0.0
     settings = starting_settings(robot, model) | encoder_settings(log)
     settings |= run_settings(len(log.runs), battery)
     settings |= age_settings() if habits.any_moment else {}
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
+    by_name = counted_from(causes, settings)
     return Problem(
         Features.kept(log, habits.swing or answered(log)),
         rollout_of(log, robot, habits, own),

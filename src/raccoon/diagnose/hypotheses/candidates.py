@@ -183,6 +183,20 @@ def drive_causes() -> tuple[Cause, ...]:
     return tuple(found)
 
 
+def counted_from(causes: Sequence[Cause], settings: Settings) -> dict[str, Cause]:
+    """Causes by name, as they can be from these settings: of what a model to start from has, there may be
+    less. A cause that sets its numbers itself counts from none of it."""
+    return {each.name: _from(each, settings) for each in causes}
+
+
+def _from(cause: Cause, settings: Settings) -> Cause:
+    first, *others = cause.coordinates
+    plain = cause.one_sided and cause.joint is None and cause.own is None
+    if not plain or any(settings[key] <= 0.0 for key in first.settings):
+        return cause
+    return replace(cause, coordinates=(replace(first, low=-math.inf), *others))
+
+
 OWN_START = 0.5
 """Widths at which an effect of a team's own is looked at first."""
 ABOVE_NONE = 1e-6

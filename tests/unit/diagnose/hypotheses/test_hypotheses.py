@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import starting_settings
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, neutral_settings
+from raccoon.diagnose.hypotheses.candidates import counted_from, drive_causes
+from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, cause_name, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
 from raccoon.diagnose.rollout.robots import Variant, parameters_of
 from raccoon.sim.effects.chain import Chain
@@ -50,6 +52,39 @@ def test_a_model_file_brings_its_inertia_along(problem: Problem) -> None:
     settings[("inertia", None, "straight")], settings[("inertia", None, "turn")] = 1.3, 0.8
     model = parameters_of(settings, neutral_settings(ROBOT), ROBOT, Chain.firmware())
     assert starting_settings(ROBOT, model) == pytest.approx(settings)
+
+
+@pytest.mark.parametrize(
+    ("id_", "where", "parameter"),
+    [
+        ("actuation.latency", None, "seconds"),
+        ("drive.turn_scrub", None, "torque"),
+        ("bemf.dead_zone", "left", "counts"),
+    ],
+)
+def test_of_what_a_model_to_start_from_has_there_may_be_less_down_to_none(
+    problem: Problem, id_: str, where: str | None, parameter: str
+) -> None:
+    """Commands that came 10 ms late, of a robot whose model says 30 ms, were something unknown."""
+    key, name = (id_, where, parameter), cause_name(id_, where)
+    known = neutral_settings(ROBOT)
+    known[key] = 0.3 * CAUSES[name].coordinates[0].value(1.0)
+    causes = counted_from(list(CAUSES.values()), known)
+    there = replace(problem, causes=causes, neutral=known, base=())
+    low, high = there.limits(there.nominal().with_cause(name, np.zeros(1)))
+    assert high == np.inf
+    assert there.settings(Point(np.zeros(0), {name: low}))[key] == pytest.approx(0.0, abs=1e-12)
+    assert not causes[name].one_sided
+    changed = {each for each in CAUSES if causes[each] is not CAUSES[each]}
+    assert changed == {name}
+
+
+def test_of_what_a_model_has_at_one_wheel_both_have_no_less() -> None:
+    known = neutral_settings(ROBOT) | {("bemf.dead_zone", "left", "counts"): 9.0}
+    causes = counted_from(list(CAUSES.values()), known)
+    assert causes["bemf.dead_zone"].one_sided
+    assert causes["bemf.dead_zone@right"].one_sided
+    assert counted_from(list(CAUSES.values()), neutral_settings(ROBOT)) == CAUSES
 
 
 @pytest.mark.parametrize(("wombat", "own"), [(False, 0.0003), (True, 0.0025)])
