@@ -36,7 +36,8 @@ _NO_MATTER = {
     "drive.wheel_slip": ("time", BRIEF, "less than half a cycle"),
     "actuation.deadband": ("duty", PWM_STEP, "less than a step of the PWM"),
 }
-"""By causes: the parameter that does not matter below a size, however well readings show it, and in words."""
+"""By causes: the parameter that does not matter where it is off by less than that, however well readings show
+it, and in words."""
 
 STOOD, NO_DUTY = "stood", "speed"
 """Faults of a motor that did not turn although it was driven, and of a command that is no duty."""
@@ -133,7 +134,7 @@ class CauseResult:
         """Why its number does not matter, however well readings show it; "" where it does."""
         name, size, why = _NO_MATTER.get(self.id, ("", 0.0, ""))
         number = self.parameters.get(name)
-        return why if number is not None and abs(number.value) < size else ""
+        return why if number is not None and abs(number.value - number.nominal) < size else ""
 
     def to_dict(self) -> dict[str, Any]:
         """As plain types; change and unabsorbed are in it where a drive was recorded, beside where there is

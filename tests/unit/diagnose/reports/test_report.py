@@ -234,6 +234,14 @@ def test_a_lag_of_less_than_half_a_cycle_or_a_deadband_of_less_than_a_step_of_du
     assert (f"too small to matter, {why}" in text) is little
 
 
+@pytest.mark.parametrize(("value", "little"), [(0.001, False), (0.029, True), (0.034, False)])
+def test_a_lag_matters_by_what_it_is_off_from_a_model_to_start_from(value: float, little: bool) -> None:
+    """A simulation whose commands are 29 ms late, as the robot's are no more, does not fit."""
+    number = ParameterResult(value, 1e-4, "s", 0.03)
+    lag = replace(CAUSE, id="actuation.latency", where=None, parameters={"seconds": number}, change=1.6)
+    assert lag.little is little
+
+
 @pytest.mark.usefixtures("words_only")
 @pytest.mark.parametrize(("change", "said"), [(0.04, True), (0.06, False), (np.nan, False)])
 def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) -> None:
