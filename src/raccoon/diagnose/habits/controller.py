@@ -75,24 +75,25 @@ def drive_problem(
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     by_name = counted_from(causes, settings)
+    base = (
+        *base_coordinates(
+            robot,
+            wheels=habits.wheels,
+            low_pass=habits.low_pass,
+            free_running=habits.chain.free_running,
+            wombat=habits.wombat,
+            any_moment=habits.any_moment,
+        ),
+        *encoder_coordinates(log),
+        *(age_coordinates() if habits.any_moment else ()),
+        *run_coordinates(len(log.runs), battery),
+    )
     return Problem(
         Features.kept(log, habits.swing or answered(log)),
         rollout_of(log, robot, habits, own),
         robot,
         settings,
-        (
-            *base_coordinates(
-                robot,
-                wheels=habits.wheels,
-                low_pass=habits.low_pass,
-                free_running=habits.chain.free_running,
-                wombat=habits.wombat,
-                any_moment=habits.any_moment,
-            ),
-            *encoder_coordinates(log),
-            *(age_coordinates() if habits.any_moment else ()),
-            *run_coordinates(len(log.runs), battery),
-        ),
+        tuple(each.beside(settings) for each in base),
         by_name,
         told(by_name, log),
         HELD if habits.chain.battery_held else Creep(),

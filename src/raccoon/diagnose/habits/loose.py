@@ -82,7 +82,7 @@ def loosened(problem: Problem, wheels: Wheels) -> Problem:
     firmware's slots could be anything then. And with what they cannot stand in for, whose error would hide
     what a filter does."""
     base = [
-        each
+        each.beside(problem.neutral)
         for each in base_coordinates(problem.robot, inside=FAR, wheels=wheels)
         if each.settings[0][0] not in (FILTER, LATENCY)
     ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.own import OwnEffect
@@ -54,6 +54,14 @@ class Coordinate:
                 settings[key] = number * change
             else:
                 settings[key] = max(self.from_zero * u, 0.0)
+
+    def beside(self, settings: Settings) -> Coordinate:
+        """The same where these settings have something already that there was none of: by as much as there
+        may be more there may be less, down to none."""
+        if self.low != 0.0 or self.factor:
+            return self
+        there = min((settings[key] for key in self.settings), default=0.0)
+        return replace(self, low=max(-self.high, -there / self.value(1.0))) if there > 0.0 else self
 
     def units_of(self, other: Coordinate) -> float:
         """How many units of another, which moves the same settings, one unit of this is."""

@@ -7,16 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blind.drives import exciting
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.controller import starting_settings
+from raccoon.diagnose.habits.controller import drive_problem, starting_settings
 from raccoon.diagnose.hypotheses.candidates import counted_from, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, cause_name, neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
+from raccoon.diagnose.hypotheses.open_numbers import INSIDE, LOOP_LATENCY, base_coordinates
 from raccoon.diagnose.rollout.robots import Variant, parameters_of
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
-from raccoon.sim.effects.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES, Parameters
 from raccoon.sim.effects.physical import plant_numbers
 
 ROBOT = RobotConfig()
@@ -77,6 +80,24 @@ def test_of_what_a_model_to_start_from_has_there_may_be_less_down_to_none(
     assert not causes[name].one_sided
     changed = {each for each in CAUSES if causes[each] is not CAUSES[each]}
     assert changed == {name}
+
+
+def test_what_is_left_open_goes_down_to_none_of_what_a_model_has_as_well() -> None:
+    """A battery that loses next to nothing today, of a model that was made of one that did, is no fault."""
+    log = planned_log(exciting(np.random.default_rng(1), 2.0))
+    keys = ("battery.discharge", None, "volts_per_coulomb"), ("actuation.latency", None, "seconds")
+    robot = Parameters.from_robot(ROBOT)
+    known = robot.with_effect("battery.discharge", volts_per_coulomb=0.0004)
+    known = known.with_effect("actuation.latency", seconds=0.03)
+    plain, there = (
+        drive_problem(log, ROBOT, [*CAUSES.values()], Habits(Chain.firmware(), False), model)
+        for model in (None, known)
+    )
+    lowest = [each.settings(Point(each.limits(each.nominal())[0])) for each in (plain, there)]
+    assert [lowest[0][key] for key in keys] == [0.0, 0.0]
+    assert [lowest[1][key] for key in keys] == pytest.approx([0.0, 0.03 - INSIDE * LOOP_LATENCY])
+    late = there.nominal().with_cause("actuation.latency", np.zeros(1))
+    assert there.settings(late.moved(there.limits(late)[0]))[keys[1]] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_of_what_a_model_has_at_one_wheel_both_have_no_less() -> None:
