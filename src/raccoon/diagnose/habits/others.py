@@ -196,10 +196,13 @@ def _ended_behind(second: Search, search: Search, wanted: float) -> bool:
 
 
 def _grown_behind(second: Search, search: Search) -> bool:
-    """Whether a search has grown to a crowd of causes as well, and explains less with them: what other habits
-    do not make simpler is no sign of them, and the rest of such a search takes longest."""
-    crowds = (each.fit.point.active for each in (second, search))
-    return all(len(each) >= CROWDED for each in crowds) and explains_more(second, search) < 0.0
+    """Whether a search that has grown beside a crowd of causes explains less, with a crowd as well or far
+    less: what other habits do not make simpler is no sign of them, and the rest of such a search takes
+    longest."""
+    named, there = search.fit.point.active, second.fit.point.active
+    if len(named) < CROWDED:
+        return False
+    return explains_more(second, search) < (0.0 if len(there) >= CROWDED else -LOST)
 
 
 def first_ahead(
