@@ -34,3 +34,26 @@ def steady_speed(
 def time_constant(inertia: float, resistance: float, back_emf_constant: float, viscous: float = 0.0) -> float:
     """s in which the speed covers 63 % of a step: J / (K^2 / R + B)."""
     return inertia / (back_emf_constant * back_emf_constant / resistance + viscous)
+
+
+def speed_after(
+    seconds: float, speed: float, torque: float, coulomb: float, damping: float, inertia: float
+) -> float:
+    """rad/s of a shaft `seconds` later: J w' = torque - T_c sgn w - D w, solved exactly.
+
+    Dry friction opposes the motion, whichever way the torque is, and holds a shaft at rest that is pushed by
+    no more than T_c. torque: N m at standstill. damping: N m s/rad, all that falls with the speed.
+    """
+    way = speed if speed != 0.0 else torque
+    net = torque - math.copysign(coulomb, way)
+    if speed == 0.0 and net * way <= 0.0:
+        return 0.0
+    fade = damping * seconds / inertia
+    mean = -math.expm1(-fade) / fade if fade > 0.0 else 1.0
+    after = speed + (net - damping * speed) * seconds / inertia * mean
+    if net * way >= 0.0 or after * speed > 0.0:
+        return after
+    # It comes to rest on the way, and may begin anew the other way.
+    lost = -damping * speed / net
+    needed = -speed * inertia / net * (math.log1p(lost) / lost if lost > 0.0 else 1.0)
+    return speed_after(max(0.0, seconds - needed), 0.0, torque, coulomb, damping, inertia)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from raccoon.model.motor import current, steady_speed, time_constant
+from raccoon.model.motor import current, speed_after, steady_speed, time_constant
 
 MOTOR = (1.8, 1.08)
 
@@ -31,3 +31,20 @@ def test_current_at_standstill_and_at_the_free_running_speed() -> None:
 def test_friction_shortens_the_time_constant() -> None:
     assert time_constant(0.02, *MOTOR) == pytest.approx(0.02 * 1.8 / 1.08**2)
     assert time_constant(0.02, *MOTOR, viscous=0.1) < time_constant(0.02, *MOTOR)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+@pytest.mark.parametrize(("speed", "torque"), [(3.0, -0.9), (3.0, 0.9), (0.0, 0.5), (-2.0, 0.1), (0.0, 0.1)])
+def test_the_speed_of_a_shaft_solves_its_equation(speed: float, torque: float, damping: float) -> None:
+    coulomb, inertia, steps = 0.2, 0.02, 2000
+    expected = speed
+    for _ in range(steps):
+        rubs = math.copysign(coulomb, expected or torque)
+        new = expected + (torque - rubs - damping * expected) / inertia * 0.1 / steps
+        held = expected == 0.0 and abs(torque) <= coulomb
+        expected = 0.0 if held or new * expected < 0.0 else new
+    after = speed_after(0.1, speed, torque, coulomb, damping, inertia)
+    assert after == pytest.approx(expected, abs=5e-3)
+    assert speed_after(0.1, -speed, -torque, coulomb, damping, inertia) == -after
+    halfway = speed_after(0.05, speed, torque, coulomb, damping, inertia)
+    assert speed_after(0.05, halfway, torque, coulomb, damping, inertia) == pytest.approx(after)

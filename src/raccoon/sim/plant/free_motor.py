@@ -7,7 +7,7 @@ import math
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device
 from raccoon.model.bemf import believable, radians_per_count
-from raccoon.model.motor import steady_speed, time_constant
+from raccoon.model.motor import speed_after
 
 
 class FreeMotor:
@@ -30,7 +30,6 @@ class FreeMotor:
         self._constant = own if believable(own / constant) else constant
         self._coulomb, self._viscous = friction.coulomb.value, friction.viscous.value
         self._inertia = inertia
-        self._lag = time_constant(inertia, self._resistance, self._constant, self._viscous)
         self._filter = max(config.model.bemf.filter_time_constant.value, 1e-6)
         self.stops = (-math.inf, math.inf)
         """rad, where it is blocked either way, counted from where it begins."""
@@ -40,13 +39,12 @@ class FreeMotor:
     def step(self, duty: float | None, battery_voltage: float, dt: float) -> None:
         """Let `dt` s pass at a duty in the sign of the board; None: terminals open, it coasts."""
         start = self.speed
-        if duty is None:
-            lost = min(abs(start), self._coulomb / self._inertia * dt)
-            self.speed -= math.copysign(lost, start)
-        else:
-            voltage = self._sign * duty * battery_voltage
-            goal = steady_speed(voltage, self._resistance, self._constant, self._coulomb, self._viscous)
-            self.speed += (goal - start) * (1.0 - math.exp(-dt / self._lag))
+        torque, damping = 0.0, self._viscous
+        if duty is not None:
+            pull = self._constant / self._resistance
+            torque = pull * self._sign * duty * battery_voltage
+            damping += pull * self._constant
+        self.speed = speed_after(dt, start, torque, self._coulomb, damping, self._inertia)
         low, high = self.stops
         wanted = self.angle + 0.5 * (start + self.speed) * dt
         self.angle = min(high, max(low, wanted))

@@ -28,12 +28,24 @@ def test_it_comes_to_the_speed_at_which_torque_and_friction_balance() -> None:
     assert motor.words[0] == pytest.approx(K * motor.speed / SIMULATOR.bemf_volts, abs=1.0)
 
 
-def test_with_open_terminals_dry_friction_alone_stops_it() -> None:
+def test_with_open_terminals_friction_alone_stops_it() -> None:
     motor = turned(FreeMotor(CONFIG, 2, INERTIA), -0.5, 1.0)
     start = motor.speed
     turned(motor, None, 2.0 * DT)
-    assert motor.speed == pytest.approx(start + COULOMB / INERTIA * 2.0 * DT)
+    left = COULOMB / VISCOUS - (COULOMB / VISCOUS - start) * math.exp(-2.0 * DT * VISCOUS / INERTIA)
+    assert motor.speed == pytest.approx(left)
     assert turned(motor, None, -start * INERTIA / COULOMB).speed == 0.0
+
+
+def test_dry_friction_slows_a_motor_that_brakes_or_turns_round() -> None:
+    motor = turned(FreeMotor(CONFIG, 2, INERTIA), 0.5, 1.0)
+    start, damping = motor.speed, VISCOUS + K * K / R
+    until_rest = INERTIA / damping * math.log1p(start * damping / COULOMB)
+    assert turned(motor, 0.0, until_rest + DT).speed == 0.0  # and not for ever slower
+    motor = turned(FreeMotor(CONFIG, 2, INERTIA), 0.5, 1.0)
+    motor.step(-0.5, BATTERY, 1e-6)
+    slowing = 0.5 * BATTERY * K / R + COULOMB + damping * start
+    assert motor.speed - start == pytest.approx(-slowing / INERTIA * 1e-6, rel=1e-3)
 
 
 def test_a_stop_ends_its_way_and_its_speed() -> None:
