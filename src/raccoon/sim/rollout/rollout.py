@@ -6,23 +6,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import SIDES, Parameters
-from raccoon.sim.effects.physical import gyro_lag, safe_step, states_at_rest
+from raccoon.sim.effects.physical import gyro_lag, safe_step
 from raccoon.sim.plant.lanes import NO_READING
 from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.initial import Initial, initial_states
 from raccoon.sim.rollout.packing import Lanes
 from raccoon.sim.rollout.running import Course, cycles_of, run
 
 __all__ = ["Lanes", "Rollout", "channel_names", "initial_states", "rollout"]
 
 Floats = NDArray[np.float64]
-Initial = State | Mapping[str, ArrayLike]
 _LATENCY = 3  # column of `Lanes.gyro`
 
 
@@ -71,7 +71,8 @@ def rollout(
     - truth.x, truth.y (m), truth.heading (rad): from the start pose
 
     initial: a State, or fields of it by name (a number, or one a robot) over a robot at rest; where a speed
-    is given, the back-EMF filter has settled on it unless its fields are given too. longest_step: s of one
+    is given, wheel and robot go with it and the back-EMF filter has settled on it, unless their fields are
+    given too. longest_step: s of one
     physics step; a row is cut into equal steps no longer than it, and shorter ones where a robot's time
     constant or its gyro's filter asks for that. readings_only: what no reading depends on (place, angles of
     the wheels, heat) is not followed, which is faster for robots whose wheels give; truth.x and truth.y
@@ -88,7 +89,7 @@ def rollout(
     lanes = _looking(_packed(robots), commands)
     end = len(commands) - 1 if end is None else end
     _check(begin, end, len(commands), longest_step)
-    names = tuple(channels) if channels is not None else channel_names(lanes.ports)
+    names = tuple(dict.fromkeys(channel_names(lanes.ports) if channels is None else channels))
     fields = _fields_of(names, lanes.ports)
     if readings_only:
         _check_readings(fields)
@@ -160,48 +161,6 @@ _PLAIN_FIELDS = {
     "truth.y": "y",
     "truth.heading": "heading",
 }
-
-
-def initial_states(plant: Floats, initial: Initial | None) -> Floats:
-    """One state a robot, (robots, fields of State): at rest, with what `initial` says."""
-    states = states_at_rest(plant)
-    if isinstance(initial, State):
-        initial = initial._asdict()
-    given = dict(initial or {})
-    for name in given:
-        if name not in State._fields:
-            raise ConfigError(f"initial: there is no field {name}; allowed are {', '.join(State._fields)}")
-    given = {name: _initial_value(name, value, len(states)) for name, value in given.items()}
-    column = {name: index for index, name in enumerate(State._fields)}
-    if "yaw_rate" in given:
-        given.setdefault("gyro_followed", given["yaw_rate"])
-    if "heading" in given:
-        given.setdefault("heading_cos", np.cos(given["heading"]))
-        given.setdefault("heading_sin", np.sin(given["heading"]))
-    for side in SIDES:
-        if f"speed_{side}" in given:
-            _settle(given, side, plant)
-    for name, value in given.items():
-        states[:, column[name]] = value
-    return states
-
-
-def _initial_value(name: str, value: ArrayLike, robots: int) -> Floats:
-    values = np.asarray(value, dtype=np.float64)
-    if values.shape not in ((), (1,), (robots,)):
-        raise ConfigError(f"initial: {name} has the shape {values.shape}: allowed are one number or {robots}")
-    if not np.all(np.isfinite(values)):
-        raise ConfigError(f"initial: {name} is {value!r}: allowed are finite numbers")
-    return values
-
-
-def _settle(given: dict[str, ArrayLike], side: str, plant: Floats) -> None:
-    at = Plant._fields.index
-    speed = np.asarray(given[f"speed_{side}"], dtype=np.float64)
-    counts = plant[:, at(f"counts_{side}")] * speed + plant[:, at(f"offset_{side}")]
-    given.setdefault(f"sampled_{side}", speed)
-    for field in ("recent", "older", "filtered", "bemf"):
-        given.setdefault(f"{field}_{side}", counts)
 
 
 def _packed(robots: Parameters | Sequence[Parameters] | Lanes) -> Lanes:

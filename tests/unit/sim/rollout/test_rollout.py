@@ -252,6 +252,24 @@ def test_rows_are_at_the_times_of_the_commands_and_start_with_the_initial_state(
     assert run["truth.heading"][0, 0] == 0.5
 
 
+def test_a_robot_that_begins_in_motion_goes_on_as_if_it_had_always_moved() -> None:
+    robot = nominal().with_effect("drive.wheel_slip", time=0.02, at_once=1.0)
+    robot = robot.with_effect("bemf.dead_zone", "right", counts=400.0)
+    run = rollout(robot, STEPS, initial={"speed_left": 3.0, "speed_right": 1.0}, begin=10, end=30)
+    turning = np.diff(run["truth.heading"][0]) / np.diff(run.time)
+    assert turning[0] == pytest.approx(run["imu.gyro.z"][0, 0], rel=0.3)
+    radius = robot.robot.model.drive.wheel_radius.value
+    assert run["truth.x"][0, 1] / (run.time[1] - run.time[0]) == pytest.approx(2.0 * radius, rel=0.3)
+    assert run["motor.0.bemf"][0, 0] > 0.0
+    assert run["motor.1.bemf"][0, 0] == 0.0  # as it is where it is no more than the dead zone
+
+
+def test_a_channel_that_is_asked_for_twice_is_made_once() -> None:
+    robot = nominal().with_effect("imu.gyro_bias", rate=0.1)
+    twice = rollout(robot, STEPS, channels=("imu.gyro.z", "imu.gyro.z"))["imu.gyro.z"]
+    np.testing.assert_array_equal(twice, rollout(robot, STEPS)["imu.gyro.z"])
+
+
 def run_volts_per_count() -> float:
     return 3.3 / 4096 * 9.0 / 2.2
 
