@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from raccoon.sim.plant.friction import expected, frictions, gripped, settled
 from raccoon.sim.plant.quantities import Circuit, Command, Plant, Rubbing, State
-from raccoon.sim.plant.series import lagging, rotated, slack, staying, trailing
+from raccoon.sim.plant.series import freed, lagging, rotated, slack, staying, trailing
 
 
 def substep(s: State, p: Plant, u: Command, h: float, per_h: float) -> State:
@@ -162,14 +162,19 @@ def turned(
     """
     pull_left = drive_left - damp_left * s.speed_left - damp_both * s.speed_right
     pull_right = drive_right - damp_right * s.speed_right - damp_both * s.speed_left
-    way_left = s.speed_left if s.speed_left != 0.0 else pull_left
-    way_right = s.speed_right if s.speed_right != 0.0 else pull_right
-    pull_left -= left.forward if way_left > 0.0 else -left.backward
-    pull_right -= right.forward if way_right > 0.0 else -right.backward
+    pull_left = rubbed(s.speed_left, pull_left, left)
+    pull_right = rubbed(s.speed_right, pull_right, right)
     per_torque = 0.5 * h / (p.inertia_own - p.inertia_other)
     free = abs(s.speed_right - s.speed_left + per_torque * (pull_right - pull_left))
     taken = per_torque * 2.0 * p.scrub
     return free - taken if free > taken else 0.0
+
+
+def rubbed(speed: float, pull: float, rubbing: Rubbing) -> float:
+    """What dry friction leaves of the torque on a wheel: against its motion, or nothing of what it bears at
+    rest."""
+    left = pull - (rubbing.forward if speed > 0.0 else -rubbing.backward)
+    return left if speed != 0.0 else freed(pull, rubbing.forward, rubbing.backward)
 
 
 def moved(

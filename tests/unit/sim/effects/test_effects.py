@@ -413,6 +413,13 @@ def test_scrub_slows_turning_but_not_driving_straight() -> None:
     assert end(robot, 0.6) == pytest.approx(straight, rel=1e-9)
 
 
+def test_scrub_is_the_same_forward_and_back_where_one_wheel_rests() -> None:
+    robot = with_effect("drive.turn_scrub", torque=0.05)
+    duty = np.where(TIME % 0.5 < 0.3, 0.5, 0.0)
+    ahead, back = (run(robot, 0.0, way * duty)["motor.1.speed"][0] for way in (1.0, -1.0))
+    np.testing.assert_array_equal(ahead, -back)
+
+
 def test_a_slope_pulls_along_its_direction() -> None:
     uphill = with_effect("drive.slope", along_x=-0.05)
     assert end(uphill, 0.6) == pytest.approx(steady_speed(0.6 * VOLTAGE, R, K, COULOMB + 0.05, VISCOUS))
