@@ -23,7 +23,7 @@ from raccoon.core.readings import (
 from raccoon.model.bemf import counter_lag
 from raccoon.sim.effects.calibrated import simulated_device
 from raccoon.sim.effects.chain import Chain, Noise
-from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.parameters import SIDES, Parameters
 from raccoon.sim.effects.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
 from raccoon.sim.plant.driver import cycle_count
 from raccoon.sim.plant.free_motor import FreeMotor
@@ -67,6 +67,7 @@ class SimPort:
         if not all(math.isfinite(each) for each in start):
             raise ConfigError(f"start is {start}: allowed are finite numbers")
         config = robot or parameters.robot
+        parameters = _wired(parameters, config)
         self._world = World.default() if world is None else world
         self._noise = noise if isinstance(noise, Noise) else Noise() if noise else Noise.none()
         self._scatter = Scatter(np.random.default_rng(seed))
@@ -91,8 +92,7 @@ class SimPort:
         }
         """The motors of the mechanisms by port."""
         self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz, lag)
-        equipped = replace(parameters, robot=replace(parameters.robot, tophats=config.tophats))
-        tophats = [Tophat(each, equipped) for each in config.tophats.values()]
+        tophats = [Tophat(each, parameters) for each in config.tophats.values()]
         self._converter = Converter(tophats, self._noise, self._scatter)
         self._cycles = cycle_count(1.0 / rate_hz, parameters.chain.cycle)
         self._truth = truth
@@ -172,6 +172,19 @@ class SimPort:
             bemf[port], counted = motor.words
             position[port] = int(counted / self._tick)
         return tuple(bemf), tuple(position)
+
+
+def _wired(parameters: Parameters, config: RobotConfig) -> Parameters:
+    """The robot of these parameters on the ports of `config`, with its wiring and its sensors."""
+    own = parameters.robot
+    wheels = {
+        getattr(config.drive, side): replace(
+            own.wheel_motor(side), inverted=config.wheel_motor(side).inverted
+        )
+        for side in SIDES
+    }
+    robot = replace(config, motors={**config.motors, **wheels}, body=own.body, model=own.model)
+    return replace(parameters, robot=robot)
 
 
 def _with_chain(device: Device, config: RobotConfig, chain: Chain) -> Device:

@@ -6,10 +6,11 @@ from typing import Any
 
 import pytest
 
-from raccoon.core.config import MechanismConfig, MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.config import DriveConfig, MechanismConfig, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.schema import Measured
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -42,6 +43,22 @@ def test_words_are_whole_numbers() -> None:
     assert inputs.accel is not None
     words = (*inputs.bemf, *inputs.position, *inputs.gyro, *inputs.accel, *inputs.analog, inputs.battery)
     assert all(isinstance(word, int) for word in words)
+
+
+def test_a_model_of_another_robot_is_wired_as_the_one_that_drives_it() -> None:
+    own = RobotConfig(drive=DriveConfig(2, 3), motors={3: MotorConfig(inverted=True)})
+    model = RobotConfig(motors={1: MotorConfig(bemf_offset=Measured(30.0))})
+    port = SimPort(Parameters.from_robot(model), World.empty(), robot=own, noise=False)
+    inputs = port.read()
+    assert list(inputs.bemf) == [0, 0, 0, 30]  # as the board has it
+    port.write(Outputs(duty=(0.0, 0.0, 0.5, -0.5)))
+    for _ in range(100):
+        inputs = port.read()
+    assert inputs.truth is not None
+    assert inputs.truth.x > 0.02
+    assert inputs.truth.heading == 0.0
+    assert inputs.position[:2] == (0, 0)
+    assert (inputs.position[2] or 0) > 0 > (inputs.position[3] or 0)
 
 
 def test_half_duty_reaches_the_steady_speed_of_the_textbook() -> None:
