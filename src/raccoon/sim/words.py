@@ -97,7 +97,8 @@ class Converter:
         # An analog port with nothing plugged in floats somewhere in its range, and one a cycle moves.
         wired = {each.port for each in tophats}
         self._floating = [port for port in range(ANALOG_PORTS) if port not in wired]
-        self._levels = {port: 2000.0 + 400.0 * noise_of(noise, scatter) for port in self._floating}
+        spread = 400.0 if noise.analog else 0.0
+        self._levels = {port: 2000.0 + spread * scatter.next() for port in self._floating}
         self._words: list[float | None] = [None] * ANALOG_PORTS
         for port, level in self._levels.items():
             self._words[port] = self._word(level, 0.0)
@@ -124,10 +125,5 @@ class Converter:
         return tuple(words), tuple(surface)
 
     def _word(self, counts: float, sd: float) -> int:
-        noisy = math.floor(counts + sd * self._scatter.next() + 0.5) if sd else math.floor(counts + 0.5)
+        noisy = math.floor(counts + sd * self._scatter.next() + 0.5)
         return 0 if noisy < 0 else noisy if noisy <= FULL_SCALE else FULL_SCALE
-
-
-def noise_of(noise: Noise, scatter: Scatter) -> float:
-    """A random number where there is noise at all."""
-    return scatter.next() if noise.analog else 0.0

@@ -36,3 +36,14 @@ def test_the_noise_of_a_tophat_is_beside_the_converter_s() -> None:
         read.append(float(words[2] or 0.0))
     assert mean(read) == pytest.approx(1000.0, abs=4.0 * 10.0 / math.sqrt(4000))
     assert stdev(read) == pytest.approx(math.hypot(6.0, 8.0), rel=0.05)
+
+
+def test_a_sensor_that_scatters_by_nothing_leaves_the_others_their_noise() -> None:
+    usual, still = (
+        SimPort(Parameters(), World.empty(), noise=each, seed=3)
+        for each in (Noise(), Noise(battery=0.0, analog=0.0))
+    )
+    for _ in range(5):
+        one, other = usual.read(), still.read()
+        assert (one.bemf, one.gyro, one.accel) == (other.bemf, other.gyro, other.accel)
+    assert one.analog != other.analog
