@@ -32,6 +32,10 @@ class Scatter:
             return self._stock.pop()
 
 
+ROUNDING = 1e-6
+"""s by which a time that is the sum of a million steps may be off, and more."""
+
+
 class Imu:
     """Gyro and accelerometer with their effects, at their own rate.
 
@@ -55,7 +59,7 @@ class Imu:
     def read(self, state: State, tilt: tuple[float, float]) -> tuple[Vector, Vector] | None:
         """Words of gyro and accelerometer, or None where there is nothing new. tilt: see `Contact.tilt`."""
         rate = self._delayed(state.time, state.gyro_rate)
-        if state.time < self._due - 1e-9:
+        if state.time < self._due - ROUNDING:
             return None
         self._due += self._period
         elapsed = state.time - self._speed_time
