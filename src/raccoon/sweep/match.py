@@ -75,11 +75,14 @@ class Match:
         return replace(self, end=None if end is None else (end[0], end[1], end[2]))
 
     def values(self, seed: int) -> dict[str, float]:
-        """The drawn value of every factor."""
+        """The drawn value of every factor: the same whatever else is varied, so that sweeps of one seed
+        compare match by match."""
         import numpy as np
 
-        random = np.random.default_rng(seed)
-        return {factor.name: factor.draw(random) for factor in self.factors}
+        def random(name: str) -> np.random.Generator:
+            return np.random.default_rng((seed, *name.encode()))
+
+        return {factor.name: factor.draw(random(factor.name)) for factor in self.factors}
 
     def broken(self, values: dict[str, float], seed: int) -> Broken:
         """The faults among the values, and when they begin: somewhere in the first FAULTS_WITHIN seconds."""

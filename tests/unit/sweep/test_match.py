@@ -91,6 +91,19 @@ def test_noise_is_not_drawn_from_the_numbers_that_made_the_values(monkeypatch: p
     assert np.abs(noise - drawn).min() > 1e-9
 
 
+def test_what_else_is_varied_changes_no_other_value() -> None:
+    match = Match(Program("p.py", "", "/nonexistent"), RobotConfig(), default_factors(RobotConfig()))
+    fewer = tuple(each for each in match.factors if each.effect != "drive.track_width")
+    added = (parse_factor("drive.track_width=1.0"), *fewer, *fault_factors(0.5))
+    for seed in range(3):
+        values, others = match.values(seed), replace(match, factors=added).values(seed)
+        assert {each.name: values[each.name] for each in fewer} == {
+            each.name: others[each.name] for each in fewer
+        }
+    left, right = (f"friction.coulomb.torque@{side}" for side in ("left", "right"))
+    assert values[left] != values[right]
+
+
 def test_a_record_of_a_match_is_a_trace(tmp_path: Path) -> None:
     from raccoon.trace.format import read_trace
 
