@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drive_traces import Errors, Segment, drive
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import Fault, Inputs, Outputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
@@ -119,6 +119,23 @@ def test_what_a_controller_did_not_count_while_it_hung_is_in_doubt(motion: Segme
     assert max(sigmas(estimate, inputs)) < 2.0
     assert math.hypot(estimate.x_std, estimate.y_std) < 0.05
     assert estimate.heading_std < 0.4
+
+
+@pytest.mark.parametrize("offset", [0.0, 15.0])
+def test_repeated_frames_are_no_motors_that_stand_at_their_offset(offset: float) -> None:
+    """What the wheels turned meanwhile the next counters tell, whatever offset robot.toml has."""
+    robot = RobotConfig()
+    motor = replace(robot.wheel_motor("left"), bemf_offset=Measured(offset, 0.5))
+    odometry = Odometry(replace(robot, motors={robot.drive.left: motor, robot.drive.right: motor}))
+    last: Inputs | None = None
+    for inputs, command in drive([(0.6, 0.0, 0.0), (1.0, 0.2, 0.0)], Errors(offset_counts=(offset, offset))):
+        if last is not None and 1.0 < inputs.time < 1.15:
+            inputs = replace(inputs, bemf=last.bemf, position=last.position, faults=(Fault.STALE,))
+        else:
+            last = inputs
+        estimate = odometry.update(inputs, command)
+    assert inputs.truth is not None
+    assert estimate.x == pytest.approx(inputs.truth.x, abs=0.002)
 
 
 def later(cycles: Iterator[Cycle], after: float, seconds: float) -> Iterator[Cycle]:

@@ -128,8 +128,8 @@ class DriveReadings:
             right.restart(dt)
         if inputs.faults and Fault.STALE in inputs.faults:
             # A repeated frame says nothing; a counter that moved all the same does.
-            left.update(dt, None, reading.left_angle or None, self._unseen)
-            right.update(dt, None, reading.right_angle or None, self._unseen)
+            left.update(dt, None, reading.left_angle, self._unseen)
+            right.update(dt, None, reading.right_angle, self._unseen)
         else:
             left.update(dt, reading.left_speed, reading.left_angle, self._unseen)
             right.update(dt, reading.right_speed, reading.right_angle, self._unseen)

@@ -133,6 +133,8 @@ class _Wheel:
         ticks = inputs.position[self.port]
         if ticks is None or not -MAX_TICKS <= ticks <= MAX_TICKS:
             return None
+        if ticks == self.last and inputs.faults and Fault.STALE in inputs.faults:
+            return None  # a repeated frame: what moves meanwhile comes with the next
         last, since = self.last, self.since
         self.last, self.since = ticks, 0.0
         if last is None:
