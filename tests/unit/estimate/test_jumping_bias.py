@@ -1,12 +1,14 @@
 """A gyro whose bias becomes another one while the robot drives: what that has turned is in doubt."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
 
 from drive_traces import Segment, drive
 from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Inputs, Outputs
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
 
@@ -14,15 +16,23 @@ REST: Segment = (1.0, 0.0, 0.0)
 DRIVE: list[Segment] = [(1.5, 0.18, 0.0), (0.2, 0.0, 0.0), (1.0, 0.0, 1.6), (0.2, 0.0, 0.0), (1.5, 0.18, 0.0)]
 
 
+def read(
+    jump: float, at: float, *, every: int = 1, segments: list[Segment] = DRIVE
+) -> Iterator[tuple[Inputs, Outputs]]:
+    """The cycles of a drive in which the bias jumps by rad/s at s."""
+    for inputs, command in drive([REST, *segments, (2.0, 0.0, 0.0)], seed=3, gyro_every=every):
+        if inputs.time > at and inputs.gyro is not None:
+            word = inputs.gyro[2] + jump / inputs.device.gyro_rad_s
+            inputs = replace(inputs, gyro=(inputs.gyro[0], inputs.gyro[1], word))
+        yield inputs, command
+
+
 def driven(
     jump: float, at: float, *, every: int = 1, segments: list[Segment] = DRIVE
 ) -> tuple[DriveEstimate, float, float]:
     """The end of a drive in which the bias jumps by rad/s at s; errors of the heading and of the place."""
     odometry = Odometry(RobotConfig())
-    for inputs, command in drive([REST, *segments, (2.0, 0.0, 0.0)], seed=3, gyro_every=every):
-        if inputs.time > at and inputs.gyro is not None:
-            word = inputs.gyro[2] + jump / inputs.device.gyro_rad_s
-            inputs = replace(inputs, gyro=(inputs.gyro[0], inputs.gyro[1], word))
+    for inputs, command in read(jump, at, every=every, segments=segments):
         estimate = odometry.update(inputs, command)
     truth = inputs.truth
     assert truth is not None
@@ -51,3 +61,31 @@ def test_a_bias_that_was_there_from_the_beginning_is_no_jump(bias: float) -> Non
     estimate, turned, _ = driven(bias, 0.0, segments=[(4.0, 0.0, 0.0)])
     assert estimate.heading_std < 0.001
     assert turned < 0.003
+
+
+def test_the_doubt_stays_where_something_is_seen_late() -> None:
+    """Steps that are taken again are taken with it. What is seen says next to nothing of the heading."""
+    alone, seen = Odometry(RobotConfig()), Odometry(RobotConfig())
+    doubted = 0.0
+    for inputs, command in read(0.02, 1.5, segments=DRIVE[:1]):
+        before = alone.estimate.heading_std
+        for each in (alone, seen):
+            each.update(inputs, command)
+        if alone.estimate.heading_std > 2.0 * before > 0.001:
+            doubted = inputs.time
+        if doubted and inputs.time == pytest.approx(doubted + 0.2):
+            assert seen.observe_heading(seen.estimate.heading, 1.0, time=doubted - 0.1).accepted
+    assert doubted > 0.0
+    assert seen.estimate.heading == pytest.approx(alone.estimate.heading, abs=1e-4)
+    assert seen.estimate.heading_std == pytest.approx(alone.estimate.heading_std, rel=1e-3)
+
+
+def test_a_reset_ends_what_another_bias_has_turned() -> None:
+    """A robot that is put down as soon as it stands heads as it was put down."""
+    odometry = Odometry(RobotConfig())
+    for inputs, command in read(0.02, 1.5, segments=[(3.0, 0.18, 0.0)]):
+        odometry.update(inputs, command)
+        if inputs.time == pytest.approx(4.3):
+            odometry.reset()
+    assert odometry.estimate.gyro_bias == pytest.approx(0.02, abs=0.001)
+    assert abs(odometry.estimate.heading) < 2.5 * odometry.estimate.heading_std < math.radians(1.5)

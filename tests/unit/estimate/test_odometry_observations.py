@@ -294,3 +294,14 @@ def test_a_late_gyro_is_set_against_the_wheels_of_its_time() -> None:
         worst[name] = max(off)
     assert math.degrees(worst["told"]) < 1.5
     assert worst["told"] < 0.5 * worst["not told"]
+
+
+def test_a_start_that_is_not_sure_stays_so_when_the_controller_is_known() -> None:
+    """The first cycle tells whose words follow; where the robot was put down it does not."""
+    odometry = Odometry(RobotConfig())
+    odometry.reset(1.0, 0.5, 0.3, position_std=0.02, heading_std=math.radians(3.0))
+    inputs, command = next(drive([(0.1, 0.0, 0.0)]))
+    estimate = odometry.update(replace(inputs, device=replace(inputs.device, name="another")), command)
+    assert (estimate.x, estimate.y, estimate.heading) == pytest.approx((1.0, 0.5, 0.3), abs=1e-6)
+    assert (estimate.x_std, estimate.y_std) == pytest.approx((0.02, 0.02), rel=0.01)
+    assert estimate.heading_std == pytest.approx(math.radians(3.0), rel=0.01)

@@ -159,6 +159,8 @@ class Fusion:
 
     def _take(self, reading: Reading) -> Flat:
         span, values, variances = reading.span, reading.values, reading.variances
+        if reading.rest is not None:
+            reading.rest.add_to(self.drive)
         if reading.scales > 0.0:
             self.drive.doubt_scales(reading.scales)
         if reading.now is not None:

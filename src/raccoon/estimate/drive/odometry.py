@@ -125,7 +125,7 @@ class Odometry:
             if not 0.0 <= std < math.inf:
                 raise ValueError(f"{name} is {std}: allowed are finite numbers from 0")
         travel, turn = beyond(self._steps.fusion.drive.flat, self._settings.timing)
-        self._steps.fusion.place(*arc_end(x, y, heading, -travel, -turn))
+        self._steps.place(*arc_end(x, y, heading, -travel, -turn))
         self._steps.fusion.drive.widen((State.X, State.Y), position_std)
         self._steps.fusion.drive.widen((State.HEADING,), heading_std)
         self._readings.clear()

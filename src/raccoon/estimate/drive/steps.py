@@ -12,7 +12,7 @@ from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.readings import DriveReadings, Pending
 from raccoon.estimate.drive.standstill import CREEP_TIME, OTHER_BIAS, Creeping, Standstill, offset_explains
-from raccoon.estimate.drive.taken import Reading
+from raccoon.estimate.drive.taken import Reading, RestDoubt
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
 from raccoon.estimate.drive.turn_share import TurnShare
@@ -62,10 +62,17 @@ class Steps:
         self.fusion = self._begun(device)
 
     def configure(self, device: Device) -> None:
-        """Words of this device follow: the filter starts anew, where the old one stood."""
-        x, y, heading = self.fusion.drive.flat[: State.VELOCITY]
+        """Words of this device follow: the filter starts anew where the old one stood, as sure of that."""
+        flat = self.fusion.drive.flat
         self.fusion = self._begun(device)
+        self.fusion.drive.take_pose(flat)
+        self._begun_at = None
+
+    def place(self, x: float, y: float, heading: float) -> None:
+        """Take the pose to be known: what a bias turned before no longer counts."""
         self.fusion.place(x, y, heading)
+        if self._begun_at is not None:
+            self._begun_at = self._readings.time, self.fusion.distance
 
     def _begun(self, device: Device) -> Fusion:
         """A filter that has read nothing, and the scale of this device's words."""
@@ -87,7 +94,7 @@ class Steps:
             self._bridge(pending)
             return
         read: tuple[float, ...] = (pending.left / span, pending.right / span)
-        still = self._stands(span, command)
+        still, rest = self._stands(span, command)
         if still:
             self._readings.rest()
         flat = self.fusion.drive.flat
@@ -121,7 +128,9 @@ class Steps:
         if turn is not None:
             undated = hypot(undated, self.touch.turned_unseen(span, pending.gyro_span / pending.gyro_count))
         time = self._readings.time - self._readings.ahead[0]
-        reading = Reading(time, span, read, variances, swing, wobble, still, undated, held, mute=alone)
+        reading = Reading(
+            time, span, read, variances, swing, wobble, still, undated, held, mute=alone, rest=rest
+        )
         self.fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self.touch.feel(pending, still)
 
@@ -150,7 +159,8 @@ class Steps:
         reading = Reading(time, span, read, variances, 0.0, wobble, False, now=now, together=together)
         self.fusion.advance(reading, self._reasons, False)
 
-    def _stands(self, span: float, command: Outputs | None) -> bool:
+    def _stands(self, span: float, command: Outputs | None) -> tuple[bool, RestDoubt | None]:
+        """Whether it does, and what is in doubt where it seems to creep."""
         flat = self.fusion.drive.flat
         driven = command is None or any(command.duty[port] != 0.0 for port in self._ports)
         # Who reads nothing within the dead zone may be at rest: there an offset of robot.toml does not show.
@@ -171,34 +181,32 @@ class Steps:
         if not still:
             self._bias = flat[State.GYRO_BIAS], sqrt(flat[_VB])
         self._stood = still
+        rest = None
         if creeps and gyro is not None:
             other = abs(self._creeping.mean - self._bias[0])
             jumped = other > OTHER_BIAS + 4.0 * self._bias[1]
             self._bias = self._creeping.mean, gyro[1]
             if jumped or not offset_explains(off, sigma):
-                self._doubt_offsets(off, sigma, other, self._begun_at if jumped else None)
+                rest = self._rest_doubt(off, sigma, other, self._begun_at if jumped else None)
             self._begun_at = None
-        return still
+        return still, rest
 
-    def _doubt_offsets(
+    def _rest_doubt(
         self, wheel: float, sigma: float, gyro: float, begun: tuple[float, float] | None
-    ) -> None:
+    ) -> RestDoubt:
         """The robot stands, and its wheels and gyro read so much, rad/s, beyond their offsets, known to
         `sigma`: what is known of these is wrong, and so was the motion that it has been taken for.
 
         begun: s and m, where it has moved since the bias was right. It became another one nobody knows when,
         on average halfway between then and now, which is taken back as the new one is learnt.
         """
-        drive, flat = self.fusion.drive, self.fusion.drive.flat
+        flat = self.fusion.drive.flat
         turned = gyro / self._geometry.body_motion(-1.0, 1.0)[1]  # by wheels whose offsets hide it
-        if sigma > 0.0:
-            drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), max(wheel, turned))
+        offsets = max(wheel, turned) if sigma > 0.0 else 0.0
         phantom = DATED_REST * gyro if offset_explains(wheel, sigma) else CREEP_TIME * flat[State.TURN_RATE]
         seconds, way = CREEP_TIME, CREEP_TIME * flat[State.VELOCITY]
         if begun is not None:
             since = self._readings.time - begun[0]
             seconds, phantom = max(0.5 * since, CREEP_TIME), max(EVENLY * gyro * since, phantom)
             way = max(ASTRAY * gyro * since * abs(self.fusion.distance - begun[1]), abs(way))
-        drive.doubt_bias(max(gyro, self._settings.gyro_bias), seconds)
-        drive.widen((State.HEADING,), phantom)
-        drive.widen((State.X, State.Y), way)
+        return RestDoubt(offsets, max(gyro, self._settings.gyro_bias), seconds, phantom, way)

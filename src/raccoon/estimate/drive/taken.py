@@ -7,7 +7,31 @@ from dataclasses import dataclass
 
 from raccoon.estimate.drive.estimate import Observation
 from raccoon.estimate.drive.scales import NOTHING
+from raccoon.estimate.ekf.filter import DriveFilter
 from raccoon.estimate.ekf.generated import Flat
+from raccoon.estimate.ekf.state import State
+
+
+@dataclass(frozen=True, slots=True)
+class RestDoubt:
+    """What a robot at rest that seems to creep adds to what is not known, as deviations.
+
+    offsets: rad/s, of both wheels. bias: rad/s, of the gyro, and seconds: s for which it has turned the
+    heading. heading, place: rad and m besides.
+    """
+
+    offsets: float
+    bias: float
+    seconds: float
+    heading: float
+    place: float
+
+    def add_to(self, drive: DriveFilter) -> None:
+        """Add it to the belief."""
+        drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), self.offsets)
+        drive.doubt_bias(self.bias, self.seconds)
+        drive.widen((State.HEADING,), self.heading)
+        drive.widen((State.X, State.Y), self.place)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +46,8 @@ class Reading:
     step, the wheels' speeds at its end, rad/s; values are then the mean of what the counters say, variances
     and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then. mute: of one
     wheel nothing is taken, so that there is nothing to judge the other one by. way: what `ScaleDoubt` added
-    in this step. scales: deviation that the scales got before it, because they turned out wrong.
+    in this step. scales: deviation that the scales got before it, because they turned out wrong. rest: what
+    was found wrong before it by standing.
     """
 
     time: float
@@ -39,6 +64,7 @@ class Reading:
     mute: bool = False
     way: tuple[float, float] = NOTHING
     scales: float = 0.0
+    rest: RestDoubt | None = None
 
     @property
     def of_gyro(self) -> float:

@@ -207,6 +207,15 @@ class DriveFilter:
         P[pose, pose] = std**2
         self.flat = flattened(mean, P)
 
+    def take_pose(self, flat: Flat) -> None:
+        """Take the pose, and how sure it is, to be those of another belief; nothing else changes."""
+        mean, P = mean_of(self.flat), covariance_of(self.flat)
+        pose = slice(State.X, State.VELOCITY)
+        mean[pose] = flat[pose]
+        P[pose, :] = P[:, pose] = 0.0
+        P[pose, pose] = covariance_of(flat)[pose, pose]
+        self.flat = flattened(mean, P)
+
     def widen(self, states: tuple[State, ...], std: float) -> None:
         """Add this deviation to what is not known of some states."""
         flat = list(self.flat)
