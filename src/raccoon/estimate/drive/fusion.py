@@ -35,7 +35,8 @@ from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.drive import DriveGeometry, arc_end
 
-KEPT_STEPS = 100
+KEPT_STEPS = 115
+"""Of 17.5 ms, two seconds."""
 DOUBTED = 1e4
 """(rad/s)^2, variance of a wheel that slips: it counts for nothing beside the others."""
 LOST_HEADING = 0.4
@@ -84,16 +85,18 @@ class Fusion:
         self.held = reading.held > 0.0
         if len(reading.values) == 3 and not (reading.still or reading.mute):
             reading = self._judged(reading, before, innovations, reasons, repeated_gyro)
-        if not scales_possible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
-            self.drive.take_scales(before)  # no robot.toml is that wrong: something else was taken for it
+        self._keep_possible(before)
         doubt = self._scales.more(self.drive.flat)
         if doubt != NOTHING:
             self.drive.doubt_way(*doubt)
             reading = replace(reading, way=doubt)
+        bridged = reading.now is not None
+        if bridged:
+            self.slip.start_again()
         if reading.still:
+            self.slip.rest()
             self._hold_still()
         flat, span = self.drive.flat, reading.span
-        bridged = reading.now is not None
         self.distance += self._travel if bridged else flat[State.WAY] * flat[State.VELOCITY] * span
         way = self.way
         way.left += reading.values[0] * span
@@ -182,15 +185,18 @@ class Fusion:
         motion = self.geometry.body_motion(*speeds)
         angles, variances = (left * span, right * span), (reading.variances[0], reading.variances[1])
         self._travel = self.drive.bridge(span, angles, variances, reading.wobble, reading.together, motion)
-        self.slip.start_again()
         if span >= LONGEST_GAP or self.deviation(State.HEADING) > LOST_HEADING:
             # No straight line goes through so much doubt: what is learnt later would throw the pose about.
             x, y, heading = flat[: State.VELOCITY]
             self.drive.place(x, y, heading, LOST)
             self._travel = 0.0
 
+    def _keep_possible(self, before: Flat) -> None:
+        """No robot.toml is that wrong about scales: something else was taken for it."""
+        if not scales_possible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
+            self.drive.take_scales(before)
+
     def _hold_still(self) -> None:
-        self.slip.rest()
         settings = self._settings
         self.drive.still(settings.standstill_velocity**2, settings.standstill_turn_rate**2)
 
@@ -231,7 +237,9 @@ class Fusion:
             self.drive.flat, self._steps = now, before
             return found
         for step in steps[after:]:
+            before_step = self.drive.flat
             self._take(step.reading)
+            self._keep_possible(before_step)
             if step.reading.still:
                 self._hold_still()
             for again in step.seen:
@@ -281,6 +289,7 @@ class Fusion:
 
     def _gated(self, before: Flat, distance: float, gate: float) -> Observation:
         if distance <= gate:
+            self._keep_possible(before)
             return Observation(True, distance)
         self.drive.flat = before
         return Observation(False, distance, f"{distance:.1f} standard deviations off: at most {gate:.1f}")

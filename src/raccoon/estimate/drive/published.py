@@ -45,6 +45,7 @@ def published(fusion: Fusion, readings: DriveReadings, settings: OdometrySetting
     span = readings.pending.span + readings.ahead[0]
     if span > 0.0:
         velocity, turn_rate = geometry.body_motion(left_speed, right_speed)
+        turn_rate /= way * flat[State.WHEEL_TURN]
         travel, turn, gyro_rate = since_step(flat, scales, readings, geometry)
         turn_rate = turn_rate if gyro_rate is None else gyro_rate
         x, y, heading = arc_end(x, y, heading, travel, turn)
@@ -101,6 +102,7 @@ def since_step(
     left = (pending.left + ahead[1] - flat[State.LEFT_OFFSET] * span) / scales[0]
     right = (pending.right + ahead[2] - flat[State.RIGHT_OFFSET] * span) / scales[1]
     travel, turn = geometry.body_motion(left, right)
+    turn /= flat[State.WAY] * flat[State.WHEEL_TURN]
     known = pending.gyro_span
     if known <= 0.0:
         return travel, turn, None
