@@ -55,6 +55,29 @@ def test_a_shadow_edge_is_no_line(condition: TophatReading, shade: float) -> Non
         assert wrong <= 0.01
 
 
+@pytest.mark.parametrize("condition", SENSORS, ids=name)
+@pytest.mark.parametrize("gap", [6, 9, 12])
+def test_an_edge_that_is_crossed_while_nothing_is_read_is_no_change_of_light(
+    condition: TophatReading, gap: int
+) -> None:
+    """The sensor goes on meanwhile: the way is the next reading's. One reading changes no answer."""
+    rng = np.random.default_rng(4)
+    optics = reflectance.fit(condition.generation).at(condition.height, 1.0)
+    calibration = calibrate(reflectance.read(rng, over_lines(2.5, rng, condition), optics))
+    radius = reflectance.spot_radius(condition.height)
+    dark = reflectance.line_coverage(np.arange(0.0, 0.15, WAY), 0.09, 0.03, radius)
+    counts = reflectance.read(rng, dark, optics)
+    for start in range(62 - gap, 64):
+        tophat = Tophat(calibration)
+        for index, each in enumerate(counts):
+            reading = tophat.update(
+                index / RATE, None if start <= index < start + gap else float(each), None, WAY
+            )
+            if index > start + gap:
+                assert reading.status is Status.OK
+                assert reading.black == (dark[index] > 0.5) or 0.05 < dark[index] < 0.95
+
+
 MAINS = pytest.mark.parametrize(("flicker", "hertz"), [(100.3, 100), (99.8, 100), (120.2, 120), (119.7, 120)])
 """What lamps on mains of 50 and of 60 Hz do, whose frequency is never exact, and what they are called."""
 

@@ -127,6 +127,7 @@ class Tophat:
         """
         self.missed = counts is None or self._at_an_end(counts)
         if counts is None or self.missed:
+            self.levels.unread += way or 0.0
             if self._state is None:
                 return UNKNOWN
             return TophatReading(self._state, 0.5, self._last_coverage, Status.UNCERTAIN, None)

@@ -40,7 +40,8 @@ class LightTracker(Levels):
     """Levels that follow the light: `update` with every reading, then see `Levels`.
 
     jumps: how often a change of light was noticed so late that readings had been taken for the other surface.
-    stray: readings in a row that neither surface explains. in_doubt: whether the bank is at work.
+    stray: readings in a row that neither surface explains. in_doubt: whether the bank is at work. unread: m
+    that the sensor went since the last reading, where there was none; the next one is of that way, too.
     """
 
     __slots__ = (
@@ -57,10 +58,12 @@ class LightTracker(Levels):
         "_recent",
         "_sensor",
         "_start",
+        "_stray_first",
         "_stray_way",
         "_told",
         "jumps",
         "stray",
+        "unread",
     )
 
     def __init__(self, white: Surface, black: Surface) -> None:
@@ -81,7 +84,7 @@ class LightTracker(Levels):
         self._log: list[tuple[float, float]] = []  # counts and way of the readings since `_start`
         self._start = self._later = self._belief()
         self._told = -1e9  # the last unexplained reading that said something
-        self._stray_way = self._lean = self._black_way = 0.0
+        self.unread = self._stray_first = self._stray_way = self._lean = self._black_way = 0.0
         self.stray = self.jumps = self._lasted = self._outside = self._calm = self._done = 0
 
     @property
@@ -96,8 +99,11 @@ class LightTracker(Levels):
         over the floor since the last reading; None: not known.
         """
         known = way is not None
-        if way is None:
-            way = USUAL_WAY
+        way = self.unread + (USUAL_WAY if way is None else way)
+        if self.unread and way > self._sensor.spot:  # what was crossed meanwhile nobody saw
+            way = 0.0
+            self.restart()
+        self.unread = 0.0
         log = self._log
         log.append((counts, way))
         if self._bank is not None:
@@ -157,21 +163,22 @@ class LightTracker(Levels):
     def _stray(self, counts: float, way: float) -> None:
         """A reading that belongs to no surface: an edge, until it takes too long or lies beyond both."""
         if self.stray == 0:
-            self._stray_way = 0.0
+            self._stray_first, self._stray_way = way, 0.0
             self._outside = 0
         self._recent = NOTHING
         self.stray += 1
         self._stray_way += way
         self._outside = self._outside + 1 if counts < self.white or counts > self.black else 0
-        too_far = self._stray_way > LONG * self._sensor.spot + 2.0 * way
+        too_far = self._stray_way - self._stray_first > LONG * self._sensor.spot + way
         if too_far or self._outside >= MOST_OUTSIDE or self.stray >= MOST_STRAY:
             self._begin()
 
     def _is_edge(self, way: float, known: bool) -> bool:
         """Whether the sensor went as far between the two surfaces as its spot is wide.
 
-        What is seen of it is the part in which neither surface explains the readings, to a reading. Where
-        there is no such part, because the levels are not known, it is not an edge for sure.
+        What is seen of it is the part in which neither surface explains the readings: it begins and ends
+        anywhere on the way to the first of them and to the one after the last. Where there is no such part,
+        because the levels are not known, it is not an edge for sure.
         """
         begins = light_of(self.white + GATE * self.sd_white)
         ends = light_of(self.black - GATE * self.sd_black)
@@ -180,7 +187,7 @@ class LightTracker(Levels):
             return apart < GATE * (math.sqrt(self._light_noise) + math.sqrt(self._dark_noise))
         edge = (begins - ends) / (self.light - self.dark) * self._sensor.spot
         went = self._stray_way if self.stray else 0.0
-        return went - way <= LONG * edge and (not known or went + way >= SHORT * edge)
+        return went - self._stray_first <= LONG * edge and (not known or went + way >= SHORT * edge)
 
     def _belief(self) -> Belief:
         unseen_light, unseen_dark = self._unseen_light(), self._unseen_dark()
@@ -232,6 +239,7 @@ class LightTracker(Levels):
     def restart(self) -> None:
         """Begin anew with the levels as they are, after readings that were not given."""
         self._on_black = None
+        self.unread = 0.0
         self._log.clear()
         self._end()
 

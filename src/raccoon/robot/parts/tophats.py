@@ -90,6 +90,8 @@ class TophatSensor(Part):
         if counts is None:
             self._heard = inputs.time if self._heard is None else self._heard
             self.sees = inputs.time - self._seen < BLIND
+            if self._classifier is not None:  # it goes on all the same
+                self._classifier.update(inputs.time, None, others_lost, way)
             return
         self.counts, self._heard = counts, inputs.time
         if way is not None and way < STILL and not shaken:

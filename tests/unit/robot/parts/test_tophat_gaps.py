@@ -1,0 +1,28 @@
+"""A tophat that is not read for some cycles while the robot drives on."""
+
+import numpy as np
+
+from raccoon.core.config import TophatConfig
+from raccoon.core.readings import SIMULATOR, Inputs, Status
+from raccoon.estimate.tophat.calibration import Surface, Verdict, believed
+from raccoon.model import reflectance
+from raccoon.robot.parts.tophats import TophatSensor
+
+WAY, HEIGHT = 0.0012, 0.007
+
+
+def test_the_way_of_cycles_without_a_reading_is_driven_all_the_same() -> None:
+    optics = reflectance.fit("new").at(HEIGHT, 1.0)
+    radius = reflectance.spot_radius(HEIGHT)
+    dark = reflectance.line_coverage(np.arange(0.0, 0.15, WAY), 0.09, 0.03, radius)
+    counts = reflectance.read(np.random.default_rng(4), dark, optics)
+    surfaces = Surface(1270.0, 5.0, 400), Surface(3800.0, 8.0, 60)
+    calibration = believed(Verdict.OK, "", *surfaces, share_black=0.1)
+    for start in range(50, 64):
+        sensor = TophatSensor("front", TophatConfig(analog=0))
+        sensor.calibrate(calibration)
+        for index, each in enumerate(counts):
+            word = None if start <= index < start + 9 else int(each)
+            sensor.update(Inputs(0.005 * index, SIMULATOR, analog=(word, *[None] * 5)), WAY)
+            if index > start + 9:
+                assert sensor.status is Status.OK
