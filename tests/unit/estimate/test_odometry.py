@@ -1,6 +1,7 @@
 """What the odometry reaches on a small kinematic robot with known truth."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -90,3 +91,12 @@ def test_reset_moves_the_pose_and_keeps_what_was_learnt() -> None:
 def test_pose_that_is_not_finite_is_refused(pose: tuple[float, float, float]) -> None:
     with pytest.raises(ValueError, match="must be finite"):
         Odometry(RobotConfig()).reset(*pose)
+
+
+def test_a_device_that_is_said_anew_is_the_same_one() -> None:
+    """As of a recording whose cycles each have their own: what was learnt of wheels and gyro stays."""
+    once, anew = Odometry(RobotConfig()), Odometry(RobotConfig())
+    for inputs, command in drive([(0.6, 0.0, 0.0), (0.6, 0.1, 0.5)], Errors(gyro_bias=0.01)):
+        once.update(inputs, command)
+        anew.update(replace(inputs, device=replace(inputs.device)), command)
+    assert anew.estimate == once.estimate

@@ -139,8 +139,9 @@ class Odometry:
         Never raises for what a sensor says; see `DriveEstimate.reasons`.
         """
         if inputs.device is not self._device:
+            if inputs.device != self._device:  # a recording may say the same one anew
+                self._steps.configure(inputs.device)
             self._device = inputs.device
-            self._steps.configure(self._device)
         self._steps.touch.drive(inputs, command)
         if self._readings.take(inputs) and self._readings.pending.span > STEP:
             self._steps.advance(command)
