@@ -100,3 +100,12 @@ def test_a_device_that_is_said_anew_is_the_same_one() -> None:
         once.update(inputs, command)
         anew.update(replace(inputs, device=replace(inputs.device)), command)
     assert anew.estimate == once.estimate
+
+
+def test_the_first_estimate_is_of_the_first_cycle() -> None:
+    """A port's clock seldom begins at 0. And what is seen at once is of now."""
+    odometry = Odometry(RobotConfig())
+    inputs, command = next(drive([(0.1, 0.0, 0.0)]))
+    estimate = odometry.update(replace(inputs, time=1000.0), command)
+    assert (estimate.time, estimate.reasons) == (1000.0, ())
+    assert odometry.observe_heading(0.0, std=0.1, time=1000.0).accepted

@@ -213,7 +213,7 @@ class Odometry:
         here = self._estimate
         shift = np.array([here.x - flat[State.X], here.y - flat[State.Y], here.heading - flat[State.HEADING]])
         since = self._readings.pending.span + self._readings.ahead[0]
-        found = self._steps.fusion.observe(seen, shift, since, time)
+        found = self._steps.fusion.observe(seen, shift, since, None if time == now else time)
         self._estimate = self._published()
         return found
 

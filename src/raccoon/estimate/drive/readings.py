@@ -12,7 +12,7 @@ from raccoon.core.readings import Fault, Inputs
 from raccoon.estimate.drive.estimate import AT_REST
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
 from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
-from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReading
+from raccoon.estimate.drive.wheels import LATEST, LONGEST_GAP, WheelDecoder, WheelReading
 from raccoon.estimate.drive.wiring import Wiring
 
 COARSE_GYRO = 0.008
@@ -72,6 +72,7 @@ class DriveReadings:
         self.gyro, self.reasons, self.wiring = GyroWatch(), Reasons(), Wiring()
         self.rate = self._swing = 0.0  # rad/s, and rad/s2 since the reading before
         self.time = 0.0
+        self._begun = False  # whether there was a cycle, whose time is known
         self.at_fault = False
         self._decoder = WheelDecoder(robot)
         self._latency = imu_latency
@@ -106,6 +107,8 @@ class DriveReadings:
                 self._unseen = 0.0
             fresh = fresh and not self._waits  # a gyro alone does not tell how far the robot went
         self._complain(reading, inputs)
+        if not self._begun and -LATEST <= inputs.time <= LATEST:
+            self._begun, self.time = True, inputs.time
         return fresh
 
     def rest(self) -> None:
@@ -200,7 +203,7 @@ class DriveReadings:
         """Tell what is wrong with this cycle."""
         tell, time, reasons = self.reasons.tell, self.time, self.reasons
         reasons.forget(time)
-        if reading.dt <= 0.0 and inputs.time <= time != 0.0:
+        if reading.dt <= 0.0 and inputs.time <= time and self._begun:
             tell("time stands still or runs back", time)
         if reading.dt > GAP:
             more = "" if reading.dt < LONGEST_GAP else "more than "
