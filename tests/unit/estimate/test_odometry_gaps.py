@@ -138,6 +138,28 @@ def test_repeated_frames_are_no_motors_that_stand_at_their_offset(offset: float)
     assert estimate.x == pytest.approx(inputs.truth.x, abs=0.002)
 
 
+@pytest.mark.parametrize(("begin", "seconds"), [(3.2, 0.12), (3.2, 2.0), (2.5, 0.12)])
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_pause_does_not_lose_a_robot_one_wheel_of_which_is_silent(
+    side: int, begin: float, seconds: float
+) -> None:
+    """The other wheel and the gyro before and after it tell how far it may have turned."""
+    odometry = Odometry(RobotConfig())
+    segments: list[Segment] = [(1.0, 0.0, 0.0), (2.0, 0.2, 0.2), (2.5, 0.0, 0.0)]
+    for inputs, command in drive(segments, Errors(offset_counts=OFFSETS), seed=side):
+        if begin < inputs.time < begin + seconds:
+            continue
+        if inputs.time > 1.5:
+            bemf, position = list(inputs.bemf), list(inputs.position)
+            bemf[side] = position[side] = None
+            inputs = replace(inputs, bemf=tuple(bemf), position=tuple(position))
+        estimate = odometry.update(inputs, command)
+    assert max(sigmas(estimate, inputs)) < 3.0
+    assert estimate.status is Status.UNCERTAIN  # for the wheel
+    assert math.hypot(estimate.x_std, estimate.y_std) < 0.1
+    assert estimate.heading_std < (0.4 if begin < 3.0 else math.radians(2.0))
+
+
 def later(cycles: Iterator[Cycle], after: float, seconds: float) -> Iterator[Cycle]:
     """The same with so many s of standing still between, in which the counters count their offsets."""
     for inputs, command in cycles:

@@ -16,6 +16,7 @@ from raccoon.estimate.drive.taken import Reading, RestDoubt
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
 from raccoon.estimate.drive.turn_share import TurnShare
+from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.drive.wheels import lag_seconds
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State
@@ -146,6 +147,8 @@ class Steps:
         """Move the filter to now over a time in which nobody looked."""
         span, noise, left, right = pending.span, self._noise, self._left, self._right
         variances = noise.of_angle(left, pending.left, span), noise.of_angle(right, pending.right, span)
+        if (left.silent > HOLD) != (right.silent > HOLD) and self._gyro.age <= GYRO_TIMEOUT:
+            variances = self._with_other(pending, variances, left.silent > HOLD)
         wobble, together = noise.wobble(pending.left, pending.right, 1.0), noise.together(left, right)
         now = left.speed, right.speed
         left.mean, right.mean = now
@@ -158,6 +161,28 @@ class Steps:
         time = self._readings.time - self._readings.ahead[0]
         reading = Reading(time, span, read, variances, 0.0, wobble, False, now=now, together=together)
         self.fusion.advance(reading, self._reasons, False)
+
+    def _with_other(
+        self, pending: Pending, variances: tuple[float, float], left: bool
+    ) -> tuple[float, float]:
+        """Let the wheel that is silent (left or right) have turned as the other one and the gyro's rate
+        before and after that time say; variances of both angles, rad^2.
+
+        In between the robot may not have turned at all, or twice as much, and about the silent wheel.
+        """
+        flat, span = self.fusion.drive.flat, pending.span
+        offset_left, offset_right = span * flat[State.LEFT_OFFSET], span * flat[State.RIGHT_OFFSET]
+        before = flat[State.TURN_RATE]
+        after = (self._readings.rate - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
+        a_turn = 2.0 * span / self._geometry.body_motion(-1.0, 1.0)[1]  # rad of the wheels for each rad/s
+        apart, doubt = 0.5 * (before + after) * a_turn, max(abs(before), abs(after)) * a_turn
+        if left:
+            other = pending.right - offset_right
+            pending.left = other - apart + offset_left
+            return variances[1] + (doubt + abs(other)) ** 2, variances[1]
+        other = pending.left - offset_left
+        pending.right = other + apart + offset_right
+        return variances[0], variances[0] + (doubt + abs(other)) ** 2
 
     def _stands(self, span: float, command: Outputs | None) -> tuple[bool, RestDoubt | None]:
         """Whether it does, and what is in doubt where it seems to creep."""
