@@ -99,11 +99,7 @@ class LightTracker(Levels):
         over the floor since the last reading; None: not known.
         """
         known = way is not None
-        way = self.unread + (USUAL_WAY if way is None else way)
-        if self.unread and way > self._sensor.spot:  # what was crossed meanwhile nobody saw
-            way = 0.0
-            self.restart()
-        self.unread = 0.0
+        way = self._gone(USUAL_WAY if way is None else way)
         log = self._log
         log.append((counts, way))
         if self._bank is not None:
@@ -147,6 +143,14 @@ class LightTracker(Levels):
         if len(log) >= 2 * REMEMBERED:
             del log[:-REMEMBERED]
             self._start, self._later = self._later, self._belief()
+
+    def _gone(self, way: float) -> float:
+        """m since the last reading, `way` of them in this tick."""
+        way, unread, self.unread = way + self.unread, self.unread, 0.0
+        if unread and way > self._sensor.spot:  # what was crossed meanwhile nobody saw
+            self.restart()
+            return 0.0
+        return way
 
     def _news(self, counts: float, way: float) -> bool:
         """Whether an unexplained reading says anything: one more of a sensor that stands still does not.
