@@ -75,6 +75,11 @@ class Base:
         self.peer.say(frame(sensors))
         return self.port.read()
 
+    def silence(self, timeout: float) -> bytes:
+        """In place of the line's `read`: it waits in vain."""
+        self.clock.advance(timeout)
+        return b""
+
 
 @pytest.fixture
 def peer(tmp_path: Path) -> Iterator[SerialPeer]:
@@ -258,7 +263,9 @@ def test_garbage_and_half_frames_cost_their_own_cycle_at_most(base: Base) -> Non
     assert base.port.read().position[0] == 9
 
 
-def test_silence_gives_empty_cycles_then_starts_again_then_gives_up(base: Base) -> None:
+def test_silence_gives_empty_cycles_then_starts_again_then_gives_up(
+    base: Base, monkeypatch: pytest.MonkeyPatch
+) -> None:
     base.cycle(REST)
     inputs = base.port.read()
     assert inputs.faults == (Fault.LINK_DEAD,)
@@ -268,9 +275,25 @@ def test_silence_gives_empty_cycles_then_starts_again_then_gives_up(base: Base) 
     assert base.peer.heard(0.2).startswith(bytes((128, 132, 145)))
     base.port.read()
     assert base.peer.heard() == b""  # it has half a second to answer
-    base.clock.advance(5.0)
+    monkeypatch.setattr(base.line, "read", base.silence)
+    for _ in range(95):
+        assert base.port.read().faults == (Fault.LINK_DEAD,)
+
+    def wait() -> None:
+        for _ in range(10):
+            base.port.read()
+
     with pytest.raises(HardwareError, match=r"no sensor frame for 5\.\d s.*wake the base"):
-        base.port.read()
+        wait()
+
+
+def test_a_pause_in_which_nobody_listened_is_no_silence(base: Base, monkeypatch: pytest.MonkeyPatch) -> None:
+    base.cycle(REST)
+    base.clock.advance(30.0)  # the program waits for somebody, who takes the cable out and puts it back
+    with monkeypatch.context() as unplugged:
+        unplugged.setattr(base.line, "read", base.silence)
+        assert base.port.read().faults == (Fault.LINK_DEAD,)
+    assert base.cycle(REST).faults == ()
 
 
 def test_unplugged_and_plugged_in_again(base: Base) -> None:

@@ -46,7 +46,7 @@ CYCLE_TIMEOUT = 0.05
 SILENCE = 0.5
 """s without a frame after which the interface is started again."""
 PATIENCE = 5.0
-"""s without a frame after which the base is given up: time to put a plug back in."""
+"""s of listening without a frame after which the base is given up: time to put a plug back in."""
 MOST_READS = 20
 """In one cycle: more than what a cable's driver keeps, 64 KiB."""
 _ANALOG_REST = (None,) * (ANALOG_PORTS - 4)
@@ -96,6 +96,7 @@ class CreatePort:
         self._decoder = StreamDecoder()
         self._wheels = (WheelCounter(), WheelCounter())
         self._last_frame = self._clock.now()
+        self._listened = 0.0  # s since then; in a pause of the program nobody listens
         self._closed = False
         self._start()
 
@@ -107,12 +108,14 @@ class CreatePort:
     def read(self) -> Inputs:
         """The next stream frame; after 50 ms of silence a cycle without words and with LINK_DEAD.
 
-        Raises HardwareError after 5 s of silence.
+        Raises HardwareError after 5 s of silence; a pause in which nobody read is none.
         """
+        begin = self._clock.now()
         frames = self._next_frames()
         self._beat()
         now = self._clock.now()
         if not frames:
+            self._listened += now - begin
             return self._silent_cycle(now)
         return self._cycle(frames, now)
 
@@ -177,20 +180,19 @@ class CreatePort:
         return frames
 
     def _silent_cycle(self, now: float) -> Inputs:
-        silent = now - self._last_frame
-        if silent > PATIENCE:
+        if self._listened > PATIENCE:
             raise HardwareError(
-                f"Create on {self._line.path}: no sensor frame for {silent:.1f} s; check the cable, "
+                f"Create on {self._line.path}: no sensor frame for {self._listened:.1f} s; check the cable, "
                 "and press the clean button once to wake the base"
             )
-        if silent > SILENCE and now - self._last_start > SILENCE:
+        if now - self._last_frame > SILENCE and now - self._last_start > SILENCE:
             self._start()
         return Inputs(time=now, device=CREATE_2, faults=(Fault.LINK_DEAD,))
 
     def _cycle(self, frames: list[Sensors], now: float) -> Inputs:
         sensors = frames[-1]
         elapsed = now - self._last_frame
-        self._last_frame = now
+        self._last_frame, self._listened = now, 0.0
         faults = []
         if len(frames) > 1:
             faults.append(Fault.OVERRUN)

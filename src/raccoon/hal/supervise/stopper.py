@@ -76,6 +76,8 @@ def send_tty(place: str, frames: list[bytes]) -> None:
         for frame in frames:
             os.write(descriptor, frame)
             select.select([], [], [], PAUSE_SECONDS)
+    except termios.error as error:  # no OSError; a plug that bounces is gone again between open and set-up
+        raise OSError(*error.args) from error
     finally:
         os.close(descriptor)
 

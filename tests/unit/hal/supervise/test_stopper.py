@@ -1,6 +1,9 @@
 """The process that stops motors, as far as it can be looked at from inside."""
 
+import errno
+import os
 import struct
+import termios
 from pathlib import Path
 
 import pytest
@@ -37,3 +40,14 @@ def test_the_supervisor_speaks_to_the_bus_by_system_calls(
         (0x40206B00, b"abc"),
         (0x40206B00, b"de"),
     ]
+
+
+def test_a_serial_device_that_is_gone_again_while_it_is_set_up_does_not_end_the_supervisor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def gone(*_: object) -> None:
+        raise termios.error(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(termios, "tcgetattr", gone)
+    with pytest.raises(OSError, match="Input/output error"):  # which it says, and watches on
+        stopper.send_tty(f"{os.devnull}:115200", [b"\0"])
