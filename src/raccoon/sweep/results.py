@@ -77,8 +77,12 @@ class Results:
             self._rows_path.unlink()
 
     def close(self) -> None:
-        """Let go of the file; what was added stays. May be called twice."""
+        """Let go of the file; what was added stays. Where nothing was there is no table: the corrected
+        command may have its name. May be called twice."""
         try:
+            if not self.rows and not self._file.closed:
+                self._rows_path.unlink(missing_ok=True)
+                self._about_path.unlink(missing_ok=True)
             if self._rows_path.exists() and len(self.rows) > self._shown and self._rows_path != self.path:
                 self._write_parquet()
         finally:

@@ -21,6 +21,13 @@ def row(run: int, **other: Any) -> dict[str, Any]:
     return {"run": run, "seed": 2**62 + run, "status": "ok", "reason": "", "x": 0.1 * run, **other}
 
 
+def begun(path: Path, about: dict[str, Any]) -> None:
+    """A sweep that was ended after its first match."""
+    results = Results(path, COLUMNS, about)
+    results.add(row(0))
+    results.close()
+
+
 @pytest.fixture(params=ENDINGS)
 def path(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     if request.param == "parquet":
@@ -47,6 +54,14 @@ def test_nan_stays_nan(path: Path) -> None:
     results.finish()
     results.close()
     assert math.isnan(read_results(path)[0]["x"])
+
+
+def test_a_sweep_that_ended_before_its_first_match_leaves_nothing_in_the_way(path: Path) -> None:
+    for about in (ABOUT, {**ABOUT, "program": "corrected.py"}):
+        results = Results(path, COLUMNS, about)
+        results.close()
+        results.close()
+        assert list(path.parent.iterdir()) == []
 
 
 def test_it_goes_on_where_it_was_left_and_with_more_runs(path: Path) -> None:
@@ -124,13 +139,13 @@ def test_a_row_that_is_there_twice_is_named(tmp_path: Path) -> None:
 
 
 def test_another_sweep_does_not_go_on_in_it(path: Path) -> None:
-    Results(path, COLUMNS, ABOUT).close()
+    begun(path, ABOUT)
     with pytest.raises(ConfigError, match="another seed: 3, and not 4"):
         Results(path, COLUMNS, {**ABOUT, "seed": 4})
 
 
 def test_the_goal_is_that_of_the_first_time(path: Path) -> None:
-    Results(path, COLUMNS, {**ABOUT, "end": [1.0, 2.0, 3.0]}).close()
+    begun(path, {**ABOUT, "end": [1.0, 2.0, 3.0]})
     results = Results(path, COLUMNS, {**ABOUT, "end": [1.0, 2.0, 3.5]})
     assert results.about["end"] == [1.0, 2.0, 3.0]
     results.close()
@@ -142,7 +157,7 @@ def test_a_sweep_whose_ends_count_does_not_go_on_in_one_whose_ends_do_not(
 ) -> None:
     """With --any-end the table went on as it was begun, and where a match ended counted."""
     before, now = ends
-    Results(path, COLUMNS, {**ABOUT, "end": before}).close()
+    begun(path, {**ABOUT, "end": before})
     counts = "counts" if before else "does not count"
     with pytest.raises(ConfigError, match=f"where a match ends {counts}; choose another file"):
         Results(path, COLUMNS, {**ABOUT, "end": now})
@@ -192,7 +207,7 @@ def test_two_sweeps_do_not_write_one_file(path: Path) -> None:
 def test_other_endings_and_other_columns_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"endings \.csv and \.parquet"):
         Results(tmp_path / "results.xls", COLUMNS, ABOUT)
-    Results(tmp_path / "results.csv", COLUMNS, ABOUT).close()
+    begun(tmp_path / "results.csv", ABOUT)
     with pytest.raises(ConfigError, match="its columns are not those"):
         Results(tmp_path / "results.csv", (*COLUMNS, "y"), ABOUT)
 
