@@ -85,9 +85,11 @@ def optional(unit: str, meaning: str, bounds: Bounds = Bounds()) -> Any:
     return field(default=None, metadata={"unit": unit, "meaning": meaning, "bounds": bounds})
 
 
-def word(default: str, meaning: str, allowed: tuple[str, ...] = ()) -> Any:
-    """Field for a text, or for one of a few words."""
-    return field(default=default, metadata={"meaning": meaning, "allowed": allowed})
+def word(
+    default: str, meaning: str, allowed: tuple[str, ...] = (), instead: Mapping[str, str] | None = None
+) -> Any:
+    """Field for a text, or for one of a few words. instead: of others that people write, what is meant."""
+    return field(default=default, metadata={"meaning": meaning, "allowed": allowed, "instead": instead or {}})
 
 
 def port(default: int, meaning: str, count: int) -> Any:
@@ -142,7 +144,11 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
     if hint is str:
         allowed = spec.metadata["allowed"]
         if not isinstance(value, str) or (allowed and value not in allowed):
-            raise ConfigError(f"{where} = {shown(value)}: allowed is {' | '.join(allowed) or 'a text'}")
+            meant = spec.metadata["instead"].get(value, "") if isinstance(value, str) else ""
+            raise ConfigError(
+                f"{where} = {shown(value)}: allowed is {' | '.join(allowed) or 'a text'}"
+                + (f"; {meant}" if meant else "")
+            )
         return value
     bounds: Bounds = spec.metadata["bounds"]
     unit: str = spec.metadata["unit"]

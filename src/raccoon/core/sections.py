@@ -23,6 +23,7 @@ from raccoon.core.schema import (
 REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
 """Those whose seconds are the wall's."""
 CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
+_INSTEAD = {"replay": "a recording is played by raccoon.replay(recording, program), or raccoon replay FILE"}
 
 # What any robot of this size stays within by far, so that no slip of the pen is planned or simulated with.
 SPEED = Bounds(0.001, 3.0)
@@ -43,7 +44,7 @@ motor's time constant is 30 ms."""
 class ControllerConfig:
     """`[controller]`: what the program talks to."""
 
-    port: str = word("wombat", "what the program talks to", CONTROLLERS)
+    port: str = word("wombat", "what the program talks to", CONTROLLERS, _INSTEAD)
     rate_hz: float = number(200.0, "Hz", "cycles a second", CYCLE_RATE)
     device: str = word("", "path of a serial port or SPI device; the usual one of the port where empty")
     counter_rate_hz: float = number(

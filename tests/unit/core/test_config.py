@@ -105,6 +105,7 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ),
         ("[motor.0]\nradians_per_tick = {value = 0.01, std = -1}", r"radians_per_tick.std = -1: allowed are"),
         ("[controller]\nport = 'ev3'", r"controller.port = 'ev3': allowed is wombat \| wombat-raccoon"),
+        ("[controller]\nport = 'replay'", r"emulator-raccoon; a recording is played by raccoon.replay\("),
         ("[controller]\nrate_hz = nan", r"controller.rate_hz = nan: allowed are numbers from 20 to 500"),
         ("[controller]\nrate_hz = 10", r"controller.rate_hz = 10: allowed are numbers from 20 to 500 Hz"),
         (
