@@ -73,8 +73,8 @@ class Mechanism(Part):
         return self.angle if self.goal is None else float(self.goal.position)
 
     def planned_speed(self, wanted: float) -> float:
-        """rad/s, as near `wanted` as its angle is still read."""
-        return min(max(wanted, self._counted.countable), self._counted.readable)
+        """rad/s, as near `wanted` as its angle is still read; at 0 it stands."""
+        return min(max(wanted, self._counted.countable), self._counted.readable) if wanted else 0.0
 
     @property
     def stalled(self) -> bool:

@@ -119,6 +119,15 @@ def test_an_arm_is_no_slower_than_it_is_counted(firmware: Firmware) -> None:
         assert "rad/s at least: the controller counts no slower" in said
 
 
+def test_a_spin_at_no_speed_turns_nothing() -> None:
+    port = Emulated("stock")
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.1))
+        robot.run(spin("arm", 0.0).until(after_time(0.5)))
+        assert port.plant.free_motors[3].angle == 0.0
+        assert not robot.drive.remarks
+
+
 def test_steps_one_after_the_other_do_not_add_up_what_each_is_off() -> None:
     """As of a wheel with a pocket every 60 degrees."""
     with open_robot(CONFIG, port=Emulated("stock")) as robot:
