@@ -18,16 +18,19 @@ import raccoon
 from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
+from raccoon.cli.diagnose.behind import as_robot_toml_has_it
 from raccoon.cli.diagnose.files import recordings
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.reports.html import template
-from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
+from raccoon.diagnose.reports.wording import explanation
+from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
 from raccoon.sim.effects.model_file import save_model
 from raccoon.sim.effects.parameters import Parameters
 from unit.diagnose.axes import motor
 
 Columns = dict[str, np.ndarray]
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +91,38 @@ def test_a_model_leaves_wiring_and_sensors_to_robot_toml(
     motors = written(tmp_path / "motor.csv", motor(5, 0.008))
     assert main(["diagnose", str(motors), "--model", str(model)]) == 0
     assert "Note: the effects of --model were not used" in capsys.readouterr().out
+
+
+def test_what_changes_nothing_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, own = written(tmp_path / "motor.csv", motor(5, 0.008)), EXAMPLES / "own_causes.py"
+    assert main(["diagnose", str(path), "--causes", str(own), "--truth-free"]) == 0
+    said = capsys.readouterr().out
+    assert "Note: the effects of --causes were not considered" in said
+    assert "Note: --truth-free left nothing out" in said
+    assert main(["diagnose", str(path)]) == 0
+    assert "Note: " not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("coulomb", [0.18, 0.25])
+def test_a_number_that_robot_toml_has_is_not_to_be_put_there(coulomb: float) -> None:
+    """The model.toml that the diagnosis began from is older."""
+    numbers = {"torque": ParameterResult(0.181, 0.002, "N m", 0.25)}
+    cause = CauseResult(
+        "friction.coulomb",
+        None,
+        1,
+        numbers,
+        Gain(2.0, 1.0, 0.5),
+        1.0,
+        (),
+        explanation("friction.coulomb", None, numbers),
+    )
+    assert "put coulomb = 0.181 (N m) into [model.friction] of robot.toml" in cause.explanation
+    robot = parse_robot({"model": {"friction": {"coulomb": coulomb}}})
+    found = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
+    (told,) = as_robot_toml_has_it(found, robot).causes
+    has_it = "robot.toml has coulomb = 0.18 in [model.friction] already" in told.explanation
+    assert (has_it, told == cause) == (coulomb == 0.18, coulomb != 0.18)
 
 
 class ClosedPipe(io.StringIO):

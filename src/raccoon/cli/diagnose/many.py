@@ -49,7 +49,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     from raccoon.core.errors import RaccoonError, TraceError
     from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, usable
     from raccoon.diagnose.recordings.kind import Kind, kind_of
-    from raccoon.diagnose.recordings.kinds import NO_MODEL
+    from raccoon.diagnose.recordings.kinds import NO_CAUSES, NO_MODEL
     from raccoon.trace.loading import load_run
 
     if args.truth_free:
@@ -84,7 +84,8 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     columns = [each.recording.columns for each in runs]
     others = [_geometry(path, columns, robot) for path in args.holdout]
     found = diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
-    notes += [] if args.model is None else [NO_MODEL]
+    unused = ((args.model, NO_MODEL), (args.causes, NO_CAUSES))
+    notes += [note for given, note in unused if given is not None]
     return replace(found, notes=(*notes, *found.notes))
 
 

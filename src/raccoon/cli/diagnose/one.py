@@ -95,6 +95,7 @@ _NUMBERED = re.compile(r"recording (\d+)")
 
 def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whose) -> Diagnosis:
     """The diagnosis of runs of one robot, as one where they are several."""
+    from raccoon.cli.diagnose.behind import as_robot_toml_has_it
     from raccoon.core.errors import HoldoutError, TraceError
     from raccoon.diagnose.own import load_own
     from raccoon.diagnose.recordings.kinds import diagnose_recording
@@ -114,7 +115,7 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
     if holdout is not None:
         problems += [f"--holdout {job.holdout}: {each}" for each in _of_holdout(holdout, first)]
     try:
-        return diagnose_recording(
+        found = diagnose_recording(
             first.columns,
             robot if start is None else start.robot,
             holdout=None if holdout is None else holdout.columns,
@@ -132,6 +133,7 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
         if others and _NUMBERED.search(str(error)):
             raise TraceError(_NUMBERED.sub(lambda it: str(paths[int(it[1]) - 1]), str(error))) from None
         raise TraceError(f"{job.path}: {error}" if not others else f"--together: {error}") from None
+    return found if start is None else as_robot_toml_has_it(found, robot)
 
 
 def _of_holdout(holdout: Recording, first: Recording) -> list[str]:

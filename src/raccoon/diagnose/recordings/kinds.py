@@ -65,6 +65,8 @@ _WITH_MORE = {
 }
 """The verdict of a drive whose tophats have causes too."""
 NO_MODEL = "the effects of --model were not used: only drives by duty and tophats are simulated with them"
+NO_CAUSES = "the effects of --causes were not considered: only a drive is explained by them"
+NO_TRUTH = "--truth-free left nothing out: the recording has no truth.* column"
 
 
 def diagnose_recording(
@@ -96,6 +98,7 @@ def diagnose_recording(
     check_robot(robot)
     columns, more = columns_given(columns), [columns_given(each) for each in more]
     holdout = None if holdout is None else columns_given(holdout)
+    given = columns
     if truth_free:
         columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
     columns, repeated = without_repeated(columns)
@@ -130,6 +133,10 @@ def diagnose_recording(
         found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
     if model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS):
         problems = (*problems, NO_MODEL)
+    if own and kind is not Kind.DRIVE:
+        problems = (*problems, NO_CAUSES)
+    if truth_free and not any(name.startswith("truth.") for name in given):
+        problems = (*problems, NO_TRUTH)
     notes = dict.fromkeys((*found.notes, *said_once(problems), *of_rows, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
 
