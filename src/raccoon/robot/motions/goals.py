@@ -36,6 +36,8 @@ __all__ = ["MotionResult", "arc", "pivot", "straight", "turn", "turn_to"]
 # A plan further than this from the estimate is not continued: somebody moved the robot.
 PLAN_REACH = 0.05
 PLAN_REACH_HEADING = 0.3
+EITHER_WAY = math.radians(2.0)
+"""rad by which half a turn may be missed and both ways are alike: a heading is hardly known better."""
 FAR = 0.5
 """m, radius of an arc at which heading and place tell equally well how far along it is: 0.1 deg is 1 mm."""
 
@@ -113,7 +115,7 @@ def turn_to(
 ) -> Action[MotionResult]:
     """Turn the shorter way to a heading of the field, rad counter-clockwise from where the robot started.
 
-    The rest as `turn`.
+    Half a turn goes the way that leads from the one number to the other. The rest as `turn`.
     """
     check_heading(heading=heading)
     check_rate(turn_rate=turn_rate)
@@ -121,10 +123,21 @@ def turn_to(
     check_times(timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
-        angle = math.remainder(heading - robot.plan.heading, math.tau)
-        return (yield from turning(robot, angle, turn_rate, tolerance, timeout))
+        angle = heading - robot.plan.heading
+        return (yield from turning(robot, shorter_way(angle, angle), turn_rate, tolerance, timeout))
 
     return Action(f"turn to {math.degrees(heading):g} deg", steps)
+
+
+def shorter_way(angle: float, side: float = 1.0) -> float:
+    """`angle` (rad) less its full turns, by the shorter way.
+
+    side: the way of half a turn, left where positive. By the noise of a heading a robot would turn now to
+    one side and now to the other.
+    """
+    shorter = math.remainder(angle, math.tau)
+    way = math.copysign(1.0, side)
+    return shorter + way * math.tau if way * shorter < EITHER_WAY - math.pi else shorter
 
 
 def turning(

@@ -24,7 +24,7 @@ from raccoon.robot.actions.limits import (
     check_times,
     check_way,
 )
-from raccoon.robot.motions.goals import straight, turning
+from raccoon.robot.motions.goals import shorter_way, straight, turning
 from raccoon.robot.motions.pacing import LAG_LIMIT, MotionResult, Pace, finish
 
 if TYPE_CHECKING:
@@ -65,13 +65,13 @@ def drive_to(
         parts: list[MotionResult] = []
         if distance > HERE:
             bearing = math.atan2(y - start.y, x - start.x) + (math.pi if backwards else 0.0)
-            angle = math.remainder(bearing - start.heading, math.tau)
+            angle = shorter_way(bearing - start.heading)
             parts.append((yield from turning(robot, angle, timeout=timeout)))
             way = straight(-distance if backwards else distance, speed, tolerance=tolerance, timeout=timeout)
             parts.append((yield from way.start(robot)))
         if heading is not None:
-            angle = math.remainder(heading - robot.plan.heading, math.tau)
-            parts.append((yield from turning(robot, angle, timeout=timeout)))
+            angle = heading - robot.plan.heading
+            parts.append((yield from turning(robot, shorter_way(angle, angle), timeout=timeout)))
         return _whole(robot, Pose(x, y, robot.plan.heading), begin, parts)
 
     return Action(f"drive to ({x:g}, {y:g})", steps)
@@ -136,7 +136,7 @@ def follow_path(
         # Where the robot is, and so the corner at the first point, is not known before.
         for leg in legs([(here.x, here.y), *ahead]):
             path = Path(leg, rounding)
-            angle = math.remainder(path.start.heading + flipped - robot.plan.heading, math.tau)
+            angle = shorter_way(path.start.heading + flipped - robot.plan.heading)
             if abs(angle) > robot.config.motion.heading_tolerance:
                 parts.append((yield from turning(robot, angle, timeout=timeout)))
             parts.append((yield from _follow(robot, path, speed, tolerance, timeout, flipped)))

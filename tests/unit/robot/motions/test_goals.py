@@ -20,6 +20,8 @@ from raccoon import (
     arc,
     deg,
     drive,
+    drive_to,
+    follow_path,
     motors,
     open_robot,
     pivot,
@@ -35,6 +37,7 @@ from raccoon import (
 from raccoon.core.config import ControllerConfig
 from raccoon.core.readings import STOP, Outputs
 from raccoon.robot import remarks
+from raccoon.robot.actions.steps import Steps
 from raccoon.robot.emulated import open_emulated
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -89,6 +92,33 @@ def test_turn_ends_on_its_angle(angle_deg: float) -> None:
 def test_turn_to_takes_the_shorter_way_and_means_the_field() -> None:
     _, end, _ = run(seq(turn(deg(170)), turn_to(deg(-170))))
     assert math.degrees(end.heading) == pytest.approx(190.0, abs=0.7)
+
+
+@pytest.mark.parametrize("off", [-1e-3, 1e-3])
+@pytest.mark.parametrize(
+    ("motion", "way"),
+    [
+        (turn_to(deg(180)), 1.0),
+        (turn_to(deg(-180)), -1.0),
+        (turn_to(deg(540)), 1.0),
+        (drive_to(-0.3, 0.0), 1.0),
+        (drive_to(0.0, 0.0, deg(-180)), -1.0),
+        (follow_path([(-0.3, 0.0)]), 1.0),
+        (follow_path([(0.3, 0.0)], backwards=True), 1.0),
+    ],
+    ids=lambda each: each.name if isinstance(each, Action) else None,
+)
+def test_half_a_turn_goes_one_way_whatever_the_noise(
+    motion: Action[MotionResult], way: float, off: float
+) -> None:
+    """Where it began 0.06 degrees to the left it went to the right, and the other way round."""
+
+    def begun(robot: Robot) -> Steps[None]:
+        robot.plan = Pose(0.0, 0.0, off)
+        yield from motion.until(after_angle(deg(5))).start(robot)
+
+    _, end, _ = run(Action("half a turn", begun))
+    assert way * end.heading > deg(4)
 
 
 @pytest.mark.parametrize("angle_deg", [90, -60])
