@@ -161,11 +161,12 @@ class _Search:
         """Drive on into it, turn over both surfaces there, the floor first, and back to the edge."""
         robot, sensor = self._robot, self._sensor
         say(robot, f"{sensor.name} comes into another light on the line, and learns it")
-        begin, speed = robot.estimate.distance, min(self._velocity, LIGHT_SPEED)
+        begin, acceleration = robot.estimate.distance, robot.config.motion.acceleration
+        speed = max(min(self._velocity, LIGHT_SPEED), CATCH_SPEED)  # after a search, or at first, it stands
         while robot.estimate.distance - begin < INTO_LIGHT and robot.time < self._end:
-            robot.drive.follow(speed, LIGHT_GAIN * (self._heading - robot.estimate.heading))
+            self._velocity = slewed(self._velocity, speed, acceleration * robot.dt)
+            robot.drive.follow(self._velocity, LIGHT_GAIN * (self._heading - robot.estimate.heading))
             yield
-        self._velocity = speed
         yield from self._stop()
         aside = ASIDE / sensor.config.forward
         yield from self._turn(self._side, aside, to_edge=False)

@@ -6,10 +6,12 @@ from itertools import pairwise
 
 import pytest
 
-from raccoon import MotionTimeout, Robot, after_distance, deg, open_robot, wait
+from raccoon import Action, MotionTimeout, Robot, after_distance, deg, open_robot, wait
 from raccoon.estimate.tophat import TophatCalibration, calibrate
 from raccoon.model.reflectance import fit
-from raccoon.robot.motions.following import SEARCH_TIME, follow_line
+from raccoon.robot.actions.steps import Steps
+from raccoon.robot.motions.following import SEARCH_TIME, _Search, follow_line
+from raccoon.robot.motions.last_edge import LastEdge
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Box, Light, Line, World
 from robots import CONFIG, simulated
@@ -128,6 +130,23 @@ def test_a_calibration_of_indoors_follows_a_line_in_the_sun() -> None:
     x, y = sensor_at(port)
     assert x > 0.55
     assert y == pytest.approx(HALF, abs=0.003)
+
+
+def test_a_robot_that_stands_drives_on_into_another_light_too() -> None:
+    """As after a search, during which the light changed: it stood for the 12 s of the next one."""
+    world = World(lines=(STRAIGHT,), lights=(Light(Box((-1.0, -1.0), (3.0, 1.0)), 0.3),))
+
+    def learns(robot: Robot) -> Steps[None]:
+        sensor = robot.tophat("left")
+        sensor.follow_light(False)
+        yield from _Search(robot, sensor, 1.0, LastEdge(robot), 0.0).in_other_light()
+
+    with open_robot(CONFIG, port=simulated(world=world, start=(0.0, HALF - 0.03, 0.0))) as robot:
+        robot.tophat("left").calibrate(calibration(0.0))
+        robot.run(wait(0.2))
+        robot.run(Action("learn the light", learns))
+        assert robot.time < 8.0
+        assert robot.tophat("left").coverage == pytest.approx(0.5, abs=0.15)
 
 
 @pytest.mark.parametrize(
