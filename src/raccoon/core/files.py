@@ -7,7 +7,7 @@ import stat
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -32,7 +32,7 @@ def near_program(name: str | Path) -> Path:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Write or replace a file in one step; one that is there keeps its permissions.
+    """Write or replace a file in one step; one that is there keeps its permissions and, with sudo, its owner.
 
     The content is on the disk before the name is: whatever ends the program, or the battery, a reader finds
     the old file or the new one. A link stays one, and what it points to is replaced. What is no plain file
@@ -74,7 +74,13 @@ def _beside(target: Path) -> Iterator[BinaryIO]:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, target.stat().st_mode & 0o7777 if target.exists() else 0o644)
+        mode = 0o644
+        if target.exists():
+            before = target.stat()
+            mode = before.st_mode & 0o7777
+            with suppress(PermissionError):  # of who is not root
+                os.chown(temporary, before.st_uid, before.st_gid)
+        os.chmod(temporary, mode)
         os.replace(temporary, target)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)

@@ -33,6 +33,22 @@ def test_others_may_read_a_new_file_and_an_old_one_keeps_its_permissions(tmp_pat
     assert old.stat().st_mode & 0o777 == 0o640
 
 
+def test_a_file_that_sudo_replaces_stays_its_owners(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a program wrote as root, its team could edit no more."""
+    path, given = tmp_path / "robot.toml", []
+
+    def chown(_: str, user: int, group: int) -> None:
+        given.append((user, group))
+        raise PermissionError  # as for who is not root: it is theirs then, or stays another's
+
+    monkeypatch.setattr(os, "chown", chown)
+    write_atomically(path, "new")
+    assert given == []
+    write_atomically(path, "after")
+    assert given == [(path.stat().st_uid, path.stat().st_gid)]
+    assert path.read_text() == "after"
+
+
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
