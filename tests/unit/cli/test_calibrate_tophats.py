@@ -40,6 +40,16 @@ def test_stores_what_it_believes_and_shows_it(folder: Path, capsys: pytest.Captu
     assert "new at 7 mm" in shown
 
 
+@pytest.mark.parametrize("other", ["drive.csv", "--write"])
+def test_what_is_shown_is_not_made_as_well(
+    folder: Path, capsys: pytest.CaptureFixture[str], other: str
+) -> None:
+    """Of the two, one was done and nothing said of the other."""
+    assert command(folder, other, "--show") == 2
+    assert capsys.readouterr().err.endswith(f"and that alone; leave out {other}\n")
+    assert not (folder / "tophats.json").exists()
+
+
 def test_long_names_leave_their_columns_apart(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot = folder / "robot.toml"
     robot.write_text('[tophat."the left one of both"]\nanalog = 0\n', encoding="utf-8")

@@ -134,6 +134,9 @@ def _calibrate_tophats(args: argparse.Namespace) -> int:
     # A variable of a script, say, that is empty: no program would find the set.
     if args.set is not None and not args.set.strip():
         raise ConfigError("--set: the name of the set is empty")
+    if args.show and (args.recording or args.write):
+        given = str(args.recording[0]) if args.recording else "--write"
+        raise ConfigError(f"--show: it shows what is stored, and that alone; leave out {given}")
     if args.recording:
         if args.write:  # before the work, not after it
             check_folders(args.store)
