@@ -105,6 +105,23 @@ def test_wheels_that_stay_silent_end_a_motion(silence: Callable[[Inputs], Inputs
         assert robot.time < BEGIN + 1.0
 
 
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        (align_on_wall(0.05, timeout=1.0), "no wall after 1 s: port: link_dead; the left wheel is silent"),
+        (move("arm", 6.0), r"arm .*; its back-EMF is not read"),
+    ],
+    ids=repr,
+)
+def test_an_error_of_what_is_not_read_names_that_and_no_wall_or_end_stop(
+    action: Action[object], said: str
+) -> None:
+    with open_robot(ARM, port=Silent(dead, 5.0)) as robot:
+        robot.run(wait(BEGIN - 0.5))
+        with pytest.raises(MotionTimeout, match=said):
+            robot.run(action)
+
+
 @pytest.mark.parametrize("seconds", [0.15, 0.3, 0.45])
 @pytest.mark.parametrize("silence", [dead, wheels, left])
 def test_where_wheels_turned_unread_is_known_when_they_are_read_again(

@@ -231,6 +231,8 @@ def align_on_wall(
 def _why_no_wall(robot: Robot, way: float) -> str:
     """What the wheels do where they do not both stand. way: m that they turned."""
     here, drive = robot.estimate, robot.config.drive
+    if any(robot.odometry.silent_wheels):  # what they do is a guess
+        return "; ".join(here.reasons)
     for side, port, speed, other in (
         ("left", drive.left, here.left_speed, here.right_speed),
         ("right", drive.right, here.right_speed, here.left_speed),

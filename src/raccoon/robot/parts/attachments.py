@@ -37,7 +37,7 @@ class Attachments:
         """What the mechanisms do that an action moves, in words."""
         return tuple(
             f"{name} at {math.degrees(each.angle):.0f} deg, "
-            + ("power and no motion" if each.stalled else "turning")
+            + (each.halted_by if each.stalled else "turning")
             for name, each in self.mechanisms.items()
             if each.moved_by is not None
         )

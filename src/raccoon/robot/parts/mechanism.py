@@ -81,6 +81,13 @@ class Mechanism(Part):
         """Power and no motion."""
         return self._loop.watch.stalled
 
+    @property
+    def halted_by(self) -> str:
+        """Why it counts as stalled, in words."""
+        if self._counted.unread:
+            return "its back-EMF is not read, so nobody knows whether it turns: the link, or the controller"
+        return "power and no motion: blocked, unplugged or a fuse"
+
     def forget_stall(self) -> None:
         """What blocked it before is in the way no more, until it shows anew: a move may lead away from it."""
         self._loop.watch.rest()

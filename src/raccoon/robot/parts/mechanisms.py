@@ -183,7 +183,7 @@ def _planned(robot: Robot, moved: Mechanism, wanted: float) -> float:
 
 
 def _explain(moved: Mechanism, goal: float, elapsed: float) -> str:
-    cause = "power and no motion: blocked, unplugged or a fuse" if moved.stalled else "too slow"
+    cause = moved.halted_by if moved.stalled else "too slow"
     return (
         f"{moved.name} (motor port {moved.config.motor}) not done after {elapsed:.1f} s: at"
         f" {math.degrees(moved.angle):.0f} of {math.degrees(goal):.0f} deg; {cause}"
