@@ -107,6 +107,8 @@ class Results:
             raise ConfigError(
                 f"{self._about_path}: not what a sweep writes: {error}; choose another file"
             ) from None
+        if self._is_empty():
+            return wanted
         for name in wanted:
             if name != "end" and found.get(name) != wanted[name]:
                 known, own = shown(found.get(name)), shown(wanted[name])
@@ -122,6 +124,11 @@ class Results:
                 "choose another file"
             )
         return {**wanted, "end": end}
+
+    def _is_empty(self) -> bool:
+        """Whether no match is in it: a sweep that was killed before its first one is none to go on with."""
+        tables = [path for path in {self.path, self._rows_path} if path.exists()]
+        return tables in ([], [self._rows_path]) and all(_no_row(each.read_bytes()) for each in tables)
 
     def _opened(self) -> IO[str]:
         """The file of rows, locked, with what it holds read and a torn last line cut off."""
@@ -146,6 +153,8 @@ class Results:
         write_atomically(self._about_path, json.dumps(self.about, indent=1))
         data = self._rows_path.read_bytes()
         whole = data[: data.rfind(b"\n") + 1]  # of bytes: it may be torn in the midst of a letter
+        if _no_row(whole):
+            whole = b""  # the header may be that of another sweep
         if len(whole) != len(data):
             file.truncate(len(whole))
         if not whole:
@@ -163,6 +172,11 @@ class Results:
         parquet.write_table(table, sink)
         write_atomically(self.path, sink.getvalue())
         self._shown = len(rows)
+
+
+def _no_row(data: bytes) -> bool:
+    """Whether a file of rows has its header at the most."""
+    return not data or (data.startswith(b"run,") and data.find(b"\n") in (-1, len(data) - 1))
 
 
 def read_results(path: str | Path) -> list[Row]:

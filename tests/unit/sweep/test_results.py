@@ -64,6 +64,18 @@ def test_a_sweep_that_ended_before_its_first_match_leaves_nothing_in_the_way(pat
         assert list(path.parent.iterdir()) == []
 
 
+def test_a_sweep_that_was_killed_before_its_first_match_gives_its_name_to_another(path: Path) -> None:
+    killed = Results(path, COLUMNS, ABOUT)
+    with pytest.raises(ConfigError, match="another sweep is writing it"):
+        Results(path, ("run", "seed"), {**ABOUT, "program": "corrected.py"})
+    killed._file.close()  # as the system does it
+    results = Results(path, (*COLUMNS, "y"), {**ABOUT, "program": "corrected.py"})
+    results.add(row(0, y=1.5))
+    results.finish()
+    results.close()
+    assert read_results(path) == [row(0, y=1.5)]
+
+
 def test_it_goes_on_where_it_was_left_and_with_more_runs(path: Path) -> None:
     for runs in ((3, 0), (1,), (2, 4)):
         results = Results(path, COLUMNS, ABOUT)
