@@ -63,6 +63,8 @@ def updated_text(text: str, values: Mapping[str, Measured]) -> str:
     end = "\r" if lines[0].endswith("\r") else ""
     if not lines[-1]:
         lines.pop()
+    else:  # the last line has no end yet
+        lines[-1] += end
     expected = parse_toml(text)
     for key, value in values.items():
         table, _, name = key.rpartition(".")

@@ -108,9 +108,10 @@ def test_the_file_of_what_was_replaced_is_given(tmp_path: Path) -> None:
     assert replaced.exists()
 
 
-def test_a_file_of_a_windows_editor_keeps_its_mark_and_line_ends(tmp_path: Path) -> None:
+@pytest.mark.parametrize("last", ["\r\n", ""])
+def test_a_file_of_a_windows_editor_keeps_its_mark_and_line_ends(tmp_path: Path, last: str) -> None:
     path = tmp_path / "robot.toml"
-    path.write_bytes(("\ufeff" + TEXT.replace("\n", "\r\n")).encode())
+    path.write_bytes(("\ufeff" + TEXT.rstrip("\n").replace("\n", "\r\n") + last).encode())
     values = {
         "motor.0.radians_per_tick": TICKS,
         "motor.1.bemf_offset": Measured(-20.0, 0.3),
