@@ -136,9 +136,13 @@ def controller_of(
     causes: Sequence[Cause],
     model: Parameters | None,
     firmware: Firmware | None = None,
+    found: Fitted | None = None,
 ) -> tuple[Log, Habits]:
-    """The log with changes of commands whose rows it lost, and the controller's habits, see `nearest`."""
-    found = nearest(log, robot, causes, model, firmware)
+    """The log with changes of commands whose rows it lost, and the controller's habits, see `nearest`.
+
+    found: what is nearest, where that is known.
+    """
+    found = found or nearest(log, robot, causes, model, firmware)
     if found is None:
         return log, _first(log, firmware)
 

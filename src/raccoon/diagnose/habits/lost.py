@@ -89,7 +89,7 @@ def restored(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Lo
     chosen = []
     for change in changes:
         logs = [changed_at(log, change, moment) for moment in change.moments]
-        problems = (_in_bins_of(usual, problem_of(each), each) for each in logs)
+        problems = (in_bins_of(usual, problem_of(each), each) for each in logs)
         tried = [squares, *(_squares(each, point, wheels) for each in problems)]
         start = log.time[change.row - 1]
         answer = (time >= start) & (time < start + ANSWER)
@@ -109,7 +109,7 @@ def _told(moments: Sequence[float]) -> str:
     return f"the recording lost {rows} changed: taken for changed at {told} s, as the wheels answer"
 
 
-def _in_bins_of(usual: Problem, problem: Problem, log: Log) -> Problem:
+def in_bins_of(usual: Problem, problem: Problem, log: Log) -> Problem:
     """The problem of a log with a row more in the bins of the usual one: where a loop changes commands these
     are as long as a command holds, and one that is moved may make a bin more or less of the whole drive."""
     width = usual.features.width

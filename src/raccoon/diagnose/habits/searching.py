@@ -27,7 +27,12 @@ from raccoon.diagnose.habits.chains import (
     usual_chain,
     with_driver_of,
 )
-from raccoon.diagnose.habits.controller import controller_of, cycle_by_row, drive_problem, with_lost_changes
+from raccoon.diagnose.habits.controller import (
+    controller_of,
+    cycle_by_row,
+    drive_problem,
+    with_lost_changes,
+)
 from raccoon.diagnose.habits.cycles import (
     as_pauses_slow_the_wheels,
     as_rows_are_made,
@@ -59,6 +64,7 @@ from raccoon.diagnose.habits.others import (
     with_a_slow_battery,
     without,
 )
+from raccoon.diagnose.habits.within_rows import as_commanded
 from raccoon.diagnose.hypotheses.coordinates import FORMS, Cause
 from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
 from raccoon.diagnose.rollout.firmware import Firmware
@@ -92,7 +98,8 @@ def searched(
     of a robot without any.
     """
     tell("finding out what the controller does with its samples")
-    restored, first = controller_of(log, robot, causes, model, firmware)
+    log, found = (log, None) if firmware else as_commanded(log, robot, causes, model)
+    restored, first = controller_of(log, robot, causes, model, firmware, found)
 
     under = Under(lambda each: drive_problem(restored, robot, causes, each, model))
     by_row = first.chain.cycle if firmware else cycle_by_row(restored)
