@@ -41,10 +41,10 @@ FINE = np.arange(-0.75, 1.751, 0.05)
 TOGETHER, PLACED = 0.25, 0.08
 """Part of the error at one moment for all jumps that is left at each one's own: where each has its own,
 and where that is all that is wrong, once the habits are those of commands that begin so. The first was 0.02
-to 0.24 of 43 loggers that read at once (0.39 of one more), 0.11 to 0.34 of 36 that write the readings of a
+to 0.24 of 17 loggers that read at once (0.39 of one more), 0.11 to 0.34 of 24 that write the readings of a
 cycle of 5 ms, and 0.32 and more of 190 drives of controllers as slow as their rows, each cause and what no
-catalogue has among them. The second was 0.06 at most of 16 of the first (and 0.5 of two), 0.1 and more of
-all of the others."""
+catalogue has among them. The second was 0.06 at most of 15 of the first (0.5 of two), 0.1 and more of the
+others."""
 APART = 0.25
 """Rows between the quartiles of these moments. Were any moment as likely, it would be half a row."""
 WHOLE = 0.1
