@@ -64,7 +64,7 @@ def test_half_the_magnet_is_calibrated_away_and_reported() -> None:
 
 def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
     """A straight of 1 m is as much as tells: of 28 draws of the noise 26 did."""
-    told = []
+    told: list[str] = []
     for seed in (1, 2, 3, 4):
         port = simulated(seed=seed, effects={"motor.armature_resistance@left": {"factor": 1.5}})
         _, end, robot = run(straight(1.0), port)

@@ -191,8 +191,12 @@ def pruned(search: Search, name: str, why: str, fit: Fit | None = None) -> Searc
 
 
 def grown(search: Search, most: int = MOST_CAUSES) -> Search:
-    """The first part of a search: causes added one by one, those that lose their place dropped."""
-    seen: set[frozenset[str]] = set()
+    """The first part of a search: causes added one by one, those that lose their place dropped.
+
+    Until a drop leaves no more causes than one before it did: several that are worth little take each other's
+    place one after the other, and each time takes as long as all that was found before.
+    """
+    left = -1
     for _ in range(2 * MOST_CAUSES):
         tell(f"looking for causes; so far {_listed(search)}")
         if len(search.fit.point.active) >= most:
@@ -203,11 +207,10 @@ def grown(search: Search, most: int = MOST_CAUSES) -> Search:
             break
         if len(search.fit.point.active) > (0 if search.unknown else 1):
             search, removed = backward(search)
-            left = frozenset((*search.fit.point.active, *search.unknown))
-            if removed and left in seen:  # from which it has gone round
-                break
             if removed:
-                seen.add(left)
+                before, left = left, len(search.fit.point.active) + len(search.unknown)
+                if left <= before:
+                    break
     return search
 
 
