@@ -146,10 +146,14 @@ def controller_of(
     if found is None:
         return log, _first(log, firmware)
 
-    def loose(each: Log) -> Problem:
-        return loosened(drive_problem(each, robot, causes, found.habits, model), found.habits.wheels)
+    return restored(log, loose_problem_of(robot, causes, found.habits, model), found.point), found.habits
 
-    return restored(log, loose, found.point), found.habits
+
+def loose_problem_of(
+    robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
+) -> Callable[[Log], Problem]:
+    """The problem of a log under habits, with all base numbers free: see `loosened`."""
+    return lambda log: loosened(drive_problem(log, robot, causes, habits, model), habits.wheels)
 
 
 def _first(log: Log, firmware: Firmware | None) -> Habits:
@@ -183,7 +187,7 @@ def nearest(
     first, reads = _first(log, firmware), reads_back_emf(each.role for each in log.channels)
 
     def loose(habits: Habits) -> Problem:
-        return loosened(drive_problem(wheels, robot, causes, habits, model), habits.wheels)
+        return loose_problem_of(robot, causes, habits, model)(wheels)
 
     def fit_of(habits: Habits) -> Fitted:
         problem = loose(habits)

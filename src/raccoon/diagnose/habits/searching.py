@@ -27,12 +27,7 @@ from raccoon.diagnose.habits.chains import (
     usual_chain,
     with_driver_of,
 )
-from raccoon.diagnose.habits.controller import (
-    controller_of,
-    cycle_by_row,
-    drive_problem,
-    with_lost_changes,
-)
+from raccoon.diagnose.habits.controller import controller_of, cycle_by_row, drive_problem, with_lost_changes
 from raccoon.diagnose.habits.cycles import (
     as_pauses_slow_the_wheels,
     as_rows_are_made,
@@ -104,7 +99,7 @@ def searched(
     under = Under(lambda each: drive_problem(restored, robot, causes, each, model))
     by_row = first.chain.cycle if firmware else cycle_by_row(restored)
     search, habits = _sooner(begun(started(under(first))), first, under, by_row)
-    if len(search.fit.point.active) + len(search.unknown) > 1 and (seconds := swing(log)):
+    if len(search.named) > 1 and (seconds := swing(log)):
         tell("comparing over whole swings of the commands")
         first = replace(first, swing=seconds)
         search, habits = _sooner(begun(started(under(first))), first, under, by_row)

@@ -18,8 +18,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import SETTLING
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.controller import cycle_by_row, drive_problem, nearest
-from raccoon.diagnose.habits.loose import Fitted, loosened
+from raccoon.diagnose.habits.controller import cycle_by_row, loose_problem_of, nearest
+from raccoon.diagnose.habits.loose import Fitted
 from raccoon.diagnose.habits.lost import ANSWER, in_bins_of
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.sim.effects.chain import Chain
@@ -103,12 +103,7 @@ def as_commanded(
     def placed_by(found: Fitted | None, together: float) -> Log | None:
         if found is None:
             return None
-        habits = found.habits
-
-        def loose(each: Log) -> Problem:
-            return loosened(drive_problem(each, robot, causes, habits, model), habits.wheels)
-
-        return placed(log, loose, found.point, together)
+        return placed(log, loose_problem_of(robot, causes, found.habits, model), found.point, together)
 
     found = nearest(log, robot, causes, model)
     roughly = placed_by(found, TOGETHER)

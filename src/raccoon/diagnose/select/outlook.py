@@ -65,6 +65,16 @@ class Search:
     failed: dict[str, str] = field(default_factory=dict)
     unknown: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All that stands so far: the causes that are on, and what is unknown."""
+        return (*self.fit.point.active, *self.unknown)
+
+    @property
+    def listed(self) -> str:
+        """The same, to be said."""
+        return ", ".join(self.named) or "none"
+
 
 def blocks_of(fit: Fit) -> list[Gram]:
     """Gram numbers of a fit by blocks of time."""

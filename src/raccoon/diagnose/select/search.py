@@ -198,7 +198,7 @@ def grown(search: Search, most: int = MOST_CAUSES) -> Search:
     """
     left = -1
     for _ in range(2 * MOST_CAUSES):
-        tell(f"looking for causes; so far {_listed(search)}")
+        tell(f"looking for causes; so far {search.listed}")
         if len(search.fit.point.active) >= most:
             break
         search, added = forward(search)
@@ -208,7 +208,7 @@ def grown(search: Search, most: int = MOST_CAUSES) -> Search:
         if len(search.fit.point.active) > (0 if search.unknown else 1):
             search, removed = backward(search)
             if removed:
-                before, left = left, len(search.fit.point.active) + len(search.unknown)
+                before, left = left, len(search.named)
                 if left <= before:
                     break
     return search
@@ -253,12 +253,12 @@ def finished(search: Search) -> Search:
     search, replaced = simplified(search)
     if replaced:
         search, _ = forward(search)
-    tell(f"trying other sets of causes than {_listed(search)}")
+    tell(f"trying other sets of causes than {search.listed}")
     search, changed = rearranged(search)
     if changed:
         search = grown(search)
     search = _stable(search)
-    tell(f"asking what else may be in the place of {_listed(search)}")
+    tell(f"asking what else may be in the place of {search.listed}")
     better, before = compared(search), frozenset(search.fit.point.active)
     if better is not None:
         search = _stable(grown(replaced_by(search, better)))
@@ -266,10 +266,6 @@ def finished(search: Search) -> Search:
         if again is not None and before == frozenset(again.point.active):
             as_likely(search, before)
     return _credible(search)
-
-
-def _listed(search: Search) -> str:
-    return ", ".join((*search.fit.point.active, *search.unknown)) or "none"
 
 
 def _credible(search: Search) -> Search:

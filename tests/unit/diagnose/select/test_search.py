@@ -490,7 +490,9 @@ def test_causes_are_added_until_a_drop_leaves_no_more_than_one_before(
 
     def at(names: Iterable[str]) -> Any:
         failed = dict.fromkeys("abcde", NOTHING)  # whatever was tried and not taken at first
-        return SimpleNamespace(fit=_with_causes(*names), unknown={}, failed=failed)
+        return SimpleNamespace(
+            fit=_with_causes(*names), named=(*names,), listed=", ".join(names), unknown={}, failed=failed
+        )
 
     def step(search: Any, sign: str) -> tuple[Any, bool]:
         if not left or not left[0].startswith(sign):
