@@ -123,6 +123,8 @@ class ImuWatch:
     FASTEST = 10.0
     FASTEST_AT_REST = 6.0
     GRAVITY_RANGE = (4.9, 14.7)
+    MOST_FORCE = 70.0
+    """4 g on three axes, the ends of the chip. A damaged frame may say anything, or no number at all."""
     LEAST_UPRIGHT = 4.9
     SMOOTHING = 0.05
     PENALTY_SECONDS = 1.0
@@ -143,13 +145,17 @@ class ImuWatch:
     def update(self, gyro: Vector, accel: Vector, at_rest: bool, time: float) -> None:
         """Judge new words."""
         norm = math.sqrt(accel[0] * accel[0] + accel[1] * accel[1] + accel[2] * accel[2])
-        self._gravity += self.SMOOTHING * (norm - self._gravity)
-        before = accel[2] if self._upright is None else self._upright
-        self._upright = before + self.SMOOTHING * (accel[2] - before)
+        felt = norm <= self.MOST_FORCE
+        if felt:
+            self._gravity += self.SMOOTHING * (norm - self._gravity)
+            before = accel[2] if self._upright is None else self._upright
+            self._upright = before + self.SMOOTHING * (accel[2] - before)
+        upright = self._upright is None or abs(self._upright) >= self.LEAST_UPRIGHT
         low, high = self.GRAVITY_RANGE
-        fastest = self.FASTEST_AT_REST if at_rest else self.FASTEST
-        self._wrong = max(gyro) > fastest or min(gyro) < -fastest or not low <= self._gravity <= high
-        self._wrong = self._wrong or abs(self._upright) < self.LEAST_UPRIGHT
+        most = self.FASTEST_AT_REST if at_rest else self.FASTEST
+        x, y, z = gyro
+        turns = -most <= x <= most and -most <= y <= most and -most <= z <= most
+        self._wrong = not (felt and upright and turns and low <= self._gravity <= high)
         if not self._wrong:
             self._score = max(self._score - self.FORGIVEN, 0.0)
             if at_rest and time >= self._until:

@@ -1,5 +1,9 @@
 """The watchers one by one, where a whole robot would hide what they do."""
 
+import math
+
+import pytest
+
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, GRAVITY
 from raccoon.hal.wombat.checks.health import BatteryWatch, ImuWatch, MotorWatch
 
@@ -18,6 +22,18 @@ def test_an_imu_that_is_wrong_now_and_then_is_found_out_and_a_damaged_frame_is_n
     assert judged([WRONG, WRONG, *[RIGHT] * 4, WRONG, WRONG])
     assert not judged([WRONG, WRONG])
     assert not judged([WRONG, *[RIGHT] * 5] * 4)
+
+
+@pytest.mark.parametrize("word", [math.nan, math.inf, -3e38, 1e4])
+def test_an_imu_is_not_given_up_for_one_word_whatever_it_is(word: float) -> None:
+    gyro, accel = [(0.0, word, 0.0), RIGHT, RIGHT], [FLAT, (word, 0.0, GRAVITY), (0.0, 0.0, word)]
+    for rate, force in zip(gyro, accel, strict=True):
+        watch = ImuWatch()
+        watch.update(RIGHT, FLAT, at_rest=True, time=0.0)
+        watch.update(rate, force, at_rest=True, time=0.02)
+        assert watch.distrusted(0.02)
+        watch.update(RIGHT, FLAT, at_rest=True, time=0.04)
+        assert not watch.distrusted(0.04)
 
 
 def test_an_imu_on_edge_tells_no_turn_and_one_on_a_ramp_or_on_its_back_does() -> None:
