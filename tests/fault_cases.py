@@ -280,6 +280,18 @@ def _late(bench: Bench) -> None:
     bench.clock.advance(0.03)
 
 
+def _stall(bench: Bench) -> None:
+    """The program does not run for 0.2 s between asking for the time and the transfer."""
+    original = bench.emulator.transfer
+
+    def late(frame: bytes) -> bytes:
+        bench.emulator.transfer = original  # type: ignore[method-assign]
+        bench.clock.advance(0.2)
+        return original(frame)
+
+    bench.emulator.transfer = late  # type: ignore[method-assign]
+
+
 def _second_owner(bench: Bench) -> None:
     """Another program writes its own motor command after each of ours."""
     original = bench.emulator.transfer
@@ -336,6 +348,7 @@ CASES = [
     ),
     Case("back-EMF beyond 2000 counts", "recovered", Fault.BEMF_INVALID, sag(22.0), firmwares=RACCOON),
     Case("cycle 30 ms late", "recovered", Fault.OVERRUN, _late),
+    Case("0.2 s pass in a transfer", "recovered", Fault.OVERRUN, _stall),
     Case("another program commands", "stopped", Fault.COMMAND_LOST, _second_owner, firmwares=STOCK),
     Case("another program sends zeros", "given up", Fault.MOTOR_FAULT, _second_owner, firmwares=RACCOON),
     Case("every transfer 4 ms late", "degraded", Fault.OVERRUN, _set(latency=0.004)),

@@ -1,6 +1,7 @@
 """Frames of the Wombat over the whole ranges of their fields, and a port that is fed damaged ones."""
 
 import contextlib
+import math
 import struct
 from random import Random
 
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Outputs
-from raccoon.hal.wombat.firmware.dialect import Dialect
+from raccoon.hal.wombat.firmware.dialect import LARGEST_WORD, Dialect
 from raccoon.hal.wombat.firmware.raccoon import commands as raccoon_commands
 from raccoon.hal.wombat.firmware.raccoon import wire as raccoon
 from raccoon.hal.wombat.firmware.raccoon.commands import (
@@ -233,8 +234,9 @@ def dialect_of(firmware: str) -> Dialect:
 
 @pytest.mark.parametrize("firmware", ["stock", "17", "21"])
 def test_damaged_frames_never_pass_a_jump_for_good(firmware: str) -> None:
-    """34,000 frames for each firmware. Whatever they say, nothing but HardwareError is raised, and a position
-    that moved further than motors can is never handed over without a fault."""
+    """34,000 frames for each firmware. Whatever they say, nothing but HardwareError is raised, a position
+    that moved further than motors can is never handed over without a fault, and never a word that no sensor
+    gives."""
     frames, seed, judged = 0, 0, 0
     while frames < 34_000:
         dialect = dialect_of(firmware)
@@ -247,6 +249,9 @@ def test_damaged_frames_never_pass_a_jump_for_good(firmware: str) -> None:
         try:
             while link.frames < 1_700:
                 inputs = port.read()
+                assert all(map(math.isfinite, (*(inputs.gyro or ()), *(inputs.accel or ()))))
+                counts = (*inputs.bemf, *inputs.analog, inputs.battery)
+                assert all(abs(word) <= LARGEST_WORD for word in counts if word is not None)
                 if inputs.position[0] is None:
                     continue
                 if last is not None and not inputs.faults:

@@ -121,12 +121,10 @@ class WombatPort:
                 if look >= self._polls and (reading is None or not self.dialect.averaged):
                     break
                 self._ticker.wait()
-                time = self._clock.now()
-                reading = receiver.poll(self.dialect.command(self._outputs), time)
+                reading = receiver.poll(self.dialect.command(self._outputs))
                 self._beat()
-            return self._monitor.inputs(
-                reading, time, receiver.position, receiver.bemf, receiver.faults, self._outputs.duty
-            )
+            words, time = (receiver.position, receiver.bemf), receiver.time
+            return self._monitor.inputs(reading, time, *words, receiver.faults, self._outputs.duty)
         except HardwareError as error:
             self._fail(error)
             raise

@@ -15,13 +15,16 @@ ALIGN_ATTEMPTS = 3
 LARGEST_DISOBEDIENCE = 40
 """Frames in a row whose command does not show in the controller."""
 RESTARTS, RESTART_SECONDS = 3, 10.0
+LONGEST_TRANSFER, LOOKS = 0.01, 3
+"""s that a transfer may take, on a slow bus 5 ms, before it is made again, and how often it is made: where
+the program did not run in the middle of it, nobody knows whether the words are of before or after that."""
 
 
 class Receiver:
     """Exchanges frames and accepts the good ones; keeps the positions.
 
-    `collect` begins a cycle, `exchange` and `poll` belong to it; `faults` and `bemf` are the cycle's.
-    clock: tells how much later a second look was taken than the first.
+    `collect` begins a cycle, `exchange` and `poll` belong to it; `faults` and `bemf` are the cycle's, and
+    `time` is when the last `poll` looked, s of the clock.
     """
 
     def __init__(self, dialect: Dialect, link: Link, clock: Clock) -> None:
@@ -30,7 +33,7 @@ class Receiver:
         self._clock = clock
         self._counters = Counters(dialect.fastest_counter)
         self._last: Reading | None = None
-        self._time = self._taken = 0.0
+        self.time = self._time = self._taken = 0.0
         self._sent = bytes(dialect.length)
         self._expected: bytes | None = None
         self._previous: bytes | None = None
@@ -62,15 +65,19 @@ class Receiver:
             self._previous = reply
         return reply
 
-    def poll(self, frame: bytes, time: float) -> Reading | None:
+    def poll(self, frame: bytes) -> Reading | None:
         """Send a command and take what came back, None where nothing usable did.
 
         Raises HardwareError where the link or the controller is lost.
         """
+        for _ in range(LOOKS):
+            time = self.time = self._clock.now()
+            reply = self.exchange(frame)
+            if self._clock.now() - time <= LONGEST_TRANSFER:
+                break
         if time - self._taken > PATIENCE_SECONDS:
             self._unusable_since = None  # nobody looked meanwhile: of that pause the link says nothing
         self._taken = time
-        reply = self.exchange(frame)
         if not self._dialect.aligned(reply):
             recovered = self._recover(reply, time)
             if recovered is None:
@@ -87,7 +94,11 @@ class Receiver:
 
     def _checked(self, reply: bytes, time: float) -> Reading | None:
         reading = self._dialect.read(reply)
+        credible = self._dialect.credible(reading)
         if self._last is None:
+            if not credible:
+                self.faults.append(Fault.TORN)
+                return None
             self._restart = False
             self._counters.continue_from(reading.position)
             return reading
@@ -98,8 +109,8 @@ class Receiver:
         seconds = time - self._time
         moved = self._counters.differences(reading.position)
         differences: Counts | None = moved
-        if self._suspicious(moved, seconds):
-            looked = self._second_look(moved, seconds)
+        if not credible or self._suspicious(moved, seconds):
+            looked = self._second_look(moved, seconds, credible)
             if looked is None:
                 return None
             reading, differences = looked
@@ -117,20 +128,23 @@ class Receiver:
         plausible = self._counters.plausible(differences, seconds)
         return not plausible or self._dialect.suspicious(differences, seconds)
 
-    def _second_look(self, differences: Counts, seconds: float) -> tuple[Reading, Counts | None] | None:
+    def _second_look(
+        self, differences: Counts, seconds: float, credible: bool
+    ) -> tuple[Reading, Counts | None] | None:
         """Read again to tell a torn word from a counter that has really jumped: then without differences.
-        Counters count on meanwhile: on a slow bus an update or two fall between the looks."""
+        Counters count on meanwhile: on a slow bus an update or two fall between the looks. credible: whether
+        the other words of the first look can be."""
         first, self._taken = self._taken, self._clock.now()
         later = self._taken - first
         reply = self.exchange(self._sent)
-        if not self._dialect.aligned(reply):
+        second = self._dialect.read(reply) if self._dialect.aligned(reply) else None
+        if second is None or not self._dialect.credible(second):
             self.faults.append(Fault.TORN)
             return None
-        second = self._dialect.read(reply)
         moved = self._counters.differences(second.position)
         apart = max(abs(new - old) for new, old in zip(moved, differences, strict=True))
         if self._counters.plausible(moved, seconds + later):
-            believed = self._counters.plausible(differences, seconds)
+            believed = credible and self._counters.plausible(differences, seconds)
             if not believed or self._dialect.torn(differences, moved, later):
                 self.faults.append(Fault.TORN)
             return second, moved

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from raccoon.core.readings import Device, Fault, Inputs, Outputs, Words
+from raccoon.core.readings import ANALOG_FULL_SCALE, Device, Fault, Inputs, Outputs, Words
 from raccoon.hal.wombat.firmware.counters import Bemf, Counts
 from raccoon.hal.wombat.link.pipe import Link
 
 LARGEST_BEMF = 2000.0
 """Counts that no motor on this board exceeds: 6.6 V induced."""
+LARGEST_WORD = 2 * ANALOG_FULL_SCALE
+"""Counts that no converter gives, nor a firmware makes of them where it corrects its supply voltage."""
 
 
 class Reading:
@@ -76,6 +78,10 @@ class Dialect(Protocol):
 
     def read(self, reply: bytes) -> Reading:
         """Take an aligned frame apart."""
+        ...
+
+    def credible(self, reading: Reading) -> bool:
+        """Whether its words of the converter are such as that gives."""
         ...
 
     def life(self, reply: bytes) -> bytes:

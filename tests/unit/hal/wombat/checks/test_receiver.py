@@ -48,7 +48,7 @@ def test_a_counter_that_really_jumped_is_counted_on_from_where_it_is() -> None:
     found = []
     for _ in range(4):
         receiver.collect()
-        receiver.poll(READ, clock.now())
+        receiver.poll(READ)
         found.append(list(receiver.faults))
         clock.advance(0.005)
     assert found == [[], [], [Fault.POSITION_JUMP], []]
@@ -69,7 +69,7 @@ def test_a_counter_that_jumps_again_and_again_leaves_the_speed_as_it_is() -> Non
     for look in range(400):
         jump = 0x10000 if look > 20 and look % 7 in (0, 1, 4) else 0  # there and back
         receiver.collect()
-        receiver.poll(READ, clock.now())
+        receiver.poll(READ)
         if receiver.bemf is not None and look > 20:
             read.append(receiver.bemf[0])
         clock.advance(0.0025)
@@ -79,13 +79,60 @@ def test_a_counter_that_jumps_again_and_again_leaves_the_speed_as_it_is() -> Non
 
 def test_a_link_is_lost_when_it_says_nothing_for_long_at_one_time() -> None:
     script = Script(frame(0), *[DEAD] * 80, frame(0), *[DEAD] * 80, frame(0), DEAD)
-    receiver = Receiver(StockDialect(), script, SteppedClock())
+    clock = SteppedClock()
+    receiver = Receiver(StockDialect(), script, clock)
 
-    def polls(first: int, last: int) -> None:
-        for cycle in range(first, last):
+    def polls(cycles: int) -> None:
+        for _ in range(cycles):
             receiver.collect()
-            receiver.poll(READ, 0.005 * cycle)
+            receiver.poll(READ)
+            clock.advance(0.005)
 
-    polls(0, 163)  # 0.4 s without a word, twice
+    polls(163)  # 0.4 s without a word, twice
     with pytest.raises(HardwareError, match=r"the stock controller is lost: the link says 0x00"):
-        polls(163, 300)
+        polls(137)
+
+
+def test_words_that_no_converter_gives_are_read_again_or_left_out() -> None:
+    clock, analog = SteppedClock(), wire.ADC_0 + 4
+
+    def damaged(count: int) -> bytes:
+        return frame(count)[:analog] + b"\xd4" + frame(count)[analog + 1 :]
+
+    script = Script(damaged(0), frame(0), damaged(100), frame(100), damaged(200), damaged(200), frame(300))
+    receiver, seen = Receiver(StockDialect(), script, clock), []
+    for _ in range(5):
+        receiver.collect()
+        reading = receiver.poll(READ)
+        seen.append((None if reading is None else reading.reply, list(receiver.faults)))
+        clock.advance(0.005)
+    torn = [Fault.TORN]
+    assert seen == [(None, torn), (frame(0), []), (frame(100), torn), (None, torn), (frame(300), [])]
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_of_a_transfer_in_which_the_program_did_not_run_the_time_is_not_known(before: bool) -> None:
+    """Its words may be of its beginning or of its end: it is looked again."""
+    clock, stall = SteppedClock(), 0.0
+
+    class Driving:
+        def transfer(self, _frame: bytes) -> bytes:
+            nonlocal stall
+            late, stall = stall, 0.0
+            clock.advance(late if before else 0.0)
+            reply = frame(int(1e5 * clock.now()))
+            clock.advance(0.0 if before else late)
+            return reply
+
+        def close(self) -> None:
+            pass
+
+    receiver = Receiver(StockDialect(), Driving(), clock)
+    for cycle in range(20):
+        clock.advance(0.005)
+        stall = 0.2 if cycle == 15 else 0.0
+        receiver.collect()
+        reading = receiver.poll(READ)
+        assert reading is not None
+        assert reading.position[0] == int(1e5 * receiver.time)
+        assert receiver.faults == []

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs, Outputs, Words
 from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
 from raccoon.hal.wombat.firmware.devices import RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY, raccoon_device
-from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, Reading
+from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, LARGEST_WORD, Reading
 from raccoon.hal.wombat.firmware.raccoon import commands, wire
 from raccoon.hal.wombat.firmware.raccoon.rate import CounterRate
 from raccoon.hal.wombat.firmware.raccoon.wire import Telemetry
@@ -83,6 +83,12 @@ class RaccoonDialect:
         words = wire.decode(reply, self.version).words
         position = [RACCOON_POLARITY * int(count) for count in words[6:10]]
         return Reading(reply, words, position, words[17])
+
+    def credible(self, reading: Reading) -> bool:
+        words = reading.words
+        bemf, analog = words[2:6], words[11:18]  # and the battery
+        turning = max(bemf) <= LARGEST_WORD and min(bemf) >= -LARGEST_WORD
+        return bool(turning and max(analog) <= LARGEST_WORD and min(analog) >= 0)
 
     def life(self, reply: bytes) -> bytes:
         # Without the clock and the digital ports, which interrupts write even when the main loop hangs.

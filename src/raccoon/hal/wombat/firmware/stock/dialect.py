@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs, Outputs, Words
 from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
 from raccoon.hal.wombat.firmware.devices import STOCK_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK, stock_device
-from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, Reading
+from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, LARGEST_WORD, Reading
 from raccoon.hal.wombat.firmware.stock import commands, wire
 from raccoon.hal.wombat.firmware.stock.bemf import StockBemf
 from raccoon.hal.wombat.firmware.stock.wire import Registers
@@ -77,6 +77,9 @@ class StockDialect:
     def read(self, reply: bytes) -> Reading:
         registers = wire.decode(reply)
         return Reading(reply, registers.words, registers.position, registers.battery)
+
+    def credible(self, reading: Reading) -> bool:
+        return bool(max(reading.words[6:12]) <= LARGEST_WORD and reading.battery <= LARGEST_WORD)
 
     def life(self, reply: bytes) -> bytes:
         # The counters count: with a dead IMU and quiet analog ports nothing else changes.
