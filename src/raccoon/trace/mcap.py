@@ -140,7 +140,16 @@ def _records(file: IO[bytes]) -> Iterator[Any]:
             if total > MAX_BYTES:
                 raise TraceError(f"the recording is longer than {MAX_BYTES} bytes")
             yield from breakup_chunk(replace(record, compression="", data=data), validate_crc=True)
-    except (McapError, ValueError, EOFError, struct.error, RuntimeError, MemoryError, KeyError) as error:
+    except (
+        McapError,
+        ValueError,
+        ArithmeticError,
+        LookupError,
+        EOFError,
+        RuntimeError,
+        MemoryError,
+        struct.error,
+    ) as error:
         raise TraceError(f"the MCAP file is damaged: {str(error) or 'it ends too soon'}") from None
 
 

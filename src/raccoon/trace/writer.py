@@ -80,7 +80,7 @@ class TraceWriter:
                 if time.monotonic() - synced > _SYNC_SECONDS:
                     os.fsync(self._file.fileno())
                     synced = time.monotonic()
-            except (OSError, ValueError, TypeError) as error:
+            except Exception as error:  # whatever it is: nobody else would say that the recording has ended
                 self.failure = str(error)
                 return
 

@@ -1,3 +1,4 @@
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -134,6 +135,27 @@ def test_estimates_that_are_not_finite_are_blank() -> None:
     tick = Tick(cycle(0), estimates={"pose": (1.0, float("inf"), float("nan"))})
     recording = recording_of(Trace(Header(), [tick, Tick(cycle(1), estimates={"pose": (1.0, 2.0, 3.0)})]))
     np.testing.assert_array_equal(recording["estimate.pose.1"], [np.nan, 2.0])
+
+
+def test_ten_minutes_of_a_trace_become_columns_in_little_memory() -> None:
+    """A Wombat has 1 GB, and rows as tables took 4 kB each."""
+    tick = Tick(cycle(0), (command(0),), {"pose": (1.0, 2.0, 3.0)})
+    trace = Trace(Header(), [tick] * 800)
+    recording_of(trace)  # names are made once
+    tracemalloc.start()
+    try:
+        columns = recording_of(trace).columns
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < 3 * sum(column.nbytes for column in columns.values())
+
+
+def test_columns_that_come_later_or_end_sooner_are_blank_there() -> None:
+    ticks = [Tick(replace(cycle(row), extra={str(row): 1.0})) for row in range(3)]
+    columns = recording_of(Trace(Header(), ticks))
+    for row in range(3):
+        assert np.flatnonzero(np.isfinite(columns[str(row)])).tolist() == [row]
 
 
 def test_an_empty_trace_is_an_empty_recording() -> None:

@@ -186,6 +186,15 @@ def test_a_wrong_byte_anywhere_is_damage_and_nothing_else(tmp_path: Path) -> Non
         assert back.problems or len(back) == len(recording)
 
 
+def test_a_chunk_that_says_to_be_longer_than_any_memory_is_damage(tmp_path: Path) -> None:
+    _, path = saved(tmp_path)
+    whole = path.read_bytes()
+    length = whole.index(b"zstd") + 4
+    path.write_bytes(whole[:length] + b"\xff" * 8 + whole[length + 8 :])
+    with pytest.raises(TraceError, match=r"run\.mcap: the MCAP file is damaged"):
+        read_mcap(path)
+
+
 @pytest.mark.parametrize("compression", ["ZSTD", "LZ4", "NONE"])
 def test_chunks_are_bounded_whatever_they_say(
     tmp_path: Path, compression: str, monkeypatch: pytest.MonkeyPatch

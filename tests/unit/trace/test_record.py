@@ -302,6 +302,16 @@ def test_a_reading_that_is_no_number_ends_the_recording_not_the_run(
     assert "t = 0.005" in str(trace.damage)
 
 
+def test_an_estimate_that_no_float_holds_ends_the_recording_and_is_said(tmp_path: Path) -> None:
+    port = RecordingPort(ScriptedPort([cycle(0), cycle(1)]), tmp_path / "run")
+    port.read()
+    port.read()
+    port.annotate("odd", (10**400, math.nan))
+    with pytest.warns(RuntimeWarning, match=r"ends early: .*too large"):
+        port.close()
+    assert "too large" in str(read_trace(port.path).damage)
+
+
 def test_a_full_disk_ends_the_recording_not_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_descriptor: int, _data: bytes) -> None:
         raise OSError(28, "No space left on device")
