@@ -82,9 +82,14 @@ class I2cBus:
             raise ValueError(f"count is {count}: allowed are 1 to {BLOCK_LIMIT} bytes")
         with self._lock:
             try:
-                return bytes(self._opened().read_i2c_block_data(address, register, count))
+                data = bytes(self._opened().read_i2c_block_data(address, register, count))
             except OSError as error:
                 raise self._failed(address, error) from error
+        if len(data) != count:
+            raise HardwareError(
+                f"I2C bus {self.path}, address {address:#04x}: {len(data)} bytes of {count} came back"
+            )
+        return data
 
     def write(self, address: int, register: int, data: bytes) -> None:
         """Write `data` from `register` on. Raises HardwareError when the device does not answer."""

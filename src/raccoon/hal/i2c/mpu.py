@@ -84,6 +84,7 @@ class Mpu:
         self._axes = _parse_axes(axes)
         self._range_bits, counts_per_deg_s = _GYRO_RANGES[gyro_range_deg_s]
         self._chip = _MPU_6050
+        self._ranges = bytes((_LOW_PASS_41_HZ, self._range_bits, _ACCEL_4_G))
         self._last = b""
         self._repeats = 0
         self.gyro_rad_s = math.radians(1.0) / counts_per_deg_s
@@ -114,9 +115,12 @@ class Mpu:
         self._last, self._repeats = b"", 0
 
     def read(self) -> ImuSample:
-        """The newest sample. Raises HardwareError when the sensor is gone, asleep or frozen."""
+        """The newest sample. Raises HardwareError when the sensor is gone, asleep, frozen or was reset."""
         data = self._bus.read(self._address, _DATA, _WORDS.size)
         self._check_alive(data)
+        # All but the MPU-6050 are awake after a loss of power, and then read four times the turn rate.
+        if self._bus.read(self._address, _CONFIG, len(self._ranges)) != self._ranges:
+            raise HardwareError(f"{self.name} at {self._address:#04x} lost its configuration: it was reset")
         ax, ay, az, temperature, gx, gy, gz = _WORDS.unpack(data)
         rates = self._turned((gx, gy, gz))
         return ImuSample(

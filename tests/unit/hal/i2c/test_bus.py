@@ -51,6 +51,16 @@ def test_one_refusal_is_an_error_and_the_next_transfer_works(bus: I2cBus, kernel
     bus.close()
 
 
+def test_an_answer_that_is_too_short_is_an_error(tmp_path: Path) -> None:
+    class Short:
+        def read_i2c_block_data(self, _address: int, _register: int, count: int) -> list[int]:
+            return [0] * (count - 1)
+
+    bus = I2cBus(str(tmp_path), opener=lambda _: Short())  # type: ignore[arg-type, return-value]
+    with pytest.raises(HardwareError, match="address 0x69: 13 bytes of 14 came back"):
+        bus.read(0x69, 0, 14)
+
+
 def test_a_stuck_bus_is_told_from_an_absent_device(bus: I2cBus, kernel: FakeI2c) -> None:
     kernel.stuck = True
     with pytest.raises(HardwareError, match="the bus is stuck or disturbed; check for a short"):

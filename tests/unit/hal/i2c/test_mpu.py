@@ -130,6 +130,20 @@ def test_a_sensor_that_lost_power_is_set_up_again(bus: I2cBus, chip: MpuChip) ->
     assert [sampler.step() for _ in range(3)] == [False, False, True]
 
 
+def test_a_sensor_that_wakes_up_by_itself_after_a_loss_of_power_is_not_believed(
+    bus: I2cBus, chip: MpuChip
+) -> None:
+    """By its register map an MPU-9250 does, with ranges of 250 deg/s and 2 g."""
+    chip.registers[0x75] = 0x71
+    sampler = Sampler(Mpu(bus), 0.005, SteppedClock())
+    assert sampler.step()
+    chip.restart()
+    chip.registers[0x6B] = 0x01
+    assert [sampler.step() for _ in range(4)] == [False, False, False, True]
+    assert sampler.newest is not None
+    assert sampler.newest.number == 1
+
+
 def test_a_frozen_sensor_is_noticed(bus: I2cBus, chip: MpuChip) -> None:
     sensor = Mpu(bus)
     sensor.set_up()
