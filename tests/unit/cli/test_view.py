@@ -82,6 +82,27 @@ def test_how_far_and_how_long(recording: Path) -> None:
     assert drive.length == pytest.approx(0.5 * np.pi / 2, rel=1e-3)
 
 
+def test_what_was_said_on_the_way_is_printed_with_its_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.csv"
+    rows = ["t,truth.x,truth.y,truth.heading,event", "0,0,0,0,match begins: 120 s", "0.5,0.1,0,0,"]
+    path.write_text("\n".join([*rows, "1.25,0.2,0,0,remark: bumped"]) + "\n", encoding="utf-8")
+    assert main(["view", str(path), "-o", str(tmp_path / "drive.svg"), "--no-table"]) == 0
+    told = capsys.readouterr().out.splitlines()[1:]
+    assert told == ["    0.00 s  match begins: 120 s", "    1.25 s  remark: bumped"]
+
+
+def test_of_a_note_in_every_cycle_the_first_hundred_are_printed(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{0.01 * row:.2f},{0.001 * row},0,0,note {row}" for row in range(103)]
+    recording.write_text("\n".join(["t,truth.x,truth.y,truth.heading,event", *rows]) + "\n", encoding="utf-8")
+    assert main(["view", str(recording), "-o", str(tmp_path / "drive.svg"), "--no-table"]) == 0
+    told = capsys.readouterr().out.splitlines()[1:]
+    assert told[99:] == ["    0.99 s  note 99", "and 3 more, all in the column event of raccoon convert"]
+
+
 def test_the_robot_is_drawn_as_long_and_as_wide_as_it_was_recorded(tmp_path: Path) -> None:
     for front in (0.09, 0.2):
         config = RobotConfig(controller=ControllerConfig(port="sim"), body=BodyConfig(front=front))

@@ -1,15 +1,21 @@
-"""`raccoon view`: a recorded drive over its table, as a picture or an animation."""
+"""`raccoon view`: a recorded drive over its table, as a picture or an animation, and what was said in it."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from raccoon.cli.numbers import check_start
 from raccoon.cli.outputs import check_folders, check_pictures
 from raccoon.core.errors import ConfigError
 
-HELP = "draw a recorded drive over the table"
+if TYPE_CHECKING:
+    from raccoon.cli.view.drive import Drive
+
+HELP = "draw a recorded drive over the table, and print its steps, remarks and notes"
+MOST_SAID = 100
+"""Lines that are printed of a recording; a program may note something in every cycle."""
 ENDINGS = (".svg", ".png", ".gif")
 SLOWEST, FASTEST = 0.01, 1000.0
 
@@ -55,9 +61,17 @@ def run(args: argparse.Namespace) -> int:
 
         frames = write_animation(drive, world, target, args.speed)
         print(f"wrote {target}: {frames} frames of a drive of {drive.seconds:.1f} s")
-        return 0
-    from raccoon.cli.view.drawing import write_picture
+    else:
+        from raccoon.cli.view.drawing import write_picture
 
-    write_picture(drive, world, target)
-    print(f"wrote {target}: a drive of {drive.seconds:.1f} s and {drive.length:.2f} m")
+        write_picture(drive, world, target)
+        print(f"wrote {target}: a drive of {drive.seconds:.1f} s and {drive.length:.2f} m")
+    _print_said(drive)
     return 0
+
+
+def _print_said(drive: Drive) -> None:
+    for time, text in drive.said[:MOST_SAID]:
+        print(f"{time:8.2f} s  {text}")
+    if len(drive.said) > MOST_SAID:
+        print(f"and {len(drive.said) - MOST_SAID} more, all in the column event of raccoon convert")

@@ -52,11 +52,12 @@ class Trajectory:
 @dataclass(frozen=True)
 class Drive:
     """A drive to draw. truth or estimate may be absent, not both. body: the robot's outline, the
-    usual one where the recording does not say."""
+    usual one where the recording does not say. said: what the recording has in words, each with its s."""
 
     truth: Trajectory | None
     estimate: Trajectory | None
     body: BodyConfig
+    said: tuple[tuple[float, str], ...] = ()
 
     @property
     def best(self) -> Trajectory:
@@ -101,7 +102,9 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
         estimate = _home(estimate, estimate.row_at(first)).placed(*truth.pose(truth.row_at(first)))
     elif estimate is not None and placed is not None:
         estimate = _home(estimate).placed(*placed)
-    return Drive(truth, estimate, BodyConfig() if run.robot is None else run.robot.body)
+    time = run.recording["t"]
+    said = tuple((float(time[event.tick]), event.text) for event in run.recording.events)
+    return Drive(truth, estimate, BodyConfig() if run.robot is None else run.robot.body, said)
 
 
 def _truth(run: Run) -> Trajectory | None:
