@@ -40,7 +40,7 @@ OF_KIPR = {
     "gyro_z",
 }
 OF_KIPR |= {"mav", "motor", "motor_power", "mrp", "msleep", "mtp", "off", "power_level", "push_button"}
-OF_KIPR |= {"gyro_z", "set_servo_position", "shut_down_in"}
+OF_KIPR |= {"printf", "set_servo_position", "shut_down_in"}
 """Functions of KIPR's library, on the page for those who come from it."""
 
 
