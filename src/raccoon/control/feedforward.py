@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Device
+from raccoon.model.bemf import foreign_ticks
 
 BELIEVED = (0.4, 2.5)
 """Between which shares of the nominal K_E a calibrated counter is taken to tell the motor's."""
-FOREIGN = 10.0
-"""Times that, up or down, what no motor, gear or wheel makes of it: it is another counter's tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +118,8 @@ def _wheel(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
     model, motor = getattr(config.model, side), config.wheel_motor(side)
     constant = model.back_emf_constant.value
     told = None if device is None else calibrated_constant(config, side, device)
-    if told is not None and device is not None and not 1.0 / FOREIGN < told / constant < FOREIGN:
-        raise ConfigError(_foreign(config, side, device, told / constant))
+    if device is not None and (foreign := foreign_ticks(config, side, device)):
+        raise ConfigError(f"{foreign}; calibrate again (raccoon calibrate drive), or take the line out")
     if told is not None and BELIEVED[0] < told / constant < BELIEVED[1]:
         constant = told
     wheel = WheelModel(
@@ -132,14 +131,3 @@ def _wheel(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
     )
     measured = (motor.static_voltage, motor.speed_voltage, motor.acceleration_voltage)
     return wheel.with_voltages(*(None if each is None else each.value for each in measured))
-
-
-def _foreign(config: RobotConfig, side: str, device: Device, share: float) -> str:
-    port = getattr(config.drive, side)
-    ticks = config.motor(port).radians_per_tick
-    assert ticks is not None
-    return (
-        f"motor.{port}.radians_per_tick is {ticks.value:.3g}, where a tick of {device.name} is about "
-        f"{ticks.value * share:.3g}: it was calibrated with another firmware, or has a digit in the wrong "
-        "place; calibrate again (raccoon calibrate drive), or take the line out"
-    )

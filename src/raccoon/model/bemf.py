@@ -13,6 +13,9 @@ import math
 from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.readings import Device
 
+FOREIGN = 10.0
+"""Times robot.toml's K_E, up or down, that no motor, gear or wheel makes of it: another counter's ticks."""
+
 
 def believable(share: float) -> bool:
     """Whether a motor may have this share of robot.toml's K_E. Ticks that say otherwise are those of another
@@ -37,6 +40,21 @@ def radians_per_count(motor: MotorConfig, back_emf_constant: float, device: Devi
     if motor.radians_per_tick is not None:
         return motor.radians_per_tick.value / device.position_counts_seconds
     return device.bemf_volts / back_emf_constant
+
+
+def foreign_ticks(robot: RobotConfig, side: str, device: Device) -> str:
+    """Why the `radians_per_tick` of a driven motor are none of this device's; "" where they may be, or where
+    it has none.
+    """
+    ticks, constant = robot.wheel_motor(side).radians_per_tick, getattr(robot.model, side).back_emf_constant
+    share = device.bemf_volts / constant.value / counts_scale(robot, side, device)
+    if ticks is None or 1.0 / FOREIGN < share < FOREIGN:
+        return ""
+    return (
+        f"motor.{getattr(robot.drive, side)}.radians_per_tick is {ticks.value:.3g}, where a tick of "
+        f"{device.name} is about {ticks.value * share:.3g}: it was calibrated with another firmware, or has "
+        "a digit in the wrong place"
+    )
 
 
 def counter_lag(time_constant: float, sample_time: float) -> float:

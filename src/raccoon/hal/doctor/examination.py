@@ -7,11 +7,13 @@ from collections.abc import Callable
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.port import Port
+from raccoon.core.readings import Device
 from raccoon.hal.doctor import link, motors, sensors
 from raccoon.hal.doctor.report import Finding, Report, Verdict
 from raccoon.hal.doctor.session import Session, session
 from raccoon.hal.doctor.trial import MotorTrial, try_motor
 from raccoon.hal.doctor.wiring import wiring
+from raccoon.model.bemf import foreign_ticks
 
 WARM_UP = 0.3
 """s after opening that are not judged: filters of a controller that has just started still fill."""
@@ -65,7 +67,7 @@ def _examine(
         _try_motors(running, config, report, progress)
     else:
         report.add(Finding("motors", Verdict.NOT_CHECKED, "nothing was moved"))
-    report.add(sensors.battery(rest, running.cycles[at_rest:]), *_calibrations(config))
+    report.add(sensors.battery(rest, running.cycles[at_rest:]), *_calibrations(config, rest[-1].device))
     # A sick link makes everything else look sick: it is told first.
     report.findings[1:1] = [link.rates(config, running.cycles, port), *link.faults(running.cycles)]
 
@@ -84,8 +86,10 @@ def _try_motors(
         report.add(Finding(f"motor {motor_port}", Verdict.NOT_CHECKED, "not moved: it is no driven wheel"))
 
 
-def _calibrations(config: RobotConfig) -> list[Finding]:
-    """What robot.toml has measured, as it goes before what stands in [model]: nothing that can be wrong."""
+def _calibrations(config: RobotConfig, device: Device) -> list[Finding]:
+    """What robot.toml has measured, as it goes before what stands in [model]: wrong where it is another
+    firmware's, with which no program drives.
+    """
     found = [
         f"motor.{port}.{key}{_when(getattr(motor, key))}"
         for port, motor in sorted(config.motors.items())
@@ -94,7 +98,11 @@ def _calibrations(config: RobotConfig) -> list[Finding]:
     if not found:
         return []
     told = f"{', '.join(found)}: programs go by these before what [model] says"
-    return [Finding("calibrations", Verdict.NOT_CHECKED, told)]
+    foreign = [each for side in ("left", "right") if (each := foreign_ticks(config, side, device))]
+    if not foreign:
+        return [Finding("calibrations", Verdict.NOT_CHECKED, told)]
+    remedy = "calibrate again (raccoon calibrate drive), or take the lines out"
+    return [Finding("calibrations", Verdict.FAULT, told, "; ".join(foreign), remedy)]
 
 
 def _when(value: Measured) -> str:

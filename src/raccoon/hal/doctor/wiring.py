@@ -13,7 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import mean
 from raccoon.hal.doctor.trial import MotorTrial
-from raccoon.model.bemf import counts_scale
+from raccoon.model.bemf import counts_scale, foreign_ticks
 
 TURN_LIMIT = 0.05
 """rad/s that one driven wheel must turn the robot by, to tell which way."""
@@ -62,9 +62,11 @@ def _turn(config: RobotConfig, trial: MotorTrial | None) -> float | None:
 
 
 def _share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> float | None:
-    """The robot's turn by the gyro, over the one that the wheel read; None without back-EMF."""
+    """The robot's turn by the gyro, over the one that the wheel read; None without back-EMF, or where what
+    robot.toml says of it is another firmware's.
+    """
     readings = [abs(move.bemf) for move in trial.moves if move.bemf is not None]
-    if not readings or mean(readings) == 0.0:
+    if not readings or mean(readings) == 0.0 or foreign_ticks(config, side, trial.device):
         return None
     drive, per_count = config.model.drive, counts_scale(config, side, trial.device)
     return abs(turn) * drive.track_width.value / (mean(readings) * per_count * drive.wheel_radius.value)

@@ -275,6 +275,17 @@ def test_calibrations_are_listed_that_go_before_the_model() -> None:
     assert not [each for each in examine(FaultyRobot(), ROBOT).findings if each.subject == "calibrations"]
 
 
+def test_ticks_of_another_firmware_are_told_and_blame_no_gyro() -> None:
+    ticks = MotorConfig(radians_per_tick=Measured(0.00305 / 181.0))  # of RaccoonOS 17, behind the simulator
+    report = examine(FaultyRobot(), replace(ROBOT, motors={0: ticks, 1: ticks}))
+    finding = found(report, "calibrations")
+    assert finding.verdict is Verdict.FAULT
+    assert finding.problem.startswith("motor.0.radians_per_tick is 1.69e-05, where a tick of simulator is")
+    assert "calibrate again" in finding.remedy
+    assert found(report, "wiring signs").verdict is Verdict.OK
+    assert not report.well
+
+
 def test_pressed_buttons_are_told() -> None:
     assert examined("digital", pressed=(3, 9)).measured == "pressed: 3, 9"
 
