@@ -102,8 +102,6 @@ def test_lamp_without_effect_is_refused() -> None:
         calibrate_start_light([1000.0] * 3, [100.0] * 20)
     with pytest.raises(ConfigError, match="5000"):
         calibrate_start_light([5000.0] * 20, [100.0] * 20)
-    with pytest.raises(ConfigError, match="hold"):
-        StartLight(hold=0.0)
 
 
 def level(off: float, on: float, lamp: np.ndarray, seed: int = 0) -> np.ndarray:

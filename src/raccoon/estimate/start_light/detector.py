@@ -7,7 +7,7 @@ came, the sun comes slowly (and is learnt).
 
 How quick a fall was, the readings around it tell. Where they are far apart (a slow rate, a silent link), the
 light may have come at any pace between two of them, so it must then stand still for as long as that lasted.
-A bulb that warms up takes longer than `rise`. Its light is known once the detector has been shown the lamp:
+A bulb that warms up takes longer than a lamp. Its light is known once the detector has been shown the lamp:
 then it is enough that it gets there within a bulb's time and stays. One that takes a second or two, and one
 that was not shown, is known by how it comes (`bulb.py`).
 """
@@ -18,7 +18,6 @@ import math
 from bisect import insort
 from typing import NamedTuple
 
-from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.start_light import bulb
 from raccoon.estimate.start_light.bulb import MEAN_SECONDS, SlowBulb
@@ -37,6 +36,8 @@ QUICK = 1.8  # light over the least light just before, above which a lamp went o
 STEADY = 1.2  # light over the light STEADY_SECONDS before, below which a lamp is fully on
 STEADY_SECONDS = 0.015
 STILL = 1.1  # the same over a longer time: what goes on rising is daylight
+HOLD_SECONDS = 0.038  # that a lamp must stay on before it counts
+RISE_SECONDS = 0.030  # within which it comes on
 STILL_SECONDS = 0.1  # whole periods of light that flickers with the mains, at 50 and at 60 Hz
 COARSE_SECONDS = 0.03  # between two readings, from which on STILL is asked of a lamp that came at once
 LEAST_READINGS = 3  # of a lamp: one may be an outlier, and at 10 Hz a flash is one
@@ -69,33 +70,21 @@ class StartLightReading(NamedTuple):
 class StartLight:
     """Detector of one start light. Feed it every reading until it fires.
 
-    calibration: lamp levels; without one the fall must be at least 35 % of the reading. hold: s that the
-    light must stay, and at least three readings; at least 0.1 s without calibration. rise: s within which it
-    must come. A calibrated lamp may also warm up slower than that (time constant of up to 0.2 s), and fires
-    0.3 s after it is near its level. A bulb that takes up to two seconds, calibrated or not, fires when it is
-    warm if it is ten times as bright as the light before. rehearsal: fire again each time the lamp comes on
-    (test mode).
-
-    Raises ConfigError for a hold or rise that is not above 0.
+    calibration: lamp levels; without one the fall must be at least 35 % of the reading. The light must come
+    within 30 ms and stay for 38 ms (0.1 s without calibration) and three readings. A calibrated lamp may also
+    warm up slower than that (time constant of up to 0.2 s), and fires 0.3 s after it is near its level. A
+    bulb that takes up to two seconds, calibrated or not, fires when it is warm if it is ten times as bright
+    as the light before. rehearsal: fire again each time the lamp comes on (test mode).
     """
 
-    def __init__(
-        self,
-        calibration: StartLightCalibration | None = None,
-        *,
-        hold: float = 0.038,
-        rise: float = 0.030,
-        rehearsal: bool = False,
-    ) -> None:
-        if not (hold > 0.0 and rise > 0.0):
-            raise ConfigError(f"hold = {hold} s, rise = {rise} s: allowed are numbers above 0")
+    def __init__(self, calibration: StartLightCalibration | None = None, *, rehearsal: bool = False) -> None:
         self._lamp = None if calibration is None else calibration.on
         self._lamp_light = (
             0.0 if calibration is None else light_of(calibration.on) - light_of(calibration.off)
         )
         # Light as bright as the sun doubles as quickly as a lamp while it comes, and then goes on rising.
         self._still = STILL_SECONDS if calibration is None else STEADY_SECONDS
-        self._hold, self._rise, self._rehearsal = max(hold, self._still), rise, rehearsal
+        self._hold, self._rehearsal = max(HOLD_SECONDS, self._still), rehearsal
         self._ambient = self._brightest = math.nan
         self._variance = 25.0
         self._learning: list[float] = []  # readings, and steps from one to the next, both in their order
@@ -161,7 +150,7 @@ class StartLight:
         if self._bright is None:
             self._bright, self._dark = time, light_of(self._brightest)
             self._begin_candidate(time)
-        elif time > self._until and light_of(counts) > QUICK * self._recent.light_at(time - self._rise):
+        elif time > self._until and light_of(counts) > QUICK * self._recent.light_at(time - RISE_SECONDS):
             self._begin_candidate(time)  # a lamp may come on while something else is bright
         self._readings += 1
         self._gap = max(self._gap, dt)
@@ -194,7 +183,7 @@ class StartLight:
     @property
     def _until(self) -> float:
         """Time of the last reading but one that may still show that the light came at once."""
-        return self._since + max(self._hold, self._gap) + self._rise
+        return self._since + max(self._hold, self._gap) + RISE_SECONDS
 
     def _came_on(self, time: float, counts: float) -> bool:
         """The light doubled at once, as far as the readings can tell, and is steady since."""
@@ -205,7 +194,7 @@ class StartLight:
             return False
         if self._window == 0.0:
             # However far apart the readings are, the last one before the fall is among them.
-            self._window = max(self._hold + self._rise, time - self._before)
+            self._window = max(self._hold + RISE_SECONDS, time - self._before)
         light, before = light_of(counts), self._recent.least_light(time - self._window)
         # What happened in a gap, nobody saw: for as long as it lasted the light must stand still after it.
         span = max(self._still, self._gap)

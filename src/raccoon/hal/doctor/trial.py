@@ -56,14 +56,14 @@ class MotorTrial:
         )
 
 
-def try_motor(session: Session, motor_port: int, *, duty: float = DUTY) -> MotorTrial:
+def try_motor(session: Session, motor_port: int) -> MotorTrial:
     """Move one motor both ways and stop it."""
     rest = session.run(SETTLE)
     readings = words(rest, "bemf", motor_port)
     offset = mean(readings) if readings else None
     moves = []
-    for signed in (duty, -duty):
-        moves.append(_move(session, motor_port, signed, offset or 0.0))
+    for duty in (DUTY, -DUTY):
+        moves.append(_move(session, motor_port, duty, offset or 0.0))
         session.run(SETTLE)
     battery = rest[-1].battery_voltage
     noise = deviation(readings) if readings else 0.0

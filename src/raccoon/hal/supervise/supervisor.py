@@ -25,9 +25,9 @@ class Supervisor:
     """A process of its own that stops the motors when this one is killed, crashes or hangs.
 
     target: where the stop goes, `spi:DEVICE:HERTZ` or `unix:PATH`. frames: what stops. A program that lives
-    and says nothing for `seconds` gets what `hold` was told last instead, where it was told something. keep:
-    descriptors that the process inherits and so keeps open until the motors are stopped (the lock of the
-    bus). Raises HardwareError where it cannot be started.
+    and says nothing for half a second gets what `hold` was told last instead, where it was told something.
+    keep: descriptors that the process inherits and so keeps open until the motors are stopped (the lock of
+    the bus). Raises HardwareError where it cannot be started.
     """
 
     def __init__(
@@ -35,12 +35,11 @@ class Supervisor:
         target: str,
         frames: Sequence[bytes],
         *,
-        seconds: float = SILENCE_SECONDS,
         keep: Sequence[int] = (),
     ) -> None:
         script = Path(__file__).with_name("stopper.py")
         # Isolated, without site packages: it starts fast and stays small.
-        command = [sys.executable, "-I", "-S", "-B", str(script), target, str(seconds)]
+        command = [sys.executable, "-I", "-S", "-B", str(script), target, str(SILENCE_SECONDS)]
         # Memory that both see: a servo on its way changes the frame in every cycle and need wake up nobody.
         self._held = os.memfd_create("raccoon-hold")
         try:

@@ -21,7 +21,7 @@ class SpiLink:
     bus, and says what to do.
     """
 
-    def __init__(self, device: str = SPI_DEVICE, speed_hz: int = SPEED_HZ) -> None:
+    def __init__(self, device: str = SPI_DEVICE) -> None:
         try:
             import spidev
         except ImportError:
@@ -32,25 +32,24 @@ class SpiLink:
         from raccoon.hal.wombat.link.lock import BusLock  # Linux alone; the emulator runs anywhere
 
         self._device = device
-        self._speed_hz = speed_hz
         self.lock = BusLock(device)
         self._spi = spidev.SpiDev()
         self._open = True
         left_in_forks(self)
         try:
-            self._configure(speed_hz)
+            self._configure()
         except HardwareError:
             self.close()
             raise
 
-    def _configure(self, speed_hz: int) -> None:
+    def _configure(self) -> None:
         device = self._device
         try:
             self._spi.open_path(device)
             # They persist on the device from whoever used it before.
             self._spi.mode = 0
             self._spi.bits_per_word = 8
-            self._spi.max_speed_hz = speed_hz
+            self._spi.max_speed_hz = SPEED_HZ
         except FileNotFoundError:
             raise HardwareError(
                 f"{device} does not exist: enable SPI (dtparam=spi=on in config.txt); {NO_WOMBAT}"
@@ -63,14 +62,14 @@ class SpiLink:
     @property
     def target(self) -> str:
         """The bus as a supervisor is told of it."""
-        return f"spi:{self._device}:{self._speed_hz}"
+        return f"spi:{self._device}:{SPEED_HZ}"
 
     def transfer(self, frame: bytes) -> bytes:
         """One SPI transfer followed by the pause that the co-processor needs."""
         if not self._open:
             raise HardwareError(f"{self._device} is closed")
         try:
-            return bytes(self._spi.xfer2(frame, self._speed_hz, GAP_US))
+            return bytes(self._spi.xfer2(frame, SPEED_HZ, GAP_US))
         except OSError as error:
             raise HardwareError(f"a transfer on {self._device} failed: {error}") from error
 
