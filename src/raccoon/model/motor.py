@@ -12,11 +12,6 @@ from __future__ import annotations
 import math
 
 
-def current(voltage: float, speed: float, resistance: float, back_emf_constant: float) -> float:
-    """A through a motor that turns at `speed` rad/s on `voltage` V."""
-    return (voltage - back_emf_constant * speed) / resistance
-
-
 def steady_speed(
     voltage: float, resistance: float, back_emf_constant: float, coulomb: float = 0.0, viscous: float = 0.0
 ) -> float:
@@ -29,11 +24,6 @@ def steady_speed(
         return 0.0
     speed = push / (back_emf_constant * back_emf_constant / resistance + viscous)
     return math.copysign(speed, voltage)
-
-
-def time_constant(inertia: float, resistance: float, back_emf_constant: float, viscous: float = 0.0) -> float:
-    """s in which the speed covers 63 % of a step: J / (K^2 / R + B)."""
-    return inertia / (back_emf_constant * back_emf_constant / resistance + viscous)
 
 
 def speed_after(

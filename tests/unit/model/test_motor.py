@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from raccoon.model.motor import current, speed_after, steady_speed, time_constant
+from raccoon.model.motor import speed_after, steady_speed
 
 MOTOR = (1.8, 1.08)
 
@@ -21,16 +21,6 @@ def test_too_little_voltage_does_not_break_loose() -> None:
     assert steady_speed(stuck, *MOTOR, coulomb=0.18) == 0.0
     assert steady_speed(-stuck, *MOTOR, coulomb=0.18) == 0.0
     assert steady_speed(1.01 * stuck, *MOTOR, coulomb=0.18) > 0.0
-
-
-def test_current_at_standstill_and_at_the_free_running_speed() -> None:
-    assert current(6.8, 0.0, *MOTOR) == pytest.approx(6.8 / 1.8)
-    assert current(6.8, steady_speed(6.8, *MOTOR), *MOTOR) == pytest.approx(0.0)
-
-
-def test_friction_shortens_the_time_constant() -> None:
-    assert time_constant(0.02, *MOTOR) == pytest.approx(0.02 * 1.8 / 1.08**2)
-    assert time_constant(0.02, *MOTOR, viscous=0.1) < time_constant(0.02, *MOTOR)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.3])

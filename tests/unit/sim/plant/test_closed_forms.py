@@ -9,7 +9,7 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.core.schema import Measured
-from raccoon.model.motor import steady_speed, time_constant
+from raccoon.model.motor import steady_speed
 from raccoon.model.paper import MOTORS
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -26,6 +26,11 @@ VOLTAGE = MODEL.battery.open_circuit_voltage.value
 
 def stiff() -> Parameters:
     return Parameters.from_robot(RobotConfig()).with_effect("battery.internal_resistance", resistance=0.0)
+
+
+def time_constant(inertia: float) -> float:
+    """s in which the speed covers 63 % of a step."""
+    return inertia / (K * K / R + VISCOUS)
 
 
 def run(robot: Parameters, left: float, right: float, brake: bool = True, **initial: float) -> Rollout:
@@ -138,14 +143,14 @@ def test_a_reading_that_is_held_follows_a_falling_voltage_and_stays_below_a_risi
 
 def test_speeding_up_follows_the_time_constant() -> None:
     ended = run(stiff(), 0.8, 0.8)["motor.0.speed"][0]
-    tau = time_constant(MODEL.drive.inertia_straight.value, R, K, VISCOUS)
+    tau = time_constant(MODEL.drive.inertia_straight.value)
     final = steady_speed(0.8 * VOLTAGE, R, K, COULOMB, VISCOUS)
     np.testing.assert_allclose(ended, final * (1.0 - np.exp(-TIME / tau)), atol=1e-3 * final)
 
 
 def test_turning_on_the_spot_follows_the_inertia_of_turning() -> None:
     ended = run(stiff(), -0.8, 0.8)["motor.1.speed"][0]
-    tau = time_constant(MODEL.drive.inertia_turn.value, R, K, VISCOUS)
+    tau = time_constant(MODEL.drive.inertia_turn.value)
     final = steady_speed(0.8 * VOLTAGE, R, K, COULOMB, VISCOUS)
     np.testing.assert_allclose(ended, final * (1.0 - np.exp(-TIME / tau)), atol=1e-3 * final)
 
@@ -192,7 +197,7 @@ def test_leaving_out_the_inductance_costs_less_than_its_time_constant() -> None:
     smooth = stiff().with_effect("friction.coulomb", torque=0.0)
     ours = run(smooth, 1.0, 1.0)["motor.0.speed"][0, : len(with_inductance)]
     # A delay of L / R on a rise with the slope final / tau.
-    share = inductance / R / time_constant(inertia, R, K, VISCOUS)
+    share = inductance / R / time_constant(inertia)
     assert np.max(np.abs(ours - with_inductance)) < share * ours[-1]
 
 
