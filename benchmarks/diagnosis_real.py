@@ -31,7 +31,7 @@ from raccoon.trace.loading import Run, load_run, load_runs
 DATA = Path(os.environ.get("RACCOON_SHARED_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 ROBOT = RobotConfig()
 RADIUS = 0.03
-"""M, the radius by which the reader turns the rim speed of these wheels into rad/s."""
+"""m, the radius by which the reader turns the rim speed of these wheels into rad/s."""
 Pages = Path | None
 
 

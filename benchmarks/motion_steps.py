@@ -22,7 +22,7 @@ PERIOD = 0.005
 BAND = 0.05
 NOMINAL = wheel_models(RobotConfig())[0]
 SETTLE_LIMIT = 3.0 * NOMINAL.time_constant + 2.0 * PERIOD
-"""S: three mechanical time constants and two ticks."""
+"""s: three mechanical time constants and two ticks."""
 INERTIAS = (0.020, 0.014)  # kg m2 that one motor feels straight on and turning
 
 

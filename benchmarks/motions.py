@@ -141,7 +141,7 @@ class Figure:
 
 
 def turn_time_optimal(config: RobotConfig) -> float:
-    """S of a quarter turn by the trapezoid at the same limits."""
+    """s of a quarter turn by the trapezoid at the same limits."""
     rate, gain = config.motion.turn_rate, config.motion.turn_acceleration
     return QUARTER / rate + rate / gain
 

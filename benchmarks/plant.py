@@ -77,7 +77,7 @@ def line(name: str, asked: float | None, measured: float, unit: str = "", smalle
 
 
 def timed(work: Callable[[], object], repeats: int = 3) -> float:
-    """S of processor time of the fastest of some runs, after one to compile."""
+    """s of processor time of the fastest of some runs, after one to compile."""
     work()
     best = math.inf
     for _ in range(repeats):
@@ -141,7 +141,7 @@ def closed_loop() -> None:
 
 
 def square_error(chain: Chain, imu_rate_hz: float, seed: int) -> float:
-    """M between start and end of a square that the library drives behind a sensor chain."""
+    """m between start and end of a square that the library drives behind a sensor chain."""
     robot = Parameters.from_robot(RobotConfig()).with_chain(chain)
     port = SimPort(robot, World.default(), seed=seed, imu_rate_hz=imu_rate_hz)
     with open_robot(RobotConfig(), port=port) as library:

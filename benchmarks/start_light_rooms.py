@@ -19,9 +19,9 @@ from raccoon.estimate.start_light import StartLight, StartLightCalibration
 Array = NDArray[np.float64]
 
 LAMP = 8.0
-"""S, when the lamp comes on."""
+"""s, when the lamp comes on."""
 WAIT = 3.0
-"""S within which it must be seen."""
+"""s within which it must be seen."""
 KINDS = ("drift", "flicker", "sun", "leave", "people", "sleeve", "flash", "neighbour")
 ROOMS: dict[str, tuple[str, ...] | None] = {
     "sun": ("sun",),

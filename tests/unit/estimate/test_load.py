@@ -29,7 +29,7 @@ class Wheels:
         self._speeds = [0.0, 0.0]
 
     def run(self, seconds: float, volts: Two, torque: Two, *, known: bool = True) -> float | None:
-        """S until the watch says held, None where it does not."""
+        """s until the watch says held, None where it does not."""
         held = None
         for _ in range(round(seconds / (CYCLE * CYCLES))):
             means = [0.0, 0.0]

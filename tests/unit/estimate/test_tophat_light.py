@@ -145,7 +145,7 @@ def test_a_spike_under_flickering_lamps_makes_no_edge(hertz: int) -> None:
 
 
 def as_renewed(readings: int, phase: float) -> NDArray[np.float64]:
-    """S at which words of RaccoonOS are of, which renews them every 4 ms."""
+    """s at which words of RaccoonOS are of, which renews them every 4 ms."""
     at = np.arange(readings) / RATE
     return np.asarray(np.floor((at - phase) / 0.004) * 0.004 + phase)
 

@@ -46,7 +46,7 @@ def test_a_turn_on_a_free_floor_is_as_sure_as_ever() -> None:
 
 
 def sharp(every: int, jump: float) -> float:
-    """Rad that are in doubt by a turn rate which jumps by rad/s from one reading to the next, ms apart."""
+    """rad that are in doubt by a turn rate which jumps by rad/s from one reading to the next, ms apart."""
     readings = DriveReadings(RobotConfig(), 0.0)
     for cycle in range(9):
         rate = jump / SIMULATOR.gyro_rad_s if cycle > 4 else 0.0

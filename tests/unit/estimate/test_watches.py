@@ -10,7 +10,7 @@ from raccoon.estimate.drive.bump import BumpWatch
 from raccoon.estimate.drive.turn_share import TurnShare
 
 PITCH_BIAS = 0.6
-"""Rad/s that the gyro reads about the axis of a robot that stands."""
+"""rad/s that the gyro reads about the axis of a robot that stands."""
 
 
 @pytest.mark.parametrize("pitch_rate", [2.0, -2.0])

@@ -66,7 +66,7 @@ class Silent(Between):
         self._base, self._silence, self._end = base, silence, BEGIN + seconds
         self._time = 0.0
         self.power: list[tuple[float, float]] = []
-        """S, and the largest duty of any motor, with its sign."""
+        """s, and the largest duty of any motor, with its sign."""
 
     def _heard(self, inputs: Inputs) -> Inputs:
         inputs = self._base(inputs)

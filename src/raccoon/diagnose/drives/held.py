@@ -30,11 +30,11 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 BIN = 0.02
-"""S over which commands and readings are averaged."""
+"""s over which commands and readings are averaged."""
 FOLLOWS = 0.055
-"""S by which a usual wheel and its reading's filter follow a command, together."""
+"""s by which a usual wheel and its reading's filter follow a command, together."""
 BEFORE, AFTER = ((0.3, 0.06), (0.9, 0.6)), (0.2, 0.44)
-"""S before a load comes and after it, in which it is not there yet, and all of it. At an angle to a wall a
+"""s before a load comes and after it, in which it is not there yet, and all of it. At an angle to a wall a
 robot turns first, and its wheels carry the load one after the other."""
 LOAD = 0.06
 """Of the battery's voltage, which a load must take of both wheels: a robot that spins its wheels at a wall
@@ -51,18 +51,18 @@ s before, since readings are behind."""
 TURNS = 0.5
 """rad/s and more by which a robot turns that turns as no wheel does, and as none does by more than half."""
 LASTS = 0.4
-"""S for which it does, at least. In less a filter may be behind."""
+"""s for which it does, at least. In less a filter may be behind."""
 AGREES = 0.2
 """rad/s within which gyro and wheels agree, and from which their scale is seen."""
 ALIKE, MOMENT = 0.15, 0.2
 """Of a turn, by which two readings of it may differ that agree; and s for which they do so by chance."""
 UNREAD = 0.15
-"""S without a sample of a gyro or a wheel in which nobody knows how it turned."""
+"""s without a sample of a gyro or a wheel in which nobody knows how it turned."""
 AROUND = 0.3
-"""S for which gyro and wheels agree where a robot is on its wheels again; and s before and after it in which
+"""s for which gyro and wheels agree where a robot is on its wheels again; and s before and after it in which
 it may be in the hand that turns it already, or still."""
 ONCE = 2.0
-"""S between two such stretches that are one: a robot in a hand is turned to and fro."""
+"""s between two such stretches that are one: a robot in a hand is turned to and fro."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,14 +121,14 @@ def of_free_driving(log: Log) -> Log:
 
 
 def where_held(log: Log, robot: RobotConfig) -> tuple[tuple[float, float], ...]:
-    """S, from and to, in which a robot did not drive freely; none where the time does not advance."""
+    """s, from and to, in which a robot did not drive freely; none where the time does not advance."""
     if len(log.time) < 2 or not bool((np.diff(log.time) > 0.0).all()):
         return ()
     return spans(not_free(log, robot))
 
 
 def spans(found: Sequence[Stretch]) -> tuple[tuple[float, float], ...]:
-    """S, from and to, of each."""
+    """s, from and to, of each."""
     return tuple((each.start, each.end) for each in found)
 
 

@@ -16,7 +16,7 @@ from raccoon.diagnose.drives.log import Channel, Clocks, Log, Run
 from raccoon.diagnose.drives.stops import brakes
 
 PAUSE = 5.0
-"""S that are put between two recordings, in which nothing is commanded and nothing compared."""
+"""s that are put between two recordings, in which nothing is commanded and nothing compared."""
 
 
 @contextmanager

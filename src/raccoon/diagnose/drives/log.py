@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 
 SHORTEST_SECONDS = 2.0
 GAP = 0.1
-"""S between rows from which nobody knows what was commanded; what shorter losses hide is found out
+"""s between rows from which nobody knows what was commanded; what shorter losses hide is found out
 (`habits/lost.py`)."""
 SETTLED = 0.3
-"""S of driving in which a robot forgets the speeds that it had."""
+"""s of driving in which a robot forgets the speeds that it had."""
 STOPPED = 1.0
-"""S in which a robot that is not driven has come to rest."""
+"""s in which a robot that is not driven has come to rest."""
 GAPS_SAID = 3
 FEWEST = 20
 """Readings from which a channel is one."""
@@ -259,7 +259,7 @@ def _lost(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tu
 
 
 def settled(time: Array, duty: Array, row: int) -> float:
-    """S at which a robot whose past before that row is not known has forgotten it: wheels that are driven do
+    """s at which a robot whose past before that row is not known has forgotten it: wheels that are driven do
     so soon, those that roll when they stand."""
     steps = np.diff(time[row:], append=time[-1])
     driven = np.cumsum(np.where(np.all(duty[row:] != 0.0, axis=1), steps, 0.0))
@@ -269,7 +269,7 @@ def settled(time: Array, duty: Array, row: int) -> float:
 
 
 def apart(lost: Sequence[tuple[float, float]]) -> list[float]:
-    """S of each, where they overlap only once."""
+    """s of each, where they overlap only once."""
     found, reached = [], -math.inf
     for start, end in lost:
         found.append(max(end - max(start, reached), 0.0))

@@ -14,7 +14,7 @@ import numpy as np
 from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log, apart, settled
 
 AROUND = 0.6
-"""S to either side of the worst reading of a moment that are left out."""
+"""s to either side of the worst reading of a moment that are left out."""
 
 
 def without_moments(log: Log, moments: Sequence[float]) -> Log:

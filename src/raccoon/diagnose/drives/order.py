@@ -24,7 +24,7 @@ ONLY_LATE = 1.08
 """Times the error of late commands that the opposite order has where they are late. It was 1.17 at least
 there, and 0.98 at most of drives that were turned round."""
 CLOSE = 0.0125
-"""S between readings up to which a wheel that stops takes several of them: the fastest answer in 20 ms."""
+"""s between readings up to which a wheel that stops takes several of them: the fastest answer in 20 ms."""
 EVEN = 0.3
 """Part of the usual row by which one may be longer, where nothing is lost."""
 FAR, ALONE = 0.08, 0.25

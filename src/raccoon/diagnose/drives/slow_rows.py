@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Wheels = Sequence[tuple[Array, Array]]
 
 SLOWEST_ROW = 0.0125
-"""S between rows of a controller that runs faster. A command changes somewhere within a row: of a clean drive
+"""s between rows of a controller that runs faster. A command changes somewhere within a row: of a clean drive
 at 200 Hz every second row is diagnosed as all are, every third makes an inertia 17 % too small of it. Longer
 rows are taken for cycles where wheels do not answer within them."""
 OWN_RATE = 1.25

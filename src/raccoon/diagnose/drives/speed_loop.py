@@ -19,7 +19,7 @@ from raccoon.diagnose.drives.sizes import last_change
 Array = NDArray[np.float64]
 
 STEADY = 0.3
-"""S since a command changed, after which a wheel has the speed that it keeps."""
+"""s since a command changed, after which a wheel has the speed that it keeps."""
 LEAST, APART = 40, 1.5
 """Rows of a wheel that are asked, and the factor by which the largest of their commands is over the least."""
 MOVES = 0.02

@@ -23,22 +23,22 @@ Array = NDArray[np.float64]
 SIDES = ("left", "right")
 
 BIN = 0.02
-"""S over which commands and readings are averaged."""
+"""s over which commands and readings are averaged."""
 DRIVEN = 0.18
 """Of the battery's voltage that surely drives a wheel."""
 STANDS, FOLLOWS = 0.1, 0.5
 """Part of its command's voltage up to which a wheel's back-EMF stands, and from which it follows."""
 LASTS, ANSWERS = 0.4, 0.1
-"""S for which a wheel stands at least, and for which it follows where it does again."""
+"""s for which a wheel stands at least, and for which it follows where it does again."""
 BEFORE, SLOWER = 1.0, 0.9
-"""S before, whose median part is what it has while it follows; and part of that below which it has begun to
+"""s before, whose median part is what it has while it follows; and part of that below which it has begun to
 roll out."""
 SHOWS = 0.015
 """V by which standing motors must take the battery down before its reading is asked."""
 NO_CURRENT, CURRENT = 0.25, 0.5
 """Part of that up to which there is no current, and from which there is."""
 SLOW = 0.3
-"""S that a battery's reading is behind."""
+"""s that a battery's reading is behind."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ at the end of a ramp the command has slowed it down already, which its reading i
 EACH = 2
 """Moments of either kind from which a robot does both."""
 TOGETHER = 0.05
-"""S within which both wheels are released at once."""
+"""s within which both wheels are released at once."""
 FAST = 0.15
 """Part of a wheel's largest speed from which it has to stop from."""
 BOTH = (

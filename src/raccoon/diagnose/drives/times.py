@@ -11,9 +11,9 @@ from raccoon.trace.recording import mistaken_step, usual_step
 Array = NDArray[np.float64]
 
 SLOWEST_STEP = 0.2
-"""S between samples; a wheel settles in less."""
+"""s between samples; a wheel settles in less."""
 LONGEST_GAP = 1e5
-"""S that no drive pauses for."""
+"""s that no drive pauses for."""
 OFTEN_STILL = 0.1
 """Share of the rows in which a time stands still that is rounded."""
 

@@ -11,7 +11,7 @@ from raccoon.diagnose.hypotheses.runs import DIFFERS
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
 
 LONG_PART = 12.0
-"""S without a gap in which causes can be told apart."""
+"""s without a gap in which causes can be told apart."""
 OVER_WAYS = ("drive.wheel_eccentricity", "drive.slope")
 UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
 """Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap

@@ -52,7 +52,7 @@ def of_run(variants: Sequence[Settings], number: int) -> list[Settings]:
 
 
 def resistances(settings: Settings, count: int) -> list[float]:
-    """Ohm, of the battery of each of so many recordings."""
+    """ohm, of the battery of each of so many recordings."""
     return [of_run([settings], number)[0][RESISTANCE] for number in range(count)]
 
 

@@ -11,15 +11,15 @@ from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.model.bemf import counter_lag
 
 LAG_STD = 0.003
-"""S. A device's lag is counted in its own samples, some with a median among them and some not: half a sample
+"""s. A device's lag is counted in its own samples, some with a median among them and some not: half a sample
 and one of about 5 ms are between it and the time constant of the simulated filter."""
 KNOWN_LAG_STD = 0.0005
 """The same where it is known which samples a median saw: what a filter by 4.3 or 5.5 ms differs from one by
 5, and what the rate of the firmware's loop may be off."""
 CYCLE = 0.005
-"""S between two back-EMF samples of the simulated controller."""
+"""s between two back-EMF samples of the simulated controller."""
 SHORTEST = 0.001
-"""S, a filter of less does nothing in a simulation of steps of 1 ms."""
+"""s, a filter of less does nothing in a simulation of steps of 1 ms."""
 
 
 def with_lag_of(device: Device, robot: RobotConfig) -> RobotConfig:

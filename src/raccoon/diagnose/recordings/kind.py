@@ -18,7 +18,7 @@ from raccoon.trace.recording import check_lengths, numbers_of
 Columns = Mapping[str, NDArray[np.float64]]
 
 SHORT_DRIVE = 2.0
-"""S; volts to both wheels for a shorter time are no drive."""
+"""s; volts to both wheels for a shorter time are no drive."""
 
 
 class Kind(StrEnum):

@@ -135,7 +135,7 @@ def bursting(
 
 
 def _turned_alone(rest: _Rest) -> list[float]:
-    """S, the moments that hold most of what a gyro says and no wheel; none where it is there all the time, or
+    """s, the moments that hold most of what a gyro says and no wheel; none where it is there all the time, or
     little at the most."""
     gyro = rest.of_the_gyro()
     if gyro is None:

@@ -35,13 +35,13 @@ COGGING, RUBBING = 6, 3
 CHANGE = 0.5
 """Of a wave's usual size, by how much it usually changes from the middle of the way to its end."""
 SAMPLED = 0.0075
-"""S by which a median of three samples of 5 ms, and waiting for the next row, delay a back-EMF."""
+"""s by which a median of three samples of 5 ms, and waiting for the next row, delay a back-EMF."""
 STICKS = 0.3
 """rad/s below which a wheel is about to stand, and friction decides how fast it is."""
 AT_ONCE = 1e-3
-"""S in which what a stuck wheel had is gone."""
+"""s in which what a stuck wheel had is gone."""
 COASTING = 10.0
-"""S in which a motor that coasts would lose its speed but for friction, which is what it is."""
+"""s in which a motor that coasts would lose its speed but for friction, which is what it is."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, RACCOON_COASTS, STOCK_COASTS
 
 SHORTEST_CYCLE = 0.001
-"""S between two back-EMF samples, at least."""
+"""s between two back-EMF samples, at least."""
 _RANGES = (
     ("coast_share", 0.0, 0.9),
     ("battery_time_constant", 0.0, 5.0),

@@ -51,7 +51,7 @@ def pushed(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 def touched(recording: Recording) -> tuple[float, float]:
-    """S from which the robot stands at the wall, by its true place, and at which the push ends."""
+    """s from which the robot stands at the wall, by its true place, and at which the push ends."""
     time, x = recording["t"], recording["truth.x"]
     duty = recording["motor.0.duty"]
     push = (duty == 0.5) & (x > np.nanmax(x) - 0.002) & (recording["motor.1.duty"] == 0.5)

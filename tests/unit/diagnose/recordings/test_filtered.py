@@ -22,7 +22,7 @@ from raccoon.sim.rollout.rollout import rollout
 ROBOT = RobotConfig()
 STOCK = replace(SI_WORDS, bemf_lag=3.0 / 235.0)
 STOCK_TIME_CONSTANT = 0.0148
-"""S: of a filter that takes a quarter of each of 235 samples a second."""
+"""s: of a filter that takes a quarter of each of 235 samples a second."""
 
 
 def filtered(time_constant: float) -> RobotConfig:

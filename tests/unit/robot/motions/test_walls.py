@@ -316,7 +316,7 @@ def test_after_wheels_that_spun_at_the_border_the_next_motion_drives_its_distanc
 
 
 def truth_of(robot: Robot) -> tuple[float, float]:
-    """M, where a simulated robot is."""
+    """m, where a simulated robot is."""
     assert robot.inputs is not None
     assert robot.inputs.truth is not None
     return robot.inputs.truth.x, robot.inputs.truth.y

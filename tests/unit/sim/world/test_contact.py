@@ -87,7 +87,7 @@ def current(duty: float, speed: float) -> float:
 
 
 def spinning(duty: float) -> float:
-    """Rad/s at which the motor's torque is what friction and the grip take."""
+    """rad/s at which the motor's torque is what friction and the grip take."""
     low, high = 0.0, 10.0
     for _ in range(100):
         speed = 0.5 * (low + high)

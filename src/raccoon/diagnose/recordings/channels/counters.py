@@ -20,9 +20,9 @@ Columns = Mapping[str, Array]
 
 ZONE = "bemf.dead_zone"
 SILENCE = 0.1
-"""S in which a counter that does not change says what a reading of 0 does."""
+"""s in which a counter that does not change says what a reading of 0 does."""
 AVERAGED = 0.015
-"""S over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a wheel that creeps has.
+"""s over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a wheel that creeps has.
 What is faster than 20 ms is averaged out in any case."""
 LONGER = 1.5
 """Times as long as usual, from which there is a gap in such rows."""

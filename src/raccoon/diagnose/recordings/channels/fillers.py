@@ -29,7 +29,7 @@ MANY, HELD = 50, 0.4
 """Different values of a reading that has noise, so that hardly one is as the one before; and share of those
 that are where a logger holds them."""
 STAYS, CHANGES, ANSWERS = 0.4, 0.2, 0.15
-"""S for which a reading stays that is frozen, the duty by which its command changes meanwhile, and s in which
+"""s for which a reading stays that is frozen, the duty by which its command changes meanwhile, and s in which
 it would have answered."""
 SPIKES, LONGEST = 0.05, 2
 """Share of the samples that may be spikes, and samples that one may last."""

@@ -10,7 +10,7 @@ from raccoon.diagnose.result import SensorFault
 Array = NDArray[np.float64]
 
 OFTEN = 0.08
-"""S between changes from which a reading is not read in every cycle: however stiff the battery, while wheels
+"""s between changes from which a reading is not read in every cycle: however stiff the battery, while wheels
 speed up one change comes after the other."""
 SOON = 5.0
 """Percentile of the times between changes that is compared with it."""

@@ -30,7 +30,7 @@ FEWEST = 100
 """Bins."""
 BATTERY = "battery.voltage"
 STIFFEST = 0.008
-"""Ohm of a battery with its wires that is less than any has. Of 93 blind recordings of 0.05 ohm the least was
+"""ohm of a battery with its wires that is less than any has. Of 93 blind recordings of 0.05 ohm the least was
 0.012, of a robot whose currents are limited."""
 KNOWS = 4.0
 """Of `Sag.follows`, from which a reading knows of the motors: commands may be no duties, as those of a loop
@@ -41,7 +41,7 @@ SURE, INSIDE = 3.0, 3.5
 
 @dataclass(frozen=True, slots=True)
 class Sag:
-    """Ohm, as robot.toml's motors draw current, and its standard deviation. follows: Fisher's F of all that
+    """ohm, as robot.toml's motors draw current, and its standard deviation. follows: Fisher's F of all that
     the motors do in the reading, in whatever way, 1 on average where it knows nothing of them."""
 
     resistance: float

@@ -30,9 +30,9 @@ SPIKE = 3
 """Rows that may be off in a row; more is another zero, as of a counter that was reset."""
 LEAST_ROWS = 50
 WINDOW = 0.5
-"""S over which the turns of the wheels are compared with those of the reference."""
+"""s over which the turns of the wheels are compared with those of the reference."""
 LEAST_TURN = 0.5
-"""Rad that a robot must turn for that."""
+"""rad that a robot must turn for that."""
 BACKWARDS = -0.4
 """Factor on a wheel's way from which it counts the other way round."""
 MOST_ALIKE = 10.0

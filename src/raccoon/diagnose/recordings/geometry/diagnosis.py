@@ -54,7 +54,7 @@ LARGEST_FACTOR = 2.5
 """By which wheels and track may be off, as in a drive with commands (`doubts/implausible.py`)."""
 SHARE_FITTED = 0.7
 SLOWEST = 0.9
-"""S a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""
+"""s a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""
 POSITION, HEADING = "truth position", "truth.heading"
 NO_COMMANDS = "not identifiable: motor.N.duty is missing, so what drove the wheels is unknown"
 

@@ -52,7 +52,7 @@ class Fitted:
 
 
 WINDOW = 1.0
-"""S over which is looked for where a robot leaves its wheels."""
+"""s over which is looked for where a robot leaves its wheels."""
 
 
 def leaves_its_wheels(fit: Fitted, factors: Array) -> str:

@@ -36,7 +36,7 @@ UNRELATED = 0.3
 """R2 of the current over voltage and speed below which it is no current of this motor."""
 FEWEST = 50
 SLOWEST_STEP = 0.9
-"""S between samples. An axis may be slow, but not so slow."""
+"""s between samples. An axis may be slow, but not so slow."""
 MOST_VOLTS = 100.0
 """V of a battery's reading."""
 NO_LOAD = "not visible: battery.voltage, or what the motors take, never changes"

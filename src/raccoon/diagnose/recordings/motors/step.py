@@ -26,11 +26,11 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 SLOWEST_STEP = 0.9
-"""S between samples."""
+"""s between samples."""
 FEWEST = 10
 MANY_REPEATS = 0.02
 STALE_SPEED = 0.4
-"""Rad/s; a smaller leftover is less than one count a sample."""
+"""rad/s; a smaller leftover is less than one count a sample."""
 SHARED = (
     "not identifiable: one step of one size has one steady speed, which K_E, friction and the reading's "
     "scale share"

@@ -19,11 +19,11 @@ Columns = Mapping[str, Array]
 
 POSE = ("truth.x", "truth.y", "truth.heading")
 LEAST_SECONDS = 1.0
-"""S for which a column must stand still, or have no number: a slow reference is blank or held between two."""
+"""s for which a column must stand still, or have no number: a slow reference is blank or held between two."""
 TURNS = 0.2
-"""Rad/s from which a robot turns: one that a wall holds does not, and its reference rightly stands still."""
+"""rad/s from which a robot turns: one that a wall holds does not, and its reference rightly stands still."""
 LEAST_TURN, LEAST_WAY = 0.5, 0.1
-"""Rad and m that a robot must have gone meanwhile. On an arc as long both x and y change."""
+"""rad and m that a robot must have gone meanwhile. On an arc as long both x and y change."""
 
 
 def reference_faults(
@@ -115,7 +115,7 @@ def _frozen(time: Array, values: Array, moved: Array) -> list[tuple[int, int]]:
 
 
 def _blank(time: Array, known: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """S from and to, between which there is no number for long; rows that are missing are no blanks."""
+    """s from and to, between which there is no number for long; rows that are missing are no blanks."""
     edges = np.concatenate([[time[0]], time[known], [time[-1]]])
     usual = usual_step(time[known])
     wide = np.flatnonzero(np.diff(edges) > max(LEAST_SECONDS, 4.0 * usual))

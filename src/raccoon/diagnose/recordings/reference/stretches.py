@@ -24,15 +24,15 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 STRETCH = 0.5
-"""S of a stretch."""
+"""s of a stretch."""
 FEWEST = 50
 """Samples of a reference, and a tenth of them stretches in which something moves."""
 LEAST_TURN, LEAST_WAY = math.pi, 0.3
-"""Rad and m that a recording must turn and drive to be judged."""
+"""rad and m that a recording must turn and drive to be judged."""
 SPEED_OVER = 0.02
-"""S to either side over which a wheel's speed is taken: single ticks say little."""
+"""s to either side over which a wheel's speed is taken: single ticks say little."""
 MOST_ASKEW = 0.35
-"""Rad between where a reference moves and where it says that the robot points; less is how a marker sits."""
+"""rad between where a reference moves and where it says that the robot points; less is how a marker sits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ def place_at(columns: Columns, time: Array) -> NDArray[np.complex128] | None:
 def _way(
     columns: Columns, time: Array, heading: Array, ends: NDArray[np.intp], wheels: tuple[Array, Array] | None
 ) -> Array | None:
-    """M along the heading, turned by how the reference's marker sits."""
+    """m along the heading, turned by how the reference's marker sits."""
     place = place_at(columns, time)
     if place is None:
         return None

@@ -15,13 +15,13 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 PAUSE = 5.0
-"""S that a pause without rows is taken for at most. The simulator goes through it, a millisecond after the
+"""s that a pause without rows is taken for at most. The simulator goes through it, a millisecond after the
 other, and nothing is compared: after a day of it there would be no memory left."""
 MOST_SECONDS = 240.0
-"""S of one recording that are diagnosed, of which 1 GB of memory is needed. A match has 120."""
+"""s of one recording that are diagnosed, of which 1 GB of memory is needed. A match has 120."""
 PAUSES_SAID = 3
 REST = 10.0
-"""S before the first command and after the last one that are looked at: of a robot that stands there is no
+"""s before the first command and after the last one that are looked at: of a robot that stands there is no
 more to see, and each takes as long as one of driving. A minute may pass until the light starts a match."""
 _COMMAND, _BRAKE = re.compile(r"motor\.\d+\.(duty|voltage|force|torque)"), re.compile(r"motor\.\d+\.brake")
 

@@ -28,7 +28,7 @@ from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
 SLOWEST = 0.9
-"""S between samples: a sensor that is held over a surface may be read slowly. A time in ms advances by more.
+"""s between samples: a sensor that is held over a surface may be read slowly. A time in ms advances by more.
 """
 Columns = Mapping[str, Array]
 

@@ -18,7 +18,7 @@ CLEAR = 5.0
 EDGE = 0.2
 """Share of the contrast around a level; readings outside lie on an edge."""
 EDGE_SECONDS = 0.03
-"""S: a spot of 5 mm is over an edge for so long, before its middle and after, at 0.08 m/s."""
+"""s: a spot of 5 mm is over an edge for so long, before its middle and after, at 0.08 m/s."""
 
 
 def labelled(time: Array, counts: Array, surface: Array | None) -> tuple[Array, Array, Array | None]:

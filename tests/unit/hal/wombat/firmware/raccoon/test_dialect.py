@@ -11,7 +11,7 @@ from raccoon.hal.wombat.firmware.raccoon.dialect import RaccoonDialect
 
 MINUTE = 60.0
 WRAP = 2.0**32 / 1e6
-"""S after which the controller's clock of microseconds begins anew."""
+"""s after which the controller's clock of microseconds begins anew."""
 
 
 def reply(seconds: float, position: int = 0) -> bytes:
