@@ -51,7 +51,7 @@ class ControllerConfig:
         0.0,
         "Hz",
         "measured updates of a Wombat's counters; 0: usual for its firmware",
-        Bounds(1.0, 1000.0, or_zero=True),
+        Bounds(50.0, 1000.0, or_zero=True),
     )
 
 

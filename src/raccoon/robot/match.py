@@ -56,7 +56,7 @@ class MatchReport:
     """How a match went.
 
     seconds: from the light to the end. finished: the program ended by itself, in time. steps: every `timed`
-    step. result: what the program returned. remarks: what was strange about the motors, in words.
+    step. result: what the program returned. remarks: what was strange, in words, each once.
     """
 
     seconds: float

@@ -108,6 +108,10 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("[controller]\nport = 'replay'", r"emulator-raccoon; a recording is played by raccoon.replay\("),
         ("[controller]\nrate_hz = nan", r"controller.rate_hz = nan: allowed are numbers from 20 to 500"),
         ("[controller]\nrate_hz = 10", r"controller.rate_hz = 10: allowed are numbers from 20 to 500 Hz"),
+        (  # less is refused by whatever works ticks out of it
+            "[controller]\ncounter_rate_hz = 49",
+            r"controller.counter_rate_hz = 49: allowed are 0 and numbers from 50 to 1000 Hz",
+        ),
         (
             "[controller]\nport = 'sim'\nrate_hz = 501",  # the same program must run on a Wombat
             r"controller.rate_hz = 501: allowed are numbers from 20 to 500",
