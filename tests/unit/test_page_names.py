@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import shlex
 from collections.abc import Iterator
 from functools import cache
 from importlib.util import find_spec
@@ -119,6 +120,15 @@ def not_there(text: str) -> list[str]:
 
 def test_what_stands_on_the_pages_as_code_is_there() -> None:
     assert not_there("\n".join(map(text_of, PAGES))) == []
+
+
+def test_the_commands_in_the_blocks_of_the_pages_can_be_called() -> None:
+    blocks = "\n".join(block for page in PAGES for block in BLOCK.findall(text_of(page)))
+    calls = [line for line in blocks.splitlines() if line.startswith("raccoon ")]
+    assert len(calls) > 20
+    parser = build_parser()
+    for call in calls:
+        parser.parse_args(shlex.split(call, comments=True)[1:])
 
 
 def test_what_the_pages_write_as_toml_is_a_robot_or_a_model(tmp_path: Path) -> None:
