@@ -66,7 +66,8 @@ _WITH_MORE = {
 """The verdict of a drive whose tophats have causes too."""
 NO_MODEL = "the effects of --model were not used: only drives by duty and tophats are simulated with them"
 NO_CAUSES = "the effects of --causes were not considered: only a drive is explained by them"
-NO_TRUTH = "--truth-free left nothing out: the recording has no truth.* column"
+TRUTH = "truth."
+NO_TRUTH = "--truth-free left nothing out: no recording has a truth.* column"
 
 
 def diagnose_recording(
@@ -87,9 +88,9 @@ def diagnose_recording(
     columns: arrays of equal length by the names and in the units of docs/trace-format.md, `t` (s) among them.
     robot: what it is compared with. holdout: columns of another recording, to judge on. model: a model.toml
     to start from. more: further drives of the same robot and device, as it was then, which are fitted with
-    the first. truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth, and
-    how late its back-EMF is, where robot.toml has only the default. problems: what
-    the reader of the recording had to leave out; it is noted. own: effects of your own to consider in a
+    the first. truth_free: use no `truth.*` column of any of them. device: what a tick of `motor.N.position`
+    is worth, and how late its back-EMF is, where robot.toml has only the default. problems: what the reader
+    of the recording had to leave out; it is noted. own: effects of your own to consider in a
     drive beside the catalogue. port: controller.port of whatever made a recording that does not say so itself
     (see `named.py`). Raises TraceError as `diagnose`, and
     CalibrationError where a reference cannot be used; HoldoutError for a holdout of another kind or the same
@@ -98,9 +99,10 @@ def diagnose_recording(
     check_robot(robot)
     columns, more = columns_given(columns), [columns_given(each) for each in more]
     holdout = None if holdout is None else columns_given(holdout)
-    given = columns
+    told = any(name.startswith(TRUTH) for each in (columns, holdout or {}, *more) for name in each)
     if truth_free:
-        columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
+        columns, *more = map(_without_truth, (columns, *more))
+        holdout = None if holdout is None else _without_truth(holdout)
     columns, repeated = without_repeated(columns)
     kind = kind_of(columns, robot)
     check_drives([columns, *(without_repeated(each)[0] for each in more)], robot)
@@ -135,10 +137,14 @@ def diagnose_recording(
         problems = (*problems, NO_MODEL)
     if own and kind is not Kind.DRIVE:
         problems = (*problems, NO_CAUSES)
-    if truth_free and not any(name.startswith("truth.") for name in given):
+    if truth_free and not told:
         problems = (*problems, NO_TRUTH)
     notes = dict.fromkeys((*found.notes, *said_once(problems), *of_rows, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
+
+
+def _without_truth(columns: Columns) -> Columns:
+    return {name: each for name, each in columns.items() if not name.startswith(TRUTH)}
 
 
 @dataclass(frozen=True, slots=True)

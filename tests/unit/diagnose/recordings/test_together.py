@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from blind.generator import make
+from diagnoses import diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.recordings.together import check_drives
+from raccoon.diagnose.result import Diagnosis
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]
@@ -45,3 +47,27 @@ def test_an_uneven_time_of_another_recording_is_said_as_of_the_first(drive: Colu
         "the other recording: t is uneven",
         "recording 2: t is uneven",
     ]
+
+
+@pytest.mark.parametrize("which", ["the first", "holdout", "more"])
+def test_truth_free_uses_no_reference_of_any_recording(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those beside the first kept theirs."""
+    asked: list[Columns] = []
+
+    def driven(columns: Columns, _robot: object, other: Columns, more: list[Columns], _: object) -> Diagnosis:
+        asked.extend((columns, other, *more))
+        return diagnosis()
+
+    monkeypatch.setattr(kinds, "_driven", driven)
+    drives = {
+        name: dict(make(seed, seconds=3.0).columns)
+        for seed, name in enumerate(("the first", "holdout", "more"), start=4)
+    }
+    bare = [{name for name in each if not name.startswith("truth.")} for each in drives.values()]
+    for name, each in drives.items():
+        drives[name] = {column: it for column, it in each.items() if column in bare[0] or name == which}
+    drives[which]["truth.x"] = drives[which]["t"]
+    first, holdout, more = drives.values()
+    found = kinds.diagnose_recording(first, ROBOT, holdout=holdout, more=[more], truth_free=True)
+    assert [set(each) for each in asked] == bare
+    assert kinds.NO_TRUTH not in found.notes
