@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from raccoon.diagnose.findings.proving import AWAY
 from raccoon.diagnose.findings.spread import LATE, Spread
 from raccoon.diagnose.habits.chains import FINE_CYCLE, pauses
 from raccoon.diagnose.habits.controller import SLOW_BATTERY
@@ -27,6 +28,10 @@ MOMENT = 0.08
 of a motor's pauses, it was taken. The sag of a reversal decays with the wheels, in some 30 ms: by readings
 from the beginning of a row of 5 ms a resistance was 16 % larger than by those from its end, which the
 simulated ones are; by readings that see no pause it is a ninth larger."""
+MAY_BE_NOTHING = (
+    "But when in a row its reading is taken is not known so exactly, and may make all of it: change nothing "
+    "for it alone."
+)
 PAST = (
     "each row's command is taken for what was in force until then, not from then on, as the readings answer"
 )
@@ -45,7 +50,8 @@ def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> t
 
 def less_sure(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
     """Causes; a battery's resistance with what is not known of when it is read, and a latency with what is
-    not known of when readings are taken. None is more likely than such a number allows."""
+    not known of when readings are taken. None is more likely than such a number allows, and of one that may
+    be nothing else it is said: `proven` named it by what the drive alone leaves open."""
     firmware = habits.firmware if habits.knows_battery else None
     share = MOMENT if firmware is None else firmware.sag
     open_ = {RESISTANCE[0]: (share, 0.0)}
@@ -61,8 +67,10 @@ def _less_sure(cause: CauseResult, share: float, least: float) -> CauseResult:
     std = math.hypot(number.std, share * number.value, least)
     away = (number.value - number.nominal) / std
     likely = 1.0 if cause.confounded_with else 1.0 / (1.0 + math.exp(-0.5 * away**2))
+    said = cause.explanation if abs(away) >= AWAY else f"{cause.explanation} {MAY_BE_NOTHING}"
     return replace(
         cause,
+        explanation=said,
         parameters={name: replace(number, std=std)},
         probability=min(cause.probability, likely),
     )

@@ -8,7 +8,8 @@ from dataclasses import replace
 import pytest
 
 from diagnoses import cause
-from raccoon.diagnose.habits.notes import less_sure
+from raccoon.diagnose.habits.notes import MAY_BE_NOTHING, less_sure
+from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.variants import Habits
@@ -61,3 +62,14 @@ def test_of_what_has_rivals_a_number_says_nothing_of_its_probability() -> None:
     )
     (wider,) = less_sure((found,), Habits(Chain(), False))
     assert wider.probability == found.probability
+
+
+@pytest.mark.parametrize(("late", "may_be_nothing"), [(0.0012, True), (0.005, False)])
+def test_what_may_be_the_moment_of_a_reading_alone_is_said_to_be(late: float, may_be_nothing: bool) -> None:
+    """What is within 1.75 of its deviations of what was assumed is not named, but these are widened when it
+    has been."""
+    found = cause("actuation.latency", {"seconds": ParameterResult(late, 0.0001, "s", 0.0)})
+    (wider,) = less_sure((found,), Habits(Chain(), False))
+    assert (wider.explanation != found.explanation) == may_be_nothing
+    assert told(wider).more == (MAY_BE_NOTHING if may_be_nothing else "")
+    assert told(wider).todo == told(found).todo
