@@ -8,6 +8,7 @@ import os
 import re
 import sys
 import tomllib
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from raccoon.cli.diagnose.files import recordings
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.reports.html import template
-from raccoon.diagnose.reports.wording import explanation
+from raccoon.diagnose.reports.wording import explanation, told
 from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
 from raccoon.sim.effects.model_file import save_model
 from raccoon.sim.effects.parameters import Parameters
@@ -103,26 +104,33 @@ def test_what_changes_nothing_is_said(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "Note: " not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("coulomb", [0.18, 0.25])
-def test_a_number_that_robot_toml_has_is_not_to_be_put_there(coulomb: float) -> None:
-    """The model.toml that the diagnosis began from is older."""
-    numbers = {"torque": ParameterResult(0.181, 0.002, "N m", 0.25)}
-    cause = CauseResult(
-        "friction.coulomb",
-        None,
-        1,
-        numbers,
-        Gain(2.0, 1.0, 0.5),
-        1.0,
-        (),
-        explanation("friction.coulomb", None, numbers),
-    )
-    assert "put coulomb = 0.181 (N m) into [model.friction] of robot.toml" in cause.explanation
-    robot = parse_robot({"model": {"friction": {"coulomb": coulomb}}})
+@pytest.mark.parametrize(
+    ("id_", "key", "value", "nominal", "other"),
+    [
+        ("friction.coulomb", "coulomb", 0.18, 0.25, 0.25),
+        ("friction.coulomb", "coulomb", 0.18, 0.1, 0.1),
+        ("battery.open_circuit_voltage", "open_circuit_voltage", 6.4, 6.8, 6.8),
+        ("battery.internal_resistance", "internal_resistance", 0.16, 0.05, 0.05),
+    ],
+)
+def test_a_number_that_robot_toml_has_is_not_to_be_put_there(
+    id_: str, key: str, value: float, nominal: float, other: float
+) -> None:
+    """The model.toml that the diagnosis began from is older. The page has what to do apart, as of any cause:
+    it had the whole sentence as its headline."""
+    numbers = {"number": ParameterResult(value + 0.001, 0.002, "", nominal)}
+    said = f"{explanation(id_, None, numbers)} More of it."
+    cause = CauseResult(id_, None, 1, numbers, Gain(2.0, 1.0, 0.5), 1.0, (), said)
     found = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
-    (told,) = as_robot_toml_has_it(found, robot).causes
-    has_it = "robot.toml has coulomb = 0.18 in [model.friction] already" in told.explanation
-    assert (has_it, told == cause) == (coulomb == 0.18, coulomb != 0.18)
+    group = id_.partition(".")[0]
+    has, has_not = (parse_robot({"model": {group: {key: each}}}) for each in (value, other))
+    assert as_robot_toml_has_it(found, has_not) == found
+    (known,) = as_robot_toml_has_it(found, has).causes
+    assert known.explanation.endswith("(--save-model writes a new one). More of it.")
+    assert told(known).what == told(cause).what
+    assert told(known).todo.startswith(f"robot.toml has {key} = {value:g} in [model.{group}] already, and")
+    one_wheel = replace(found, causes=(replace(cause, where="left"),))
+    assert as_robot_toml_has_it(one_wheel, has) == one_wheel
 
 
 class ClosedPipe(io.StringIO):

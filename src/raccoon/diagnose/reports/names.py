@@ -50,3 +50,16 @@ def plain_name(name: str) -> str:
     """id@where in words: dry friction (left). An effect of a team's own keeps its id."""
     id_, _, where = name.partition("@")
     return NAMES.get(id_, id_) + (f" ({where})" if where else "")
+
+
+_PLACES = {
+    "motor": {None: "the motors", "left": "the left motor", "right": "the right motor"},
+    "bemf": {None: "the motors", "left": "the left motor", "right": "the right motor"},
+    None: {None: "both wheels", "left": "the left wheel", "right": "the right wheel"},
+}
+
+
+def place_name(id: str, where: str | None) -> str:  # noqa: A002
+    """Where an effect acts, in words: the left motor, both wheels, port 3."""
+    places = _PLACES.get(id.partition(".")[0], _PLACES[None])
+    return places.get(where) or f"port {where}"

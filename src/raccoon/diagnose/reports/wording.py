@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from raccoon.diagnose.reports.names import place_name
 from raccoon.diagnose.result import CauseResult, ParameterResult
 from raccoon.sim.effects.parameters import SIDES
 
@@ -253,20 +254,28 @@ _CATALOGUE: Mapping[str, Maker] = {
     ),
 }
 
-_PLACES = {
-    "motor": {None: "the motors", "left": "the left motor", "right": "the right motor"},
-    "bemf": {None: "the motors", "left": "the left motor", "right": "the right motor"},
-    None: {None: "both wheels", "left": "the left wheel", "right": "the right wheel"},
-}
-
 
 def told(cause: CauseResult) -> Told:
     """A cause of a result in words; one whose recording has a sentence of its own (a single axis, a tophat,
     an effect of the team's) says in it what to do."""
-    own = _told(cause.id, cause.where, cause.parameters)
-    if not cause.explanation.startswith(str(own)):
-        return Told(cause.explanation.removesuffix("."), "")
-    return replace(own, more=cause.explanation.removeprefix(str(own)).strip())
+    own, said = _told(cause.id, cause.where, cause.parameters), cause.explanation
+    if said.startswith(str(own)):
+        return replace(own, more=said.removeprefix(str(own)).strip())
+    if said.startswith(f"{own.what}: "):  # what to do is something else, as of what robot.toml has
+        return replace(own, todo=said.removeprefix(f"{own.what}: ").removesuffix("."))
+    return Told(said.removesuffix("."), "")
+
+
+def as_robot_toml_has(cause: CauseResult, has: float) -> CauseResult:
+    """A cause with a key in robot.toml, which has its number, `has`, already: a model.toml, from which the
+    diagnosis began, is behind it, and nothing is to be done on the robot."""
+    group, _, _ = cause.id.partition(".")
+    todo = (
+        f"robot.toml has {KEYS[cause.id]} = {has:.4g} in [model.{group}] already, and the model.toml of "
+        "--model is behind it (--save-model writes a new one)"
+    )
+    found = replace(told(cause), todo=todo)
+    return replace(cause, explanation=f"{found} {found.more}".rstrip())
 
 
 def explanation(id: str, where: str | None, values: Values) -> str:  # noqa: A002
@@ -275,10 +284,7 @@ def explanation(id: str, where: str | None, values: Values) -> str:  # noqa: A00
 
 
 def _told(id: str, where: str | None, values: Values) -> Told:  # noqa: A002
-    group = id.split(".", 1)[0]
-    places = _PLACES.get(group, _PLACES[None])
-    place = places.get(where) or f"port {where}"
-    maker = _CATALOGUE.get(id)
+    place, maker = place_name(id, where), _CATALOGUE.get(id)
     if maker is None:
         numbers = ", ".join(f"{name} {each.value:.4g} {each.unit}".strip() for name, each in values.items())
         found = Told(f"{id} at {place}: {numbers}", "")
@@ -287,7 +293,7 @@ def _told(id: str, where: str | None, values: Values) -> Told:  # noqa: A002
     if id in KEYS and where not in SIDES:
         number = _first(values)
         unit = f" ({number.unit})" if number.unit else ""
-        said = f"put {KEYS[id]} = {number.value:.4g}{unit} into [model.{group}] of robot.toml"
+        said = f"put {KEYS[id]} = {number.value:.4g}{unit} into [model.{id.partition('.')[0]}] of robot.toml"
         found = replace(found, todo=found.todo.replace(INTO_ROBOT, said))
     if where in SIDES:
         found = replace(found, todo=found.todo.replace(INTO_ROBOT, INTO_MODEL))
