@@ -17,6 +17,8 @@ from raccoon.cli.sweep.play import _factors
 from raccoon.core.config import RobotConfig
 from raccoon.sweep.execute import Crew
 from raccoon.sweep.factors import parse_factor
+from raccoon.sweep.match import Match
+from raccoon.sweep.program import Program
 from raccoon.sweep.results import read_results
 from raccoon.sweep.summary import summary
 from raccoon.sweep.workers import process_crew
@@ -152,6 +154,8 @@ def test_what_an_interrupted_sweep_has_played_is_named(
         (["drive.py", "--out", "r.txt"], "endings .csv and .parquet"),
         (["drive.py", "--scheduler", "tcp://x:1"], "--executor dask"),
         (["drive.py", "--within", "0"], "--within 0: "),
+        (["drive.py", "--any-end", "--within", "0.1"], "--within 0.1: with --any-end no end counts"),
+        (["drive.py", "--any-end", "--within-angle", "5"], "--within-angle 5: with --any-end no end counts"),
         (
             ["drive.py", "--within", "30"],
             "--within 30: allowed are numbers above 0 up to 1 (m; 3 cm are 0",
@@ -180,6 +184,19 @@ def test_bad_input_is_named(
     monkeypatch.setattr("raccoon.cli.sweep.play.crew_of", begun)
     assert main(["sweep", *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_an_error_is_said_once_with_its_match(capsys: pytest.CaptureFixture[str]) -> None:
+    """200 x ConfigError said nothing of what to mend."""
+    row = {"battery.open_circuit_voltage.voltage": 6.6, "position_error": 0.01, "status": "failed"}
+    reasons = ["", "ended more than 0.05 m off", "ConfigError: no tophat 'front': name one", "ConfigError: b"]
+    rows = [{**row, "run": run, "reason": reason} for run, reason in enumerate(reasons)]
+    rows[0]["status"] = "ok"
+    match = Match(Program("drive.py", PROGRAM, "."), RobotConfig(), (parse_factor(VARIED[2]),))
+    report.print_report(match, rows, 0, ["sweep", "drive.py"], None)
+    said = capsys.readouterr().out
+    assert " 2 x ConfigError, as match 2: no tophat 'front': name one\n" in said
+    assert " 1 x ended more than 0.05 m off\n" in said
 
 
 def test_each_worker_has_its_next_match_at_hand() -> None:

@@ -49,8 +49,8 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
         default=(0.0, 0.0, 0.0),
         help="where on the table matches start, m and degrees (0 0 0)",
     )
-    parser.add_argument("--within", type=float, default=0.05, help="m from the nominal robot's end (0.05)")
-    parser.add_argument("--within-angle", type=float, default=10.0, help="deg from it (10)")
+    parser.add_argument("--within", type=float, help="m from the nominal robot's end (0.05)")
+    parser.add_argument("--within-angle", type=float, help="deg from it (10)")
     parser.add_argument("--any-end", action="store_true", help="where a match ends does not count")
     parser.add_argument("--seconds", type=float, default=120.0, help="a match may take (120)")
 

@@ -22,6 +22,9 @@ from raccoon.sweep.program import Program
 from raccoon.sweep.runs import check_sweep, sweep, with_nominal_end
 from raccoon.trace.record import already_there
 
+WITHIN, WITHIN_DEGREES = 0.05, 10.0
+"""m and degrees from where the nominal robot ends that a match may end by default."""
+
 
 def sweep_and_print(args: argparse.Namespace) -> int:
     """Play all matches."""
@@ -80,8 +83,8 @@ def match_of(args: argparse.Namespace) -> Match:
         imu_rate_hz=200.0 if args.plain_sensors else FIRMWARE_IMU_HZ,
         world=None if args.table is None else World.from_file(args.table),
         start=(x, y, math.radians(degrees)),
-        within=args.within,
-        within_angle=math.radians(args.within_angle),
+        within=WITHIN if args.within is None else args.within,
+        within_angle=math.radians(WITHIN_DEGREES if args.within_angle is None else args.within_angle),
         seconds=args.seconds,
     )
     if not match.factors:
@@ -98,6 +101,10 @@ def _check_numbers(args: argparse.Namespace) -> None:
         ("within-angle", args.within_angle, 180.0, "deg"),
     )
     for name, value, most, unit in ends:
+        if value is None:
+            continue
+        if args.any_end:
+            raise ConfigError(f"--{name} {value:g}: with --any-end no end counts; leave one of them out")
         if not 0.0 < value <= most:
             allowed = f"numbers above 0 up to {most:g} ({unit}; --any-end: the end does not count)"
             raise ConfigError(f"--{name} {value:g}: allowed are {allowed}")

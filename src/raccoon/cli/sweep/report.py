@@ -28,9 +28,16 @@ def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str],
     print(f"{match.program.name}: {found.rate.failed} of {found.rate.played} matches failed (seed {seed}).")
     print(f"failure rate {_percent(found.rate.value)}, 95 % interval {_percent(low)} to {_percent(high)}")
     for reason, count in found.reasons[:REASONS]:
-        print(f"  {count:6d} x {reason}")
+        print(f"  {count:6d} x {reason}{_such_as(rows, reason)}")
     _print_first_failure(rows, given, table)
     _print_sensitivities(found, units)
+
+
+def _such_as(rows: list[Row], kind: str) -> str:
+    """Of errors of a kind, which are counted, the first one's text and match."""
+    first = next(row for row in rows if row["status"] != OK and str(row["reason"]).split(":")[0] == kind)
+    text = str(first["reason"]).removeprefix(kind).removeprefix(":").strip()
+    return f", as match {first['run']}: {text}" if text else ""
 
 
 def _print_first_failure(rows: list[Row], given: Sequence[str], table: Path | None) -> None:
