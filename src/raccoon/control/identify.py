@@ -19,6 +19,8 @@ WINDOW = 0.05
 """s over which voltage and speed are compared."""
 LEAST_SPEED = 0.4
 """rad/s; a slower wheel may stand."""
+EACH: tuple[Vector3, Vector3, Vector3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Rows that tell one of the three alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,27 +101,32 @@ class RecursiveFit:
 
     def add(self, row: Vector3, volts: float, doubt: float = 0.0) -> float:
         """Take a row; the V by which it was off. doubt: V, deviation of this row beyond the noise."""
-        P = self.covariance
-        gain = [sum(P[i][j] * row[j] for j in range(3)) for i in range(3)]
-        total = self._variance + doubt * doubt + sum(row[i] * gain[i] for i in range(3))
-        off = volts - sum(row[i] * self.values[i] for i in range(3))
-        spread = self._prior[1]
-        for i in range(3):
-            self.values[i] += gain[i] / total * off
-            for j in range(3):
-                P[i][j] -= gain[i] * gain[j] / total
+        off = self._take(row, volts, self._variance + doubt * doubt)
         if self._keep < 1.0:
-            # Forgetting never makes a number less certain than it was before any data.
-            for i in range(3):
-                for j in range(3):
-                    P[i][j] /= self._keep
-                if P[i][i] > spread[i] ** 2:
-                    scale = spread[i] / math.sqrt(P[i][i])
-                    for j in range(3):
-                        P[i][j] *= scale
-                        P[j][i] *= scale
+            self._forget()
         self.rows += 1
         return off
+
+    def _take(self, row: Vector3, value: float, variance: float) -> float:
+        """Take a sum of the three numbers, with its variance; by what it was off."""
+        P = self.covariance
+        gain = [sum(P[i][j] * row[j] for j in range(3)) for i in range(3)]
+        total = variance + sum(row[i] * gain[i] for i in range(3))
+        off = value - sum(row[i] * self.values[i] for i in range(3))
+        for i in range(3):
+            self.values[i] += gain[i] / total * off
+            for j in range(i, 3):  # forgetting would make more and more of any asymmetry
+                P[i][j] = P[j][i] = P[i][j] - gain[i] * gain[j] / total
+        return off
+
+    def _forget(self) -> None:
+        """Let data count less, and the prior as much as ever. Of what the rows do not tell (a wheel at one
+        speed tells one sum of friction and speed) the values would walk away otherwise, each row a step.
+        """
+        for each in self.covariance:
+            each[:] = [value / self._keep for value in each]
+        for row, value, spread in zip(EACH, *self._prior, strict=True):
+            self._take(row, value, spread * spread / (1.0 - self._keep))
 
     def std(self, index: int) -> float:
         """Standard deviation of a value."""

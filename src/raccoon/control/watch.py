@@ -31,6 +31,9 @@ RAMP = 1.0
 """V by which the voltage of a motion that speeds up changes in a window, at the most."""
 BATTERY_LAG = 0.1
 """s by which the battery's voltage is known late: a motor gets other volts meanwhile than it was meant to."""
+ROW_NOISE, READ_NOISE = 0.06, 0.015
+"""V by which a window's voltage is off, whatever the motor; V of back-EMF by which its speeds at either end
+are: of a motor geared up, whose speed takes few volts and whose acceleration many, that is most of it."""
 LEAST_ROWS = 12
 """Windows before anything is said."""
 
@@ -116,7 +119,8 @@ class WheelWatch:
         nominal = (model.static_voltage, 1.0 / model.gain, model.acceleration_voltage)
         # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])
-        self._fit = RecursiveFit(nominal, spread, noise=0.06, memory=120.0)
+        read = math.sqrt(2.0) * READ_NOISE / model.back_emf_constant / WINDOW * nominal[2]
+        self._fit = RecursiveFit(nominal, spread, noise=math.hypot(ROW_NOISE, read), memory=120.0)
         self._found: deque[tuple[Vector3, float, float]] = deque(maxlen=UNSURE)
         self._low = self._high = 0.0
         self._silent = self._loose = self._sagged = 0.0

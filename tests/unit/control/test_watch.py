@@ -113,6 +113,29 @@ def test_what_is_forgotten_is_known_as_well_as_before_any_data_and_no_worse() ->
     assert fit.std(2) == pytest.approx(3.0)
 
 
+def test_what_the_rows_do_not_tell_stays_within_what_was_known_of_it() -> None:
+    """Of a wheel at one speed for five minutes. The noise of each row used to move the rest a step further,
+    up to a motor that turns against its voltage."""
+    prior, noise = (0.3, 1.09, 0.033), np.random.default_rng(1)
+    fit = RecursiveFit(prior, (0.34, 0.33, 0.027), noise=0.06, memory=120.0)
+    for _ in range(6000):
+        row = (1.0, 0.58, 2.0 * float(noise.standard_normal()))
+        fit.add(row, float(np.dot(row, prior)) + 0.06 * noise.standard_normal())
+        assert all(abs(fit.values[i] - prior[i]) < 4.0 * fit.std(i) for i in range(3))
+        assert 0.25 < fit.std(1) < 0.3301
+
+
+def test_a_motor_geared_up_whose_speed_is_read_coarsely_is_not_odd() -> None:
+    """Its windows differ mostly by the noise of their ends, which the loop answers with volts."""
+    motor, noise = WheelModel(1.8, 0.3, 0.18, 0.004, 0.02), np.random.default_rng(1)
+    watch, off = WheelWatch(motor), 0.0
+    for _ in range(200 * 5):
+        off += 0.2 * (0.12 * noise.standard_normal() - off)  # rad/s, 0.04 of it
+        watch.update(motor.voltage(4.3) - 4.0 * off, 4.3 + off, 0.005)
+        assert watch.state.odd_speed == ""
+    assert watch.state.speed_factor == pytest.approx(1.0, abs=0.25)
+
+
 def test_data_that_cannot_tell_is_refused() -> None:
     with pytest.raises(ValueError, match="at least 6 are needed"):
         fit_voltages([((1.0, 2.0, 0.0), 3.0)] * 3)
