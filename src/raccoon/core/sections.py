@@ -33,6 +33,8 @@ RATE = Bounds(0.001, 20.0)
 ACCELERATION = Bounds(0.001, 10_000.0)
 JERK = Bounds(0.001, 1e6, or_zero=True)
 TOLERANCE = Bounds(1e-6, 10.0)
+NEAR, NEAR_HEADING = Bounds(1e-6, 0.1), Bounds(1e-6, 0.3)
+"""m and rad: a tolerance of more is one in mm or degrees."""
 
 
 CYCLE_RATE = Bounds(20.0, 500.0)
@@ -197,5 +199,5 @@ class MotionConfig:
     turn_acceleration: float = number(6.0, "rad/s2", "of turns", ACCELERATION)
     jerk: float = number(0.0, "m/s3", "of straight motions; 0 is no limit", JERK)
     turn_jerk: float = number(0.0, "rad/s3", "of turns; 0 is no limit", JERK)
-    distance_tolerance: float = number(0.001, "m", "a straight motion ends this near its goal", TOLERANCE)
-    heading_tolerance: float = number(0.002, "rad", "a turn ends this near its goal", TOLERANCE)
+    distance_tolerance: float = number(0.001, "m", "a straight motion ends this near its goal", NEAR)
+    heading_tolerance: float = number(0.002, "rad", "a turn ends this near its goal", NEAR_HEADING)

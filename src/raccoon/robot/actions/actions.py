@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.condition import JOIN, Check, Condition, each_of
-from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_times, check_wait
+from raccoon.robot.actions.limits import check_function, check_kind, check_limit, check_number, check_wait
 from raccoon.robot.actions.steps import Steps as Steps
 from raccoon.robot.actions.steps import advance, checked, close, going_on
 from raccoon.robot.actions.undone import Undone
@@ -74,7 +74,7 @@ class Action(Undone, Generic[T_co]):
 
     def timeout(self, seconds: float) -> Action[T_co]:
         """This action, with MotionTimeout if it has not ended by itself after `seconds` s."""
-        check_times(seconds=seconds)
+        check_limit(seconds=seconds)
 
         def steps(robot: Robot) -> Steps[T_co]:
             start, why = robot.time, ""

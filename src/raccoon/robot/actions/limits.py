@@ -10,7 +10,7 @@ from typing import Any
 
 from raccoon.core.readings import ANALOG_FULL_SCALE
 from raccoon.core.schema import BATTERY_VOLTAGE, shown
-from raccoon.core.sections import RATE, SPEED
+from raccoon.core.sections import NEAR, NEAR_HEADING, RATE, SPEED
 
 LONGEST = 10.0
 """m; a table has 2.4 m, so more is a distance in centimetres."""
@@ -80,6 +80,31 @@ def check_times(**times: float | None) -> None:
     for name, value in times.items():
         if value is not None and value > LONGEST_WAIT:
             _refuse(name, value, f"above 0, up to {LONGEST_WAIT:g} s (500 ms are 0.5)")
+
+
+def check_limit(**times: float) -> None:
+    """`check_times` of what must be there: None is no time."""
+    for name, value in times.items():
+        check_positive(name, value)
+    check_times(**times)
+
+
+def check_near(**ways: float | None) -> None:
+    """Raise ValueError naming the first that is not None and no m that something may be off, TypeError for
+    no number."""
+    _check_small(NEAR.high, "m (5 mm are 0.005)", ways)
+
+
+def check_near_heading(**angles: float | None) -> None:
+    """The same of rad by which a heading may be off."""
+    _check_small(NEAR_HEADING.high, "rad (write deg(1) for degrees)", angles)
+
+
+def _check_small(most: float, unit: str, values: Mapping[str, float | None]) -> None:
+    check_limits(**values)
+    for name, value in values.items():
+        if value is not None and value > most:
+            _refuse(name, value, f"above 0, up to {most:g} {unit}")
 
 
 def check_duties(left: float, right: float) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.robot.actions.actions import Action, Steps
-from raccoon.robot.actions.limits import check_limits
+from raccoon.robot.actions.limits import check_positive
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def check_battery(tolerance: float = 0.15, *, refuse: bool = False) -> Action[Ba
 
     tolerance: V. refuse: raise CalibrationError instead of only saying so in the result, recording and log.
     """
-    check_limits(tolerance=tolerance)
+    check_positive("tolerance", tolerance)
 
     def steps(robot: Robot) -> Steps[BatteryCheck]:
         begin = robot.time

@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import wait
-from raccoon.robot.actions.limits import check_function, check_limits, check_robot, check_way
+from raccoon.robot.actions.limits import check_function, check_near, check_positive, check_robot, check_way
 from raccoon.robot.calibration.drives import driven, watched
 from raccoon.robot.motions.goals import straight
 from raccoon.robot.remarks import say
@@ -51,7 +51,8 @@ def calibrate_drive(
     check_robot(robot, "calibrate_drive()")
     robot.require("calibrate_drive()")
     check_function(taped, "calibrate_drive()")
-    check_limits(tape_std=tape_std)
+    check_positive("tape_std", tape_std)
+    check_near(tape_std=tape_std)
     readings: list[Inputs] = []
     driven(robot, watched(wait(REST), readings))
     result = driven(robot, watched(straight(distance, speed), readings))

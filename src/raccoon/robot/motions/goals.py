@@ -21,6 +21,8 @@ from raccoon.robot.actions.limits import (
     check_angle,
     check_heading,
     check_limits,
+    check_near,
+    check_near_heading,
     check_rate,
     check_speed,
     check_times,
@@ -58,7 +60,7 @@ def straight(
     check_way(distance=distance)
     check_speed(speed=speed)
     check_limits("the sign belongs to the distance", speed=speed)
-    check_limits(tolerance=tolerance)
+    check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     distance = float(distance)  # of NumPy's too: results and plans are of plain numbers
 
@@ -95,7 +97,7 @@ def turn(
     turn_rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
     most full turns that are meant. tolerance: rad. timeout: s. Raises as `straight`.
     """
-    check_limits(tolerance=tolerance)
+    check_near_heading(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_rate(turn_rate=turn_rate)
@@ -119,7 +121,8 @@ def turn_to(
     """
     check_heading(heading=heading)
     check_rate(turn_rate=turn_rate)
-    check_limits(turn_rate=turn_rate, tolerance=tolerance)
+    check_limits(turn_rate=turn_rate)
+    check_near_heading(tolerance=tolerance)
     check_times(timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
@@ -180,7 +183,7 @@ def arc(
     outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of that
     wheel. timeout: s. Raises as `straight`.
     """
-    check_limits(tolerance=tolerance)
+    check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_speed(speed=speed)
@@ -209,7 +212,7 @@ def pivot(
     speed: m/s of the other wheel, the highest on the way. turns: the most full turns that are meant.
     tolerance: m of that wheel. timeout: s. Raises as `straight`.
     """
-    check_limits(tolerance=tolerance)
+    check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_speed(speed=speed)

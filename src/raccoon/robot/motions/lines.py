@@ -13,7 +13,10 @@ from raccoon.robot.actions.limits import (
     check_angle,
     check_finite,
     check_heading,
+    check_limit,
     check_limits,
+    check_near_heading,
+    check_positive,
     check_speed,
     check_times,
     check_way,
@@ -60,7 +63,8 @@ def align_on_line(
     CalibrationError without calibrations.
     """
     check_speed(speed=speed)
-    check_limits(reach=reach, squint=squint, tolerance=tolerance)
+    check_limits(reach=reach, squint=squint)
+    check_near_heading(tolerance=tolerance)
     check_times(timeout=timeout)
     check_way(reach=reach)
     check_angle(1.0, "", squint=squint)
@@ -186,8 +190,9 @@ def align_on_wall(
     check_speed(speed=speed)
     check_finite(speed=speed)  # None is no default here
     check_heading(heading=0.0 if heading is None else heading)
-    check_limits(heading_std=heading_std)
-    check_times(timeout=timeout)
+    check_positive("heading_std", heading_std)
+    check_near_heading(heading_std=heading_std)
+    check_limit(timeout=timeout)
     if speed == 0.0:
         raise ValueError("speed is 0: allowed are numbers above or below it")
 

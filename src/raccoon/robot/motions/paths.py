@@ -19,7 +19,9 @@ from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_heading,
     check_limits,
+    check_near,
     check_number,
+    check_positive,
     check_speed,
     check_times,
     check_way,
@@ -54,7 +56,7 @@ def drive_to(
     check_heading(heading=0.0 if heading is None else heading)
     check_speed(speed=speed)
     check_limits("backwards=True drives backwards", speed=speed)
-    check_limits(tolerance=tolerance)
+    check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     x, y = float(x), float(y)
 
@@ -115,7 +117,9 @@ def follow_path(
     ValueError for points that are no path, such as some that turn back.
     """
     check_speed(speed=speed)
-    check_limits(speed=speed, tolerance=tolerance, rounding=rounding)
+    check_limits(speed=speed)
+    check_positive("rounding", rounding)
+    check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     _check_points(points)
     points = [(float(x), float(y)) for x, y in points]
