@@ -3,8 +3,8 @@
     python -m raccoon.estimate.ekf.generate
 
 The model is written below as one would on paper; SymPy differentiates it, and the products of sparse,
-symmetric matrices are written out term by term. `tests/unit/estimate/test_ekf.py` holds the result to
-filterpy and the checked-in file to this generator.
+symmetric matrices are written out term by term. `tests/unit/estimate/ekf/test_ekf.py` holds the result
+to filterpy and the checked-in file to this generator.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import pytest
 
 from raccoon.core.errors import CalibrationError
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[4] / "benchmarks"))
 methods = import_module("tophat_methods")
 
 
