@@ -1,11 +1,14 @@
-"""A whole match: check the battery, wait for the light, run for at most 120 s, see what took how long."""
+"""A whole match: check the battery, wait for the light, run for at most 120 s, see what took how long.
+
+It is recorded: `raccoon view match.jsonl.gz` draws it and prints what was said (match-2 of the next one).
+"""
 
 from raccoon import check_battery, deg, mission, open_robot, run_match, straight, timed, turn, wait
 
 
 def main() -> None:
     """Run it on the robot that robot.toml names."""
-    with open_robot("robot.toml") as robot:
+    with open_robot("robot.toml", record="match") as robot:
         print(robot.run(check_battery()).advice)
         program = mission(straight(0.30), timed(turn(deg(90)), "face the poms"), straight(0.20))
         # On the table: start=wait_for_light(5), with the light sensor on analog port 5.
