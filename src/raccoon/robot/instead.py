@@ -58,7 +58,7 @@ PARTS = ("tophat", "servo", "mechanism")
 """Sections of robot.toml whose names somebody may take for attributes."""
 
 
-def instead(name: str, config: RobotConfig | None = None) -> str:
+def instead(name: str, config: RobotConfig | None) -> str:
     """What to write instead of an attribute that a robot does not have; "" where nothing is like it.
 
     config: of the robot, whose own names may be meant.

@@ -49,7 +49,7 @@ def _deaf() -> Iterator[None]:
 
 
 @contextmanager
-def process_crew(workers: int | None = None) -> Iterator[Crew]:
+def process_crew(workers: int | None) -> Iterator[Crew]:
     """Processes of this computer, by default one for each core. Raises ConfigError.
 
     At the end of the block they end at once, whatever they are doing: a call that is under way may take
@@ -87,7 +87,7 @@ def _one_thread_each() -> Iterator[None]:
 
 
 @contextmanager
-def dask_crew(scheduler: str | None = None, workers: int | None = None) -> Iterator[Crew]:
+def dask_crew(scheduler: str | None, workers: int | None = None) -> Iterator[Crew]:
     """The workers of a Dask scheduler, by default of one that is started on this computer.
 
     workers: how many processes to start, or on a given scheduler how many matches to keep under way for

@@ -44,7 +44,7 @@ class Layout:
         )
 
 
-def show_store(path: Path, set_name: str | None = None) -> int:
+def show_store(path: Path, set_name: str | None) -> int:
     """Print every stored calibration of a set, or of all; oldest first. Exit status 1 where there is none."""
     stored = TophatStore(path).history()
     entries = [each for each in stored if set_name in (None, each.set_name)]

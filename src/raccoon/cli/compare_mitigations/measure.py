@@ -70,7 +70,7 @@ Cells = dict[tuple[str, str, str], list[End]]
 class Candidate:
     """A robot of the table; what several mitigations need of it is made once."""
 
-    def __init__(self, each: Trial, config: RobotConfig, tape_std: float = TAPE_STD) -> None:
+    def __init__(self, each: Trial, config: RobotConfig, tape_std: float) -> None:
         self.trial = each
         self.config = config
         self._tape_std = max(tape_std, 1e-6)  # a calibration by a perfect tape is refused

@@ -64,7 +64,7 @@ def simulated(
 class Seeing:
     """With all its sensors, cycle by cycle."""
 
-    def __init__(self, parameters: Parameters, config: RobotConfig, seed: int, noise: bool = True) -> None:
+    def __init__(self, parameters: Parameters, config: RobotConfig, seed: int, noise: bool) -> None:
         self._port = SimPort(
             parameters, World.empty(), robot=config, seed=seed, noise=noise, imu_rate_hz=IMU_RATE_HZ
         )

@@ -154,7 +154,7 @@ class Asked:
         simple = [follower(duty, self.step / each) for each in ANSWERS]
         return self.answer(lambda rows: min(unexplained(each[rows], self.reading) for each in simple), latest)
 
-    def of_many(self, duties: Sequence[Array], latest: float = 0.0) -> Answer:
+    def of_many(self, duties: Sequence[Array], latest: float) -> Answer:
         """As the best of many answers commands; a gyro, to which the wheels' speeds add up, several."""
         family = Family.usual()
         speeds = np.sum([family.speeds(each, self.step) for each in duties], axis=0)

@@ -37,7 +37,7 @@ FEWEST = 10
 """Rows for each number that is fitted."""
 
 
-def said_of_rows(row: float, rate_hz: float, wheels: Wheels, turns: Wheels = ()) -> tuple[str, ...]:
+def said_of_rows(row: float, rate_hz: float, wheels: Wheels, turns: Wheels) -> tuple[str, ...]:
     """What is said of rows, s, that are longer than robot.toml's cycles. wheels: commands and readings of
     each, NaN where there is none. turns: what turns the robot, and the gyro's readings, where it has one.
 

@@ -82,9 +82,7 @@ def calibrate_drive(
     return replace(found, remarks=surprises(robot, device, (found.left, found.right)))
 
 
-def fitted_drive(
-    robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: Device = SI_WORDS
-) -> DriveCalibration:
+def fitted_drive(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: Device) -> DriveCalibration:
     """The same of a robot that may be another one than robot.toml's.
 
     Raises CalibrationError where the recordings cannot tell: one turning direction only, no length by tape

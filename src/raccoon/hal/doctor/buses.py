@@ -24,7 +24,7 @@ class SerialPortInfo(Protocol):
     manufacturer: str | None
 
 
-def i2c(path: str = "/dev/i2c-1", opener: Callable[[str], I2cBus] = I2cBus) -> Finding:
+def i2c(path: str, opener: Callable[[str], I2cBus] = I2cBus) -> Finding:
     """The addresses that answer on a bus."""
     subject = f"i2c {path}"
     if not Path(path).exists():

@@ -53,7 +53,7 @@ class Attachments:
             mechanism.resume()
 
     def added_to(
-        self, outputs: Outputs, dt: float, battery_voltage: float | None, *, resting: bool = False
+        self, outputs: Outputs, dt: float, battery_voltage: float | None, *, resting: bool
     ) -> Outputs:
         """The command of the drive with that of the attachments. resting: see `Mechanism.duty`."""
         if not self.servos and not self.mechanisms:

@@ -111,7 +111,7 @@ class Mechanism(Part):
         """Go on after a pause in which nothing was controlled; what it takes to hold is remembered."""
         self._loop.resume()
 
-    def duty(self, dt: float, battery_voltage: float | None, *, resting: bool = False) -> float:
+    def duty(self, dt: float, battery_voltage: float | None, *, resting: bool) -> float:
         """The duty of this tick, in the sign of the board.
 
         resting: no tick may follow for long. A duty that nobody watches turns it away from where it is held,

@@ -9,7 +9,7 @@ from raccoon.diagnose.result import ParameterResult
 Values = Mapping[str, ParameterResult]
 
 
-def axis_sentence(id: str, place: str, values: Values, rule: str = "") -> str:  # noqa: A002
+def axis_sentence(id: str, place: str, values: Values, rule: str) -> str:  # noqa: A002
     """One sentence: what is wrong with `place` (such as "the left motor"), its number, what to do. rule: the
     number of the model that stands for it, where an effect has several."""
     if id == "friction.direction_dependent":

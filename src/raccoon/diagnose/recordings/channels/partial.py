@@ -23,16 +23,16 @@ FEWEST = 20
 
 
 def with_columns_named(
-    found: Diagnosis, columns: Columns, robot: RobotConfig, left_out: Mapping[str, str] | None = None
+    found: Diagnosis, columns: Columns, robot: RobotConfig, left_out: Mapping[str, str]
 ) -> Diagnosis:
     """Reasons that speak of a missing reading, with the column's name. left_out: columns that were recorded
     and not used, and why."""
     ports = {"left": robot.drive.left, "right": robot.drive.right}
     names = {role: pattern.format(**ports) for role, (pattern, _, _) in ROLES.items()}
-    said = {role: absence(name, left_out or {}) for role, name in names.items()}
+    said = {role: absence(name, left_out) for role, name in names.items()}
     rejected = [_named(each, said) for each in found.rejected]
     if found.verdict is Verdict.NOT_IDENTIFIABLE and not found.channels:
-        rejected += _unseen(columns, names, left_out or {})
+        rejected += _unseen(columns, names, left_out)
     return replace(found, rejected=tuple(rejected))
 
 

@@ -59,8 +59,8 @@ def _left_out(columns: Columns, ports: list[int]) -> tuple[str, ...]:
 def diagnose_tophats(
     columns: Columns,
     robot: RobotConfig,
-    model: Parameters | None = None,
-    truth_free: bool = False,
+    model: Parameters | None,
+    truth_free: bool,
     of_a_drive: bool = False,
 ) -> Diagnosis:
     """Compare recorded tophats with the simulated ones. truth_free: do not use `truth.surface.N`. of_a_drive:

@@ -36,7 +36,7 @@ ACCEL_NOISE = 0.03
 class Board:
     """Converters and drivers on a plant. `noise` False makes every converter exact (rounded all the same)."""
 
-    def __init__(self, plant: Plant, faults: Faults, *, seed: int, noise: bool = True) -> None:
+    def __init__(self, plant: Plant, faults: Faults, *, seed: int, noise: bool) -> None:
         self._plant = plant
         self._faults = faults
         self._random = Random(seed)
