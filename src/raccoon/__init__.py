@@ -2,10 +2,10 @@
 
 A team program needs only this module::
 
-    from raccoon import deg, drive, on_black, open_robot, straight, turn
+    from raccoon import after_distance, deg, drive, open_robot, pressed, turn
 
     with open_robot("robot.toml") as robot:
-        robot.run(drive(0.2).until(on_black("front")))
+        robot.run(drive(0.15).until(pressed(0) | after_distance(0.40)))
         robot.run(turn(deg(90)))
 
 Names are loaded when they are first used: importing raccoon costs next to nothing.

@@ -3,9 +3,12 @@
 import re
 import runpy
 import shutil
+import textwrap
 from pathlib import Path
 
 import pytest
+
+import raccoon
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -26,6 +29,12 @@ def beside_robot_toml(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_example_runs(example: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(example), run_name="__main__")
     assert capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("beside_robot_toml")
+def test_the_program_in_the_docstring_of_the_package_runs() -> None:
+    program = (raccoon.__doc__ or "").partition("::\n\n")[2].partition("\n\nNames")[0]
+    exec(compile(textwrap.dedent(program), "raccoon", "exec"), {})
 
 
 @pytest.mark.parametrize(
