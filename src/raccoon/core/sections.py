@@ -23,7 +23,9 @@ from raccoon.core.schema import (
 REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
 """Those whose seconds are the wall's."""
 CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
-_INSTEAD = {"replay": "a recording is played by raccoon.replay(recording, program), or raccoon replay FILE"}
+_INSTEAD = {
+    "replay": "a recording is played by raccoon.replay(recording, program), or raccoon replay RECORDING"
+}
 
 # What any robot of this size stays within by far, so that no slip of the pen is planned or simulated with.
 SPEED = Bounds(0.001, 3.0)

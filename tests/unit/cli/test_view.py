@@ -267,4 +267,4 @@ def test_what_has_nothing_to_draw_is_drawn_by_the_odometry(
     bare = tmp_path / "bare.csv"
     bare.write_text("t,motor.0.bemf\n0,0\n0.005,0\n", encoding="utf-8")
     assert main(["view", str(bare), "-o", str(tmp_path / "bare.png")]) == 2
-    assert "raccoon replay FILE --plot drive.svg draws" in capsys.readouterr().err
+    assert "raccoon replay RECORDING --plot drive.svg draws" in capsys.readouterr().err

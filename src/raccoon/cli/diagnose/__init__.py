@@ -23,6 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "trace",
         type=recording_path,
+        metavar="recording",
         nargs="+",
         help="recordings: traces, CSV, MCAP or EMPS files, or folders of them",
     )

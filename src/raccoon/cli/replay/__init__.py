@@ -18,6 +18,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file",
         type=recording_path,
+        metavar="recording",
         nargs="+",
         help="a trace, a CSV or MCAP file, an OptiOdom session, or a folder of them",
     )

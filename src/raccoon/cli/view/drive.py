@@ -92,7 +92,7 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
     if truth is None and estimate is None:
         raise TraceError(
             f"{path}: it has neither truth.x, truth.y, truth.heading nor estimates to draw; "
-            "raccoon replay FILE --plot drive.svg draws what the odometry makes of it"
+            "raccoon replay RECORDING --plot drive.svg draws what the odometry makes of it"
         )
     if truth is not None and placed is not None:
         truth = _home(truth).placed(*placed)
