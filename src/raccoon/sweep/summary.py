@@ -76,9 +76,9 @@ class Sensitivity:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """failed: the rate. reasons: how often each. of: what the sensitivities are of ("failure" or "error", m).
+    """rate: how many failed. reasons: how often each. sensitivities: all parameters, the strongest first.
 
-    sensitivities: all parameters, the strongest first.
+    of: what the sensitivities are of: "failure", or "error" (m).
     """
 
     rate: Rate
