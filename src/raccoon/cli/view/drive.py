@@ -1,4 +1,4 @@
-"""Where a recorded robot was: as a reference saw it, and as it believed."""
+"""Where a recorded robot was, as a reference saw it and as it believed; and what was said on the way."""
 
 from __future__ import annotations
 
