@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
 
 from raccoon.diagnose.hypotheses.candidates import HIGHEST_LIMIT
-from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause
+from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause, Coordinate, Setting, Settings
 from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.effects.effect import Parameter
 
@@ -13,13 +16,20 @@ SURELY = 2.33
 """Standard deviations of the evidence by which chance lowers it in one of a hundred recordings."""
 VISIBLE = 20.0
 """Evidence (2 log likelihood) that a deviation of one width must make to be called visible."""
+EXACT = 1e-6
+"""Part of a setting's most by which it may be missed."""
+INERTIA: Setting = ("drive.inertia", None, "factor")
+KINDS_OF_INERTIA: tuple[Setting, ...] = (("inertia", None, "straight"), ("inertia", None, "turn"))
+"""What it multiplies, of which robot.toml leaves each open by itself."""
 
 
 def visibility(search: Search) -> dict[str, float]:
     """Evidence that one width of each effect would make beside all that is fitted: ||P d||^2 by id.
 
     Of an effect of a side, at the side where it shows least; of several starting guesses that which shows
-    least: what is said to show must show. Of a pair the first, whose size is said.
+    least: what is said to show must show. Of a pair the first, whose size is said. What robot.toml leaves
+    open of the cause itself can be in its place whatever that does, for what it costs: columns of causes are
+    secants, and where next to no noise is, how far these are bent would seem to be evidence.
     """
     table = search.table
     count = table.base + sum(len(each) for each in table.active.values())
@@ -27,13 +37,38 @@ def visibility(search: Search) -> dict[str, float]:
     found: dict[str, float] = {}
     for group, span in table.off:
         if group.name in search.problem.causes:
-            power = float(rest.matrix[span[0] - count, span[0] - count])
+            cause = search.problem.causes[group.name]
+            most = cost_instead(cause, search.problem.base, search.problem.neutral)
+            power = min(float(rest.matrix[span[0] - count, span[0] - count]), most)
             found[group.name] = min(found.get(group.name, power), power)
     least: dict[str, float] = {}
     for name, power in found.items():
         id_ = search.problem.causes[name].id
         least[id_] = min(least.get(id_, power), power)
     return least
+
+
+def cost_instead(cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> float:
+    """Evidence against base coordinates that move all settings as one width of a cause does; infinite where
+    none do."""
+    wanted = _moved(cause.coordinates[0], neutral)
+    if cause.joint is not None or cause.size > 1 or not all(map(math.isfinite, wanted.values())):
+        return math.inf
+    moved = [_moved(each, neutral) for each in base]
+    keys = list({key: None for each in (wanted, *moved) for key in each})
+    matrix = np.array([[each.get(key, 0.0) for key in keys] for each in (wanted, *moved)])
+    matrix = matrix / np.abs(matrix).max(axis=0)
+    instead = np.linalg.lstsq(matrix[1:].T, matrix[0], rcond=None)[0]
+    missed = np.abs(instead @ matrix[1:] - matrix[0]).max()
+    return float(instead @ instead) if missed < EXACT else math.inf
+
+
+def _moved(coordinate: Coordinate, neutral: Settings) -> Settings:
+    """By how much one unit of a coordinate moves each setting, as far as that is straight."""
+    unit = coordinate.value(1.0)
+    step = math.log(unit) if coordinate.factor else unit
+    keys = KINDS_OF_INERTIA if coordinate.settings == (INERTIA,) else coordinate.settings
+    return {key: step * ((neutral[key] or coordinate.usual) if coordinate.factor else 1.0) for key in keys}
 
 
 def would_show(cause: Cause, power: float, gate: float) -> str:

@@ -1,0 +1,65 @@
+"""From which size on a cause would show, beside what robot.toml leaves open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.fit.evidence import Gram
+from raccoon.diagnose.fit.linear import Table
+from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, added, multiplied, neutral_settings
+from raccoon.diagnose.select.visible import cost_instead, visibility
+
+K_E, COULOMB, INERTIA = "motor.back_emf_constant", "friction.coulomb", "drive.inertia"
+BASE = (
+    *(multiplied(K_E, side, 0.01) for side in ("left", "right")),
+    added(COULOMB, None, "torque", 0.01),
+    *(added(COULOMB, side, "torque", 0.005) for side in ("left", "right")),
+    Coordinate("straight", (("inertia", None, "straight"),), lambda u: float(np.exp(0.05 * u)), True),
+    Coordinate("turn", (("inertia", None, "turn"),), lambda u: float(np.exp(0.025 * u)), True),
+)
+NEUTRAL = neutral_settings(RobotConfig())
+
+
+def cause(id_: str, where: str | None, made: Coordinate) -> Cause:
+    return Cause(id_, where, (made,), (((1.0,),),))
+
+
+@pytest.mark.parametrize(
+    ("each", "cost"),
+    [
+        (cause(K_E, "left", multiplied(K_E, "left", 0.08)), 8.0**2),
+        (cause(K_E, None, multiplied(K_E, None, 0.08)), 2.0 * 8.0**2),
+        # Both have a variance of 0.01² + 0.005²/2; one, with the other known, 0.45 of 0.01².
+        (cause(COULOMB, None, added(COULOMB, None, "torque", 0.08)), 0.08**2 / 1.125e-4),
+        (cause(COULOMB, "left", added(COULOMB, "left", "torque", 0.08)), 0.08**2 / 0.45e-4),
+        (cause(INERTIA, None, multiplied(INERTIA, None, 0.2)), 4.0**2 + 8.0**2),
+        (cause("motor.heating", None, added("motor.heating", None, "gain", 0.1)), np.inf),
+        (
+            cause(
+                "motor.current_limit", None, multiplied("motor.current_limit", None, 0.1, parameter="limit")
+            ),
+            np.inf,
+        ),
+    ],
+    ids=lambda it: it.name if isinstance(it, Cause) else "",
+)
+def test_what_robot_toml_leaves_open_can_be_in_place_of_a_cause(each: Cause, cost: float) -> None:
+    assert cost_instead(each, BASE, NEUTRAL) == pytest.approx(cost)
+    assert cost_instead(replace(each, coordinates=each.coordinates * 2), BASE, NEUTRAL) == np.inf
+
+
+def test_no_recording_shows_more_of_a_cause_than_that_costs() -> None:
+    """A K_E was said to show from 0.7 % on in one without noise, where one that was 1 % off was refitted."""
+    bent = cause(K_E, None, multiplied(K_E, None, 0.08))
+    gram = Gram(np.diag([1.0] * len(BASE) + [1e5]), np.zeros(len(BASE) + 1))
+    table = Table(gram, len(BASE), {}, ((cast(Any, SimpleNamespace(name=K_E)), [len(BASE)]),))
+    for base, seen in ((BASE, 128.0), ((), 1e5)):
+        problem = SimpleNamespace(causes={K_E: bent}, base=base, neutral=NEUTRAL)
+        search: Any = SimpleNamespace(problem=problem, table=table)
+        assert visibility(search) == {K_E: pytest.approx(seen)}
