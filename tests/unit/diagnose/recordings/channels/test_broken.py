@@ -284,6 +284,15 @@ def test_a_battery_whose_wheels_are_not_read_is_believed() -> None:
     )
 
 
+def test_the_gyro_of_a_robot_that_stands_is_not_coarse() -> None:
+    """It has the values of its noise alone: the only fault of a recording of 6 s at rest."""
+    noise = 0.001 * np.round(RNG.standard_normal(1000))
+    assert len(np.unique(noise)) < 9
+    assert faults(**{"imu.gyro.z": noise}) == [("imu.gyro.z", "coarse")]
+    still = {"motor.0.duty": np.zeros(1000), "motor.1.duty": np.zeros(1000)}
+    assert ("imu.gyro.z", "coarse") not in faults(**{"imu.gyro.z": noise, **still})
+
+
 def test_a_battery_that_is_read_now_and_then_counts_where_it_was_read() -> None:
     every = {seconds: GOOD["battery.voltage"][np.arange(1000) // round(100 * seconds) * round(100 * seconds)]
              for seconds in (0.1, 5.0)}  # fmt: skip
