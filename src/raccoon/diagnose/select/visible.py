@@ -16,6 +16,8 @@ SURELY = 2.33
 """Standard deviations of the evidence by which chance lowers it in one of a hundred recordings."""
 VISIBLE = 20.0
 """Evidence (2 log likelihood) that a deviation of one width must make to be called visible."""
+LEAST_LIMIT = 0.05
+"""A, below which no wheel moves, and a limit is no news."""
 EXACT = 1e-6
 """Part of a setting's most by which it may be missed."""
 INERTIA: Setting = ("drive.inertia", None, "factor")
@@ -95,7 +97,8 @@ def shows_from(parameter: Parameter, power: float, gate: float, *, own: bool = F
     u = surely / math.sqrt(power)
     width = WIDTH_FACTOR * parameter.prior_width
     if parameter.name == "limit" and not own:
-        return f"below about {min(1.0 / u, HIGHEST_LIMIT):.2g} {parameter.unit}"
+        limit = min(1.0 / u, HIGHEST_LIMIT)
+        return f"below about {limit:.2g} {parameter.unit}" if limit >= LEAST_LIMIT else ""
     factor = parameter.name == "factor" and not own
     high = parameter.bounds.high
     highest = math.log(high) if factor else high - (parameter.neutral or 0.0)

@@ -263,6 +263,7 @@ def test_no_current_limit_is_promised_that_is_higher_than_those_that_were_simula
     limit = effect("motor.current_limit").parameters[0]
     assert shows_from(limit, 1e5, gate("motor.current_limit")) == "below about 2 A"
     assert shows_from(limit, 20.0, gate("motor.current_limit")) == "below about 0.61 A"
+    assert shows_from(limit, 1e-4, gate("motor.current_limit")) == ""  # 0.0015 A: no wheel would turn
 
 
 @pytest.mark.parametrize("name", ["limit", "factor", "gain"])
