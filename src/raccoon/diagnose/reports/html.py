@@ -115,6 +115,8 @@ def _judged(cause: CauseResult) -> str:
 
 
 def _todo(cause: CauseResult) -> str:
-    """The part that says what to do; nothing about what does not matter."""
+    """The part that says what to do, if it is that; nothing about what does not matter."""
     advice = "" if cause.little else told(cause).todo
+    if advice and set(cause.confounded_with) - set(cause.beside):
+        return f"If it is {plain_name(cause.name)}: {advice}."
     return f"{advice[:1].upper()}{advice[1:]}." if advice else ""

@@ -188,7 +188,7 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
     assert "shows &lt;no&gt; current" in text
     for part in (
         "The K_E (volts per speed) of the left motor is 4.1 % lower than assumed.",
-        "<b>To do:</b> Calibrate the left motor (raccoon calibrate drive, raccoon tune wheels).",
+        "<b>To do:</b> If it is K_E (left): calibrate the left motor (raccoon calibrate drive, ",
         "Error of the gyro&#39;s reading varies by 0.02", "it depends on heading",
         "lower than assumed; or it is scale of the back-EMF (left).", "cannot tell it from bemf.scale@left",
         "What was considered and not named",
@@ -268,8 +268,12 @@ def test_the_headline_says_what_else_it_may_be() -> None:
     two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
     text = page(replace(FOUND, causes=(two,)), "run")
     assert "; or it is scale of the back-EMF (left) or wheel radius (left)." in text
+    assert "<b>To do:</b> If it is K_E (left): calibrate the left motor" in text
+    assert '<a href="#next">below</a>.</p>' in text
+    assert '<h2 id="next">Record this' in text
     alone = page(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)), "run")
     assert "; or it is" not in alone
+    assert "<b>To do:</b> Calibrate the left motor" in alone
 
 
 @pytest.mark.usefixtures("words_only")
@@ -439,8 +443,9 @@ def assert_told(id_: str, numbers: dict[str, ParameterResult], what: str, todo: 
     """Text and page say both; the page apart from each other."""
     where = None if id_.startswith(("battery", "drive")) else "left"
     cause = replace(
-        CAUSE, id=id_, where=where, parameters=numbers, explanation=explanation(id_, where, numbers)
-    )
+        CAUSE, id=id_, where=where, parameters=numbers, explanation=explanation(id_, where, numbers),
+        confounded_with=(),
+    )  # fmt: skip
     assert what in told(cause).what
     html = page(replace(FOUND, causes=(cause,), channels=(), curves=(), shapes=()), "run")
     assert f"<b>To do:</b> {todo}" in html
