@@ -68,7 +68,8 @@ class LifeWatch:
 
     The low bits of ADC and IMU show life but need not: filters swallow noise, an IMU may be dead or read once
     a second. Turning wheels always show it, in the counters. So silence says something only of a robot whose
-    wheels turned when it was last heard of, or that is driven and does not start. At rest it may last.
+    wheels turned when it was last heard of, or that is driven and does not start. At rest it may last, and a
+    pause in which nobody looked is none.
 
     silence: s without a sign of life that was due.
     """
@@ -79,16 +80,20 @@ class LifeWatch:
     """Duty that turns any motor."""
     WHILE_TURNING, FROM_REST, GENTLY_FROM_REST = (0.05, 0.2), (0.3, 0.5), (0.5, 1.0)
     """s of silence after which words are stale, and after which the controller hangs."""
+    LONGEST_LOOK = 0.04
+    """s from one look to the next that count as silence, at most."""
 
     def __init__(self) -> None:
         self._last: bytes | None = None
         self._turning = False
         self._limits = self.WHILE_TURNING
-        self._since = 0.0
+        self._since = self._looked = 0.0
         self.silence = 0.0
 
     def update(self, words: bytes, time: float, bemf: Sequence[float], duties: Sequence[float]) -> None:
         """Take a cycle. bemf: counts, as last known before it. duties: what drove the motors until now."""
+        self._since += max(time - self._looked - self.LONGEST_LOOK, 0.0)
+        self._looked = time
         if words != self._last:
             self._last, self._since = words, time
             self._turning = max(map(abs, bemf)) > self.TURNING

@@ -24,7 +24,7 @@ class Receiver:
     """Exchanges frames and accepts the good ones; keeps the positions.
 
     `collect` begins a cycle, `exchange` and `poll` belong to it; `faults` and `bemf` are the cycle's, and
-    `time` is when the last `poll` looked, s of the clock.
+    `time` is when their words were taken, s of the clock.
     """
 
     def __init__(self, dialect: Dialect, link: Link, clock: Clock) -> None:
@@ -33,7 +33,7 @@ class Receiver:
         self._clock = clock
         self._counters = Counters(dialect.fastest_counter)
         self._last: Reading | None = None
-        self.time = self._time = self._taken = 0.0
+        self.time = self._time = 0.0
         self._sent = bytes(dialect.length)
         self._expected: bytes | None = None
         self._previous: bytes | None = None
@@ -70,14 +70,11 @@ class Receiver:
 
         Raises HardwareError where the link or the controller is lost.
         """
-        for _ in range(LOOKS):
-            time = self.time = self._clock.now()
-            reply = self.exchange(frame)
-            if self._clock.now() - time <= LONGEST_TRANSFER:
-                break
-        if time - self._taken > PATIENCE_SECONDS:
+        before = self.time
+        reply = self._look(frame)
+        time = self.time
+        if time - before > PATIENCE_SECONDS:
             self._unusable_since = None  # nobody looked meanwhile: of that pause the link says nothing
-        self._taken = time
         if not self._dialect.aligned(reply):
             recovered = self._recover(reply, time)
             if recovered is None:
@@ -89,8 +86,17 @@ class Receiver:
             return None
         self._unusable_since = None
         self._last = reading
-        self._time = self._taken
+        self._time = self.time
         return reading
+
+    def _look(self, frame: bytes) -> bytes:
+        """An exchange of which is known when it was."""
+        for _ in range(LOOKS):
+            self.time = self._clock.now()
+            reply = self.exchange(frame)
+            if self._clock.now() - self.time <= LONGEST_TRANSFER:
+                break
+        return reply
 
     def _checked(self, reply: bytes, time: float) -> Reading | None:
         reading = self._dialect.read(reply)
@@ -114,7 +120,7 @@ class Receiver:
             if looked is None:
                 return None
             reading, differences = looked
-            seconds = self._taken - self._time
+            seconds = self.time - self._time
         if differences is None:
             self._counters.continue_from(reading.position)
         else:
@@ -134,9 +140,9 @@ class Receiver:
         """Read again to tell a torn word from a counter that has really jumped: then without differences.
         Counters count on meanwhile: on a slow bus an update or two fall between the looks. credible: whether
         the other words of the first look can be."""
-        first, self._taken = self._taken, self._clock.now()
-        later = self._taken - first
-        reply = self.exchange(self._sent)
+        first = self.time
+        reply = self._look(self._sent)
+        later = self.time - first
         second = self._dialect.read(reply) if self._dialect.aligned(reply) else None
         if second is None or not self._dialect.credible(second):
             self.faults.append(Fault.TORN)

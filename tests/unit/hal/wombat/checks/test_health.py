@@ -5,7 +5,7 @@ import math
 import pytest
 
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, GRAVITY
-from raccoon.hal.wombat.checks.health import BatteryWatch, ImuWatch, MotorWatch
+from raccoon.hal.wombat.checks.health import BatteryWatch, ImuWatch, LifeWatch, MotorWatch
 
 FLAT = (0.0, 0.0, GRAVITY)
 RIGHT, WRONG = (0.0, 0.0, 1.0), (0.0, 0.0, 11.0)
@@ -47,6 +47,18 @@ def test_an_imu_on_edge_tells_no_turn_and_one_on_a_ramp_or_on_its_back_does() ->
     assert judged((0.0, -0.9 * GRAVITY, 0.4 * GRAVITY))
     assert not judged((0.5 * GRAVITY, 0.0, 0.86 * GRAVITY))
     assert not judged((0.0, 0.0, -GRAVITY))  # how the robot turns tells that
+
+
+def test_a_pause_in_which_nobody_looked_is_no_silence_of_a_controller() -> None:
+    watch, turning, duty = LifeWatch(), (900.0, 900.0, 0.0, 0.0), (0.5, 0.5, 0.0, 0.0)
+    watch.update(b"a", 5.0, turning, duty)
+    watch.update(b"a", 7.0, turning, duty)  # one frame that is repeated
+    assert not watch.stale
+    hangs = []
+    for look in range(60):
+        watch.update(b"a", 7.005 + 0.005 * look, turning, duty)
+        hangs.append(watch.hangs)
+    assert 30 <= hangs.index(True) <= 40
 
 
 def test_a_motor_that_is_to_turn_faster_at_once_is_given_its_time() -> None:
