@@ -28,6 +28,7 @@ from raccoon.sim.effects.physical import gyro_lag, plant_numbers, safe_step, sam
 from raccoon.sim.plant.driver import cycle_count
 from raccoon.sim.plant.free_motor import FreeMotor
 from raccoon.sim.plant.quantities import State
+from raccoon.sim.plant.sensing import period_of
 from raccoon.sim.robot import SimulatedRobot, bridges
 from raccoon.sim.tophats import Tophat
 from raccoon.sim.words import Converter, Imu, Scatter
@@ -97,7 +98,7 @@ class SimPort:
         self._cycles = cycle_count(1.0 / rate_hz, parameters.chain.cycle)
         self._truth = truth
         self._tick = device.position_counts_seconds
-        self._device = _with_chain(device, config, parameters.chain)
+        self._device = _with_chain(device, config, parameters.chain, 1.0 / rate_hz)
         self._outputs = STOP
         self._rate_hz = rate_hz
         self._cycle = -1
@@ -187,12 +188,15 @@ def _wired(parameters: Parameters, config: RobotConfig) -> Parameters:
     return replace(parameters, robot=robot)
 
 
-def _with_chain(device: Device, config: RobotConfig, chain: Chain) -> Device:
-    """The words as this chain makes them: how late back-EMF is, and how long its samples take."""
+def _with_chain(device: Device, config: RobotConfig, chain: Chain, period: float) -> Device:
+    """The words as this chain makes them in rows of `period` s: how late back-EMF is, by its filter, and how
+    long its samples take."""
+    cycle = period / cycle_count(period, chain.cycle)
+    counted = period_of(cycle, chain.cycle)
     return replace(
         device,
         name=SIMULATOR.name if chain == Chain() else f"{SIMULATOR.name}-chain",
-        bemf_lag=counter_lag(config.model.bemf.filter_time_constant.value, chain.cycle),
+        bemf_lag=counter_lag(config.model.bemf.filter_time_constant.value, counted) * (cycle / counted),
         driven_share=1.0 - chain.coast_share,
     )
 

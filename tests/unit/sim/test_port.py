@@ -100,6 +100,21 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another() -> None:
     assert runs[0] != runs[2]
 
 
+@pytest.mark.parametrize("rate_hz", [20.0, 133.0, 200.0, 300.0, 500.0])
+def test_the_lag_that_is_told_is_that_of_the_counters_at_any_rate(rate_hz: float) -> None:
+    port = SimPort(Parameters.from_robot(RobotConfig()), World.empty(), rate_hz=rate_hz, noise=False)
+    inputs = drive(port, (0.6, 0.6), round(rate_hz))
+    bemf, position, lag = inputs.bemf[0], inputs.position[0], inputs.device.bemf_lag
+    assert inputs.truth is not None
+    assert bemf is not None
+    assert position is not None
+    assert lag is not None
+    constant = RobotConfig().model.left.back_emf_constant.value
+    turned = inputs.truth.x / RobotConfig().model.drive.wheel_radius.value
+    counted = turned * constant / inputs.device.bemf_volts
+    assert position + lag * bemf == pytest.approx(counted, abs=1.5)  # a tick, and counts cut off
+
+
 def test_each_cycle_of_the_controller_has_noise_of_its_own() -> None:
     """At 80 Hz a period is two and a half of its cycles, for which three are taken."""
     loud = Noise(bemf=6000.0, gyro=0.0, gyro_bias=0.0, accel=0.0, battery=0.0, analog=0.0)

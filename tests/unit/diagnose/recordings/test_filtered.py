@@ -9,7 +9,7 @@ import pytest
 
 from blind.drives import exciting
 from raccoon.core.config import Measured, RobotConfig
-from raccoon.core.readings import SI_WORDS
+from raccoon.core.readings import SI_WORDS, SIMULATOR
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Verdict
@@ -57,6 +57,7 @@ def test_robot_toml_comes_first_and_a_simulator_changes_nothing() -> None:
     assert with_lag_of(SI_WORDS, ROBOT) is ROBOT
     own = counter_lag(ROBOT.model.bemf.filter_time_constant.value, 0.005)
     assert with_lag_of(replace(SI_WORDS, bemf_lag=own), ROBOT) is ROBOT
+    assert with_lag_of(replace(SIMULATOR, bemf_lag=0.0205), ROBOT) is ROBOT  # in rows of 500 Hz
 
 
 def test_no_filter_at_all_stays_a_filter_that_can_be_simulated() -> None:
