@@ -25,6 +25,12 @@ ODD_LOADS = (0.5, 2.0)
 """Load factors beyond which both motors together are."""
 LATE = 0.005
 """s by which a reading may be later or earlier than the others: what a jerk tells is that much in doubt."""
+ALL_LATE = 0.012
+"""s by which the readings of both wheels come late: 5 ms by the smoothing of the speeds, the rest by what
+firmwares do with their samples. It looks like load."""
+CLEAR = 3.0
+"""Times its noise from which on an acceleration is one. Of less, noise would be compared with the voltage
+that answers it, and would say that a load takes none."""
 UNSURE = 5
 """Windows that are kept back: it takes a quarter of a second until a wall shows in what both wheels carry."""
 RAMP = 1.0
@@ -43,7 +49,7 @@ class WheelState:
     """What the watch thinks of one wheel.
 
     known: enough was seen for the rest. speed_factor, load_factor: present over nominal V a rad/s (K_E) and
-    V a N m (R / K_E), with their standard deviations.
+    V a N m (R / K_E), with their standard deviations. load_late: what late readings may have added to it.
     """
 
     known: bool
@@ -51,6 +57,7 @@ class WheelState:
     speed_factor_std: float
     load_factor: float
     load_factor_std: float
+    load_late: float = 0.0
 
     @property
     def odd_speed(self) -> str:
@@ -67,7 +74,8 @@ def oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
     """What is odd about the left and about the right wheel, "" where nothing is.
 
     Loads are compared with each other: a reading that comes d s late adds d V/(rad/s) to the voltage that an
-    acceleration seems to take (a sixth of it for 5 ms), and it does so on both sides.
+    acceleration seems to take (a sixth of it for 5 ms, all of it where a wheel's time constant is as short),
+    and it does so on both sides.
     """
     if left.odd_speed or right.odd_speed or not (left.known and right.known):
         return left.odd_speed, right.odd_speed
@@ -81,7 +89,8 @@ def oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
     both = 0.5 * (left.load_factor + right.load_factor)
     # Who drives at one speed says next to nothing of inertia.
     std = 0.5 * math.hypot(left.load_factor_std, right.load_factor_std)
-    if both + 3.0 * std < ODD_LOADS[0] or both - 3.0 * std > ODD_LOADS[1]:
+    late = 0.5 * (left.load_late + right.load_late)
+    if both + 3.0 * std < ODD_LOADS[0] or both - 3.0 * std - late > ODD_LOADS[1]:
         words = f"takes, like the other, {both:.1f} times the voltage a load should: weight, inertia_straight"
         return words, words
     return "", ""
@@ -99,6 +108,7 @@ class WheelWatch:
         "_fit",
         "_found",
         "_high",
+        "_least_change",
         "_least_slope",
         "_loose",
         "_low",
@@ -119,8 +129,10 @@ class WheelWatch:
         nominal = (model.static_voltage, 1.0 / model.gain, model.acceleration_voltage)
         # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])
-        read = math.sqrt(2.0) * READ_NOISE / model.back_emf_constant / WINDOW * nominal[2]
-        self._fit = RecursiveFit(nominal, spread, noise=math.hypot(ROW_NOISE, read), memory=120.0)
+        scatter = math.sqrt(2.0) * READ_NOISE / model.back_emf_constant / WINDOW  # rad/s2, of a window's ends
+        self._least_change = CLEAR * scatter
+        noise = math.hypot(ROW_NOISE, scatter * nominal[2])
+        self._fit = RecursiveFit(nominal, spread, noise=noise, memory=120.0)
         self._found: deque[tuple[Vector3, float, float]] = deque(maxlen=UNSURE)
         self._low = self._high = 0.0
         self._silent = self._loose = self._sagged = 0.0
@@ -166,6 +178,8 @@ class WheelWatch:
             if len(self._found) == self._found.maxlen:
                 self._fit.add(*self._found.popleft())
             row, volts = found
+            if abs(row[2]) < self._least_change:
+                row = (row[0], row[1], 0.0)
             # What is read is of a moment earlier: of another mean voltage, where that swings.
             swung = LATE * max(0.0, self._high - self._low - RAMP) / WINDOW
             sagged = BATTERY_LAG / WINDOW * self._sagged
@@ -192,4 +206,5 @@ class WheelWatch:
         speed, speed_std = fit.values[1] * model.gain, fit.std(1) * model.gain
         load = fit.values[2] / model.acceleration_voltage
         load_std = fit.std(2) / model.acceleration_voltage
-        return WheelState(fit.rows >= LEAST_ROWS, speed, speed_std, load, load_std)
+        late = ALL_LATE / (model.gain * model.acceleration_voltage)
+        return WheelState(fit.rows >= LEAST_ROWS, speed, speed_std, load, load_std, late)
