@@ -157,7 +157,7 @@ def turning(
     wanted = motion.turn_rate if turn_rate is None else float(turn_rate)
     top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
     walk = profile(angle, top, acceleration, motion.turn_jerk)
-    pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted, "turn")
+    pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted, "turn", 1.0)
     for state in pace.states(lambda: robot.estimate.heading - start.heading, start.turned):
         turned = robot.estimate.heading - start.heading
         if pace.may_end(angle - turned, tolerance):
@@ -194,7 +194,7 @@ def arc(
     signed = math.copysign(radius, -angle if backwards else angle)
     return Action(
         f"arc {radius:g} m {math.degrees(angle):g} deg",
-        lambda robot: _arc(robot, signed, angle, speed, tolerance, timeout),
+        lambda robot: _arc(robot, "arc", signed, angle, speed, tolerance, timeout),
     )
 
 
@@ -223,20 +223,21 @@ def pivot(
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         signed = side * robot.drive.half_track
-        return (yield from _arc(robot, signed, angle, speed, tolerance, timeout))
+        return (yield from _arc(robot, "pivot", signed, angle, speed, tolerance, timeout))
 
     return Action(f"pivot {math.degrees(angle):g} deg about the {wheel} wheel", steps)
 
 
 def _arc(
     robot: Robot,
+    what: str,
     signed: float,
     angle: float,
     speed: float | None,
     tolerance: float | None,
     timeout: float | None,
 ) -> Steps[MotionResult]:
-    """Around a centre `signed` m to the left; the way is signed * angle, negative backwards."""
+    """Around a centre `signed` m to the left; the way is signed * angle, negative backwards. what: it is."""
     motion = robot.config.motion
     start = robot.plan
     angle = float(angle)
@@ -249,7 +250,8 @@ def _arc(
         LAG_LIMIT,
         timeout,
         top / wanted,
-        "arc",
+        what,
+        signed,
     )
 
     centre = start.x - signed * math.sin(start.heading), start.y + signed * math.cos(start.heading)

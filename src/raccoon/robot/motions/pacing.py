@@ -118,7 +118,8 @@ class Pace:
 
     lag_limit: how far the robot may be behind (m or rad). timeout: s until it gives up, which it also does
     where the robot stays where it is; twice the profile and 2 s where it is None. planned: see MotionResult.
-    what: the motion, for messages; a "turn" is in rad.
+    what: the motion, for messages; a "turn" is in rad. radius: m of the profile a rad of the angle that was
+    asked for, where one was (of a turn 1).
     """
 
     def __init__(
@@ -129,11 +130,13 @@ class Pace:
         timeout: float | None = None,
         planned: float = 1.0,
         what: str = "straight",
+        radius: float | None = None,
     ) -> None:
         self._robot = robot
         self.what = what
         self.profile = profile
         self.planned = planned
+        self._radius = radius
         self._lag_limit = lag_limit
         self._allowed = 2.0 * profile.duration + 2.0 if timeout is None else timeout
         self._walk, self._from = profile, 0.0  # what it walks now, and how far along that began
@@ -233,8 +236,9 @@ class Pace:
     def _explain(self, progress: float) -> str:
         seconds = self._robot.time - self.begin
         way = f"{progress:.3f} of {self.profile.distance:.3f} m"
-        if self.what == "turn":
-            way = f"{math.degrees(progress):.1f} of {math.degrees(self.profile.distance):.1f} deg"
+        if (radius := self._radius) is not None:
+            turned, asked = math.degrees(progress / radius), math.degrees(self.profile.distance / radius)
+            way = f"{turned:.1f} of {asked:.1f} deg"
         return f"{self.what} not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
 
 

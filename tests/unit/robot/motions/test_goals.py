@@ -74,6 +74,20 @@ def test_a_tight_arc_keeps_its_speed_and_ends_with_its_outer_wheel_on_the_mark(
     assert math.degrees(end.heading) == pytest.approx(90.0, abs=0.75)
 
 
+@pytest.mark.parametrize(
+    ("motion", "said"),
+    [
+        (pivot(deg(-40), "left", timeout=0.05), r"pivot not done after 0\.1 s: -?0\.\d of -40\.0 deg; "),
+        (arc(0.2, deg(40), backwards=True, timeout=0.05), r"arc not done after 0\.1 s: -?0\.\d of 40\.0 deg"),
+    ],
+)
+def test_a_motion_that_gives_up_says_what_it_is_and_how_much_of_its_angle_was_turned(
+    motion: Action[MotionResult], said: str
+) -> None:
+    with pytest.raises(MotionTimeout, match=said):
+        run(motion)
+
+
 @pytest.mark.parametrize("distance", [0.6, -0.3, 0.03])
 def test_straight_ends_on_the_mark(distance: float) -> None:
     _, end, _ = run(straight(distance))
