@@ -180,6 +180,27 @@ def check_rate(**rates: float | None) -> None:
     _check_size(FASTEST_TURN, f"up to {FASTEST_TURN:g} rad/s (write deg(90) for degrees a second)", rates)
 
 
+def check_pace(hint: str = "", /, **speeds: float | None) -> None:
+    """Raise ValueError naming the first that is not None and no m/s to come to a goal with. hint: what to
+    write instead of one that is not above 0."""
+    check_speed(**speeds)
+    check_limits(hint, **speeds)
+    _check_least(SPEED.low, "m/s", speeds)
+
+
+def check_turn_pace(hint: str = "", /, **rates: float | None) -> None:
+    """The same of rad/s."""
+    check_rate(**rates)
+    check_limits(hint, **rates)
+    _check_least(RATE.low, "rad/s", rates)
+
+
+def _check_least(least: float, unit: str, values: Mapping[str, float | None]) -> None:
+    for name, value in values.items():
+        if value is not None and value < least:
+            _refuse(name, value, f"from {least:g} {unit}: slower it would never come to its goal")
+
+
 def _check_size(most: float, allowed: str, values: Mapping[str, float | None]) -> None:
     for name, value in values.items():
         if value is None:

@@ -20,12 +20,11 @@ from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_angle,
     check_heading,
-    check_limits,
     check_near,
     check_near_heading,
-    check_rate,
-    check_speed,
+    check_pace,
     check_times,
+    check_turn_pace,
     check_way,
 )
 from raccoon.robot.motions.pacing import LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, finish
@@ -58,8 +57,7 @@ def straight(
     for numbers that are not allowed, when it is made; MotionTimeout, saying why, where it does not get there.
     """
     check_way(distance=distance)
-    check_speed(speed=speed)
-    check_limits("the sign belongs to the distance", speed=speed)
+    check_pace("the sign belongs to the distance", speed=speed)
     check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     distance = float(distance)  # of NumPy's too: results and plans are of plain numbers
@@ -100,8 +98,7 @@ def turn(
     check_near_heading(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
-    check_rate(turn_rate=turn_rate)
-    check_limits("the sign belongs to the angle", turn_rate=turn_rate)
+    check_turn_pace("the sign belongs to the angle", turn_rate=turn_rate)
     return Action(
         f"turn {math.degrees(angle):g} deg",
         lambda robot: turning(robot, angle, turn_rate, tolerance, timeout),
@@ -120,8 +117,7 @@ def turn_to(
     Half a turn goes the way that leads from the one number to the other. The rest as `turn`.
     """
     check_heading(heading=heading)
-    check_rate(turn_rate=turn_rate)
-    check_limits(turn_rate=turn_rate)
+    check_turn_pace(turn_rate=turn_rate)
     check_near_heading(tolerance=tolerance)
     check_times(timeout=timeout)
 
@@ -186,8 +182,7 @@ def arc(
     check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
-    check_speed(speed=speed)
-    check_limits("the sign belongs to the angle; backwards=True drives backwards", speed=speed)
+    check_pace("the sign belongs to the angle; backwards=True drives backwards", speed=speed)
     check_way(radius=radius)
     if not radius > 0.0:
         raise ValueError(f"radius is {radius} m: it must be above 0 (turn() turns on the spot)")
@@ -215,8 +210,7 @@ def pivot(
     check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
-    check_speed(speed=speed)
-    check_limits("the sign belongs to the angle", speed=speed)
+    check_pace("the sign belongs to the angle", speed=speed)
     if wheel not in ("left", "right"):
         raise ValueError(f"wheel is {wheel!r}: allowed are 'left' and 'right'")
     side = 1.0 if wheel == "left" else -1.0

@@ -18,11 +18,10 @@ from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_heading,
-    check_limits,
     check_near,
     check_number,
+    check_pace,
     check_positive,
-    check_speed,
     check_times,
     check_way,
 )
@@ -54,8 +53,7 @@ def drive_to(
     """
     check_way(x=x, y=y)
     check_heading(heading=0.0 if heading is None else heading)
-    check_speed(speed=speed)
-    check_limits("backwards=True drives backwards", speed=speed)
+    check_pace("backwards=True drives backwards", speed=speed)
     check_near(tolerance=tolerance)
     check_times(timeout=timeout)
     x, y = float(x), float(y)
@@ -116,8 +114,7 @@ def follow_path(
     tolerance: m along the path at its end. timeout: s of each way without a stop, and of each turn. Raises
     ValueError for points that are no path, such as some that turn back.
     """
-    check_speed(speed=speed)
-    check_limits(speed=speed)
+    check_pace(speed=speed)
     check_positive("rounding", rounding)
     check_near(tolerance=tolerance)
     check_times(timeout=timeout)

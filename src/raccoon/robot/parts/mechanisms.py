@@ -15,7 +15,7 @@ from raccoon.control.profile import ProfileState, profile
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
-from raccoon.robot.actions.limits import check_angle, check_finite, check_limits, check_rate, check_times
+from raccoon.robot.actions.limits import check_angle, check_finite, check_rate, check_times, check_turn_pace
 from raccoon.robot.parts.holding import held, require_free
 from raccoon.robot.remarks import say
 
@@ -38,8 +38,7 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
     moves it.
     """
     check_finite(to=to)
-    check_rate(speed=speed)
-    check_limits(speed=speed)
+    check_turn_pace(speed=speed)
     check_times(timeout=timeout)
 
     label = f"move {name} to {math.degrees(to):g} deg"
@@ -59,8 +58,7 @@ def move_by(
     From where it is held; from where it is after `release`, `zero`, `spin` and a timeout.
     """
     check_finite(angle=angle)
-    check_rate(speed=speed)
-    check_limits("the sign belongs to the angle", speed=speed)
+    check_turn_pace("the sign belongs to the angle", speed=speed)
     check_times(timeout=timeout)
 
     label = f"move {name} by {math.degrees(angle):g} deg"
