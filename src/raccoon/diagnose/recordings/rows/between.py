@@ -47,6 +47,10 @@ FEW, FEWEST_LARGEST, NEAR_ONE, NO_LARGER = 1.12, 3, 0.15, 1.05
 of a step that a whole row makes, which some steps show, times the rows is 1, by so much (0.09 at most; of a
 ramp it is less), and no row of any step makes more."""
 
+AS_EVEN = 0.5
+"""Of how unlike the largest shares of steps are, how unlike the largest changes may be where a ramp made them,
+of which only some rows were recorded: then the larger the step, the smaller its shares."""
+
 
 def check_recorded(columns: Columns) -> None:
     """Raise TraceError where a recording was interpolated: the readings of all wheels are on straight lines
@@ -68,7 +72,7 @@ def _stepped(duty: NDArray[np.float64]) -> bool:
     """Whether most steps of a command go by rows whose share of the step is by chance."""
     steps = np.diff(duty)
     changes = runs(steps != 0.0)
-    first, largest, between, jumps, last, most = [], [], [], 0, -STILL, 0.0
+    first, largest, changed, between, jumps, last, most = [], [], [], [], 0, -STILL, 0.0
     for (start, end), after in zip(changes, [*(start for start, _ in changes[1:]), len(duty)], strict=False):
         still = start - last >= STILL and after - end >= STILL
         size, last, way = float(duty[end] - duty[start]), end, steps[start:end]
@@ -82,13 +86,20 @@ def _stepped(duty: NDArray[np.float64]) -> bool:
         most = max(most, float((way / size).max()))
         if len(way) > 2:
             largest.append(float((way / size).max()))
+            changed.append(largest[-1] * abs(size))
     if len(between) < FEWEST_STEPS or len(between) < MOSTLY * (len(between) + jumps):
         return False
     rows = float(np.mean(between))
     if rows < FEW or len(largest) < FEWEST_LARGEST or np.std(first) <= UNLIKE or np.std(largest) >= ALIKE:
         return False
+    if _unlike(changed) < AS_EVEN * _unlike(largest):
+        return False
     whole = float(np.mean(largest))
     return rows >= MORE or (abs(rows * whole - 1.0) < NEAR_ONE and most < NO_LARGER * whole)
+
+
+def _unlike(sizes: list[float]) -> float:
+    return float(np.std(sizes) / np.mean(sizes))
 
 
 def _interpolated(values: NDArray[np.float64]) -> float:

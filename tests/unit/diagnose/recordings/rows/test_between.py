@@ -91,6 +91,19 @@ def test_what_was_recorded_is_on_none(drive: str, encoders: bool, unit: float) -
     check_recorded(resampled(columns, 0.001, held=True))
 
 
+@pytest.mark.parametrize("every", [2, 4])
+def test_a_programs_ramp_is_none_of_which_some_rows_were_recorded(every: int) -> None:
+    """How a row cuts into a ramp is chance, as in what is interpolated."""
+    rng, now, ramped = np.random.default_rng(1), 0.0, []
+    for step in range(80):
+        goal = 0.0 if step % 2 else rng.uniform(0.4, 0.5) * rng.choice([-1.0, 1.0])
+        for _ in range(int(rng.integers(80, 120))):
+            now += max(-0.1 / every, min(0.1 / every, goal - now))
+            ramped.append(now)
+    duty = np.array(ramped)[::every]
+    check_recorded({"t": 0.005 * every * np.arange(len(duty)), "motor.0.duty": duty})
+
+
 def test_a_wheel_that_speeds_up_evenly_without_noise_is_on_no_short_line() -> None:
     way = np.concatenate([np.linspace(0.0, 1234.5, 300), np.linspace(1234.5, 0.0, 300)])
     columns: Columns = {"t": 0.005 * np.arange(600), "motor.0.bemf": way, "motor.1.bemf": way}
