@@ -48,8 +48,8 @@ of a step that a whole row makes, which some steps show, times the rows is 1, by
 ramp it is less), and no row of any step makes more."""
 
 AS_EVEN = 0.5
-"""Of how unlike the largest shares of steps are, how unlike the largest changes may be where a ramp made them,
-of which only some rows were recorded: then the larger the step, the smaller its shares."""
+"""Of how unlike the largest shares of steps are, how unlike the largest changes may be where a ramp made them
+of which only some rows were recorded: the larger the step, the smaller its shares."""
 
 
 def check_recorded(columns: Columns) -> None:
