@@ -17,16 +17,18 @@ from raccoon.diagnose.drives.held import of_free_driving, where_held
 from raccoon.diagnose.drives.log import Channel, Log, arranged
 from raccoon.diagnose.drives.sizes import (
     FAR,
+    FEWEST,
     SHARE,
     SPEEDS,
     check_sizes,
     nearest_unit,
-    share_of,
     slope,
     steady,
     turn_rate,
+    volts,
 )
-from raccoon.diagnose.drives.ways import check_turns, check_ways
+from raccoon.diagnose.drives.standing import DRIVEN, SIDES, standing
+from raccoon.diagnose.drives.ways import check_signed, check_turns, check_ways
 from raccoon.trace.recording import mistaken_duty, usual_step
 
 Array = NDArray[np.float64]
@@ -35,6 +37,8 @@ Array = NDArray[np.float64]
 DEGREES = (0.5 * 180.0 / math.pi, 2.0 * 180.0 / math.pi)
 """How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
 2."""
+BEST = 75.0
+"""Percentile of what a wheel reads over its command with which it follows that best."""
 
 
 def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: bool = False) -> str:
@@ -46,6 +50,7 @@ def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: b
     try:
         log = arranged(columns, robot)
         check_signs(log)
+        check_signed(log, robot)
         check_units(driven_freely(log, robot), robot, native=native)
     except TraceError as error:
         return str(error)
@@ -53,12 +58,29 @@ def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: b
 
 
 def driven_freely(log: Log, robot: RobotConfig, held: tuple[tuple[float, float], ...] | None = None) -> Log:
-    """What of a log tells its units: what was driven freely. It is all where a wheel never reads what a motor
-    can, which looks like a wall and is another unit. held: `where_held`, where it is known already."""
-    shares = (share_of(log, robot, side) for side in ("left", "right"))
-    if any(each is not None and each < SHARE / FAR for each in shares):
+    """What of a log tells its units: what was driven freely, by wheels that did not stand. It is all where a
+    wheel never reads what a motor can, which looks like a wall and is another unit. held: `where_held`, where
+    it is known already."""
+    advances = len(log.time) > 1 and bool((np.diff(log.time) > 0.0).all())
+    if not advances or any(_always_small(log, robot, index) for index in (0, 1)):
         return log
-    return of_free_driving(replace(log, held=where_held(log, robot) if held is None else held))
+    known = where_held(log, robot) if held is None else held
+    stood = ((each.start, each.end) for each in standing(log, robot))
+    return of_free_driving(replace(log, held=(*known, *stood)))
+
+
+def _always_small(log: Log, robot: RobotConfig, index: int) -> bool:
+    """Whether a wheel that is driven reads less than any motor gives, also where it follows best: one that
+    stands for half of the time is no other unit."""
+    wheel, motor = log.wheel(SIDES[index]), getattr(robot.model, SIDES[index])
+    if wheel is None:
+        return False
+    asked = (np.abs(log.duty[:, index]) > DRIVEN) & np.isfinite(wheel.values)
+    if asked.sum() < FEWEST:
+        return False
+    full = robot.model.battery.open_circuit_voltage.value
+    shares = volts(wheel, motor) * wheel.values[asked] / (full * log.duty[asked, index])
+    return bool(np.percentile(np.abs(shares), BEST) < SHARE / FAR)
 
 
 def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:

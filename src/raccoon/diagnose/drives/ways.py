@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 TURNS, STILL = 0.3, 0.1
 """rad/s that the wheels must make where they turn the robot, and the share of it below which a gyro says that
 it does not turn."""
+LIKE, OFTEN, RARE = 0.25, 0.03, 0.01
+"""Part by which a turn may differ from what wheels make that go against each other; share of the rows in
+which a robot surely turns so, and that are chance."""
 STEADY = 0.3
 """Scatter of a gyro around its distance from the wheels, over that distance, up to which it is the zero."""
 MOST_ALIKE = 0.9
@@ -44,6 +47,27 @@ def check_ways(log: Log, robot: RobotConfig) -> None:
         f"{gyro.name} says that motor {port} turns the other way than its command and "
         f"{wheels[index].name}: {_change(robot, port)}, or swap the two wires of its plug and record again"
     )
+
+
+def check_signed(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where no command and no wheel's reading is ever below 0, but the gyro says that the
+    wheels turned the robot against each other."""
+    gyro, wheels = log.channel("gyro"), _wheels(log)
+    if gyro is None or wheels is None or float(log.duty.min()) < 0.0:
+        return
+    both = np.abs(_rates(wheels, robot))
+    known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
+    if any((each.values[known] < -5.0 * each.floor).mean() > RARE for each in wheels):
+        return
+    turns = known & (both.min(axis=1) > TURNS)
+    against = turns & (np.abs(np.abs(gyro.values) - both.sum(axis=1)) < LIKE * both.sum(axis=1))
+    if against.sum() > max(OFTEN * known.sum(), FEWEST):
+        names = ", ".join(each.name for each in wheels)
+        raise TraceError(
+            f"the commands and {names} never go below 0, but {gyro.name} says that the wheels turned the "
+            "robot against each other: they hold how large each was, not which way; write them with their "
+            "signs"
+        )
 
 
 def check_zero(log: Log, robot: RobotConfig) -> None:

@@ -18,6 +18,7 @@ BOTH = "(raccoon calibrate drive, raccoon tune wheels)"
 OR_PLAY = (
     "and turn each wheel by hand, since play in the gears of a wheel that rolls on freely looks the same"
 )
+OR_SMOOTHED = "A gyro whose readings the program or its log smooths by as much looks the same, and is no slip"
 INTO_ROBOT = "put this value into robot.toml"
 KEYS = {
     "battery.open_circuit_voltage": "open_circuit_voltage",
@@ -194,7 +195,7 @@ _CATALOGUE: Mapping[str, Maker] = {
     ),
     "drive.wheel_slip": _number(
         "the wheels slip, and the robot lags {milli:.3g} ms behind them when they speed up or brake",
-        f"clean the tyres, or accelerate more gently; {OR_PLAY}",
+        f"clean the tyres, or accelerate more gently; {OR_PLAY}. {OR_SMOOTHED}",
     ),
     "drive.turn_scrub": _number(
         "turning on the spot costs {value:.3f} N m at each wheel",

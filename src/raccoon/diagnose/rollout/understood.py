@@ -20,7 +20,7 @@ from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.drives.quality import check_units, check_wheel_signs, driven_freely
 from raccoon.diagnose.drives.standing import with_what_turned
 from raccoon.diagnose.drives.stops import with_stops
-from raccoon.diagnose.drives.ways import check_ways, check_zero
+from raccoon.diagnose.drives.ways import check_signed, check_ways, check_zero
 from raccoon.diagnose.rollout.firmware import Firmware
 
 Columns = Mapping[str, NDArray[np.float64]]
@@ -43,6 +43,7 @@ def understood(every: Sequence[Columns], robot: RobotConfig, firmware: Firmware 
 def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
     check_signs(log)
+    check_signed(log, robot)
     held = not_free(log, robot)
     if sum(each.end - each.start for each in held if each.why == LIFTED) > MOSTLY * log.seconds:
         # Nobody carries a robot about for so long: it is the sign of one reading or motor, or a gyro's zero.

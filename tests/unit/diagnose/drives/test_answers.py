@@ -17,6 +17,7 @@ from raccoon.diagnose.drives.answers import EARLY, EARLY_GYRO, LOST, LOST_GYRO, 
 from raccoon.diagnose.drives.followers import answer_of
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
+from raccoon.diagnose.drives.ways import check_signed
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
@@ -290,3 +291,19 @@ def test_too_little_says_nothing(good: Columns) -> None:
     assert answer_of(log.time, [0.0 * log.time], gyro, EARLY_GYRO, LOST_GYRO) is None
     few = replace(gyro, values=np.where(np.arange(len(log.time)) % 9 == 0, gyro.values, np.nan))
     assert answer_of(log.time, [log.duty[:, 0]], few, EARLY, LOST) is None
+
+
+@pytest.mark.parametrize("drive", ["exciting", "contest"])
+def test_commands_and_readings_that_both_lost_their_signs_are_told_by_the_gyro(drive: str) -> None:
+    """They agree, and half of the drive was a robot in a hand."""
+    columns = dict(make(4, drive=drive, seconds=10.0).columns)
+    sizes = {name: np.abs(columns[name]) for name in (*DUTIES, *READINGS)}
+    check_signed(log_from_columns(columns, ROBOT), ROBOT)
+    with pytest.raises(TraceError, match=r"never go below 0, but imu\.gyro\.z says .* with their signs"):
+        check_signed(log_from_columns({**columns, **sizes}, ROBOT), ROBOT)
+
+
+def test_a_robot_that_only_goes_forward_has_its_signs() -> None:
+    """Along arcs and around one wheel."""
+    arcs = np.tile(np.repeat([[0.9, 0.4], [0.3, 0.8], [0.0, 0.6], [0.5, 0.5]], 160, axis=0), (3, 1))
+    check_signed(log_from_columns(dict(make(4, drive=arcs).columns), ROBOT), ROBOT)

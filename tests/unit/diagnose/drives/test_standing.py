@@ -15,6 +15,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.drives.quality import strange_units
 from raccoon.diagnose.drives.standing import standing, with_what_turned
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
@@ -69,6 +70,18 @@ def test_what_stands_is_said_with_its_times_and_left_out(
     ((start, end),) = seen.held
     assert (start, end) == pytest.approx(SPAN, abs=0.05)
     assert seen.lost[0][0] == start
+
+
+def test_wheels_that_stood_for_long_are_no_other_unit() -> None:
+    """As where a program that steers all the time ended, and its log went on with the last command."""
+    columns = drive((0, 1), current=False, span=(5.5, 12.0))
+    time = columns["t"]
+    way = np.where(time < 2.7, np.sign(np.sin(2.0 * np.pi * time)), 1.0)
+    for port in (0, 1):
+        steers = np.where((time > 2.7) & (time < 5.5), 0.01 * np.sin(90.0 * time), 0.0)
+        columns[f"motor.{port}.duty"] = way * 0.6 + steers
+        columns[f"motor.{port}.bemf"] *= way
+    assert strange_units(columns, ROBOT) == ""
 
 
 def test_without_a_battery_it_may_be_either() -> None:

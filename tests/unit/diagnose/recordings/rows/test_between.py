@@ -101,7 +101,8 @@ def test_a_programs_ramp_is_none_of_which_some_rows_were_recorded(every: int) ->
             now += max(-0.1 / every, min(0.1 / every, goal - now))
             ramped.append(now)
     duty = np.array(ramped)[::every]
-    check_recorded({"t": 0.005 * every * np.arange(len(duty)), "motor.0.duty": duty})
+    columns: Columns = {"t": 0.005 * every * np.arange(len(duty)), "motor.0.duty": duty}
+    check_recorded(columns)
 
 
 def test_a_wheel_that_speeds_up_evenly_without_noise_is_on_no_short_line() -> None:
