@@ -27,8 +27,10 @@ Columns = Mapping[str, Array]
 
 COARSE = {"gyro": 8, "bemf": 4, "speed": 4, "battery": 4}
 """Different values of a reading that say next to nothing, by its kind: those of a gyro in whole rad/s."""
-COARSE_VOLTS = 0.25
-"""Of a battery, that they are apart by at least: a stiff one has few values next to each other."""
+COARSE_VOLTS, ROUNDED = 0.04, 0.02
+"""Of a battery, that they are apart by at least (a stiff one has few values next to each other); and part of
+that by which they may miss its multiples, which what was rounded does not. Of tenths of a volt a usual sag is
+one value, and that was a battery without a resistance, with a probability of 1."""
 LEFT_OUT = {
     "stuck": "it is stuck",
     "saturated": "it is cut off",
@@ -129,8 +131,12 @@ def _coarse(name: str, role: str, values: Array, moved: bool) -> SensorFault | N
         return None
     levels = np.unique(known)
     steps = np.diff(levels)
-    if not 1 < len(levels) <= most or (role == "battery" and float(steps.min()) < COARSE_VOLTS):
+    if not 1 < len(levels) <= most:
         return None
+    if role == "battery":
+        step = float(steps.min())
+        if step < COARSE_VOLTS or np.abs(levels / step - np.rint(levels / step)).max() > ROUNDED:
+            return None
     text = f"{name} has {len(levels)} different values only: it is rounded too coarsely"
     return SensorFault(name, "coarse", text)
 
