@@ -63,10 +63,10 @@ SLOW = {"drive.inertia": "factor", "bemf.filter_lag": "time_constant"}
 """What a time that is too fast or too slow makes of a robot."""
 STRETCHED, ALIKE = 0.3, 0.25
 """Logarithms: of how far both must be off for that, and by which they may differ."""
-ROWS_OFF, AS_ROWS = 0.03, 0.02
+ROWS_OFF, AS_ROWS, AS_SURE = 0.03, 0.02, 2.0
 """Logarithms: of how far rows must be from whole cycles, and by how much more or less a filter may be off to
-be so by the same factor. A time 10 % off made it 1.102 to 1.106 and 0.897 times what it was."""
-LAG = "bemf.filter_lag"
+be so by the same factor (a time 10 % off made it 1.102 to 1.106 and 0.897 times what it was); and deviations
+by which one that is less sure may be, as an inertia."""
 TOO_LOW = 0.5
 """Factor of both motors' resistance (or inertia, which may stand in its place) below which a loop drives."""
 QUICK = ("motor.armature_resistance", "drive.inertia")
@@ -135,10 +135,12 @@ def _rows_off(columns: Columns, robot: RobotConfig) -> float:
 
 
 def _by_wrong_time(cause: CauseResult, off: float) -> CauseResult:
-    """A filter that is longer by as much as rows are: more likely t is wrong, and no filter."""
-    if cause.name != LAG or abs(off) < ROWS_OFF:
+    """What takes time, and takes longer by as much as rows do: more likely t is wrong, and nothing else."""
+    parameter = SLOW.get(cause.id)
+    if parameter is None or cause.where is not None or abs(off) < ROWS_OFF:
         return cause
-    if abs(math.log(_factor(cause, SLOW[LAG])) - off) > AS_ROWS:
+    number = cause.parameters[parameter]
+    if abs(math.log(_factor(cause, parameter)) - off) > max(AS_ROWS, AS_SURE * number.std / number.value):
         return cause
     percent = 100.0 * abs(math.expm1(off))
     longer = "longer" if off > 0.0 else "shorter"
@@ -146,7 +148,7 @@ def _by_wrong_time(cause: CauseResult, off: float) -> CauseResult:
         cause,
         explanation=f"{cause.explanation} By t a row is {percent:.0f} % {longer} than the controller's cycle "
         "as well, so more likely t is wrong by that, or the controller has another rate than "
-        "controller.rate_hz, and the filter is right: compare the recording's length with a watch.",
+        "controller.rate_hz, and this is right: compare the recording's length with a watch.",
     )
 
 

@@ -172,3 +172,14 @@ def test_a_filter_that_is_off_as_rows_are_is_a_wrong_time(rows: float, lag: floa
     assert found.verdict is (Verdict.PARTLY if said else Verdict.EXPLAINED)
     assert ("more likely t is wrong" in found.causes[0].explanation) is bool(said)
     assert said in found.causes[0].explanation
+
+
+@pytest.mark.parametrize(
+    ("factor", "std", "told"), [(1.14, 0.03, True), (1.14, 0.01, False), (1.4, 0.03, False)]
+)
+def test_so_is_an_inertia(factor: float, std: float, told: bool) -> None:
+    """A clock 10 % too fast was an inertia alone, explained."""
+    columns = driven(0.3)
+    value = {"factor": ParameterResult(factor, std, "", 1.0)}
+    found = with_doubts(diagnosis(cause("drive.inertia", value)), {**columns, "t": 1.1 * columns["t"]}, ROBOT)
+    assert ("more likely t is wrong" in found.causes[0].explanation) is told
