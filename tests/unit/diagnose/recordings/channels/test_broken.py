@@ -308,11 +308,11 @@ def test_a_battery_that_never_changes_was_not_read() -> None:
     assert faults(**{"battery.voltage": np.full(1000, 6.8)}) == [("battery.voltage", "stuck")]
     volts = np.where(np.arange(1000) % 7 == 0, 6.0, 7.0)
     assert faults(**{"battery.voltage": volts}) == [("battery.voltage", "coarse")]
-    sagging = 6.83 - 0.08 * DUTY**2 + 0.006 * RNG.standard_normal(1000)
+    sagging = 6.83 + 0.4 * (GOOD["battery.voltage"] - 6.8) - 0.2 * (np.arange(1000) % 100 < 2)
     assert faults(**{"battery.voltage": np.round(sagging, 1)}) == [("battery.voltage", "coarse")]
     assert faults(**{"battery.voltage": np.round(sagging / 0.008862) * 0.008862}) == []
-    stiff = np.round(GOOD["battery.voltage"], 1)
-    assert len(np.unique(stiff)) < 8
+    stiff = np.round(GOOD["battery.voltage"] / 0.03) * 0.03
+    assert len(np.unique(stiff)) < 16
     assert faults(**{"battery.voltage": stiff}) == []
 
 
