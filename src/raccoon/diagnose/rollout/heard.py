@@ -39,16 +39,15 @@ def heard(
     silent: counts up to which a reading of 0 may be, where a filter in whole counts leaves 0 later than it
     comes back to it.
     """
-    zones, found = np.where(zones < LEAST_ZONE, 0.0, zones), samples.copy()
+    zones, found = np.where(zones < LEAST_ZONE, 0.0, zones).T, np.array(samples.T)  # as they lie in memory
     soft = (measured != 0.0) & ~flickers & (np.abs(measured) + HALF_A_COUNT < zones.max(initial=0.0))
-    cut = np.flatnonzero(soft)
-    lacking = np.maximum(zones - np.abs(measured[cut]) - HALF_A_COUNT, 0.0)
-    found[:, cut] += IMPOSSIBLE * np.sign(measured[cut]) * lacking
-    quiet = np.flatnonzero((measured == 0.0) | flickers)
-    own, said = samples[:, quiet], measured[quiet]
+    cut, quiet = np.flatnonzero(soft), np.flatnonzero((measured == 0.0) | flickers)
+    lacking = np.maximum(zones - np.abs(measured[cut, None]) - HALF_A_COUNT, 0.0)
+    own, said = found[quiet], measured[quiet, None]
+    found[cut] += IMPOSSIBLE * np.sign(measured[cut, None]) * lacking
     outside = np.maximum(np.abs(own) - np.maximum(zones, silent * (zones > 0.0)), 0.0)
-    found[:, quiet] = np.where((said == 0.0) | (zones > 0.0), said + np.copysign(outside, own), own)
-    return found
+    found[quiet] = np.where((said == 0.0) | (zones > 0.0), said + np.copysign(outside, own), own)
+    return found.T
 
 
 def flickering(measured: Array) -> NDArray[np.bool_]:

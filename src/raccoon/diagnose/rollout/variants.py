@@ -160,9 +160,10 @@ class PlantRollout:
                 samples[:, index] = aged(self._time, samples[:, index], ages)
         for index, (side, measured, flickers) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
-            deaf = np.flatnonzero(zones >= LEAST_ZONE)
-            loud = samples[deaf, index]
-            samples[deaf, index] = heard(loud, zones[deaf, None], measured, flickers, self._silent)
+            deaf = zones >= LEAST_ZONE
+            some = slice(None) if deaf.all() else np.flatnonzero(deaf)
+            loud = samples[some, index]
+            samples[some, index] = heard(loud, zones[some, None], measured, flickers, self._silent)
         return samples
 
     def _commanded(self, duty: Array) -> Commands:

@@ -23,6 +23,7 @@ from raccoon.sim.rollout.running import Course, cycles_of, run
 __all__ = ["Lanes", "Rollout", "channel_names", "initial_states", "rollout"]
 
 Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
 _LATENCY = 3  # column of `Lanes.gyro`
 
 
@@ -215,8 +216,10 @@ def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Float
 def _gyro(rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floats) -> Floats:
     """What the gyro reads, in place: no other channel is made of the rate that it follows."""
     scale, bias, drift, latency = (each[:, None] for each in numbers.T)
-    for robot in np.flatnonzero(latency):
-        rate[robot] = _earlier(rate[robot], looked[robot], age, latency[robot, 0], lags[robot])
+    late = np.column_stack([latency, lags])
+    for alike in np.unique(late[late[:, 0] != 0.0], axis=0):  # nearly all of a fit's robots
+        robots = np.flatnonzero((late == alike).all(axis=1))
+        _make_earlier(rate, looked, robots, age, *alike)
     if np.any(scale != 1.0):
         rate *= scale
     if np.any(bias):
@@ -226,20 +229,27 @@ def _gyro(rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floa
     return rate
 
 
-def _earlier(rate: Floats, looked: Floats, age: Floats, latency: float, lag: float) -> Floats:
-    """The rate `latency` s before each row; before the first, that of the first.
+def _make_earlier(
+    rate: Floats, looked: Floats, robots: Indices, age: Floats, latency: float, lag: float
+) -> None:
+    """Make the rates of some robots those `latency` s before each row; before the first, that of the first.
 
     looked: the rate `lag` s before the end of each row, where a row is as long as that. Time stamps jitter,
     so those are the moments but for some tenths of a millisecond. Any curve through the rows' ends alone
     would miss where within a row a command changes or a tooth meets its wheel.
     """
     inside = np.flatnonzero(np.diff(age) > lag) + 1
-    if len(inside) == len(age) - 1:  # nearly always: one look in every row, and nothing to sort
-        times, rates = (np.empty(2 * len(age) - 1) for _ in range(2))
-        times[0::2], times[1::2] = age, age[1:] - lag
-        rates[0::2], rates[1::2] = rate, looked[1:]
-    else:
-        times = np.concatenate([age, age[inside] - lag])
-        order = np.argsort(times, kind="stable")
-        times, rates = times[order], np.concatenate([rate, looked[inside]])[order]
-    return np.asarray(np.interp(age - latency, times, rates), float)
+    ends: slice | Indices = slice(0, None, 2)
+    looks: slice | Indices = slice(1, None, 2)
+    if len(inside) < len(age) - 1:  # seldom not one look in every row
+        place = np.argsort(np.argsort(np.concatenate([age, age[inside] - lag]), kind="stable"))
+        ends, looks = place[: len(age)], place[len(age) :]
+    times, rates = (np.empty(len(age) + len(inside)) for _ in range(2))
+    times[ends], times[looks] = age, age[inside] - lag
+    at = age - latency
+    before = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    since, gaps = np.maximum(at - times[before], 0.0), np.diff(times)[before]
+    for robot in robots:  # one by one: what they have together fits into no cache
+        rates[ends], rates[looks] = rate[robot], looked[robot, inside]
+        here = rates[before]
+        rate[robot] = (rates[before + 1] - here) / gaps * since + here
