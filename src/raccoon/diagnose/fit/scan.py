@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from raccoon.diagnose.fit.descent import SETTLED
+from raccoon.diagnose.fit.descent import ROUGH, SETTLED
 from raccoon.diagnose.fit.fits import costs_at, fit_afresh, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem
@@ -37,20 +37,21 @@ def play_of(point: Point) -> list[str]:
     return [each for each in point.active if each.partition("@")[0] == STAIRS]
 
 
-def fit_scanned(problem: Problem, whitener: Whitening, start: Point | Fit) -> Fit:
+def fit_scanned(problem: Problem, whitener: Whitening, start: Point | Fit, last: bool = False) -> Fit:
     """`fit_point`; where gears have play, again from the best places around, until none is better.
 
     Seen closely the misfit over the gap and over the coasting in it is a staircase, as a tooth is met before
-    or after a sample of the gyro, and a fit stops on a stair.
+    or after a sample of the gyro, and a fit stops on a stair. last: whether numbers are said of this fit;
+    on the way to a set of causes half of a log evidence is not worth another scan.
     """
-    fit = fit_point(problem, whitener, start)
+    fit, least = fit_point(problem, whitener, start), SETTLED if last else ROUGH
     for name in play_of(fit.point):
         for _ in range(SCANS):
             around = _best_around(problem, whitener, fit, name)
-            found = min(fit_afresh(problem, whitener, around, 8), key=lambda each: each.cost)
-            if found.cost > fit.cost - SETTLED:
+            fits = fit_afresh(problem, whitener, around, 8)
+            before, fit = fit.cost, min([fit, *fits], key=lambda each: each.cost)
+            if fit.cost > before - least:
                 break
-            fit = found
     return fit
 
 
@@ -64,7 +65,8 @@ def places_of_play(problem: Problem, whitener: Whitening, fit: Fit) -> list[Poin
 
 
 def _best_around(problem: Problem, whitener: Whitening, fit: Fit, name: str) -> list[Point]:
-    """The best few of a grid over both coordinates of a cause around a fit, all others held."""
+    """The best few of a grid over both coordinates of a cause around a fit, all others held; where it stands
+    itself among them is left out, since a fit from there has been."""
     vector, first = fit.point.vector(), fit.point.spans()[name].start
     size = max(abs(float(vector[first])), LEAST_SCANNED)
     grid = np.repeat(vector[None], len(SCAN_SIZES) * len(SCAN_SHAPES), axis=0)
@@ -72,4 +74,5 @@ def _best_around(problem: Problem, whitener: Whitening, fit: Fit, name: str) -> 
     grid[:, first + 1] += np.tile(SCAN_SHAPES, len(SCAN_SIZES))
     grid = np.clip(grid, *problem.limits(fit.point))
     points = [fit.point.moved(each) for each in grid]
-    return [points[each] for each in np.argsort(costs_at(problem, whitener, points))[:SCANNED]]
+    best = np.argsort(costs_at(problem, whitener, points))[:SCANNED]
+    return [points[each] for each in best if not np.array_equal(grid[each], vector)]

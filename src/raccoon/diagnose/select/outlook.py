@@ -147,7 +147,7 @@ def estimated(search: Search) -> Search:
     whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
     search = replace(search, whitener=whitener)
     steady = steadied(search)
-    point = fit_scanned(problem, steady, _fit_of(problem, search.linear, steady)).point
+    point = fit_scanned(problem, steady, _fit_of(problem, search.linear, steady), last=True).point
     fit = fit_at(problem, whitener, point)
     residual = problem.features.measured - problem.predict([fit.point])[0]
     linear = replace(search.linear, point=fit.point, residual=residual)

@@ -216,6 +216,30 @@ def test_a_fit_of_play_does_not_stop_on_a_stair(problem: Problem) -> None:
     assert max(scanned) < min(plain) + 1.0
 
 
+def test_a_scan_of_play_goes_on_for_less_where_numbers_are_said(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And not from where a fit has just been: that looked at every column again for next to nothing."""
+    starts: list[Point] = []
+
+    def fitted(problem: Problem, whitener: object, around: list[Point], looks: int) -> list[Fit]:
+        starts.extend(around)
+        return [replace(fit, point=around[-1], cost=fit.cost - 0.3 * len(starts))]
+
+    point = problem.nominal().with_cause("drive.backlash", np.array([0.5, -0.4]))
+    exact = replace(problem, features=replace(problem.features, measured=problem.predict([point])[0]))
+    white = plain_whitener(exact)
+    fit = fit_at(exact, white, point)
+    monkeypatch.setattr(scan, "fit_point", lambda *_: fit)
+    monkeypatch.setattr(scan, "fit_afresh", fitted)
+    fit_scanned(exact, white, point)
+    once = len(starts)
+    assert once in (scan.SCANNED - 1, scan.SCANNED)
+    assert all(not np.array_equal(each.vector(), point.vector()) for each in starts)
+    fit_scanned(exact, white, point, last=True)
+    assert len(starts) > 2 * once + 1
+
+
 def test_without_play_nothing_is_scanned(problem: Problem) -> None:
     def white(signals: Array) -> Array:
         return np.asarray(signals.reshape(*signals.shape[:-2], -1), float)
