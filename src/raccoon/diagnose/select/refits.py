@@ -49,6 +49,9 @@ SMALL = (0.25, 0.03)
 """Widths from which one that is kinked is tried then: a fit of a deadband of 0.0074 beside six other causes
 stopped at half of it and lost 2 of log evidence, where from a quarter it adds 16. Play of 0.003 rad was lost
 from a quarter, ten times as much."""
+LOST, HOPEFUL = 50.0, 2.0
+"""Log evidence that one lacks, also after so many times the decrease of the cost that is foretold for its
+next step, when it is given up. A deadband that gained four times what was foretold lacked a hundred still."""
 SHAPES = (0.0, -0.6, 0.6)
 """Widths from a usual one's that its shape has there: that play was lost, by 250 of log evidence, beside
 wheels that coast as far as usual, and adds 76 from where they coast half as far."""
@@ -225,12 +228,30 @@ def refits_afresh(search: Search, refits: Sequence[tuple[str, Fit]]) -> list[tup
         if name in starts and whole != name and whole in causes and apart(whole, point.active):
             starts.setdefault(whole, []).append(point.with_cause(whole, fit.point.active[name]))
     astray = [name for name, fit in refits if fit.evidence < search.fit.evidence - ASTRAY]
-    for name in dict.fromkeys([*starts, *astray]):
-        if causes[name].one_sided:
-            starts[name] = [*starts.get(name, ()), *_small(point, name, causes[name].size - 1)]
-    named = [(name, each) for name, own in starts.items() for each in own]
-    fits = fit_afresh(search.problem, search.whitener, [each for _, each in named], 4)
+    named: list[tuple[str, Point | Fit]] = [(name, each) for name, own in starts.items() for each in own]
+    small = [name for name in dict.fromkeys([*starts, *astray]) if causes[name].one_sided]
+    named += _seen_small(search, small)
+
+    def lost(fit: Fit, foretold: float) -> bool:
+        gained = HOPEFUL * foretold
+        hopeless = fit.evidence + gained < search.fit.evidence - LOST
+        return hopeless and lead(search.problem, fit, search.fit) + gained < -LOST
+
+    fits = fit_afresh(search.problem, search.whitener, [each for _, each in named], 4, lost)
     return _most_evidence_first(_best_of([name for name, _ in named], fits))
+
+
+def _seen_small(search: Search, names: Sequence[str]) -> Iterator[tuple[str, Fit]]:
+    """Causes with the little of each that does anything: next to the point all but its own columns are those
+    there. What is too little to show, as a dead zone below two counts, stands on level ground."""
+    point, here = search.fit.point, search.fit.jacobian
+    starts = [
+        (name, each) for name in names for each in _small(point, name, search.problem.causes[name].size - 1)
+    ]
+    seen = fit_many(search.problem, search.whitener, [each for _, each in starts], here, 1)
+    yield from (
+        (name, fit) for (name, _), fit in zip(starts, seen, strict=True) if fit.jacobian[len(here) :].any()
+    )
 
 
 def _small(point: Point, name: str, shapes: int) -> Iterator[Point]:

@@ -17,6 +17,8 @@ from raccoon.diagnose.select.refits import (
     AFRESH,
     ASTRAY,
     MOST_AFRESH,
+    SMALL,
+    _seen_small,
     _small,
     candidates,
     refit_candidates,
@@ -84,6 +86,16 @@ def test_a_little_of_a_cause_has_all_its_coordinates(problem: Problem, shapes: i
     tried = [each.active["team.own"] for each in _small(point, "team.own", shapes)]
     assert len(tried) == (2 if shapes == 0 else 6)
     assert {len(each) for each in tried} == {1 + shapes}
+
+
+def test_what_is_too_little_to_do_anything_is_no_start(problem: Problem) -> None:
+    """No column leads on from a dead zone of less than two counts: it was fitted as many times as another."""
+    search = search_at(problem, problem.nominal())
+    seen = list(_seen_small(search, ["bemf.dead_zone", "actuation.deadband"]))
+    assert sorted(name for name, _ in seen) == ["actuation.deadband"] * 2 + ["bemf.dead_zone"]
+    for name, fit in seen:
+        assert fit.point.active[name][0] in SMALL
+        assert np.array_equal(fit.jacobian[:-1], search.fit.jacobian)
 
 
 def test_what_robot_toml_is_bent_by_is_tried_as_its_cause(problem: Problem) -> None:
