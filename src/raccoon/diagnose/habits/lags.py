@@ -57,7 +57,7 @@ def with_readings_that_lag(
     by itself, or else it is a rival of the lag. A search that has only begun does not know how much is wrong.
     """
     point, late = search.fit.point, _late(search)
-    if not late or "gyro" not in search.problem.features.roles:
+    if not late or under.left or "gyro" not in search.problem.features.roles:
         return search, habits
     smooth = replace(habits, low_pass=True)
     free = _by_its_own_clock(search, smooth, under)
@@ -84,13 +84,16 @@ def with_readings_that_lag(
     return search, habits
 
 
-def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+def as_lags_of_the_robot(
+    search: Search, habits: Habits, under: Under, by: Way = gone_on
+) -> tuple[Search, Habits]:
     """The search without a gyro that smooths and a clock of the controller's own, where more turned out to be
     wrong than when these were taken, lags of the catalogue explain about as much, and one of the gyro has the
     evidence that it needs.
 
     Instead of a clock they must explain more: on robots with one they lack up to 8, and lead by 30 to 145
-    where there is none; by 7 where samples that may be of any moment are the firmware's.
+    where there is none; by 7 where samples that may be of any moment are the firmware's. What was left so is
+    not asked for again.
     """
     active, clock = search.fit.point.active.keys(), habits.chain.free_running
     others = active - (_late(search) if clock else _of_the_gyro(search))  # a chip makes no command late
@@ -108,8 +111,9 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
     fit = best_of(search, problem, _with_lags_instead(search, problem))
     if lead(problem, search.fit, fit) < wanted:
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
-        found = gone_on(_seen_from(search, problem, fit.point))
+        found = by(_seen_from(search, problem, fit.point))
         if any(each.startswith(OF_THE_GYRO) for each in found.fit.point.active) or clock:
+            under.left.add(habits)
             return found, other
     return search, habits
 

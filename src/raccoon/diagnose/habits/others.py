@@ -32,8 +32,7 @@ from raccoon.diagnose.unknown.probes import probes_for
 Array = NDArray[np.float64]
 Asked = tuple[frozenset[str], frozenset[str], Habits, Habits]
 Way = Callable[[Search], Search]
-"""How far to go on with a search: all the way, or the beginning."""
-
+"""How far to go on with a search: all the way, its first part (`grown_on`), or the beginning (`begun`)."""
 LATE, SAG = "actuation.latency", "battery.internal_resistance"
 DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
@@ -53,28 +52,29 @@ class Under:
 
     vain: what was named and unknown under which habits, when no fit under which others was ahead; they are
     not asked for again with the same. beginnings: the latest searches from their start, as far as one begins.
+    left: habits whose lags are the robot's.
     """
 
     problem_of: Callable[[Habits], Problem]
     vain: set[Asked] = field(default_factory=set)
     beginnings: dict[Habits, Search] = field(default_factory=dict)
+    left: set[Habits] = field(default_factory=set)
 
     def __call__(self, habits: Habits) -> Problem:
         return self.problem_of(habits)
 
     def forget(self) -> None:
         """What was found out, once the drive is another."""
-        self.vain.clear()
-        self.beginnings.clear()
+        for each in (self.vain, self.beginnings, self.left):
+            each.clear()
 
     def beginning(self, habits: Habits, problem: Problem) -> Search:
         """The beginning of a search from its start under habits, whose problem this is: the same for whoever
         asks."""
-        kept = self.beginnings.pop(habits, None)
-        self.beginnings[habits] = begun(started(problem)) if kept is None else kept
+        found = self.beginnings.pop(habits, None) or begun(started(problem))
+        self.beginnings[habits] = found
         while len(self.beginnings) > MOST_KEPT:
             del self.beginnings[next(iter(self.beginnings))]
-        found = self.beginnings[habits]
         return replace(
             found,
             gains=dict(found.gains),
@@ -164,7 +164,7 @@ def if_ahead(
         return search, habits
     tell(AGAIN)
     second = under.beginning(other, problem)
-    if by is whole:
+    if by is not begun:
         if _ended_behind(second, search, min(wanted, 0.0)):
             under.were_vain(search, habits, [other])
             return search, habits
@@ -172,7 +172,7 @@ def if_ahead(
         if _grown_behind(second, search):
             under.were_vain(search, habits, [other])
             return search, habits
-        second = finished(second)
+        second = finished(second) if by is whole else second
     if sound(second) and not sound(search):
         wanted = min(wanted, 0.0)
     more = explains_more(second, search)

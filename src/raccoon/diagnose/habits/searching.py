@@ -65,8 +65,8 @@ from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.select.refits import SCALE, lag_as
-from raccoon.diagnose.select.search import begun, gone_on, whole
+from raccoon.diagnose.select.refits import SCALE, SEVERAL, lag_as
+from raccoon.diagnose.select.search import begun, finished, grown_on, whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -103,7 +103,8 @@ def searched(
         tell("comparing over whole swings of the commands")
         first = replace(first, swing=seconds)
         search, habits = _sooner(begun(started(under(first))), first, under, by_row)
-    search = gone_on(search)
+    search, habits = _grown(search, habits, under)
+    search = finished(search)
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):
         restored = better
@@ -140,6 +141,17 @@ def _sooner(search: Search, habits: Habits, under: Under, by_row: float) -> tupl
     search, habits = as_wheels_give(search, habits, under, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
     return with_readings_that_lag(search, habits, under, begun)
+
+
+def _grown(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+    """The first part of a search that has begun, also under the habits that replace those which were taken
+    while little was known: the rest takes as long again under each, and seldom changes by which it leads."""
+    if len(search.fit.point.active) < SEVERAL:
+        return search, habits
+    search = grown_on(search)
+    search, habits = _under_another_filter(search, habits, under, grown_on)
+    search, habits = as_wheels_give(search, habits, under, grown_on)
+    return as_lags_of_the_robot(search, habits, under, grown_on)
 
 
 def _braking(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:

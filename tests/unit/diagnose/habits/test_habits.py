@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -32,6 +32,7 @@ from raccoon.diagnose.habits.others import (
     LOST,
     MOST_KEPT,
     Under,
+    Way,
     _ended_behind,
     _grown_behind,
     as_wheels_give,
@@ -41,7 +42,7 @@ from raccoon.diagnose.habits.others import (
     started,
     with_a_slow_battery,
 )
-from raccoon.diagnose.habits.searching import _as_logged, _sooner, _under_another_filter, searched
+from raccoon.diagnose.habits.searching import _as_logged, _grown, _sooner, _under_another_filter, searched
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, LOOP_LATENCY, Wheels
@@ -51,7 +52,7 @@ from raccoon.diagnose.rollout.variants import Habits, _cycle
 from raccoon.diagnose.select.gates import CROWDED
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, look_around
-from raccoon.diagnose.select.search import begun
+from raccoon.diagnose.select.search import begun, grown_on, whole
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import usual_step
@@ -217,6 +218,49 @@ def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
     assert (habits == creeps) is other
 
 
+@pytest.mark.parametrize("by", [grown_on, whole])
+def test_habits_are_asked_for_before_a_search_takes_longest(by: Way, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its rest was done under each that was replaced: of a drive with five causes three times."""
+    search, under = standing(recorded(Parameters(ROBOT, {}), 3.0), FIRMWARE, {"friction.viscous": 0.5})
+    creeps, rests = replace(FIRMWARE, wheels=Wheels.CREEPING), []
+
+    def rest(search: Search) -> Search:
+        rests.append(search)
+        return search
+
+    under.beginnings[creeps] = replace(search, failed={})
+    monkeypatch.setattr("raccoon.diagnose.habits.others.net_lead", lambda *_: DOUBT)
+    monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: DOUBT + 1.0)
+    monkeypatch.setattr("raccoon.diagnose.habits.others.finished", rest)
+    _, habits = if_ahead(search, FIRMWARE, under, creeps, under(creeps), [search.fit.point], by=by)
+    assert habits == creeps
+    assert len(rests) == (by is whole)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_beside_several_causes_habits_are_asked_for_once_more(
+    count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of one cause were, when the search had begun."""
+    asked: list[object] = []
+    point = SimpleNamespace(active=dict.fromkeys(("friction.viscous", "imu.latency")[:count]))
+    search = cast(Search, SimpleNamespace(fit=SimpleNamespace(point=point)))
+    for name in ("_under_another_filter", "as_wheels_give", "as_lags_of_the_robot"):
+
+        def note(search: Search, habits: Habits, under: Under, by: Way) -> tuple[Search, Habits]:
+            asked.append(by)
+            return search, habits
+
+        monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", note)
+
+    def grown_on(search: Search) -> Search:
+        return search
+
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.grown_on", grown_on)
+    assert _grown(search, FIRMWARE, Under(lambda _: pytest.fail("asked"))) == (search, FIRMWARE)
+    assert asked == [grown_on] * (3 if count == 2 else 0)
+
+
 def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median() -> None:
     """The median delays the wheels' readings by nearly as much as the commands are late."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
@@ -268,7 +312,8 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
     for name in steps:
         asked = f"raccoon.diagnose.habits.searching.{name}"
         monkeypatch.setattr(asked, lambda search, habits, *_: (search, habits))
-    monkeypatch.setattr("raccoon.diagnose.habits.searching.gone_on", lambda search: search)
+    for name in ("grown_on", "finished"):
+        monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", lambda search: search)
     monkeypatch.setattr("raccoon.diagnose.habits.searching.with_lost_changes", lambda log, *_: log)
     for names, seconds in ((SEVERAL, swing(log)), (SEVERAL[:1], 0.0)):
 

@@ -101,10 +101,21 @@ def test_a_slip_that_was_taken_for_other_readings_is_named_once_much_else_is_wro
     found, now = as_lags_of_the_robot(search, habits, under)
     assert not now.low_pass
     assert not now.chain.free_running
+    assert under.left == {habits}
     assert found.fit.point.active.keys() == {SLIP, *search.fit.point.active}
     fit = fit_point(found.problem, found.whitener, found.fit.point)  # under the noise that is known by now
     size = fit.point.active[SLIP][0] * found.problem.causes[SLIP].coordinates[0].value(1.0)
     assert size == pytest.approx(0.005, abs=0.0006)
+
+
+def test_lags_that_turned_out_to_be_the_robot_s_are_not_given_back_to_its_readings(problem: Problem) -> None:
+    """Else a search would go on as the one and then as the other, each time for as long as it takes."""
+    late = problem.nominal().with_cause(LATE_GYRO, np.array([0.5]))
+    search = cast(Search, SimpleNamespace(fit=SimpleNamespace(point=late), problem=problem))
+    now = Habits(Chain.firmware(), brake=False)
+    under = Under(lambda habits: pytest.fail(f"{habits} is asked for"))
+    under.left.add(replace(now, low_pass=True))
+    assert with_readings_that_lag(search, now, under) == (search, now)
 
 
 def test_beside_two_causes_it_stays_the_chip_s() -> None:
