@@ -38,6 +38,7 @@ class Receiver:
         self._expected: bytes | None = None
         self._previous: bytes | None = None
         self._restart = False
+        self._failed = ""
         self._unusable_since: float | None = None
         self._disobeyed = 0
         self._restarts: list[float] = []
@@ -55,9 +56,13 @@ class Receiver:
         self.bemf = None
 
     def exchange(self, frame: bytes) -> bytes:
-        """One transfer. The reply shows the state before this frame, so after the one sent before it."""
+        """One transfer. The reply shows the state before this frame, so after the one sent before it. One
+        that fails says nothing."""
         self._expected, self._sent = self._sent, frame
-        reply = self._link.transfer(frame)
+        try:
+            reply, self._failed = self._link.transfer(frame), ""
+        except HardwareError as error:
+            reply, self._failed = bytes(len(frame)), str(error)
         # In every reply: the next command wipes out the marks of a restart.
         if self._previous is not None and self._dialect.restarted(reply, self._previous):
             self._restart = True
@@ -192,7 +197,7 @@ class Receiver:
         """An aligned frame in place of a dead or shifted one, or None."""
         if reply == reply[:1] * len(reply):
             self.faults.append(Fault.LINK_DEAD)
-            self._wait(time, f"the link says 0x{reply[0]:02X} and nothing else")
+            self._wait(time, self._failed or f"the link says 0x{reply[0]:02X} and nothing else")
             return None
         self._refuse_stranger(reply)
         self.faults.append(Fault.MISALIGNED)

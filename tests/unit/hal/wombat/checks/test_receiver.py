@@ -93,6 +93,37 @@ def test_a_link_is_lost_when_it_says_nothing_for_long_at_one_time() -> None:
         polls(137)
 
 
+def test_a_transfer_that_fails_costs_a_cycle_and_a_link_that_fails_for_long_is_lost_by_its_error() -> None:
+    clock, failing = SteppedClock(), False
+
+    class Failing:
+        def transfer(self, _frame: bytes) -> bytes:
+            if failing:
+                raise HardwareError("a transfer on /dev/spidev0.0 failed: timed out")
+            return frame(0)
+
+        def close(self) -> None:
+            pass
+
+    receiver = Receiver(StockDialect(), Failing(), clock)
+
+    def faults(cycles: int = 1) -> list[Fault]:
+        for _ in range(cycles):
+            receiver.collect()
+            receiver.poll(READ)
+            clock.advance(0.005)
+        return list(receiver.faults)
+
+    assert faults() == []
+    failing = True
+    assert faults() == [Fault.LINK_DEAD]
+    failing = False
+    assert faults() == []
+    failing = True
+    with pytest.raises(HardwareError, match=r"a transfer on /dev/spidev0.0 failed: timed out for 0.5 s"):
+        faults(120)
+
+
 def test_words_that_no_converter_gives_are_read_again_or_left_out() -> None:
     clock, analog = SteppedClock(), wire.ADC_0 + 4
 
