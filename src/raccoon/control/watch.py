@@ -119,6 +119,7 @@ class WheelWatch:
         "_windows",
         "held",
         "stalled",
+        "stands",
     )
 
     def __init__(self, model: WheelModel) -> None:
@@ -140,6 +141,8 @@ class WheelWatch:
         self.held = False
         """Whether somebody knows that the wheel carries more or less than when it drives straight on: nothing
         is learnt then."""
+        self.stands = False
+        """Whether it is asked to stand, or nearly: what corrects it may turn nothing and be no stall."""
 
     def update(self, voltage: float, speed: float | None, dt: float, sagged: float = 0.0) -> None:
         """A cycle of dt s under `voltage` V; `speed` rad/s at its end, None where there is no reading.
@@ -156,7 +159,8 @@ class WheelWatch:
             return
         spare = abs(voltage) - self._static
         moves = math.copysign(speed, speed * voltage) >= self._least_slope * spare
-        self._silent = 0.0 if moves or spare <= STALL_OVERDRIVE else self._silent + dt
+        turns = moves or self.stands or spare <= STALL_OVERDRIVE
+        self._silent = 0.0 if turns else self._silent + dt
         self.stalled = self._silent > STALL_TIME
         self._loose = max(0.0, self._loose - dt)
         if self._silent > HELD_TIME or self.held:
@@ -197,7 +201,7 @@ class WheelWatch:
             self._fit.add(*self._found.popleft())
         self._windows.clear()
         self._silent = 0.0
-        self.stalled = False
+        self.stalled = self.stands = False
 
     @property
     def state(self) -> WheelState:

@@ -24,6 +24,8 @@ CYCLE, DEAD_TIME = 0.005, 0.0075
 """s, of a cycle and from a reading to its effect, where nothing else is said."""
 STRAIGHT_SHARE, STRAIGHT_SPEED = 0.15, 0.3
 """Of the faster wheel's speed, and rad/s, by which two wheels differ that still drive straight on."""
+STANDING_SHARE = 0.05
+"""Of the other wheel's speed below which a wheel is one to stand, as in a pivot: its friction may hold it."""
 OUT_OF_TURN = 0.3
 """s after a turn until the robot really drives straight on."""
 
@@ -227,6 +229,8 @@ class WheelLoop:
         turns = apart > max(STRAIGHT_SPEED, STRAIGHT_SHARE * max(abs(target.left), abs(target.right)))
         self._straight = 0.0 if turns else self._straight + dt
         self._left.watch.held = self._right.watch.held = self._held or self._straight < OUT_OF_TURN
+        self._left.watch.stands = abs(target.left) < STANDING_SHARE * abs(target.right)
+        self._right.watch.stands = abs(target.right) < STANDING_SHARE * abs(target.left)
         limit = MAX_DUTY * self._battery
         share = self._attainable_share(target, limit)
         left = self._left.voltage(target.left * share, target.left_acceleration, left_speed, dt, limit)
@@ -237,8 +241,15 @@ class WheelLoop:
     @property
     def stalled(self) -> tuple[str, ...]:
         """The sides ("left", "right") whose wheel is driven and does not turn."""
-        wheels = (("left", self._left), ("right", self._right))
-        return tuple(side for side, wheel in wheels if wheel.watch.stalled)
+        return tuple(side for side, watch in self._watches() if watch.stalled)
+
+    @property
+    def standing(self) -> tuple[str, ...]:
+        """The sides whose wheel is asked to stand, or nearly, while the other one turns."""
+        return tuple(side for side, watch in self._watches() if watch.stands)
+
+    def _watches(self) -> tuple[tuple[str, WheelWatch], tuple[str, WheelWatch]]:
+        return ("left", self._left.watch), ("right", self._right.watch)
 
     @property
     def states(self) -> tuple[WheelState, WheelState]:

@@ -152,7 +152,8 @@ def stuck_motors(robot: Robot) -> tuple[str, ...]:
         robot.odometry.silent_wheels,
         strict=True,
     )
-    turning = [each for each, silent in wheels if not silent]
+    standing = robot.drive.wheels.standing
+    turning = [each for each, silent in wheels if not silent and each[0] not in standing]
     for name, each in robot.attachments.mechanisms.items():
         if each.moved_by is not None:  # one that only holds has power and stands
             turning.append((name, each.config.motor, each.rate))

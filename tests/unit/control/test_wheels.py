@@ -84,6 +84,21 @@ def test_what_is_a_little_too_fast_is_missing_as_well(share: float) -> None:
     assert loop.missing_speed == pytest.approx(max(0.0, share - 1.0) * top)
 
 
+def test_a_wheel_that_friction_holds_where_it_is_to_stand_is_not_stalled() -> None:
+    """It is corrected by a hair while the other one turns, as in a pivot, and takes 1.2 V to break loose."""
+    loop, other = make_loop(), Motor(1.8, 1.08, 0.18)
+    for _ in range(400):
+        duties = loop.step(WheelTarget(0.1, 4.0), 0.0, other.measured, 0.005, 6.8)
+        other.advance(duties[1] * 6.8)
+        assert loop.standing == ("left",)
+        assert loop.stalled == ()
+    assert duties[0] * 6.8 > 1.2
+    for _ in range(100):
+        loop.step(WheelTarget(1.0, 4.0), 0.0, 4.0, 0.005, 6.8)
+    assert loop.standing == ()
+    assert loop.stalled == ("left",)
+
+
 def known_after(loop: WheelLoop, target: WheelTarget, seconds: float = 2.0) -> tuple[bool, bool]:
     """What the loop knows of its motors after it has driven like that, with wheels that follow."""
     for _ in range(round(seconds / 0.005)):

@@ -74,6 +74,14 @@ def test_a_tight_arc_keeps_its_speed_and_ends_with_its_outer_wheel_on_the_mark(
     assert math.degrees(end.heading) == pytest.approx(90.0, abs=0.75)
 
 
+def test_the_wheel_that_stands_in_a_pivot_may_be_held_by_friction() -> None:
+    """In a dead band of 20 % it takes more than a stalled wheel's spare volts to turn it by a hair."""
+    port = simulated(seed=2, effects={"actuation.deadband": {"duty": 0.2}})
+    _, end, robot = run(pivot(deg(-90), "left"), port)
+    assert math.degrees(end.heading) == pytest.approx(-90.0, abs=0.75)
+    assert robot.drive.remarks == {}
+
+
 @pytest.mark.parametrize(
     ("motion", "said"),
     [
