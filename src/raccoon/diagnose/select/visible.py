@@ -6,11 +6,15 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raccoon.diagnose.hypotheses.candidates import HIGHEST_LIMIT
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause, Coordinate, Setting, Settings
+from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.effects.effect import Parameter
+
+Array = NDArray[np.float64]
 
 SURELY = 2.33
 """Standard deviations of the evidence by which chance lowers it in one of a hundred recordings."""
@@ -40,8 +44,8 @@ def visibility(search: Search) -> dict[str, float]:
     for group, span in table.off:
         if group.name in search.problem.causes:
             cause = search.problem.causes[group.name]
-            most = cost_instead(cause, search.problem.base, search.problem.neutral)
-            power = min(float(rest.matrix[span[0] - count, span[0] - count]), most)
+            power = float(rest.matrix[span[0] - count, span[0] - count])
+            power = _beside_open(power, cause, search.problem.base, search.problem.neutral)
             found[group.name] = min(found.get(group.name, power), power)
     least: dict[str, float] = {}
     for name, power in found.items():
@@ -50,19 +54,34 @@ def visibility(search: Search) -> dict[str, float]:
     return least
 
 
-def cost_instead(cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> float:
-    """Evidence against base coordinates that move all settings as one width of a cause does; infinite where
-    none do."""
+def _beside_open(power: float, cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> float:
+    """The evidence of one width beside base coordinates that can be in the cause's place, as far as their
+    bounds go: such that it names the cause from the same size on."""
+    units = instead(cause, base, neutral)
+    if units is None or (paid := float(units @ units)) >= power:
+        return power
+    ends = [each.high if unit > 0.0 else -each.low for each, unit in zip(base, units, strict=True)]
+    far = min(end / abs(unit) for end, unit in zip(ends, units, strict=True) if abs(unit) > EXACT)
+    needed = _surely(power, gate(cause.name))
+    u = needed / math.sqrt(paid)
+    if u > far:  # the data alone counts beyond
+        u = far + math.sqrt((needed**2 - paid * far**2) / power)
+    return (needed / u) ** 2
+
+
+def instead(cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> Array | None:
+    """Units of the base coordinates (coordinates,) that together move all settings as one width of a cause
+    does, the likeliest ones; None where none do."""
     wanted = _moved(cause.coordinates[0], neutral)
     if cause.joint is not None or cause.size > 1 or not all(map(math.isfinite, wanted.values())):
-        return math.inf
+        return None
     moved = [_moved(each, neutral) for each in base]
     keys = list({key: None for each in (wanted, *moved) for key in each})
     matrix = np.array([[each.get(key, 0.0) for key in keys] for each in (wanted, *moved)])
     matrix = matrix / np.abs(matrix).max(axis=0)
-    instead = np.linalg.lstsq(matrix[1:].T, matrix[0], rcond=None)[0]
-    missed = np.abs(instead @ matrix[1:] - matrix[0]).max()
-    return float(instead @ instead) if missed < EXACT else math.inf
+    units = np.linalg.lstsq(matrix[1:].T, matrix[0], rcond=None)[0]
+    missed = np.abs(units @ matrix[1:] - matrix[0]).max()
+    return np.asarray(units, float) if missed < EXACT else None
 
 
 def _moved(coordinate: Coordinate, neutral: Settings) -> Settings:
@@ -93,8 +112,7 @@ def shows_from(parameter: Parameter, power: float, gate: float, *, own: bool = F
     """
     if power <= 0.0:
         return ""
-    surely = SURELY + math.sqrt(SURELY**2 + 2.0 * gate + math.log1p(power))
-    u = surely / math.sqrt(power)
+    u = _surely(power, gate) / math.sqrt(power)
     width = WIDTH_FACTOR * parameter.prior_width
     if parameter.name == "limit" and not own:
         limit = min(1.0 / u, HIGHEST_LIMIT)
@@ -107,3 +125,8 @@ def shows_from(parameter: Parameter, power: float, gate: float, *, own: bool = F
     size = 100.0 * math.expm1(width * u) if factor else width * u
     unit = " %" if factor else f" {parameter.unit}" if parameter.unit else ""
     return f"from about {float(f'{size:.2g}'):g}{unit} on"
+
+
+def _surely(power: float, gate: float) -> float:
+    """Root of the evidence of a deviation that is named in all but one of a hundred recordings."""
+    return SURELY + math.sqrt(SURELY**2 + 2.0 * gate + math.log1p(power))
