@@ -58,7 +58,8 @@ def _sentence(part: Candidate, robot: RobotConfig) -> str:
         more = "further apart" if part.factor > 1.0 else "closer together"
         value = f"track_width = {drive.track_width.value * part.factor:.5f} (m)"
         return (
-            f"The wheels touch the floor {percent:.2f} % {more} than configured: put {value} into robot.toml."
+            f"The wheels touch the floor {percent:.2f} % {more} than configured: put {value} into "
+            "[model.drive] of robot.toml."
         )
     more = "larger" if part.factor > 1.0 else "smaller"
     wheels = "both wheels" if part.where is None else f"the {part.where} wheel"
@@ -69,7 +70,7 @@ def _todo(part: Candidate, robot: RobotConfig) -> str:
     """robot.toml has one radius for both, and a scale for each: what goes by them needs their product."""
     if part.where is None:
         radius = robot.model.drive.wheel_radius.value * part.factor
-        return f"put wheel_radius = {radius:.5f} (m) into robot.toml"
+        return f"put wheel_radius = {radius:.5f} (m) into [model.drive] of robot.toml"
     ticks, port = robot.wheel_motor(part.where).radians_per_tick, getattr(robot.drive, part.where)
     if ticks is None:
         return "calibrate its radians a tick (raccoon calibrate drive)"

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +68,17 @@ def test_radius_and_track_are_found_on_runs_that_were_not_fitted() -> None:
     assert found.model is not None
     assert found.model.value("drive.track_width", "factor") == factors["drive.track_width"]
     assert "not identifiable" in next(each.reason for each in found.rejected if each.id == "friction.*")
+
+
+def test_what_is_to_be_put_into_robot_toml_makes_it_right_there() -> None:
+    """Which of its tables is said as well, as of other numbers."""
+    runs = [driven(seed, radius=0.98, track=1.02) for seed in range(2)]
+    said = " ".join(each.explanation for each in diagnose_geometry(runs, ROBOT).causes)
+    lines = re.findall(r"put (\w+) = ([\d.]+) \(m\) into \[model\.drive\] of robot\.toml\.", said)
+    assert {name for name, _ in lines} == {"wheel_radius", "track_width"}
+    edited = parse_robot({"model": {"drive": {name: float(value) for name, value in lines}}})
+    found = diagnose_geometry(runs, replace(ROBOT, model=edited.model))
+    assert found.verdict is Verdict.ADEQUATE
 
 
 @pytest.mark.parametrize("calibrated", [True, False])
