@@ -59,9 +59,13 @@ def check_signed(log: Log, robot: RobotConfig) -> None:
     known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
     if any((each.values[known] < -5.0 * each.floor).mean() > RARE for each in wheels):
         return
-    turns = known & (both.min(axis=1) > TURNS)
-    against = turns & (np.abs(np.abs(gyro.values) - both.sum(axis=1)) < LIKE * both.sum(axis=1))
-    if against.sum() > max(OFTEN * known.sum(), FEWEST):
+    turns, most = known & (both.min(axis=1) > TURNS), both.sum(axis=1)
+    against = turns & (np.abs(np.abs(gyro.values) - most) < LIKE * most)
+    straight = turns & (np.abs(gyro.values) < LIKE * most)
+    ways = [(against & (way * gyro.values > 0.0)).sum() for way in (-1.0, 1.0)]
+    # Of one motor that turns the other way they go against each other one way, and all the time.
+    several = max(straight.sum(), min(ways)) > FEWEST
+    if against.sum() > max(OFTEN * known.sum(), FEWEST) and several:
         names = ", ".join(each.name for each in wheels)
         raise TraceError(
             f"the commands and {names} never go below 0, but {gyro.name} says that the wheels turned the "

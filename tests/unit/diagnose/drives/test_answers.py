@@ -307,3 +307,11 @@ def test_a_robot_that_only_goes_forward_has_its_signs() -> None:
     """Along arcs and around one wheel."""
     arcs = np.tile(np.repeat([[0.9, 0.4], [0.3, 0.8], [0.0, 0.6], [0.5, 0.5]], 160, axis=0), (3, 1))
     check_signed(log_from_columns(dict(make(4, drive=arcs).columns), ROBOT), ROBOT)
+
+
+def test_one_motor_that_turns_the_other_way_has_its_signs() -> None:
+    """Of a robot that is only driven forward, and so spins."""
+    ahead = np.tile(np.repeat([[0.9, -0.7], [0.3, -0.4], [0.6, -0.6]], 160, axis=0), (4, 1))
+    columns = dict(make(4, drive=ahead).columns)
+    other = {name: -columns[name] for name in (DUTIES[1], READINGS[1])}
+    check_signed(log_from_columns({**columns, **other}, ROBOT), ROBOT)
