@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from raccoon.core.doing import tell
 from raccoon.diagnose.habits.chains import FINE_CYCLE, reads_back_emf, slowed_by_pauses
 from raccoon.diagnose.habits.controller import with_cycle
-from raccoon.diagnose.habits.others import Under, Way, first_ahead
+from raccoon.diagnose.habits.lags import seen_from
+from raccoon.diagnose.habits.others import AGAIN, DOUBT, Under, Way, best_of, first_ahead
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.select.search import whole
+from raccoon.diagnose.select.rivals import net_lead
+from raccoon.diagnose.select.search import grown_on, whole
 from raccoon.sim.effects.chain import Chain
 
 
@@ -53,3 +56,21 @@ def as_pauses_slow_the_wheels(
     if other is None or not reads_back_emf(search.problem.features.roles):
         return search, habits
     return first_ahead(search, habits, [replace(habits, chain=other)], under, by, 0.0)
+
+
+def as_pauses_slow_the_wheels_beside(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+    """The same beside several causes, which stay: a pause takes a count or two."""
+    chain = slowed_by_pauses(habits.chain)
+    if habits.firmware is not None or chain is None or not reads_back_emf(search.problem.features.roles):
+        return search, habits
+    other = replace(habits, chain=chain)
+    if not under.new(search, habits, [other]):
+        return search, habits
+    problem = under(other)
+    fit = best_of(search, problem, [search.fit.point])
+    ahead = net_lead(search, fit, search.fit)
+    if ahead < DOUBT:
+        under.were_vain(search, habits, [other] if ahead < 0.0 else [])
+        return search, habits
+    tell(AGAIN)
+    return grown_on(seen_from(search, problem, fit.point)), other

@@ -14,7 +14,15 @@ from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, as_it_pauses, with_driver_of
 from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, with_battery
-from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
+from raccoon.diagnose.habits.others import (
+    DOUBT,
+    LATE,
+    Under,
+    Way,
+    best_of,
+    by_the_battery,
+    without,
+)
 from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.gates import gate
@@ -111,7 +119,7 @@ def as_lags_of_the_robot(
     fit = best_of(search, problem, _with_lags_instead(search, problem))
     if lead(problem, search.fit, fit) < wanted:
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
-        found = by(_seen_from(search, problem, fit.point))
+        found = by(seen_from(search, problem, fit.point))
         if any(each.startswith(OF_THE_GYRO) for each in found.fit.point.active) or clock:
             under.left.add(habits)
             return found, other
@@ -179,7 +187,7 @@ def left_to_the_firmware(search: Search, habits: Habits) -> Search:
         fit = fit_point(search.problem, search.whitener, start)
         if lead(search.problem, search.fit, fit) < gate(name):
             search.failed[name] = "no later than the firmware itself may be"
-            found = _seen_from(search, search.problem, fit.point)
+            found = seen_from(search, search.problem, fit.point)
             found.failed.update(search.failed)
             return gone_on(found)
     return search
@@ -212,7 +220,7 @@ def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Sear
         lacks = lead(problem, search.fit, fit)
         if lacks < -(DOUBT if few else CLEARLY) and habits.firmware is None:
             tell("going on with a gyro that smooths")
-            found = gone_on(_seen_from(search, problem, fit.point))
+            found = gone_on(seen_from(search, problem, fit.point))
             if explains_more(found, search) > -SMOOTH:
                 return found, smooth
         or_another(search, name, SMOOTHS, lacks)
@@ -229,7 +237,7 @@ def or_another(search: Search, name: str, other: str, lacks: float) -> None:
     )
 
 
-def _seen_from(search: Search, problem: Problem, point: Point) -> Search:
+def seen_from(search: Search, problem: Problem, point: Point) -> Search:
     """Where a search goes on from a point, in this problem; what it called unknown stays so."""
     return look_around(problem, probes_for(problem), point, search.whitener, search.unknown)
 

@@ -30,6 +30,7 @@ from raccoon.diagnose.habits.chains import (
 from raccoon.diagnose.habits.controller import controller_of, cycle_by_row, drive_problem, with_lost_changes
 from raccoon.diagnose.habits.cycles import (
     as_pauses_slow_the_wheels,
+    as_pauses_slow_the_wheels_beside,
     as_rows_are_made,
     as_the_filter_runs,
 )
@@ -151,7 +152,8 @@ def _grown(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits
     search = grown_on(search)
     search, habits = _under_another_filter(search, habits, under, grown_on)
     search, habits = as_wheels_give(search, habits, under, grown_on)
-    return as_lags_of_the_robot(search, habits, under, grown_on)
+    search, habits = as_lags_of_the_robot(search, habits, under, grown_on)
+    return as_pauses_slow_the_wheels_beside(search, habits, under)
 
 
 def _braking(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:

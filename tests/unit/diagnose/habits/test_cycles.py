@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -10,15 +12,21 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.chains import FINE_CYCLE
 from raccoon.diagnose.habits.controller import controller_of, with_cycle
-from raccoon.diagnose.habits.cycles import as_pauses_slow_the_wheels, as_the_filter_runs
+from raccoon.diagnose.habits.cycles import (
+    as_pauses_slow_the_wheels,
+    as_pauses_slow_the_wheels_beside,
+    as_the_filter_runs,
+)
 from raccoon.diagnose.habits.notes import notes_of
-from raccoon.diagnose.habits.others import DOUBT, if_ahead, sound
+from raccoon.diagnose.habits.others import DOUBT, Under, if_ahead, sound
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.search import begun
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -100,6 +108,27 @@ def test_a_deadband_is_no_wheel_that_a_pause_slows_down() -> None:
 def test_motors_that_never_coast_are_slowed_down_by_no_pause() -> None:
     search, under = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05})
     assert as_pauses_slow_the_wheels(search, PLAIN, under, begun) == (search, PLAIN)
+
+
+@pytest.mark.parametrize(("ahead", "taken", "vain"), [(-1.0, False, 1), (5.0, False, 0), (11.0, True, 0)])
+def test_beside_several_causes_a_search_goes_on_with_pauses_from_where_it_is(
+    ahead: float, taken: bool, vain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It began from none, only to find them again: 14 s of a crowded drive."""
+    point = SimpleNamespace(active={"actuation.latency": None, "imu.latency": None})
+    features = SimpleNamespace(roles=("bemf_left", "bemf_right"))
+    stub = SimpleNamespace(
+        fit=SimpleNamespace(point=point), unknown={}, problem=SimpleNamespace(features=features)
+    )
+    search, there = cast(Search, stub), cast(Search, SimpleNamespace())
+    problem = cast(Problem, SimpleNamespace())
+    under = Under(lambda _: problem)
+    for name, said in (("best_of", stub.fit), ("net_lead", ahead), ("seen_from", there), ("grown_on", there)):
+        monkeypatch.setattr(f"raccoon.diagnose.habits.cycles.{name}", lambda *_, said=said: said)
+    found = as_pauses_slow_the_wheels_beside(search, BEHIND, under)
+    assert found == ((there, PAUSED) if taken else (search, BEHIND))
+    assert len(under.vain) == vain
+    assert as_pauses_slow_the_wheels_beside(search, PLAIN, under) == (search, PLAIN)  # none that coasts
 
 
 @pytest.mark.parametrize("chain", [PAUSED.chain, BEHIND.chain])

@@ -245,17 +245,17 @@ def test_beside_several_causes_habits_are_asked_for_once_more(
     asked: list[object] = []
     point = SimpleNamespace(active=dict.fromkeys(("friction.viscous", "imu.latency")[:count]))
     search = cast(Search, SimpleNamespace(fit=SimpleNamespace(point=point)))
-    for name in ("_under_another_filter", "as_wheels_give", "as_lags_of_the_robot"):
 
-        def note(search: Search, habits: Habits, under: Under, by: Way) -> tuple[Search, Habits]:
-            asked.append(by)
-            return search, habits
-
-        monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", note)
+    def note(search: Search, habits: Habits, under: Under, *by: Way) -> tuple[Search, Habits]:
+        asked.extend(by)
+        return search, habits
 
     def grown_on(search: Search) -> Search:
         return search
 
+    pauses = "as_pauses_slow_the_wheels_beside"
+    for name in ("_under_another_filter", "as_wheels_give", "as_lags_of_the_robot", pauses):
+        monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", note)
     monkeypatch.setattr("raccoon.diagnose.habits.searching.grown_on", grown_on)
     assert _grown(search, FIRMWARE, Under(lambda _: pytest.fail("asked"))) == (search, FIRMWARE)
     assert asked == [grown_on] * (3 if count == 2 else 0)
