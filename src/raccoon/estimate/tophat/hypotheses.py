@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 LEAST_WAY = 5e-5  # m a reading: a standing robot may still be pushed
 MOST_PACE = 3.3
 STRAY = 1e-6  # density of a reading that means nothing, in units of 1 / the least u
-MISTAKEN = 0.02  # probability that the surface was taken for the other one before
+MISTAKEN = 1e-4  # probability that the surface was taken for the other one before
 ON_EDGE, PUT_DOWN = 1e-4, 0.02  # probability of each stage of an edge at the start, and of a robot put down
 LEAK = 0.03  # light that a sensor gets whatever is below it
 

@@ -17,6 +17,7 @@ from raccoon.model.reflectance import FULL_SCALE, light_of
 
 WANDER = 0.004  # of the light, a reading: a cloud takes seconds
 DRIFT = 0.0002  # of the light, a reading, by which a surface moves alone
+FLOOR, TAPE = 0.06, 0.15  # of their light, by which one place of a floor or of a line differs from another
 PULL = 1.5  # standard deviations from which the filter trusts its levels less
 FORGET = 0.01  # of the noise estimate, a reading
 SURE_APART = 2.5  # separation of the levels, their own uncertainty included
@@ -139,12 +140,18 @@ class Levels:
         return True
 
     def _unseen_dark(self) -> float:
-        """Sd of v by what is not known of q, since black was last read."""
-        return self._share_sd * (self.light - self._light_anchor)
+        """Sd of v since black was last read: by what is not known of q, and as a floor that is brighter here
+        than there looks like more light, and black knows nothing of it."""
+        gone = self.light - self._light_anchor
+        floor = min(abs(gone), FLOOR * self.light)
+        return math.sqrt((self._share_sd * gone) ** 2 + (self._share * floor) ** 2)
 
     def _unseen_light(self) -> float:
-        """Sd of u by what is not known of q, since white was last read: u = v / q."""
-        return self._share_sd * (self.dark - self._dark_anchor) / (self._share * self._share)
+        """Sd of u since white was last read: by what is not known of q, as u = v / q, and as one black is
+        not like another."""
+        gone = self.dark - self._dark_anchor
+        tape = min(abs(gone), TAPE * self.dark)
+        return math.sqrt((self._share_sd / self._share * gone) ** 2 + tape**2) / self._share
 
     def _refresh(self) -> None:
         """Levels in counts, their spreads, threshold, band and status from the state."""

@@ -20,10 +20,11 @@ from raccoon.model.reflectance import light_of
 GATE = 4.5  # standard deviations within which a reading belongs to a surface
 LEVEL = 2.0  # standard deviations between readings that are learnt from; on an edge they differ by more
 USUAL_WAY = 0.0012  # m a reading, where nobody says: 0.24 m/s at 200 Hz
+STEP, MOST_IN_ONE = 8e-4, 8  # m of way for one reading of the bank, and readings in it at the most
 STILL = 2e-5  # m a reading, below which a sensor stands
 USUAL_HEIGHT = 0.012  # m, of a sensor that is none of the two
 SHORT, LONG = 0.4, 1.6  # of an edge's way, from which and up to which a passage is one
-MOST_STRAY, MOST_OUTSIDE = 40, 6  # readings that nothing explains, and those beyond both surfaces
+MOST_STRAY, MOST_OUTSIDE = 120, 6  # readings that nothing explains, and those beyond both surfaces
 REMEMBERED = 32  # readings, at the least, that the bank goes through
 CATCH_UP = 3  # of them in one tick
 LIKELIER, BELIEVED, SURE = 0.6, 0.9, 0.99  # probabilities: to follow in calm, always, and to end the doubt
@@ -48,6 +49,7 @@ class LightTracker(Levels):
         "_bank",
         "_black_way",
         "_calm",
+        "_count",
         "_done",
         "_lasted",
         "_later",
@@ -58,8 +60,10 @@ class LightTracker(Levels):
         "_recent",
         "_sensor",
         "_start",
+        "_step",
         "_stray_first",
         "_stray_way",
+        "_sum",
         "_told",
         "jumps",
         "stray",
@@ -85,6 +89,8 @@ class LightTracker(Levels):
         self._start = self._later = self._belief()
         self._told = -1e9  # the last unexplained reading that said something
         self.unread = self._stray_first = self._stray_way = self._lean = self._black_way = 0.0
+        self._sum = self._step = 0.0  # counts and way of the readings that are not yet in the log
+        self._count = 0
         self.stray = self.jumps = self._lasted = self._outside = self._calm = self._done = 0
 
     @property
@@ -101,9 +107,10 @@ class LightTracker(Levels):
         known = way is not None
         way = self._gone(USUAL_WAY if way is None else way)
         log = self._log
-        log.append((counts, way))
         if self._bank is not None:
-            if not self._bank.on_edge or self._news(counts, way) or self._done:
+            if not self._bank.on_edge or self._news(counts, way):
+                self._note(counts, way)
+            if log:
                 self._weigh(self._bank, others_lost)
             return
         on_black = counts >= self.threshold
@@ -111,8 +118,10 @@ class LightTracker(Levels):
         spread = self.sd_black if on_black else self.sd_white
         if not -GATE * spread <= miss <= GATE * spread:
             if self._news(counts, way):
+                self._note(counts, way)
                 self._stray(counts, way)
             return
+        self._note(counts, way)
         if on_black is not self._on_black:
             if self._on_black is not None and not self._is_edge(way, known):
                 self._begin()
@@ -126,8 +135,8 @@ class LightTracker(Levels):
         change = counts - oldest
         noise = self._dark_noise if on_black else self._light_noise
         lasted = self._lasted = self._lasted + 1
-        lean = self._lean = self._lean + LEAN_SHARE * (miss - self._lean) if lasted > 1 else 0.0
-        if lasted > LEAN_READINGS and lean * lean > MOST_LEAN * MOST_LEAN * spread * spread:
+        lean = self._lean = self._lean + LEAN_SHARE * (miss / spread - self._lean) if lasted > 1 else 0.0
+        if lasted > LEAN_READINGS and not -MOST_LEAN <= lean <= MOST_LEAN:
             self._begin()
             return
         # At the converter's bottom a reading tells of no light: half a count there is all of it.
@@ -152,6 +161,19 @@ class LightTracker(Levels):
             return 0.0
         return way
 
+    def _note(self, counts: float, way: float) -> None:
+        """Keep a reading for the bank: one mean of those on `STEP` of the way.
+
+        A spot that goes slowly sees the same floor for many readings, and they tell of it no more than one.
+        """
+        count = self._count = self._count + 1
+        self._sum += counts
+        way = self._step = self._step + way
+        if way >= STEP or count >= MOST_IN_ONE:
+            self._log.append((self._sum / count, way))
+            self._sum = self._step = 0.0
+            self._count = 0
+
     def _news(self, counts: float, way: float) -> bool:
         """Whether an unexplained reading says anything: one more of a sensor that stands still does not.
 
@@ -159,7 +181,6 @@ class LightTracker(Levels):
         """
         apart = counts - self._told
         if way < STILL and apart * apart < GATE * GATE * (self._light_noise + self._dark_noise):
-            self._log.pop()
             return False
         self._told = counts
         return True
@@ -245,6 +266,8 @@ class LightTracker(Levels):
         self._on_black = None
         self.unread = 0.0
         self._log.clear()
+        self._sum = self._step = 0.0
+        self._count = 0
         self._end()
 
     def _end(self) -> None:

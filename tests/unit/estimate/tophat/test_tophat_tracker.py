@@ -8,6 +8,8 @@ from raccoon.estimate.tophat import Tophat, TophatGroup, Verdict, calibrate
 from raccoon.estimate.tophat.calibration import Surface, believed, half_covered
 from raccoon.estimate.tophat.levels import Levels
 from raccoon.estimate.tophat.sensor import explanations
+from raccoon.model import reflectance
+from raccoon.model.paper import tophat_reading
 
 RATE = 200.0
 LINE = np.concatenate([np.linspace(0, 1, 6)[1:-1], np.ones(9), np.linspace(1, 0, 6)[1:-1]])
@@ -157,3 +159,28 @@ def test_two_readings_that_are_hardly_apart_are_not_taken_for_two_surfaces() -> 
     assert levels.threshold == before
     assert levels.relearn(20.0, 40.0)
     assert (levels.white, levels.black) == pytest.approx((20.0, 40.0))
+
+
+@pytest.mark.parametrize(
+    ("speed", "sensor", "height", "floor"),
+    [(0.03, "old", 0.007, 0.03), (0.05, "new", 0.023, 0.06), (0.1, "new", 0.023, 0.06)],
+)
+def test_slow_drive_over_lines_on_an_uneven_floor_in_steady_light(
+    speed: float, sensor: str, height: float, floor: float
+) -> None:
+    """A spot that creeps sees one place of the floor for many readings: they are one, and so is an edge."""
+    rng = np.random.default_rng(4)
+    condition = tophat_reading(sensor, height, "normal")
+    calibration = calibrate(reflectance.drive_over_line(rng, condition)[0])
+    way = speed / RATE
+    place = np.arange(0.0, 0.35, way)
+    spot = reflectance.spot_radius(height)
+    first, second = (reflectance.line_coverage(place, centre, 0.03, spot) for centre in (0.1, 0.25))
+    dark = first + second
+    uneven = np.exp(floor * np.sin(place / 0.02))
+    light = reflectance.fit(sensor).at(height).light(dark) * uneven
+    counts = np.clip(4095 / (1 + light) + rng.normal(0, 3, len(dark)), 0, 4095)
+    tophat = Tophat(calibration)
+    black = [tophat.update(at / RATE, float(each), None, way).black for at, each in enumerate(counts)]
+    clear = (dark < 0.02) | (dark > 0.98)
+    assert not ((np.array(black) != (dark > 0.5)) & clear).any()
