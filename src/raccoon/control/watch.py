@@ -66,7 +66,10 @@ class WheelState:
         if not self.known or off <= max(ODD_SHARE, 4.0 * self.speed_factor_std):
             return ""
         if self.speed_factor <= 0.0:
-            return "turns against its voltage: the sign of its reading (inverted), or something drives it"
+            return (
+                "turns against its voltage: the sign of its reading (inverted), commands that act so late "
+                "that it rings, or something drives it"
+            )
         return f"takes {self.speed_factor:.2f} times the voltage a speed should: magnet (K_E) or calibration"
 
 

@@ -184,6 +184,7 @@ def test_a_weak_magnet_is_odd() -> None:
 def test_a_wheel_that_turns_against_its_voltage_takes_no_negative_times_of_it(factor: float) -> None:
     state = replace(watched(NOMINAL), speed_factor=factor)
     assert state.odd_speed.startswith("turns against its voltage")
+    assert "act so late that it rings" in state.odd_speed  # 30 ms do, and no sign is wrong then
     assert "times" not in state.odd_speed
 
 
