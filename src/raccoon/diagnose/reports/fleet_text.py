@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from itertools import chain
 
 from raccoon.diagnose.fleet.course import FEWEST
 from raccoon.diagnose.fleet.model import Foreseen
 from raccoon.diagnose.fleet.series import Course
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause, FleetNumber
-from raccoon.diagnose.fleet.telling import CANNOT_TELL
+from raccoon.diagnose.reports.headline import why_not
 from raccoon.diagnose.reports.numbers import two_digits
 from raccoon.diagnose.reports.unknown_words import depends_text
 from raccoon.diagnose.result import Diagnosis, Verdict
@@ -106,7 +105,7 @@ def told(diagnosis: Diagnosis) -> str:
     ]
     said = ", ".join(found)
     if not said and diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
-        said = _why_not(diagnosis)
+        said = why_not(diagnosis)
     return "; ".join(
         [said or "-", *(f"{channel}: {', '.join(it)}" for channel, it in _broken(diagnosis).items())]
     )
@@ -123,11 +122,6 @@ def _broken(diagnosis: Diagnosis) -> dict[str, list[str]]:
 def verdict_words(diagnosis: Diagnosis) -> str:
     """The verdict as words."""
     return str(diagnosis.verdict).replace("_", " ")
-
-
-def _why_not(diagnosis: Diagnosis) -> str:
-    reasons = (each.reason for each in diagnosis.rejected if each.reason.startswith(CANNOT_TELL))
-    return next(chain(reasons, diagnosis.notes), "").removeprefix("not identifiable: ")
 
 
 def note_lines(results: Mapping[str, Diagnosis]) -> list[str]:

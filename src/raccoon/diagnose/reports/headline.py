@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from itertools import chain
 
+from raccoon.diagnose.fleet.telling import CANNOT_TELL
 from raccoon.diagnose.reports.names import NAMES
 from raccoon.diagnose.reports.unknown_words import depends_text
 from raccoon.diagnose.result import STOOD, Diagnosis, Verdict
@@ -63,3 +65,9 @@ def seen_text(diagnosis: Diagnosis) -> str:
     sizes = [(NAMES[id_], _FROM.search(reasons.get(id_, ""))) for id_ in ASKED]
     said = [f"{name} {found[1]}" for name, found in sizes if found]
     return f"Errors from this size on would have shown: {', '.join(said)}." if said else ""
+
+
+def why_not(diagnosis: Diagnosis) -> str:
+    """Why a recording cannot tell, in the words of the first reason or note; "" where none says it."""
+    reasons = (each.reason for each in diagnosis.rejected if each.reason.startswith(CANNOT_TELL))
+    return next(chain(reasons, diagnosis.notes), "").removeprefix("not identifiable: ")

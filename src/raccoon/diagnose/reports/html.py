@@ -10,7 +10,7 @@ from typing import Any
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
-from raccoon.diagnose.reports.headline import seen_text, verdict_text
+from raccoon.diagnose.reports.headline import seen_text, verdict_text, why_not
 from raccoon.diagnose.reports.names import plain_name
 from raccoon.diagnose.reports.numbers import deviation, with_deviation
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
@@ -29,7 +29,7 @@ from raccoon.diagnose.reports.terminal import (
 )
 from raccoon.diagnose.reports.unknown_words import depends_text, shape_text
 from raccoon.diagnose.reports.wording import told
-from raccoon.diagnose.result import CauseResult, Diagnosis
+from raccoon.diagnose.result import CauseResult, Diagnosis, Verdict
 
 MOST_CURVES = 6
 """Channels of which a page has a picture over time."""
@@ -51,7 +51,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         verdict=str(diagnosis.verdict).replace("_", " "),
         headline=_headline(diagnosis),
         sentence=verdict_text(diagnosis).rstrip(":.") + ".",
-        seen=seen_text(diagnosis),
+        seen=seen_text(diagnosis) or _why(diagnosis),
         told=[told(each) for each in diagnosis.causes],
         todo=[_todo(each) for each in diagnosis.causes],
         judged=[made_up(each, diagnosis) or _judged(each) for each in diagnosis.causes],
@@ -95,6 +95,12 @@ def _headline(diagnosis: Diagnosis) -> str:
         text = diagnosis.sensor_faults[0].text
         return text[0].upper() + text[1:] + "."
     return verdict_text(diagnosis)
+
+
+def _why(diagnosis: Diagnosis) -> str:
+    """Beside a headline which says only that this recording cannot tell: why."""
+    why = why_not(diagnosis) if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE else ""
+    return f"{why[0].upper()}{why[1:]}." if why else ""
 
 
 def _wrong(cause: CauseResult) -> str:

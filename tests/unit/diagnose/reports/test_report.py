@@ -264,6 +264,16 @@ def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) 
 
 
 @pytest.mark.usefixtures("words_only")
+@pytest.mark.parametrize("reason", ["not identifiable: it turned left only: turn right", ""])
+def test_a_page_that_cannot_tell_says_at_its_head_why(reason: str) -> None:
+    """It stood among the notes, below all tables."""
+    rejected = (Rejected("drive.track_width", reason),) if reason else ()
+    none = replace(FOUND, verdict=Verdict.NOT_IDENTIFIABLE, causes=(), sensor_faults=(), rejected=rejected)
+    head = page(none, "run").partition("<h2")[0]
+    assert ("It turned left only: turn right.</span>" if reason else "A note.</span>") in head
+
+
+@pytest.mark.usefixtures("words_only")
 def test_the_headline_says_what_else_it_may_be() -> None:
     two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
     text = page(replace(FOUND, causes=(two,)), "run")
