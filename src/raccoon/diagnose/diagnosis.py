@@ -92,7 +92,7 @@ def diagnose(
     # The matrices are small: threads that wait for each other cost more than they do.
     with threadpool_limits(1):
         if not moves(log):
-            return _nothing_to_see(log, begin)
+            return _nothing_to_see(log, begin, _driven_instead(columns, robot))
         tried = asked_for(drive_causes() if causes is None else causes, log)
         tried = tried_of_several(tried) if log.runs else tried
         other = None
@@ -203,8 +203,20 @@ def _not_the_same(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
     return (f"on the other recording {off}: {SAME_ROBOT}",)
 
 
-def _nothing_to_see(log: Log, begin: float) -> Diagnosis:
+def _driven_instead(columns: Columns, robot: RobotConfig) -> str:
+    """Motors that are no wheels in robot.toml and were driven where the wheels were not, as a question."""
+    wheels = [f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right)]
+    duties = {name: each[np.isfinite(each)] for name, each in columns.items() if name.endswith(".duty")}
+    changes = [name for name, each in duties.items() if len(each) > 0 and np.ptp(each) > 0.0]
+    if not changes or set(changes) & set(wheels):
+        return ""
+    do = "changes" if len(changes) == 1 else "change"
+    return f"; {' and '.join(changes)} {do}: is [drive] in robot.toml this robot's?"
+
+
+def _nothing_to_see(log: Log, begin: float, instead: str) -> Diagnosis:
     note = "the commands never change, or no wheel answers them: drive, turn and stop while recording"
+    note += instead
     if not any(each.role in WHEELS for each in log.channels):
         names = " and ".join(name for name in log.missing if name.endswith(".bemf"))
         note = f"no wheel is measured: record the back-EMF of both motors ({names})"

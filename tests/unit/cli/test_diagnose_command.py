@@ -366,6 +366,7 @@ def test_a_time_that_comes_twice_costs_its_sample_only(
     ("name", "said"),
     [
         ("constant", "the commands never change"),
+        ("other ports", "motor.2.duty and motor.3.duty change: is [drive] in robot.toml this robot's?"),
         ("saturated", "it is cut off there"),
         ("no wheels", "motor.0.bemf or motor.0.speed"),
         ("no commands", "motor.0.duty, motor.1.duty, truth.x are missing"),
@@ -379,6 +380,9 @@ def test_what_cannot_be_told_is_a_verdict(
     match name:
         case "constant":
             columns = {**drive, **{key: np.zeros(len(drive["t"])) for key in duties}}
+        case "other ports":
+            moved = {f"motor.{port + 2}.duty": drive[f"motor.{port}.duty"] for port in (0, 1)}
+            columns = {**drive, **{key: np.zeros(len(drive["t"])) for key in duties}, **moved}
         case "saturated":
             columns = {**drive, **{key: np.clip(drive[key], -200.0, 200.0) for key in wheels}}
         case "no wheels":
