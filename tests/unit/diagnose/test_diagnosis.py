@@ -287,6 +287,15 @@ def test_what_play_is_taken_for_says_to_look_for_play(lag: str, name: str) -> No
     assert "turn each wheel by hand, since play in the gears" in said
 
 
+@pytest.mark.parametrize(
+    ("std", "said"), [(0.0032, "6.2 ms"), (0.00032, "6.18 ms"), (0.0, "6.18 ms"), (0.032, "6 ms")]
+)
+def test_a_lag_is_said_as_far_as_it_is_known(std: float, said: str) -> None:
+    """Readings of 0.0062 +- 0.0032 s came "6.18 ms late"."""
+    late = {"seconds": ParameterResult(0.00618, std, "s", 0.0)}
+    assert f"Gyro readings come {said} late" in explanation("imu.latency", None, late)
+
+
 def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:
     values = sagging.causes[0].parameters
     text = explanation("battery.internal_resistance", None, values)

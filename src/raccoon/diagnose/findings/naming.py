@@ -64,9 +64,9 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
         values = parameters(search, cause, spread)
         gain = Gain(judged.without[name], judged.size_after, judged.share(name))
         rivals = confounded(search, cause)
-        told = _told(search.problem, cause, values, rivals) + together_told(search, cause, spread)
         likely = probability(search, name, rivals, values)
         values = beside_rivals(search, cause, values)
+        told = _told(search.problem, cause, values, rivals) + together_told(search, cause, spread)
         found.append(
             CauseResult(
                 cause.id, cause.where, 0, values, gain, likely, rivals, told, size.change, size.unabsorbed,

@@ -14,6 +14,7 @@ from raccoon.diagnose.habits.driver import DEADBAND
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS, LOW_PASS_DELAY, UNKNOWN_PHASE
 from raccoon.diagnose.hypotheses.runs import RESISTANCE
+from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout.encoders import WINDOW
 from raccoon.diagnose.rollout.firmware import Firmware
@@ -67,11 +68,13 @@ def _less_sure(cause: CauseResult, share: float, least: float) -> CauseResult:
     std = math.hypot(number.std, share * number.value, least)
     away = (number.value - number.nominal) / std
     likely = 1.0 if cause.confounded_with else 1.0 / (1.0 + math.exp(-0.5 * away**2))
-    said = cause.explanation if abs(away) >= AWAY else f"{cause.explanation} {MAY_BE_NOTHING}"
+    numbers = {name: replace(number, std=std)}
+    words, fewer = (explanation(cause.id, cause.where, each) for each in (cause.parameters, numbers))
+    said = cause.explanation.replace(words, fewer)  # no number has more places than are known
     return replace(
         cause,
-        explanation=said,
-        parameters={name: replace(number, std=std)},
+        explanation=said if abs(away) >= AWAY else f"{said} {MAY_BE_NOTHING}",
+        parameters=numbers,
         probability=min(cause.probability, likely),
     )
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from raccoon.diagnose.reports.names import place_name
+from raccoon.diagnose.reports.numbers import with_deviation
 from raccoon.diagnose.result import CauseResult, ParameterResult
 from raccoon.sim.effects.parameters import SIDES
 
@@ -87,7 +88,7 @@ def _either(more: str, todo_more: str, less: str, todo_less: str) -> Maker:
 
 def _derived(number: ParameterResult) -> dict[str, float]:
     return {
-        "milli": 1000.0 * number.value,
+        "milli": float(with_deviation(1000.0 * number.value, 1000.0 * number.std)),
         "nominal_milli": 1000.0 * number.nominal,
         "degrees": math.degrees(number.value),
         "percent": 100.0 * number.value,
@@ -291,11 +292,9 @@ def _told(id: str, where: str | None, values: Values) -> Told:  # noqa: A002
         found = Told(f"{id} at {place}: {numbers}", "")
     else:
         found = maker(place, values)
+    into = INTO_MODEL if where in SIDES else INTO_ROBOT
     if id in KEYS and where not in SIDES:
         number = _first(values)
         unit = f" ({number.unit})" if number.unit else ""
-        said = f"put {KEYS[id]} = {number.value:.4g}{unit} into [model.{id.partition('.')[0]}] of robot.toml"
-        found = replace(found, todo=found.todo.replace(INTO_ROBOT, said))
-    if where in SIDES:
-        found = replace(found, todo=found.todo.replace(INTO_ROBOT, INTO_MODEL))
-    return Told(found.what[0].upper() + found.what[1:], found.todo)
+        into = f"put {KEYS[id]} = {number.value:.4g}{unit} into [model.{id.partition('.')[0]}] of robot.toml"
+    return Told(found.what[0].upper() + found.what[1:], found.todo.replace(INTO_ROBOT, into))

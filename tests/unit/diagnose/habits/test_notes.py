@@ -73,3 +73,12 @@ def test_what_may_be_the_moment_of_a_reading_alone_is_said_to_be(late: float, ma
     assert (wider.explanation != found.explanation) == may_be_nothing
     assert told(wider).more == (MAY_BE_NOTHING if may_be_nothing else "")
     assert told(wider).todo == told(found).todo
+
+
+def test_what_is_less_sure_is_said_with_fewer_places() -> None:
+    found = cause("imu.latency", {"seconds": ParameterResult(0.00618, 0.0001, "s", 0.0)})
+    (wider,) = less_sure((found,), Habits(Chain(), False))
+    assert (told(found).what, told(wider).what) == tuple(
+        f"Gyro readings come {number} ms late" for number in ("6.18", "6.2")
+    )
+    assert told(wider).todo == told(found).todo
