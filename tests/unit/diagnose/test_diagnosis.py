@@ -296,6 +296,12 @@ def test_a_lag_is_said_as_far_as_it_is_known(std: float, said: str) -> None:
     assert f"Gyro readings come {said} late" in explanation("imu.latency", None, late)
 
 
+def test_a_slip_says_that_a_gyro_which_a_program_smooths_looks_the_same() -> None:
+    """Of a sound robot whose log smooths it the wheels slipped by 47 ms, with a probability of 1."""
+    said = explanation("drive.wheel_slip", None, {"time": ParameterResult(0.047, 0.001, "s", 0.0)})
+    assert "readings the program or its log smooths by as much looks the same, and is no slip" in said
+
+
 def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:
     values = sagging.causes[0].parameters
     text = explanation("battery.internal_resistance", None, values)
