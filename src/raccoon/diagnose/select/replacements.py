@@ -107,11 +107,15 @@ def simplified(search: Search) -> tuple[Search, bool]:
 
 
 def rearranged(search: Search) -> tuple[Search, bool]:
-    """Another set of causes where it explains more, again and again."""
+    """Another set of causes where it explains more, again and again; the same one that only fits better led
+    all others already."""
     changed = False
     for _ in range(3):
         fit = better_set(search) if doubtful(search.fit) else None
         if fit is None:
             break
+        same = fit.point.active.keys() == search.fit.point.active.keys()
         search, changed = replaced_by(search, fit), True
+        if same:
+            break
     return search, changed

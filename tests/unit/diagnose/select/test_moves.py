@@ -12,6 +12,7 @@ from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select import moves
 from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.replacements import rearranged
 
 
 def test_what_another_set_does_without_is_noted_in_one_order(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -26,3 +27,28 @@ def test_what_another_set_does_without_is_noted_in_one_order(monkeypatch: pytest
     assert [*moves.replaced_by(search, cast(Fit, after)).failed] == [
         name for name in names if name not in names[::4]
     ]
+
+
+@pytest.mark.parametrize(("names", "asked"), [(["a"], 1), (["b"], 2), (["b", "c"], 3)])
+def test_sets_are_not_compared_again_for_the_same_set_that_fits_better(
+    names: list[str], asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a robot with one friction that was done three times, for a quarter of the whole diagnosis."""
+    left = [SimpleNamespace(point=SimpleNamespace(active={each: None})) for each in names]
+    found = [*left, left[-1] if asked < 3 else None]
+    count = iter(range(9))
+
+    def better_set(_: Search) -> object:
+        return found[min(next(count), len(found) - 1)]
+
+    def replaced_by(_: Search, fit: object) -> Search:
+        return cast(Search, SimpleNamespace(fit=fit))
+
+    monkeypatch.setattr("raccoon.diagnose.select.replacements.better_set", better_set)
+    monkeypatch.setattr("raccoon.diagnose.select.replacements.replaced_by", replaced_by)
+    monkeypatch.setattr("raccoon.diagnose.select.replacements.doubtful", lambda _: True)
+    start = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(active={"a": None})))
+    search, changed = rearranged(cast(Search, start))
+    assert changed
+    assert list(search.fit.point.active) == names[-1:]
+    assert next(count) == asked
