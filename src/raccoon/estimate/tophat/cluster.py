@@ -85,7 +85,19 @@ def _in_order(counts: Array, found: Clusters) -> TophatCalibration | None:
     white, black = _two_sides(found.surfaces)
     if not in_runs(counts, _middle(white, black)) or not changes_quickly(counts, white.mean, black.mean):
         return None
+    level = counts[settled(counts, ends=True)]
+    white, black = _without_edges(white, level), _without_edges(black, level)
     return _judged(_at_least_few(white, counts, -1.0), _at_least_few(black, counts, 1.0))
+
+
+def _without_edges(surface: Surface, level: Array) -> Surface:
+    """The surface by its `level` readings, where there are some: the first of an edge to a surface that is
+    ten times as dark reads many times what noise does.
+    """
+    own = level[np.abs(level - surface.mean) <= SLOPE * surface.sd]
+    if len(own) < SURE_COUNT:
+        return surface
+    return Surface(float(own.mean()), max(float(own.std()), LEAST_SD), surface.count)
 
 
 def _at_least_few(surface: Surface, counts: Array, outward: float) -> Surface:
@@ -258,9 +270,16 @@ def _joined(one: Surface, other: Surface) -> Surface:
 
 
 def _shrunk(surface: Surface, other: Surface) -> Surface:
-    """A few readings say little of their spread: the other surface's counts as that many of them."""
-    variance = (surface.count * surface.sd**2 + BORROWED * other.sd**2) / (surface.count + BORROWED)
-    return Surface(surface.mean, max(variance**0.5, LEAST_SD), surface.count)
+    """A few readings say little of their spread: the other surface's counts as that many of them.
+
+    By the ratio of the spreads, so that many readings keep theirs beside a surface a hundred times as wide.
+    """
+    share = BORROWED / (surface.count + BORROWED)
+    if other.sd > surface.sd:
+        sd = surface.sd * (other.sd / surface.sd) ** share
+    else:
+        sd = (surface.sd**2 + share * (other.sd**2 - surface.sd**2)) ** 0.5
+    return Surface(surface.mean, max(sd, LEAST_SD), surface.count)
 
 
 def _surface(counts: Array) -> Surface:

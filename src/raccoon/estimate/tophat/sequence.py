@@ -33,19 +33,22 @@ def noise_sd(counts: Array) -> float:
     return max(1.0, float(np.median(np.abs(second))) / (0.6745 * math.sqrt(6.0)))
 
 
-def settled(counts: Array) -> Mask:
+def settled(counts: Array, *, ends: bool = False) -> Mask:
     """False where an edge is being crossed, shape (n,).
 
     There the readings before and after differ by more than noise and this one lies between them. A reading on
-    the last of a line does not, and hardly any reading of a shuffled sample does.
+    the last of a line does not, and hardly any reading of a shuffled sample does. ends: whether the first and
+    last of an edge count as well, all that is more than noise; a narrow line may be nothing else.
     """
     threes = np.convolve(counts, np.ones(3) / 3.0, mode="valid")  # threes[i] is the mean of i, i+1, i+2
     before, after, here = threes[:-4], threes[4:], counts[3:-3]
-    rise = after - before
-    steep = np.abs(rise) > STEEP * math.sqrt(2.0 / 3.0) * noise_sd(counts)
-    share = (here - before) / np.where(rise == 0.0, 1.0, rise)
+    rise, noise = after - before, noise_sd(counts)
+    steep = np.abs(rise) > STEEP * math.sqrt(2.0 / 3.0) * noise
+    way = np.where(rise == 0.0, 1.0, rise)
+    share = (here - before) / way
+    least = np.minimum(BETWEEN, STEEP * noise / np.abs(way)) if ends else BETWEEN
     calm = np.ones(len(counts), dtype=bool)
-    calm[3:-3] = ~(steep & (share > BETWEEN) & (share < 1.0 - BETWEEN))
+    calm[3:-3] = ~(steep & (share > least) & (share < 1.0 - least))
     return calm
 
 

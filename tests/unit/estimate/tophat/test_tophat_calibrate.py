@@ -249,3 +249,20 @@ def test_a_second_surface_at_the_top_of_the_converter_may_be_a_loose_wire(share:
         assert found.verdict is Verdict.WEAK
         assert "wire is loose" in found.reason
     assert calibrate(np.where(loose == 4095.0, 4060.0, loose)).verdict is Verdict.OK
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_edges_widen_no_surface(seed: int) -> None:
+    """The first readings of an edge to what is ten times as dark are many times what white's noise is."""
+    edge = [0.05, 0.2, 0.5, 0.8, 0.95]
+    dark = np.concatenate([np.zeros(200), edge, np.ones(9), edge[::-1], np.zeros(280)])
+    counts = 4095 / (1 + 21.75 * (1 - 0.98 * dark)) + np.random.default_rng(seed).normal(0.0, 3.0, len(dark))
+    white, _ = calibrate(counts).surfaces()
+    assert white.sd == pytest.approx(3.0, rel=0.2)
+
+
+def test_surface_of_many_readings_keeps_its_spread_beside_a_wide_one() -> None:
+    rng = np.random.default_rng(3)
+    white, black = calibrate_two_phase(rng.normal(200, 4, 500), rng.normal(2500, 300, 100)).surfaces()
+    assert white.sd == pytest.approx(4.0, rel=0.2)
+    assert black.sd == pytest.approx(300.0, rel=0.3)
