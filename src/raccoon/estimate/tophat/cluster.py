@@ -70,7 +70,7 @@ def _found(counts: Array) -> TophatCalibration:
     """The calibration on readings that are worth a search."""
     calm = settled(counts) & ~spikes(counts)
     found = clusters(counts[calm])
-    judged = _in_order(counts, found) or _against_trend(counts, calm)
+    judged = _in_order(counts, found) or _on_level(counts) or _against_trend(counts, calm)
     if judged is not None:
         return judged
     if calm.mean() < NEARLY_ALL:
@@ -88,6 +88,12 @@ def _in_order(counts: Array, found: Clusters) -> TophatCalibration | None:
     level = counts[settled(counts, ends=True)]
     white, black = _without_edges(white, level), _without_edges(black, level)
     return _judged(_at_least_few(white, counts, -1.0), _at_least_few(black, counts, 1.0))
+
+
+def _on_level(counts: Array) -> TophatCalibration | None:
+    """The same where the first and last readings of edges, left out here, hid a narrow line."""
+    level = counts[settled(counts, ends=True) & ~spikes(counts)]
+    return _in_order(counts, clusters(level)) if len(level) >= SURE_COUNT else None
 
 
 def _without_edges(surface: Surface, level: Array) -> Surface:

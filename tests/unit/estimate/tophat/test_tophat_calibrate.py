@@ -266,3 +266,14 @@ def test_surface_of_many_readings_keeps_its_spread_beside_a_wide_one() -> None:
     white, black = calibrate_two_phase(rng.normal(200, 4, 500), rng.normal(2500, 300, 100)).surfaces()
     assert white.sd == pytest.approx(4.0, rel=0.2)
     assert black.sd == pytest.approx(300.0, rel=0.3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_beginnings_of_edges_hide_no_narrow_line(seed: int) -> None:
+    """Four readings that no surface gives, beside eight of the line, looked like one wide surface."""
+    line = [1420, 1714, 2375, 3378, 3788, 3790, 3793, 3796, 3788, 3801, 3804, 3803, 3602, 2535, 1810, 1420]
+    counts = np.random.default_rng(seed).normal(1262.0, 17.0, 500)
+    counts[200 : 200 + len(line)] = line
+    white, black = calibrate(counts).surfaces()
+    assert white.mean == pytest.approx(1262.0, abs=5.0)
+    assert black.mean == pytest.approx(3796.0, abs=60.0)
