@@ -20,7 +20,7 @@ from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import LAGS, SCALE, SMOOTHS, delay_alike
-from raccoon.diagnose.select.rivals import CLOSE, odds, only_beside
+from raccoon.diagnose.select.rivals import CLOSE, odds, of_a_fault, only_beside
 from raccoon.diagnose.select.search import NOTHING
 from raccoon.diagnose.select.visible import VISIBLE, visibility, would_show
 from raccoon.sim.effects.effect import Effect
@@ -56,8 +56,8 @@ READING = "bemf."
 
 
 def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[CauseResult, ...]:
-    """The causes of the final set: what matters first, a lag that may be the gyro's own after what is no
-    such lag, and of that what changes most that robot.toml's deviations cannot absorb."""
+    """The causes of the final set: what matters first, and of that what is expected to change most that
+    robot.toml's deviations cannot absorb."""
     found = []
     for name, size in contributions(search).items():
         cause = search.problem.causes[name]
@@ -73,7 +73,7 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
                 only_beside(search, name, rivals),
             )
         )  # fmt: skip
-    found.sort(key=lambda each: (each.little, SMOOTHS in each.confounded_with, -each.unabsorbed))
+    found.sort(key=lambda each: (each.little, -each.unabsorbed * of_a_fault(search, each.name)))
     return tuple(replace(each, rank=rank) for rank, each in enumerate(found, start=1))
 
 

@@ -16,7 +16,7 @@ from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, MANY, gates, rarity
 from raccoon.diagnose.select.one_way import same_one_way
 from raccoon.diagnose.select.outlook import Rival, Search, lead
-from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags
+from raccoon.diagnose.select.refits import SMOOTHS, delay_alike, first_guess, shared_lags
 from raccoon.diagnose.select.sets import Sets, apart
 from raccoon.diagnose.select.twins import fitted_twins
 
@@ -148,6 +148,12 @@ def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, Point, float
 def odds(rival: Rival) -> float:
     """How likely a rival is where the cause is 1. Several that are one rival together have a part each."""
     return math.exp(-max(rival.lead, -50.0) / BY_FORM) / (1 + len(rival.together))
+
+
+def of_a_fault(search: Search, name: str) -> float:
+    """How likely what a cause does is a fault: a lag may as well be that of the gyro's own chip, which is
+    none."""
+    return 1.0 / (1.0 + sum(odds(each) for each in search.rivals.get(name, []) if each.name == SMOOTHS))
 
 
 def only_beside(search: Search, name: str, rivals: tuple[str, ...]) -> tuple[str, ...]:

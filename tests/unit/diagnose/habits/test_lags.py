@@ -11,7 +11,7 @@ import pytest
 
 from blind.generator import make
 from blind.hidden import Hidden, draw
-from raccoon.diagnose.fit.fits import fit_point
+from raccoon.diagnose.fit.fits import fit_at, fit_point
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING
 from raccoon.diagnose.habits.lags import (
@@ -156,6 +156,15 @@ def test_a_lag_that_is_no_chip_s_stays_and_has_it_as_a_rival() -> None:
     (rival,) = search.rivals[SLIP]
     assert rival.name == "imu.low_pass"
     assert rival.lead > 0.0
+
+
+def test_a_lag_is_fitted_on_before_a_chip_is_ahead_of_it() -> None:
+    """A chip was 14 ahead of a slip whose fit had not arrived, which then led by 1."""
+    slip = Hidden(SLIP, None, {"time": 0.006}, {"slip": 0.006})
+    search, under = standing(make(8, [slip], seconds=6.0).columns, FIRMWARE, {SLIP: 0.3})
+    there = search.fit.point.with_cause(SLIP, 0.7 * search.fit.point.active[SLIP])
+    early = replace(search, fit=fit_at(search.problem, search.whitener, there))
+    assert or_a_smooth_gyro(early, FIRMWARE, under) == (early, FIRMWARE)
 
 
 def test_of_two_forms_of_a_rival_the_nearer_one_counts() -> None:

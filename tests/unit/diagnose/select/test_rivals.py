@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from raccoon.diagnose.findings.gain import HeldOut, contributions
 from raccoon.diagnose.findings.known_together import product_told
 from raccoon.diagnose.findings.naming import (
     TWINS,
@@ -17,6 +18,7 @@ from raccoon.diagnose.findings.naming import (
     _told,
     confounded,
     deviations,
+    named_causes,
     parameters,
     probability,
 )
@@ -62,6 +64,19 @@ def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> N
         (slip,) = (each for each in tried if not each.beside)
         assert (slip.lead < CLOSE) == one
         assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
+
+
+def test_what_a_gyro_s_chip_may_do_is_ranked_by_how_likely_it_does_not(problem: Problem) -> None:
+    truth = problem.nominal().with_cause("drive.wheel_slip", np.array([0.3]))
+    truth = truth.with_cause("imu.gyro_bias", np.array([1.2]))
+    search = searched(problem, truth, truth)
+    sizes = {name: each.unabsorbed for name, each in contributions(search).items()}
+    assert 0.27 * sizes["drive.wheel_slip"] < sizes["imu.gyro_bias"] < 0.73 * sizes["drive.wheel_slip"]
+    judged = cast("HeldOut", SimpleNamespace(without=sizes, size_after=1.0, share=lambda _: 0.0))
+    for lacks, first in ((5.0, "drive.wheel_slip"), (-5.0, "imu.gyro_bias")):
+        search.rivals["drive.wheel_slip"] = [Rival("imu.low_pass", lacks)]
+        ranked = named_causes(search, judged, Spread.of(search))
+        assert (ranked[0].name, ranked[0].rank) == (first, 1)
 
 
 def test_what_is_most_alike_is_tried_however_little_alike_it_is(problem: Problem) -> None:
