@@ -249,6 +249,7 @@ def _make_earlier(
     at = age - latency
     before = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     since, gaps = np.maximum(at - times[before], 0.0), np.diff(times)[before]
+    gaps[gaps == 0.0] = 1.0  # of a latency of next to nothing the last look is at the row's end
     for robot in robots:  # one by one: what they have together fits into no cache
         rates[ends], rates[looks] = rate[robot], looked[robot, inside]
         here = rates[before]

@@ -337,6 +337,14 @@ def test_a_late_gyro_is_late_by_what_is_said_where_time_stamps_jitter_and_rows_a
     assert error.max() < 0.1 * np.abs(rates(kept)).max()
 
 
+def test_a_gyro_that_is_late_by_next_to_nothing_reads_what_one_does_that_is_not() -> None:
+    """A fit came to 3e-19 s: no look then lies before the end of its row, and the last reading was none."""
+    commands = Commands.of_wheels(TIME, np.full(len(TIME), -0.5), np.full(len(TIME), 0.5))
+    robots = [with_effect("imu.latency", seconds=each) for each in (0.0, 2.8e-19)]
+    at_once, late = (rollout(each, commands, channels=["imu.gyro.z"])["imu.gyro.z"][0] for each in robots)
+    assert late == pytest.approx(at_once, abs=1e-12)
+
+
 @pytest.mark.parametrize("seconds", [0.0015, 0.0039, 0.02])
 @pytest.mark.parametrize("latency", [0.0, 0.0074])
 def test_a_gyro_that_smooths_is_a_filter_of_first_order(seconds: float, latency: float) -> None:
