@@ -71,8 +71,7 @@ class Under:
     def beginning(self, habits: Habits, problem: Problem) -> Search:
         """The beginning of a search from its start under habits, whose problem this is: the same for whoever
         asks."""
-        found = self.beginnings.pop(habits, None) or begun(started(problem))
-        self.beginnings[habits] = found
+        self.beginnings[habits] = found = self.beginnings.pop(habits, None) or begun(started(problem))
         while len(self.beginnings) > MOST_KEPT:
             del self.beginnings[next(iter(self.beginnings))]
         return replace(
@@ -136,9 +135,8 @@ def leads(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
 
 def again(search: Search, problem: Problem) -> Search | None:
     """The whole search of another problem, where what was found there is ahead."""
-    tell(AGAIN)
-    second = whole(started(problem))
-    return second if explains_more(second, search) > DOUBT else None
+    second = _gone_on_unless_behind(begun(started(problem)), search, 0.0, whole)
+    return second if second is not None and explains_more(second, search) > DOUBT else None
 
 
 def if_ahead(
@@ -162,17 +160,10 @@ def if_ahead(
     if ahead < far:
         under.were_vain(search, habits, [other])
         return search, habits
-    tell(AGAIN)
-    second = under.beginning(other, problem)
-    if by is not begun:
-        if _ended_behind(second, search, min(wanted, 0.0)):
-            under.were_vain(search, habits, [other])
-            return search, habits
-        second = grown_on(second)
-        if _grown_behind(second, search):
-            under.were_vain(search, habits, [other])
-            return search, habits
-        second = finished(second) if by is whole else second
+    second = _gone_on_unless_behind(under.beginning(other, problem), search, min(wanted, 0.0), by)
+    if second is None:
+        under.were_vain(search, habits, [other])
+        return search, habits
     if sound(second) and not sound(search):
         wanted = min(wanted, 0.0)
     more = explains_more(second, search)
@@ -185,6 +176,19 @@ def if_ahead(
 def sound(search: Search) -> bool:
     """Whether nothing is named, and nothing unknown."""
     return not (search.fit.point.active or search.unknown)
+
+
+def _gone_on_unless_behind(first: Search, search: Search, wanted: float, by: Way) -> Search | None:
+    """A search that has begun, as far as one goes; None where it is behind another on the way."""
+    tell(AGAIN)
+    if by is begun:
+        return first
+    if _ended_behind(first, search, wanted):
+        return None
+    second = grown_on(first)
+    if _grown_behind(second, search):
+        return None
+    return finished(second) if by is whole else second
 
 
 def _ended_behind(second: Search, search: Search, wanted: float) -> bool:
@@ -260,12 +264,8 @@ def with_a_slow_battery(
 
 def by_the_battery(search: Search, near: Mapping[Habits, Problem], starts: Sequence[Point]) -> Habits:
     """Of habits, with their problems, those from which the battery's readings are least off."""
-
-    def off(habits: Habits) -> float:
-        problem = near[habits]
-        return battery_off(problem, [carried(each, search.problem, problem) for each in starts])
-
-    return min(near, key=off)
+    there = {own: [carried(each, search.problem, its) for each in starts] for own, its in near.items()}
+    return min(near, key=lambda each: battery_off(near[each], there[each]))
 
 
 def without(point: Point, names: Collection[str]) -> Point:

@@ -308,8 +308,8 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
     log = log_from_columns(make(2, [steers], drive="legs", seconds=12.0).columns, ROBOT)
     known = Habits(FREE_RUNNING, False, low_pass=True)
     taken_for(known, monkeypatch)
-    steps = ("_sooner", "_under_another_filter", "as_wheels_give", "_braking", "_as_logged")
-    for name in steps:
+    others = ("as_wheels_give", "as_pauses_slow_the_wheels_beside")
+    for name in ("_sooner", "_under_another_filter", *others, "_braking", "_as_logged"):
         asked = f"raccoon.diagnose.habits.searching.{name}"
         monkeypatch.setattr(asked, lambda search, habits, *_: (search, habits))
     for name in ("grown_on", "finished"):
