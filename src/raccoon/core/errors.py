@@ -15,6 +15,8 @@
 A message says what, where, the value, and what is allowed.
 """
 
+from typing import Self
+
 
 class RaccoonError(Exception):
     """What this library raises under names of its own. An argument that is not allowed is a plain ValueError,
@@ -61,3 +63,6 @@ class ReplayDiverged(RaccoonError, AssertionError):
         self.recorded = recorded
         self.replayed = replayed
         super().__init__(f"tick {tick}: {field} was {recorded!r} in the recording and is {replayed!r} now")
+
+    def __reduce__(self) -> tuple[type[Self], tuple[object, ...]]:  # its words alone do not make it again
+        return type(self), (self.tick, self.field, self.recorded, self.replayed)
