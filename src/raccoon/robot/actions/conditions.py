@@ -16,6 +16,7 @@ from raccoon.robot.actions.limits import (
     check_angle,
     check_counts,
     check_function,
+    check_name,
     check_port,
     check_wait,
     check_way,
@@ -91,6 +92,7 @@ def on_white(tophat: str) -> Condition:
 
 def over_line(tophat: str) -> Condition:
     """The named tophat has crossed a line: it saw black and then white."""
+    check_name(tophat=tophat)
 
     def start(robot: Robot) -> Test:
         sensor = robot.tophat(tophat)
@@ -108,6 +110,8 @@ def over_line(tophat: str) -> Condition:
 
 
 def _surface(tophat: str, black: bool) -> Condition:
+    check_name(tophat=tophat)
+
     def start(robot: Robot) -> Test:
         sensor = robot.tophat(tophat)
         sensor.require()
@@ -162,6 +166,7 @@ def stalled() -> Condition:
 
 def blocked(mechanism: str) -> Condition:
     """The named mechanism is driven and does not turn: it is at its end stop, or holds something."""
+    check_name(mechanism=mechanism)
     test = (lambda robot: robot.mechanism(mechanism).stalled, STALL_TIME)
     return _fresh(f"{mechanism} blocked", test, check=lambda robot: robot.mechanism(mechanism))
 

@@ -210,6 +210,13 @@ def _check_size(most: float, allowed: str, values: Mapping[str, float | None]) -
             _refuse(name, value, allowed)
 
 
+def check_name(**names: str) -> None:
+    """Raise TypeError for the first that is no text: a part goes by its name, and robot.toml has its port."""
+    for kind, name in names.items():
+        if not isinstance(name, str):
+            raise TypeError(f"{kind} is {name!r}: it must be a name of robot.toml, which has the port")
+
+
 def check_port(kind: str, port: int, count: int) -> None:
     """Raise ValueError where there is no such port."""
     if isinstance(port, bool) or port not in range(count) or not hasattr(port, "__index__"):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from raccoon.control.motion import slewed
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.actions import Action, Steps
-from raccoon.robot.actions.limits import check_limits, check_speed
+from raccoon.robot.actions.limits import check_name, check_pace
 from raccoon.robot.motions.last_edge import LOST_TIME, LOST_WAY, LastEdge
 from raccoon.robot.motions.lines import tophat_ahead
 from raccoon.robot.motions.pacing import STALL_PATIENCE, at_rest, check_wiring, reason
@@ -49,7 +49,9 @@ SURFACE_READINGS = 4
 """in a row, whose mean is what a surface reads."""
 
 
-def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> Action[None]:
+def follow_line(
+    tophat: str, side: Literal["left", "right"] = "left", speed: float | None = None
+) -> Action[None]:
     """Keep one tophat on an edge of a black line, until ended from outside (`.until`, `race`).
 
     side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The share
@@ -60,8 +62,8 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
     Raises CalibrationError without a calibration, ConfigError for a sensor that is not ahead of the axis,
     MotionTimeout where it finds no line.
     """
-    check_speed(speed=speed)
-    check_limits(speed=speed)
+    check_name(tophat=tophat)
+    check_pace(speed=speed)
     if side not in ("left", "right"):
         raise ValueError(f"side is {side!r}: allowed are 'left' and 'right'")
     sign = 1.0 if side == "left" else -1.0

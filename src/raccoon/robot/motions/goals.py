@@ -12,7 +12,7 @@ missing), slipping.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from raccoon.control.motion import line_command, turn_command
 from raccoon.control.profile import profile
@@ -195,7 +195,7 @@ def arc(
 
 def pivot(
     angle: float,
-    wheel: str,
+    wheel: Literal["left", "right"],
     speed: float | None = None,
     *,
     turns: float = 1.0,

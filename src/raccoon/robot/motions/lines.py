@@ -15,6 +15,7 @@ from raccoon.robot.actions.limits import (
     check_heading,
     check_limit,
     check_limits,
+    check_name,
     check_near_heading,
     check_positive,
     check_speed,
@@ -62,6 +63,7 @@ def align_on_line(
     normal. Raises MotionTimeout where there is no line within reach or a wheel does not turn,
     CalibrationError without calibrations.
     """
+    check_name(left=left, right=right)
     check_speed(speed=speed)
     check_limits(reach=reach, squint=squint)
     check_near_heading(tolerance=tolerance)

@@ -15,7 +15,14 @@ from raccoon.control.profile import ProfileState, profile
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
-from raccoon.robot.actions.limits import check_angle, check_finite, check_rate, check_times, check_turn_pace
+from raccoon.robot.actions.limits import (
+    check_angle,
+    check_finite,
+    check_name,
+    check_rate,
+    check_times,
+    check_turn_pace,
+)
 from raccoon.robot.parts.holding import held, require_free
 from raccoon.robot.remarks import say
 
@@ -37,6 +44,7 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
     motor port, where it is blocked or too slow; it is released then. RuntimeError where another action still
     moves it.
     """
+    check_name(name=name)
     check_finite(to=to)
     check_turn_pace(speed=speed)
     check_times(timeout=timeout)
@@ -57,6 +65,7 @@ def move_by(
 
     From where it is held; from where it is after `release`, `zero`, `spin` and a timeout.
     """
+    check_name(name=name)
     check_finite(angle=angle)
     check_turn_pace("the sign belongs to the angle", speed=speed)
     check_times(timeout=timeout)
@@ -76,6 +85,7 @@ def spin(name: str, speed: float) -> Action[None]:
     Then it is released. `spin("arm", -2.0).until(blocked("arm"))` drives it against its end stop. Raises
     RuntimeError where another action still moves it.
     """
+    check_name(name=name)
     check_rate(speed=speed)
     check_finite(speed=speed)  # None is no default here
 
@@ -97,6 +107,7 @@ def spin(name: str, speed: float) -> Action[None]:
 
 def release(name: str) -> Action[None]:
     """Let the mechanism `name` go: its motor is switched off. RuntimeError where an action moves it."""
+    check_name(name=name)
     label = f"release {name}"
 
     def let_go(robot: Robot) -> None:
@@ -112,6 +123,7 @@ def zero(name: str, angle: float = 0.0) -> Action[None]:
 
     Raises RuntimeError where an action still moves it.
     """
+    check_name(name=name)
     check_finite(angle=angle)
     label = f"zero {name}"
 

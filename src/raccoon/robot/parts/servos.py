@@ -13,7 +13,7 @@ from raccoon.core.config import ServoConfig
 from raccoon.core.errors import ConfigError
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
-from raccoon.robot.actions.limits import check_number, check_times
+from raccoon.robot.actions.limits import check_name, check_number, check_times
 from raccoon.robot.instead import Part
 from raccoon.robot.parts.holding import held, require_free
 
@@ -87,6 +87,7 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
     robot.toml does not have, ValueError for a pulse outside its range, RuntimeError where another action
     still moves it.
     """
+    check_name(name=name)
     check_times(seconds=seconds)
     if not isinstance(to, str):
         check_number("to", to, "a pulse in us, or a name")
@@ -123,6 +124,7 @@ def servo_off(name: str) -> Action[None]:
 
     Raises ConfigError for a servo that robot.toml does not have, RuntimeError where an action still moves it.
     """
+    check_name(name=name)
     label = f"servo {name} off"
 
     def switch_off(robot: Robot) -> None:

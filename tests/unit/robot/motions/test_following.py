@@ -47,7 +47,9 @@ def follow(
         for sensor in robot.tophats.values():
             sensor.calibrate(calibration(ambient))
         robot.run(wait(0.5))
-        robot.run(follow_line("left", side, speed).until(after_distance(way)))
+        robot.run(
+            follow_line("left", "left" if side == "left" else "right", speed).until(after_distance(way))
+        )
         robot.run(wait(0.2))
         return robot, port
 

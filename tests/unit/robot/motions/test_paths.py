@@ -3,6 +3,7 @@
 import inspect
 import math
 from collections.abc import Callable
+from typing import Any, Literal
 
 import pytest
 
@@ -10,6 +11,8 @@ from raccoon import MotionTimeout, align_on_line, arc, deg, seq, straight, turn,
 from raccoon.robot.motions.goals import pivot
 from raccoon.robot.motions.paths import drive_to, follow_path
 from robots import run
+
+WHEEL: Any = "middle"
 
 
 @pytest.mark.parametrize("backwards", [False, True])
@@ -102,7 +105,7 @@ def test_the_same_point_twice_is_one() -> None:
 
 
 @pytest.mark.parametrize(("angle_deg", "wheel"), [(90, "left"), (90, "right"), (-60, "left")])
-def test_pivot_keeps_one_wheel_where_it_is(angle_deg: float, wheel: str) -> None:
+def test_pivot_keeps_one_wheel_where_it_is(angle_deg: float, wheel: Literal["left", "right"]) -> None:
     _, end, robot = run(pivot(deg(angle_deg), wheel))
     side = robot.drive.half_track * (1 if wheel == "left" else -1)
     at = (end.x - side * math.sin(end.heading), end.y + side * math.cos(end.heading))
@@ -114,7 +117,7 @@ def test_pivot_keeps_one_wheel_where_it_is(angle_deg: float, wheel: str) -> None
     ("make", "message"),
     [
         (lambda: drive_to(math.nan, 0.0), "x is nan"),
-        (lambda: pivot(1.0, "middle"), "wheel is 'middle'"),
+        (lambda: pivot(1.0, WHEEL), "wheel is 'middle'"),
         (lambda: follow_path([]), "points is empty"),
         (lambda: follow_path([(0.1, 0.0), (0.4, 0.0), (0.1, 0.001)]), r"turns back at \(0.4, 0\)"),
         (lambda: follow_path([(0.1, math.inf), (0.2, 0.0)]), r"point \(0.1, inf\)"),
