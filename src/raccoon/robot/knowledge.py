@@ -71,6 +71,8 @@ class Knowledge:
                 f"the port of a Robot is {port!r}: it must be a Port; `with open_robot(...) as robot:` opens "
                 "the one that robot.toml names"
             )
+        if config is not None:
+            check_kind(config, RobotConfig, "Robot(): config", "; load_robot(path) reads one")
         self.config = RobotConfig() if config is None else config
         self.port = port
         self.odometry = Odometry(self.config)

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from raccoon.core.config import REAL_CONTROLLERS
-from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
+from raccoon.core.readings import SIMULATOR
 from raccoon.robot.actions.actions import Action, Steps, check_actions
 from raccoon.robot.actions.condition import each_of
 from raccoon.robot.actions.functions import NOTHING_RUN, perform
-from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_port, check_robot
-from raccoon.robot.calibration.light import tell_light, tell_no_lamp, word
+from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_robot
+from raccoon.robot.calibration.light import check_lamp, tell_light, tell_no_lamp, word
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
 from raccoon.robot.remarks import say, tell
 
 if TYPE_CHECKING:
     from raccoon.estimate.start_light import StartLightCalibration
+    from raccoon.robot.motions.pacing import MotionResult
     from raccoon.robot.robot import Robot
 
 T = TypeVar("T")
@@ -65,6 +66,10 @@ class MatchReport:
     result: Any = None
     remarks: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        """For people: its table."""
+        return self.table()
+
     def table(self) -> str:
         """The steps, one a line, for people."""
         lines = [f"{step.begin:7.2f} s  {step.seconds:7.2f} s  {step.label}" for step in self.steps]
@@ -104,6 +109,10 @@ def timed(action: Action[T], name: str | None = None) -> Action[T]:
     return TimedStep(label, steps, action.check)
 
 
+@overload
+def mission(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
+@overload
+def mission(*actions: Action[Any]) -> Action[list[Any]]: ...
 def mission(*actions: Action[Any]) -> Action[list[Any]]:
     """One after the other like `seq`, each of them a timed step."""
     check_actions("mission", actions)
@@ -124,9 +133,9 @@ def wait_for_light(port: int, calibration: StartLightCalibration | None = None) 
     calibration: its levels off and on (`calibrate_light`); without one the reading must fall by 35 %,
     quickly, and stay. The estimators keep learning meanwhile. It waits for as long as it takes: append
     `.timeout(seconds)` where it must not. Light that stays and is refused, and light in which no lamp can be
-    told, is said. Raises ValueError where there is no such port.
+    told, is said. Raises ValueError where there is no such port, TypeError for a calibration that is none.
     """
-    check_port("analog", port, ANALOG_PORTS)
+    check_lamp(port, calibration)
 
     def steps(robot: Robot) -> Steps[None]:
         from raccoon.estimate.start_light import StartLight

@@ -47,6 +47,9 @@ class Opening:
         self._opened = opened
         self._entered = False
 
+    def __repr__(self) -> str:
+        return "<a robot that is not open: `with open_robot(...) as robot:` opens it>"
+
     def __enter__(self) -> Robot:
         if self._entered:
             raise RuntimeError(

@@ -23,7 +23,7 @@ from raccoon.model.paper import (
     PaperMotor,
     battery_speeds,
 )
-from raccoon.robot.actions.actions import looking
+from raccoon.robot.actions.functions import looking
 
 if TYPE_CHECKING:
     from raccoon.sim.effects.parameters import Parameters

@@ -40,6 +40,13 @@ class PackEstimate:
     charge_std: float
     status: Status
 
+    def __str__(self) -> str:
+        """For people: each with its deviation."""
+        voltage = f"{self.open_circuit_voltage:.2f} V (+- {self.open_circuit_voltage_std:.2f})"
+        resistance = f"{self.internal_resistance:.3f} ohm (+- {self.internal_resistance_std:.3f})"
+        charge = f"{100.0 * self.charge:.0f} % (+- {100.0 * self.charge_std:.0f})"
+        return f"charge {charge}, {voltage} open, {resistance} inside, {self.status}"
+
 
 class PackState:
     """Feed it every cycle.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from raccoon.core.readings import Status
+from raccoon.model.pose import Pose
 
 HELD = "held: both wheels carry what tyres do that spin at a wall"
 """The reason of an estimate whose robot may not move though its wheels turn."""
@@ -40,6 +42,13 @@ class DriveEstimate:
     gyro_bias_std: float
     status: Status = Status.OK
     reasons: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """For people: where it is and how sure that is, how it moves, and how far to trust all of it."""
+        std, heading_std = 1e3 * math.hypot(self.x_std, self.y_std), math.degrees(self.heading_std)
+        place = f"{Pose(self.x, self.y, self.heading)} (+- {std:.1f} mm, {heading_std:.2f} deg)"
+        moves = f"{self.velocity:z.3f} m/s, {self.turn_rate:z.3f} rad/s"
+        return "; ".join((f"{place}, {moves}, {self.status}", *self.reasons))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.errors import MotionTimeout
@@ -24,6 +24,7 @@ from raccoon.robot.actions.undone import Undone
 from raccoon.robot.remarks import Endless
 
 if TYPE_CHECKING:
+    from raccoon.robot.motions.pacing import MotionResult
     from raccoon.robot.robot import Robot
 
 T = TypeVar("T")
@@ -141,6 +142,10 @@ class Action(Undone, Generic[T_co]):
         return f"<Action {self.name}>"
 
 
+@overload
+def seq(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
+@overload
+def seq(*actions: Action[Any]) -> Action[list[Any]]: ...
 def seq(*actions: Action[Any]) -> Action[list[Any]]:
     """One after the other; the result is the list of their results."""
     check_actions("seq", actions)
@@ -174,6 +179,10 @@ def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
     return Action(f"repeat {action.name}", steps, action.check)
 
 
+@overload
+def parallel(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
+@overload
+def parallel(*actions: Action[Any]) -> Action[list[Any]]: ...
 def parallel(*actions: Action[Any]) -> Action[list[Any]]:
     """All at once, until every one has ended; the result is the list of their results.
 
@@ -202,6 +211,10 @@ def parallel(*actions: Action[Any]) -> Action[list[Any]]:
     return Action(_names("parallel", actions), steps, each_of(*actions))
 
 
+@overload
+def race(*actions: Action[MotionResult]) -> Action[tuple[int, MotionResult]]: ...
+@overload
+def race(*actions: Action[Any]) -> Action[tuple[int, Any]]: ...
 def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
     """All at once, until the first has ended; the others are stopped.
 
@@ -237,21 +250,6 @@ def background(action: Action[Any]) -> Action[None]:
         yield from ()
 
     return Action(f"background {action.name}", steps, action.check)
-
-
-def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Action[T]:
-    """The action, with `look` called before each of its ticks."""
-
-    def steps(robot: Robot) -> Steps[T]:
-        def looked() -> bool:
-            look(robot)
-            return True
-
-        done = yield from going_on(action.start(robot), looked)
-        assert done is not None
-        return done[0]
-
-    return Action(name, steps, action.check)
 
 
 def wait(seconds: float) -> Action[None]:

@@ -40,6 +40,8 @@ class Condition:
         opposed: Callable[[Robot], Test] | None = None,
         check: Check | None = None,
     ) -> None:
+        if not callable(start):
+            raise TypeError(f"condition '{name}': start is {start!r}: it must be a function(robot) of a test")
         self.name = name
         self._start = start
         self._opposed = opposed

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import check_function
+from raccoon.robot.actions.steps import going_on
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -48,6 +49,21 @@ def do(function: Callable[[Robot], Any], name: str | None = None) -> Action[Any]
 
     own = getattr(function, "__name__", "<lambda>")
     return Action(name or ("do" if own == "<lambda>" else f"do {own}"), steps)
+
+
+def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Action[T]:
+    """The action, with `look` called before each of its ticks."""
+
+    def steps(robot: Robot) -> Steps[T]:
+        def looked() -> bool:
+            look(robot)
+            return True
+
+        done = yield from going_on(action.start(robot), looked)
+        assert done is not None
+        return done[0]
+
+    return Action(name, steps, action.check)
 
 
 def _called(what: str, function: Callable[[Robot], Any], robot: Robot) -> Any:

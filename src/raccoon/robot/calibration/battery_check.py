@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 READING_TIME = 0.3
+WIDEST = 1.0
+"""V of tolerance, more than the paper's batteries are apart; more is the voltage itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +33,10 @@ class BatteryCheck:
     speed_change: float
     ok: bool
     advice: str
+
+    def __str__(self) -> str:
+        """For people: its advice."""
+        return self.advice
 
 
 def tuned_voltage(config: RobotConfig) -> float | None:
@@ -49,9 +55,15 @@ def tuned_voltage(config: RobotConfig) -> float | None:
 def check_battery(tolerance: float = 0.15, *, refuse: bool = False) -> Action[BatteryCheck]:
     """Stand for 0.3 s and compare the resting battery with the one the program was tuned at.
 
-    tolerance: V. refuse: raise CalibrationError instead of only saying so in the result, recording and log.
+    tolerance: V, up to 1. refuse: raise CalibrationError instead of only saying so in the result, recording
+    and log. Raises ValueError for a tolerance that is not allowed, such as the voltage itself.
     """
     check_positive("tolerance", tolerance)
+    if tolerance > WIDEST:
+        raise ValueError(
+            f"tolerance is {tolerance:g}: allowed are numbers above 0, up to {WIDEST:g} V "
+            "(battery.tuned_at of robot.toml is the voltage)"
+        )
 
     def steps(robot: Robot) -> Steps[BatteryCheck]:
         begin = robot.time

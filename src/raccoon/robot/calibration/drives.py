@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from raccoon.core.errors import CalibrationError, MotionTimeout
 from raccoon.core.readings import Inputs
-from raccoon.robot.actions.actions import Action, looking
+from raccoon.robot.actions.actions import Action
+from raccoon.robot.actions.functions import looking
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot

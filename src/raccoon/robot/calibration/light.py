@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions.actions import Action, Steps, wait
-from raccoon.robot.actions.limits import check_function, check_number, check_port, check_robot
+from raccoon.robot.actions.limits import check_function, check_kind, check_limit, check_port, check_robot
 from raccoon.robot.calibration.drives import watched
 from raccoon.robot.remarks import say
 
@@ -46,13 +46,12 @@ def rehearse_light(
     """Test mode of the start light: how often the lamp was seen to go on within `seconds` s.
 
     Every time is noted in the recording and nothing starts. Where it is too bright to tell the lamp, or light
-    that stays is refused, that is said. Raises ValueError for a time that is not above 0 and for a port that
-    is not there, TypeError for a time that is no number.
+    that stays is refused, that is said. Raises ValueError for a time that is not above 0, or longer than
+    600 s, and for a port that is not there, TypeError for a time that is no number and for a calibration that
+    is none.
     """
-    check_port("analog", port, ANALOG_PORTS)
-    check_number("seconds", seconds, "above 0")
-    if not seconds > 0.0:
-        raise ValueError(f"seconds is {seconds}: allowed are numbers above 0")
+    check_lamp(port, calibration)
+    check_limit(seconds=seconds)
 
     def steps(robot: Robot) -> Steps[int]:
         from raccoon.estimate.start_light import StartLight
@@ -68,6 +67,20 @@ def rehearse_light(
         return light.fires
 
     return Action(f"rehearse the light on analog {port}", steps)
+
+
+def check_lamp(port: int, calibration: StartLightCalibration | None) -> None:
+    """Raise ValueError where there is no such port, TypeError for what is no calibration of a start light."""
+    check_port("analog", port, ANALOG_PORTS)
+    if calibration is not None:
+        from raccoon.estimate.start_light import StartLightCalibration
+
+        check_kind(
+            calibration,
+            StartLightCalibration,
+            f"analog {port}: calibration",
+            "; calibrate_light(...) makes one",
+        )
 
 
 def word(robot: Robot, port: int) -> float | None:

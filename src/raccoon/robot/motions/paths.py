@@ -148,7 +148,7 @@ def follow_path(
 
 def _check_points(points: Sequence[Point]) -> None:
     """Raise ValueError where there is none, TypeError for what is no point or no list of them."""
-    if not hasattr(points, "__len__"):
+    if not hasattr(points, "__getitem__"):  # a set has no order
         raise TypeError(f"points is {points!r}: it must be a list of (x, y), m of the field")
     if len(points) == 0:
         raise ValueError("points is empty: a path needs at least 1 point")

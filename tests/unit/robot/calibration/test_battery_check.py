@@ -26,8 +26,14 @@ def test_on_the_robot_it_warns_or_refuses() -> None:
         check = robot.run(check_battery())
         assert check.voltage == pytest.approx(6.4, abs=0.02)
         assert not check.ok
+        assert str(check) == check.advice
         with pytest.raises(CalibrationError, match=r"6\.\d+ V, tuned at 7.00 V"):
             robot.run(check_battery(refuse=True))
+
+
+def test_the_voltage_itself_is_no_tolerance() -> None:
+    with pytest.raises(ValueError, match=r"tolerance is 7: allowed are .* up to 1 V \(battery.tuned_at of"):
+        check_battery(7.0)
 
 
 @pytest.mark.parametrize(
