@@ -10,18 +10,6 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
 
-ACTIONS = (
-    "actions.actions",
-    "actions.functions",
-    "motions.driving",
-    "motions.following",
-    "motions.goals",
-    "motions.lines",
-    "motions.paths",
-    "parts.mechanisms",
-    "parts.servos",
-)
-"""Modules whose public functions make actions."""
 _DUTIES = "robot.run(motors(left, right).until(...)) or, by the way to go, robot.run(straight(m))"
 _MOVE, _SERVO = "robot.run(move(name, rad))", "robot.run(servo(name, place))"
 KIPR = {
@@ -63,10 +51,16 @@ def instead(name: str, config: RobotConfig | None) -> str:
 
     config: of the robot, whose own names may be meant.
     """
-    for module in ACTIONS:
-        found = getattr(import_module(f"{__package__}.{module}"), name, None)
-        if inspect.isfunction(found) and found.__module__.endswith(module):
+    package = import_module("raccoon")
+    function = getattr(package, name) if name in package.__all__ else None
+    if inspect.isfunction(function):
+        gives = str(function.__annotations__["return"])
+        if gives.startswith("Action"):
             return f": write robot.run({name}(...))"
+        if gives == "Condition":
+            return f": it is a condition, as in robot.run(wait_for({name}(...)))"
+        if "robot" in function.__annotations__:
+            return f": write {name}(robot, ...)"
     for part in PARTS:
         if config is not None and name in getattr(config, f"{part}s"):
             return f": write robot.{part}({name!r})"
