@@ -27,8 +27,11 @@ class TophatStore:
         """What is stored, oldest first; of one sensor or set where given. Empty where there is no file.
 
         Raises ConfigError naming the file where it is damaged or of another format, and the sensor, the value
-        and what is allowed where it says what no sensor reads.
+        and what is allowed where it says what no sensor reads; TypeError for a set that is not named by text,
+        which no file could be read with again.
         """
+        if not isinstance(set_name, str | None):
+            raise TypeError(f"set_name is {set_name!r}: it must be a text")
         return [
             each
             for each in self._load()
