@@ -52,6 +52,8 @@ CONFIG = RobotConfig(
         ("robot.ao()", r"a robot has no ao: write robot.stop\(\), from a thread"),
         ("straight(0.1).run(robot)", r"action 'straight 0.1 m' has no run: it is done with robot.run"),
         ("raccoon.msleep(500)", r"raccoon has no msleep: write robot.run\(wait\(seconds\)\)"),
+        ("setattr(robot.servo('claw'), 'pulse', 1500)", r"not set: write robot.run\(servo\('claw', 1500\)\)"),
+        ("setattr(robot.mechanism('arm'), 'angle', 1)", r"not set: robot.run\(move\('arm', 1\)\) turns it"),
         ("setattr(robot, 'plan', (0, 0))", r"robot.plan takes a Pose, not \(0, 0\)"),
         ("Robot('robot.toml')", "port of a Robot is 'robot.toml': .*with open_robot"),
     ],

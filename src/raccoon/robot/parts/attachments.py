@@ -75,7 +75,7 @@ class Attachments:
     def switch_off(self) -> None:
         """Servos off with the next command."""
         for servo in self.servos.values():
-            servo.pulse = None
+            servo.switch_off()
 
     def _pulses(self) -> tuple[int | None, ...]:
         pulses: list[int | None] = [None] * SERVO_PORTS

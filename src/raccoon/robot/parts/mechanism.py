@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NoReturn
+
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.profile import ProfileState
 from raccoon.control.tuning import speed_loop_gains
@@ -58,8 +60,17 @@ class Mechanism(Part):
         """rad, as counted."""
         return self._counted.angle
 
-    @angle.setter
-    def angle(self, angle: float) -> None:
+    if not TYPE_CHECKING:  # a type checker knows that it is not set
+
+        @angle.setter
+        def angle(self, angle: object) -> NoReturn:
+            raise AttributeError(
+                f"an angle is not set: robot.run(move({self.name!r}, {angle!r})) turns it there, "
+                f"robot.run(zero({self.name!r}, {angle!r})) says that it is there"
+            )
+
+    def count_from(self, angle: float) -> None:
+        """Where it is now counts as `angle` rad."""
         self._counted.angle = angle
 
     @property

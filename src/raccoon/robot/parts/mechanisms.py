@@ -131,7 +131,7 @@ def zero(name: str, angle: float = 0.0) -> Action[None]:
         here = robot.mechanism(name)
         require_free(here, label)
         here.release()
-        here.angle = float(angle)
+        here.count_from(float(angle))
 
     return Action(label, do(set_angle).start, lambda robot: _check_turns(robot, name, angle=angle))
 

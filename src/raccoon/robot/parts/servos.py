@@ -7,7 +7,7 @@ A servo reports nothing back, so an action ends when the servo has had the time 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from raccoon.core.config import ServoConfig
 from raccoon.core.errors import ConfigError
@@ -24,7 +24,7 @@ __all__ = ["Servo", "servo", "servo_off"]
 
 
 class Servo(Part):
-    """One named servo of robot.toml. pulse: us, as commanded; None while it is off or was never used."""
+    """One named servo of robot.toml."""
 
     called = "robot.run(servo(name, place))"
     offers = "pulse"
@@ -32,10 +32,22 @@ class Servo(Part):
     def __init__(self, name: str, config: ServoConfig) -> None:
         self.name = name
         self.config = config
-        self.pulse: float | None = None
+        self._pulse: float | None = None
         self.moved_by: str | None = None
         """The action that moves it now."""
         self._side, self._arrives = 0.0, -math.inf  # the way it comes to `pulse`, 0 where unknown; s of then
+
+    @property
+    def pulse(self) -> float | None:
+        """us, as commanded; None while it is off or was never used."""
+        return self._pulse
+
+    if not TYPE_CHECKING:  # a type checker knows that it is not set
+
+        @pulse.setter
+        def pulse(self, pulse: object) -> NoReturn:
+            # Nobody would look at what the mechanism stands.
+            raise AttributeError(f"a pulse is not set: write robot.run(servo({self.name!r}, {pulse!r}))")
 
     def __repr__(self) -> str:
         return f"<servo {self.name}: {'off' if self.pulse is None else f'{self.pulse:g} us'}>"
@@ -62,7 +74,11 @@ class Servo(Part):
         """Command `pulse` us from `time` s on; lasts: s until it should be there."""
         here = self.at(time)
         self._side = 0.0 if here is None else math.copysign(1.0, pulse - here)
-        self.pulse, self._arrives = pulse, time + lasts
+        self._pulse, self._arrives = pulse, time + lasts
+
+    def switch_off(self) -> None:
+        """It gives way to the hand from the next command on."""
+        self._pulse = None
 
     def at(self, time: float) -> float | None:
         """us where it should be at `time` s, also on a way that its action did not wait for; None where
@@ -130,6 +146,6 @@ def servo_off(name: str) -> Action[None]:
     def switch_off(robot: Robot) -> None:
         off = robot.servo(name)
         require_free(off, label)
-        off.pulse = None
+        off.switch_off()
 
     return Action(label, do(switch_off).start, lambda robot: robot.servo(name))

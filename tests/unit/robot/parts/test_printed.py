@@ -12,7 +12,9 @@ def test_a_part_that_is_printed_says_its_name_and_what_it_is_at() -> None:
     assert str(tophat) == "<tophat front: None counts, not calibrated or not known, invalid>"
     assert str(claw) == "<servo claw: off>"
     assert str(arm) == "<mechanism arm: 0.000 rad, 0.00 rad/s, released>"
-    tophat.counts, claw.pulse, arm.angle = 1571.0, 1200.0, 0.5
+    tophat.counts = 1571.0
+    claw.send(1200.0, 0.0)
+    arm.count_from(0.5)
     assert str(tophat).startswith("<tophat front: 1571.0 counts, ")
     assert str(claw) == "<servo claw: 1200 us>"
     assert str(arm).startswith("<mechanism arm: 0.500 rad, ")
