@@ -11,8 +11,8 @@ from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import SIMULATOR
 from raccoon.robot.actions.actions import Action, Steps, check_actions
 from raccoon.robot.actions.condition import each_of
-from raccoon.robot.actions.functions import NOTHING_RUN, perform
-from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_robot
+from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
+from raccoon.robot.actions.limits import check_kind, check_number, check_robot
 from raccoon.robot.calibration.light import check_lamp, tell_light, tell_no_lamp, word
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
 from raccoon.robot.remarks import say, tell
@@ -210,12 +210,7 @@ def _check_match(
     robot: Robot, program: Action[Any] | Callable[[Robot], Any], start: Action[Any] | None, seconds: float
 ) -> None:
     check_robot(robot, "run_match()")
-    if isinstance(program, list | tuple):
-        raise TypeError(
-            "run_match() takes one action, not a list of them: write seq(*actions) or mission(*actions)"
-        )
-    if not isinstance(program, Action):
-        check_function(program, "run_match()", "robot")
+    check_program(program, "run_match()")
     if start is not None:
         check_kind(start, Action, "run_match(): start", ", such as wait_for_light(port) or wait(1.0)")
     check_number("seconds", seconds, "of a match, above 0")

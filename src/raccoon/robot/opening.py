@@ -15,7 +15,7 @@ from raccoon.core.files import near_program, program_folder
 from raccoon.core.port import Port, in_real_time
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
-from raccoon.robot.actions.functions import NOTHING_RUN, perform
+from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
 from raccoon.robot.instead import note_value
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.remarks import say
@@ -211,6 +211,7 @@ def replay(
 
     if not isinstance(trace, Trace | str | Path):
         raise TypeError(f"trace is {trace!r}: it must be the name of a recording, or a Trace")
+    check_program(program, "replay()")
     port = ReplayPort(trace, check=check, tolerance=tolerance)
     settings = config or port.trace.header.config
     if settings is None:

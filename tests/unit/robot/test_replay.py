@@ -1,6 +1,7 @@
 """A recorded run, replayed, is the same run; a changed program is caught where it differs."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -91,3 +92,16 @@ def test_the_name_that_it_was_recorded_under_finds_it(
 ) -> None:
     path, end = recorded
     assert replay(path.with_name(name), mission) == end
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ([wait(0.2)], r"replay\(\) takes one action, not a list of them: write seq\(\*actions\)"),
+        (None, r"replay\(\) takes a function of the robot, not None"),
+        (lambda: 1, r"replay\(\) takes a function of the robot, not <lambda>\(\)"),
+    ],
+)
+def test_what_is_no_program_is_refused_before_the_recording_is_read(program: Any, said: str) -> None:
+    with pytest.raises(TypeError, match=said):
+        replay("there-is-none.jsonl.gz", program)

@@ -17,6 +17,16 @@ T = TypeVar("T")
 NOTHING_RUN = "the program ran nothing on the robot: an action is done with robot.run(...)"
 
 
+def check_program(program: object, where: str) -> None:
+    """Raise TypeError where `program` is neither an action nor a function of the robot."""
+    if isinstance(program, list | tuple):
+        raise TypeError(
+            f"{where} takes one action, not a list of them: write seq(*actions) or mission(*actions)"
+        )
+    if not isinstance(program, Action):
+        check_function(program, where, "robot")
+
+
 def perform(robot: Robot, program: Action[T] | Callable[[Robot], Action[T] | T]) -> T:
     """Do a whole program, and give its result: an action, or a function of the robot.
 
