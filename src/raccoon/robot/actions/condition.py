@@ -37,6 +37,7 @@ class Condition:
         self,
         name: str,
         start: Callable[[Robot], Test],
+        *,
         opposed: Callable[[Robot], Test] | None = None,
         check: Check | None = None,
     ) -> None:
@@ -62,6 +63,10 @@ class Condition:
             )
         return test
 
+    def turned_round(self, robot: Robot) -> Test:
+        """The test that `~` turns round, for one run of an action."""
+        return (self._opposed or self.start)(robot)
+
     def __and__(self, other: Condition) -> Condition:
         check_kind(other, Condition, "&", JOIN)
         return _both(self, other, f"({self.name} and {other.name})", all)
@@ -71,11 +76,15 @@ class Condition:
         return _both(self, other, f"({self.name} or {other.name})", any)
 
     def __invert__(self) -> Condition:
-        def start(robot: Robot) -> Test:
-            test = (self._opposed or self.start)(robot)
+        def inverted(test: Test) -> Test:
             return lambda: not test()
 
-        return Condition(f"not {self.name}", start, check=self.check)
+        return Condition(
+            f"not {self.name}",
+            lambda robot: inverted(self.turned_round(robot)),
+            opposed=lambda robot: inverted(self.start(robot)),
+            check=self.check,
+        )
 
     def __bool__(self) -> bool:
         raise TypeError(
@@ -97,12 +106,16 @@ def truth(told: object, name: str) -> bool:
 def _both(
     first: Condition, second: Condition, name: str, combine: Callable[[tuple[bool, bool]], bool]
 ) -> Condition:
-    def start(robot: Robot) -> Test:
-        tests = first.start(robot), second.start(robot)
+    def joined(one: Test, other: Test) -> Test:
         # Both are asked every tick, so that a condition with a memory (over_line) sees all of the drive.
-        return lambda: combine((tests[0](), tests[1]()))
+        return lambda: combine((one(), other()))
 
-    return Condition(name, start, check=each_of(first, second))
+    return Condition(
+        name,
+        lambda robot: joined(first.start(robot), second.start(robot)),
+        opposed=lambda robot: joined(first.turned_round(robot), second.turned_round(robot)),
+        check=each_of(first, second),
+    )
 
 
 class Checked(Protocol):

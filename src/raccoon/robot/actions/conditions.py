@@ -201,7 +201,10 @@ def _fresh(name: str, *tests: tuple[Callable[[Robot], bool], float], check: Chec
 
         return any_anew
 
-    return Condition(name, start, lambda robot: lambda: any(test(robot) for test, _ in tests), check)
+    def holds(robot: Robot) -> Test:
+        return lambda: any(test(robot) for test, _ in tests)
+
+    return Condition(name, start, opposed=holds, check=check)
 
 
 def _anew(robot: Robot, test: Callable[[Robot], bool], lasting: float) -> Test:

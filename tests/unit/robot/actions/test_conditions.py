@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from raccoon import (
+    Condition,
     ConfigError,
     MotionTimeout,
     after_distance,
@@ -17,6 +18,7 @@ from raccoon import (
     stalled,
     wait,
     wait_for,
+    when,
 )
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import ControllerConfig
@@ -92,6 +94,18 @@ def test_what_still_holds_is_not_its_opposite() -> None:
         robot.run(wait(0.5))
         stuck = seq(wait_for(stalled()), wait_for(~stalled()))
         assert robot.run(race(drive(0.15), stuck, seq(wait_for(stalled()), wait(0.5))))[0] == 2
+
+
+def test_what_holds_at_the_start_is_turned_round_in_a_composition_as_alone() -> None:
+    """Of a wheel that stalls already: not anew, but it does."""
+    stalls = Condition("stalls", lambda _: lambda: False, opposed=lambda _: lambda: True)
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.tick()
+        for inverted in (~stalls, ~(stalls | stalls), ~(stalls & stalls), ~stalls & ~stalls, ~(~~stalls)):
+            assert inverted.start(robot)() is False, inverted
+        for anew in (stalls, ~~stalls, ~(~stalls & ~stalls)):
+            assert anew.start(robot)() is False, anew
+        assert (~(stalls & when(lambda _: False))).start(robot)() is True
 
 
 @pytest.mark.parametrize("firmware", ["stock", 21])
