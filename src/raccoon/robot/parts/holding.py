@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from raccoon.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
 
 
 class Movable(Protocol):
@@ -23,6 +28,14 @@ def held(movable: Movable, action: str) -> Iterator[None]:
         yield
     finally:
         movable.moved_by = None
+
+
+def require_wombat(robot: Robot, kind: str, name: str) -> None:
+    """Raise ConfigError where the controller has no port for the `kind` (servo, mechanism) of that name."""
+    if robot.config.controller.port == "create":
+        raise ConfigError(
+            f"{kind}.{name}: a Create has no port for a {kind} (its motors are the wheels); a Wombat has some"
+        )
 
 
 def require_free(movable: Movable, action: str) -> None:

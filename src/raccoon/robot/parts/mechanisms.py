@@ -23,7 +23,7 @@ from raccoon.robot.actions.limits import (
     check_times,
     check_turn_pace,
 )
-from raccoon.robot.parts.holding import held, require_free
+from raccoon.robot.parts.holding import held, require_free, require_wombat
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def spin(name: str, speed: float) -> Action[None]:
             finally:
                 turned.release()
 
-    return Action(label, steps, lambda robot: robot.mechanism(name))
+    return Action(label, steps, lambda robot: _present(robot, name))
 
 
 def release(name: str) -> Action[None]:
@@ -115,7 +115,7 @@ def release(name: str) -> Action[None]:
         require_free(free, label)
         free.release()
 
-    return Action(label, do(let_go).start, lambda robot: robot.mechanism(name))
+    return Action(label, do(let_go).start, lambda robot: _present(robot, name))
 
 
 def zero(name: str, angle: float = 0.0) -> Action[None]:
@@ -136,9 +136,16 @@ def zero(name: str, angle: float = 0.0) -> Action[None]:
     return Action(label, do(set_angle).start, lambda robot: _check_turns(robot, name, angle=angle))
 
 
+def _present(robot: Robot, name: str) -> Mechanism:
+    """The mechanism of that name. Raises ConfigError where there is none."""
+    there = robot.mechanism(name)
+    require_wombat(robot, "mechanism", name)
+    return there
+
+
 def _check_turns(robot: Robot, name: str, **angles: float) -> None:
     """Raise ValueError for an angle that this mechanism is not said to turn by."""
-    turns = robot.mechanism(name).config.turns
+    turns = _present(robot, name).config.turns
     check_angle(turns, f"mechanism.{name}.turns of robot.toml allows more", **angles)
 
 

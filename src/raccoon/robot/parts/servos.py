@@ -15,7 +15,7 @@ from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
 from raccoon.robot.actions.limits import check_name, check_number, check_times
 from raccoon.robot.instead import Part
-from raccoon.robot.parts.holding import held, require_free
+from raccoon.robot.parts.holding import held, require_free, require_wombat
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -132,7 +132,7 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
             if start is not None:
                 moved.send(goal, robot.time)
 
-    return Action(label, steps, lambda robot: robot.servo(name).place(to))
+    return Action(label, steps, lambda robot: _present(robot, name).place(to))
 
 
 def servo_off(name: str) -> Action[None]:
@@ -148,4 +148,11 @@ def servo_off(name: str) -> Action[None]:
         require_free(off, label)
         off.switch_off()
 
-    return Action(label, do(switch_off).start, lambda robot: robot.servo(name))
+    return Action(label, do(switch_off).start, lambda robot: _present(robot, name))
+
+
+def _present(robot: Robot, name: str) -> Servo:
+    """The servo of that name. Raises ConfigError where there is none."""
+    there = robot.servo(name)
+    require_wombat(robot, "servo", name)
+    return there
