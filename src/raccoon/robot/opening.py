@@ -16,6 +16,7 @@ from raccoon.core.port import Port, in_real_time
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
+from raccoon.robot.actions.limits import check_number
 from raccoon.robot.instead import note_value
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.remarks import say
@@ -87,7 +88,7 @@ def open_robot(
     `controller.port` is opened, and nothing else: there is no falling back to the simulator. record: where to
     record the run; where there is such a recording, this one gets a number (`run-2`), and where none can be
     written there is a RuntimeWarning and the robot runs without. seed: of the simulator. Raises ConfigError,
-    HardwareError, FileNotFoundError.
+    HardwareError, FileNotFoundError; TypeError and ValueError for arguments that are none of these.
     """
     if not isinstance(config, RobotConfig | str | Path):
         raise TypeError(f"config is {config!r}: it must be the name of a robot.toml, or a RobotConfig")
@@ -99,6 +100,8 @@ def open_robot(
         raise ValueError(f"seed is {seed!r}: it must be a whole number from 0")
     if record is not None and not isinstance(record, str | Path):
         raise TypeError(f"record is {record!r}: it must be the name of a recording")
+    if record is not None and not Path(record).name:
+        raise ValueError(f"record is {str(record)!r}: it must be the name of a recording, such as 'run'")
     return Opening(_opened(config, port, record, seed))
 
 
@@ -212,6 +215,7 @@ def replay(
     if not isinstance(trace, Trace | str | Path):
         raise TypeError(f"trace is {trace!r}: it must be the name of a recording, or a Trace")
     check_program(program, "replay()")
+    check_number("tolerance", tolerance, "from 0 to below 1")
     port = ReplayPort(trace, check=check, tolerance=tolerance)
     settings = config or port.trace.header.config
     if settings is None:

@@ -192,7 +192,14 @@ def test_a_port_of_a_programs_own_that_gives_no_readings_or_no_time_is_told() ->
 
 def test_what_is_no_name_of_a_recording_is_refused_by_its_name() -> None:
     anything: Any = straight(0.1)
+    for nameless in ("", ".", Path("/")):
+        with pytest.raises(
+            ValueError, match=r"record is '.?': it must be the name of a recording, such as 'run'"
+        ):
+            open_robot(record=nameless)
     with pytest.raises(TypeError, match=r"record is <Action straight 0.1 m>: it must be the name of a rec"):
         open_robot(RobotConfig(), port=simulated(), record=anything)
     with pytest.raises(TypeError, match=r"trace is <Action straight 0.1 m>: it must be the name of a recor"):
         replay(anything, straight(0.1))
+    with pytest.raises(TypeError, match=r"tolerance is <Action straight 0.1 m>: it must be a number, from 0"):
+        replay("run", straight(0.1), tolerance=anything)
