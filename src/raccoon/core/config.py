@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import near_program
 from raccoon.core.nominal import (
     MODEL_SECTIONS,
     BatteryModel,
@@ -115,12 +116,12 @@ class RobotConfig:
 
 
 def load_robot(path: str | Path) -> RobotConfig:
-    """Read a `robot.toml`.
+    """Read a `robot.toml`, looked for where the program was started and then beside the program.
 
     Values that are allowed and do not fit together are said in the log "raccoon". Raises ConfigError naming
     file, key, value and what is allowed; FileNotFoundError where there is no file.
     """
-    path = Path(path)
+    path = near_program(path)
     try:
         table = parse_toml(path.read_bytes())
         if is_model(table):

@@ -116,8 +116,9 @@ def test_the_port_is_closed_where_the_robot_cannot_be_made(
 
 
 PROGRAM = """
-from raccoon import open_robot
+from raccoon import load_robot, open_robot
 with open_robot("robot.toml") as robot:
+    assert load_robot("robot.toml") == robot.config
     print(robot.config.name)
 """
 
