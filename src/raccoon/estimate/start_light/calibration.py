@@ -17,10 +17,20 @@ LEAST_LIGHT = 1.6  # light with the lamp over light without it, below which a ca
 
 @dataclass(frozen=True, slots=True)
 class StartLightCalibration:
-    """What the sensor reads with the lamp off and on, counts (on is the lower)."""
+    """What the sensor reads with the lamp off and on, counts (on is the lower).
+
+    Raises ConfigError for others: exchanged they would take the dark for the lamp.
+    """
 
     off: float
     on: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.on < self.off <= FULL_SCALE:
+            raise ConfigError(
+                f"start light: off is {self.off}, on is {self.on}: allowed are counts from 0 to "
+                f"{FULL_SCALE:g}, on below off"
+            )
 
 
 def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLightCalibration:

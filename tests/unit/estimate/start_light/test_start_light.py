@@ -394,3 +394,13 @@ def test_a_bulb_is_told_by_how_its_light_comes_to_rest(tail: float, warm: bool) 
         bulb.add(float(time), 4095.0 / (1.0 + light))
         seen = seen or bulb.is_warm(1.0)
     assert seen is warm
+
+
+@pytest.mark.parametrize(
+    ("off", "on"), [(500.0, 3000.0), (500.0, 500.0), (5000.0, 300.0), (3000.0, math.nan)]
+)
+def test_levels_that_are_exchanged_or_no_counts_are_refused(off: float, on: float) -> None:
+    with pytest.raises(
+        ConfigError, match=f"off is {off}, on is {on}: allowed are .* 0 to 4095, on below off"
+    ):
+        StartLightCalibration(off, on)
