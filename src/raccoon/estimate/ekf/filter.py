@@ -254,13 +254,13 @@ class DriveFilter:
         was believed to hang together with it becomes as much less sure.
 
         wheel: because one wheel is another. turning: because both are, or the track: which of them no turn
-        tells.
+        tells, and neither says anything of the gyro's scale and delay.
         """
         P = covariance_of(self.flat)
         if P[State.WAY, State.WAY] > 0.0:
             slope = P[State.WAY] / P[State.WAY, State.WAY]
             P += wheel**2 * np.outer(slope, slope)
-            slope[State.WHEEL_TURN] = 0.0
+            slope[[State.WHEEL_TURN, State.GYRO_SCALE, State.GYRO_DELAY]] = 0.0
             P += turning**2 * np.outer(slope, slope)
             self.flat = flattened(mean_of(self.flat), P)
 
