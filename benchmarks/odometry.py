@@ -42,7 +42,7 @@ from odometry_traces import (
     with_wandering_bias,
 )
 from raccoon.core.config import RobotConfig
-from raccoon.estimate.drive.prior import offset_std_counts, scale_std, track_std
+from raccoon.estimate.drive.prior import gyro_scale_std, offset_std_counts, scale_std, track_std
 from raccoon.estimate.drive.steps import GYRO_RATE
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
@@ -288,7 +288,7 @@ def drawn(seed: int) -> Parameters:
     lag = robot.model.bemf.filter_time_constant.value
     found = Parameters.from_robot(robot)
     found = found.with_effect("drive.track_width", factor=factor(track_std(robot, settings)))
-    found = found.with_effect("imu.gyro_scale", factor=factor(robot.model.imu.gyro_scale.std))
+    found = found.with_effect("imu.gyro_scale", factor=factor(gyro_scale_std(robot, settings)))
     found = found.with_effect("imu.gyro_bias", rate=settings.gyro_bias * float(random.normal()))
     found = found.with_effect("imu.latency", seconds=0.01 * abs(float(random.normal())))
     for side in ("left", "right"):

@@ -12,6 +12,7 @@ from raccoon.estimate.ekf.state import SIZE, OdometrySettings, State
 from raccoon.model.bemf import counts_scale
 
 _SCALES = [State.WAY, State.BALANCE, State.WHEEL_TURN]
+_TURNS = [State.WHEEL_TURN, State.GYRO_SCALE], [State.GYRO_SCALE, State.WHEEL_TURN]
 
 
 def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tuple[Array, Array]:
@@ -25,13 +26,18 @@ def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tup
     deviations[[State.X, State.Y, State.HEADING]] = 1e-4
     deviations[State.VELOCITY], deviations[State.TURN_RATE] = 0.1, 0.5
     deviations[State.GYRO_BIAS] = max(imu.gyro_bias.std, settings.gyro_bias)
-    deviations[State.GYRO_SCALE] = max(gyro_scale_std(robot), 1e-5)
+    deviations[State.GYRO_SCALE] = max(gyro_scale_std(robot, settings), 1e-5)
     deviations[State.GYRO_DELAY] = settings.gyro_delay
     for side, offset in (("left", State.LEFT_OFFSET), ("right", State.RIGHT_OFFSET)):
         deviations[offset] = offset_std_counts(robot, settings, side) * counts_scale(robot, side, device)
     covariance = np.diag(deviations**2)
     scales = [scale_std(robot, settings, side) for side in ("left", "right")]
     covariance[np.ix_(_SCALES, _SCALES)] = scale_covariance(scales[0], scales[1], track_std(robot, settings))
+    # Wheels are no second opinion of the gyro's scale: a track width is fitted to its turns, and one that is
+    # wrong must not turn the robot. What is known of the turns that wheels read is so against the gyro's.
+    gyro = deviations[State.GYRO_SCALE] / imu.gyro_scale.value
+    covariance[State.WHEEL_TURN, State.WHEEL_TURN] += gyro**2
+    covariance[_TURNS] = gyro * deviations[State.GYRO_SCALE]
     return mean, covariance
 
 
@@ -62,9 +68,15 @@ def known_offset_std(robot: RobotConfig, side: str) -> float | None:
     return None if own is None else own.std or (robot.model.bemf.offset.std if own.value else 0.0)
 
 
-def gyro_scale_std(robot: RobotConfig) -> float:
-    """Standard deviation of the gyro's scale; of a plain number that of one that nobody measured."""
-    return robot.model.imu.gyro_scale.std or ImuModel().gyro_scale.std
+def gyro_scale_std(robot: RobotConfig, settings: OdometrySettings) -> float:
+    """Standard deviation of the gyro's scale.
+
+    A plain number says nothing of it, and that of robot.toml's default is the model's: nobody measured it.
+    """
+    scale = robot.model.imu.gyro_scale
+    if scale.std > 0.0 and scale != ImuModel().gyro_scale:
+        return scale.std
+    return settings.uncalibrated_gyro_scale * scale.value
 
 
 def track_std(robot: RobotConfig, settings: OdometrySettings) -> float:

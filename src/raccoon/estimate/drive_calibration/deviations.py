@@ -13,6 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.estimate.drive.prior import gyro_scale_std
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
 from raccoon.estimate.drive_calibration.paths import by_start, residuals
+from raccoon.estimate.ekf.state import OdometrySettings
 
 PARTS = 8
 """Of fewer that are left out in turn, some agree by chance, and promise a tenth of the deviation there is."""
@@ -36,7 +37,7 @@ def left_out(
     if not any(
         each.truth is not None for each in manoeuvres
     ):  # the gyro's scale is wrong with all parts alike
-        square[2] += (gyro_scale_std(robot) / robot.model.imu.gyro_scale.value) ** 2
+        square[2] += (gyro_scale_std(robot, OdometrySettings()) / robot.model.imu.gyro_scale.value) ** 2
     deviations: Array = np.sqrt(
         square + _by_starts(robot, fitted, factors) + _by_tape(robot, fitted, factors)
     )

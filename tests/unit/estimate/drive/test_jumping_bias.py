@@ -10,7 +10,7 @@ from drive_traces import Segment, drive
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.estimate.drive.estimate import DriveEstimate
-from raccoon.estimate.drive.odometry import Odometry
+from raccoon.estimate.drive.odometry import Odometry, OdometrySettings
 
 REST: Segment = (1.0, 0.0, 0.0)
 DRIVE: list[Segment] = [(1.5, 0.18, 0.0), (0.2, 0.0, 0.0), (1.0, 0.0, 1.6), (0.2, 0.0, 0.0), (1.5, 0.18, 0.0)]
@@ -31,7 +31,7 @@ def driven(
     jump: float, at: float, *, every: int = 1, segments: list[Segment] = DRIVE
 ) -> tuple[DriveEstimate, float, float]:
     """The end of a drive in which the bias jumps by rad/s at s; errors of the heading and of the place."""
-    odometry = Odometry(RobotConfig())
+    odometry = Odometry(RobotConfig(), settings=OdometrySettings(uncalibrated_gyro_scale=0.001))
     for inputs, command in read(jump, at, every=every, segments=segments):
         estimate = odometry.update(inputs, command)
     truth = inputs.truth

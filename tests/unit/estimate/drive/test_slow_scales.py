@@ -9,7 +9,7 @@ from raccoon import open_robot, straight
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR
 from raccoon.estimate.drive.prior import prior, process_noise
-from raccoon.estimate.ekf.filter import DriveFilter, variance_index
+from raccoon.estimate.ekf.filter import DriveFilter, covariance_index, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.drive import DriveGeometry
 from raccoon.robot.emulated import open_emulated
@@ -53,7 +53,11 @@ def test_noise_that_is_like_that_of_the_step_before_is_no_scale() -> None:
 
 def test_a_turn_on_the_spot_tells_the_turn_of_the_wheels_and_not_their_balance() -> None:
     flat = driven(0.0, 1.0, wheel_turn=0.97).flat
-    assert flat[variance_index(State.WHEEL_TURN)] ** 0.5 < 0.002
+    wheels, gyro = variance_index(State.WHEEL_TURN), variance_index(State.GYRO_SCALE)
+    together = covariance_index(State.WHEEL_TURN, State.GYRO_SCALE)
+    assert (flat[wheels] + flat[gyro] - 2.0 * flat[together]) ** 0.5 < 0.002, (
+        "of the turns that the gyro reads"
+    )
     assert flat[State.WHEEL_TURN] == pytest.approx(0.97, abs=0.002)
     assert flat[State.BALANCE] == pytest.approx(0.0, abs=1e-3)
 

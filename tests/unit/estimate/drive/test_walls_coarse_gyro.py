@@ -7,7 +7,7 @@ import pytest
 from drive_traces import drive
 from raccoon import deg, open_robot, race, turn, wait
 from raccoon import drive as go
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.readings import SIMULATOR, Inputs
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.estimate.drive.readings import DriveReadings
@@ -39,7 +39,8 @@ def test_a_robot_that_a_wall_turns_between_two_readings_is_unsure_of_its_heading
 
 
 def test_a_turn_on_a_free_floor_is_as_sure_as_ever() -> None:
-    with open_robot(RobotConfig(), port=open_emulated(RobotConfig(), FIRMWARE)) as robot:
+    config = parse_robot({"model": {"imu": {"gyro_scale": {"value": 1.0, "std": 0.0005}}}})
+    with open_robot(config, port=open_emulated(config, FIRMWARE)) as robot:
         robot.run(wait(0.8))
         robot.run(turn(deg(90.0)))
         assert robot.estimate.heading_std < deg(0.2)
