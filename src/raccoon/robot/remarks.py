@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 LEAST_MISMATCH = 0.01
-"""Ratio of the wheels' scales, off its calibration, that is worth a word."""
+"""Share that the ratio of the wheels' scales, or the gyro's, is off robot.toml's to be worth a word."""
 SIGMAS = 4.0
-"""And how many of the calibration's own standard deviations it must be."""
+"""And how many of its standard deviations it must be."""
 
 FAULTS = {
     Fault.RESET: "the controller restarted: charge the battery, look for a loose battery plug",
@@ -57,6 +57,7 @@ def oddities(robot: Robot) -> tuple[str, ...]:
     off, found = mismatch(robot), robot.drive.oddities()
     if off != 0.0:
         found = (*found, _mismatched(robot, off))
+    found = (*found, *_misread(robot))
     return (*found, OFFSET) if AT_REST in robot.estimate.reasons else found
 
 
@@ -81,6 +82,17 @@ def _turned_otherwise(robot: Robot) -> str:
         f"in turns the gyro reads {robot.odometry.turn_share:.2f} times what the wheels say: is its scale "
         "right (a full turn by hand must be 360 degrees; gyro_scale under [model.imu] in robot.toml), and "
         "are track_width and wheel_radius under [model.drive]?"
+    )
+
+
+def _misread(robot: Robot) -> tuple[str, ...]:
+    """What is to be said of a gyro's scale that walls, lines and poses have taught to be another one."""
+    (scale, std), known = robot.odometry.gyro_scale, robot.config.model.imu.gyro_scale.value
+    if abs(scale - known) < max(LEAST_MISMATCH * known, SIGMAS * std):
+        return ()
+    return (
+        f"by the walls and lines that it saw the gyro reads {scale:.3f} times what the robot turns, and "
+        f"robot.toml has {known:.3f}: turn it by hand through ten full turns, and put gyro_scale into it",
     )
 
 

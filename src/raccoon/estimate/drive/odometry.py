@@ -22,6 +22,7 @@ from raccoon.estimate.drive.steps import Steps
 from raccoon.estimate.drive.timing import beyond
 from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.drive.wiring import Wiring
+from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
 from raccoon.model.drive import arc_end
 
@@ -68,6 +69,13 @@ class Odometry:
         """Speed as read over true speed, left and right: 1 where the calibration is right."""
         flat = self._steps.fusion.drive.flat
         return wheel_scales(flat[State.WAY], flat[State.BALANCE])
+
+    @property
+    def gyro_scale(self) -> tuple[float, float]:
+        """Turn rate as the gyro reads it over the true one, by robot.toml and by what was seen in the field;
+        and its standard deviation."""
+        flat = self._steps.fusion.drive.flat
+        return flat[State.GYRO_SCALE], math.sqrt(flat[variance_index(State.GYRO_SCALE)])
 
     @property
     def turn_share(self) -> float:

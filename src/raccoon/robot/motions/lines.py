@@ -275,8 +275,9 @@ def _observed_wall(robot: Robot, off: float, heading: float, std: float) -> tupl
         return ()
     remark = (
         f"align_on_wall: heading={math.degrees(heading):.1f} deg is not taken, the odometry is "
-        f"{math.degrees(off):.1f} deg from it: {found.reason}; it is no such wall, or the robot was moved or "
-        "pushed (robot.odometry.reset says where it is)"
+        f"{math.degrees(off):.1f} deg from it: {found.reason}; it is no such wall, the gyro's scale is "
+        "another one (ten turns by hand tell), or the robot was moved or pushed (robot.odometry.reset says "
+        "where it is)"
     )
     say(robot, remark)
     return (remark,)
