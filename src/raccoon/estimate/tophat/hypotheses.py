@@ -22,12 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.estimate.tophat.stories import (
+    BETWEEN_LINES,
     GROUP,
     LIGHTS,
+    LINE_WIDTH,
     MORE_BLACK,
     PHASES,
     STAGES,
     STORIES,
+    SUNLIGHT,
     chances,
     moves_of_stories,
 )
@@ -38,8 +41,9 @@ Array = NDArray[np.float64]
 LEAST_WAY = 5e-5  # m a reading: a standing robot may still be pushed
 MOST_PACE = 3.3
 STRAY = 1e-6  # density of a reading that means nothing, in units of 1 / the least u
+OTHER_LIGHT = 0.1  # odds that a robot is put down in another light than the one that is known
 MISTAKEN = 1e-4  # probability that the surface was taken for the other one before
-ON_EDGE, PUT_DOWN = 1e-4, 0.02  # probability of each stage of an edge at the start, and of a robot put down
+ON_EDGE = 1e-4  # probability of each stage of an edge at the start
 LEAK = 0.03  # light that a sensor gets whatever is below it
 
 
@@ -90,15 +94,27 @@ class Hypotheses:
             0.0,
         )
         self._stories = np.repeat(np.array(story)[:, np.newaxis], STORIES, axis=1)
-        self._stories[0, 2 * LIGHTS :: LIGHTS] = PUT_DOWN if start.on_black is None else ON_EDGE
         if start.on_black is None:
-            self._stories[0, ::LIGHTS] = 1.0
+            self._put_down(start)
         else:
+            self._stories[0, 2 * LIGHTS :: LIGHTS] = ON_EDGE
             self._stories[0, LIGHTS * start.on_black] = 1.0
             self._doubt(start)
         self.black = 0.5 if start.on_black is None else float(start.on_black)
         self.steady = self.sure = 0.0
         self.on_edge = False
+
+    def _put_down(self, start: Belief) -> None:
+        """Nobody knows where, nor whether the light is still that of the calibration."""
+        share = self._sensor.share
+        self._stories[0, 2 * LIGHTS :: LIGHTS] = self._sensor.spot / STAGES
+        sd = math.hypot(start.light, SUNLIGHT)
+        spread = sd * sd, share * sd * sd, (share**2 + self._sensor.share_sd**2) * sd * sd
+        for surface, chance in enumerate((BETWEEN_LINES, LINE_WIDTH)):
+            story = LIGHTS * surface
+            # The known light is the story of one that moves at no pace yet: it soon is the likelier, or out.
+            self._stories[0, story : story + LIGHTS] = OTHER_LIGHT * chance, chance
+            self._stories[4:7, story] += spread
 
     def _doubt(self, start: Belief) -> None:
         """The other story from the start on: that the surface had been taken for the other one."""

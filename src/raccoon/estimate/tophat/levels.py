@@ -22,6 +22,7 @@ PULL = 1.5  # standard deviations from which the filter trusts its levels less
 FORGET = 0.01  # of the noise estimate, a reading
 SURE_APART = 2.5  # separation of the levels, their own uncertainty included
 NEAR_BOTTOM = 5.0  # standard deviations of a reading, up to which its light is linearised at the level
+LEAST_DARK = 0.0125  # of the least light over white, that black sends back
 CONVERTER_NOISE = 9.0  # counts^2, of a standing sensor
 SEEN_CONTRAST = 0.5  # of what is expected in other light, from which two readings are two surfaces
 LEAST_CONTRAST = 12.0  # counts; below it nobody could tell
@@ -78,10 +79,8 @@ class Levels:
         shares = [each.sun_by_black for each in known] or [0.38, 0.58]
         self._share = sum(shares) / len(shares)
         self._share_sd = 0.03 if len(shares) == 1 else 0.10
-        own = min((each.reflected for each in known), default=0.1 * self.light)
-        # In the sun its own light is a small difference of two large ones, and less sure.
-        self._floor = (0.8 if own > 0.5 * self.light else 0.4) * own
-        self._own_dark = 0.01 * own
+        self._floor = min((each.least_reflected for each in known), default=0.04 * self.light)
+        self._own_dark = LEAST_DARK * self._floor
 
     def _learn(self, counts: float, on_black: bool, miss: float, noise: float) -> None:
         """One predict and update of the filter, with the noise of the surface learnt beside it."""

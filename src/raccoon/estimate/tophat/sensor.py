@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from raccoon.model.reflectance import GENERATIONS, NEAR, SensorModel, fit, light_of
 
 LEAST_HEIGHT, MOST_HEIGHT = 0.003, 0.035  # m; where people mount them
 MISFIT_OF_BLACK, MISFIT_OF_WHITE = 0.10, 0.015  # of the lights v and u: tapes and sensors differ
+SUN_BY_BLACK = 0.03  # sd of black's share of the sun's light
+DARKEST = 0.8  # of its own light from white, that the darkest white sends back
+FARTHEST = 0.4  # of that from the greatest height, which sensors may miss by so much
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +19,8 @@ class Explanation:
     """One sensor that would read these two levels.
 
     height: m. ambient: 0 is the paper's normal light, 1 its direct sun. reflected: the sensor's own light
-    from white. sun_by_black: black's share of the ambient light from white.
+    from white, and at the least `least_reflected`: in the sun it is a small difference of two large ones.
+    sun_by_black: black's share of the ambient light from white.
     """
 
     generation: str
@@ -23,6 +28,7 @@ class Explanation:
     ambient: float
     reflected: float
     sun_by_black: float
+    least_reflected: float
 
 
 def explanations(white: float, black: float) -> list[Explanation]:
@@ -49,7 +55,9 @@ def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:
         return None
     height = NEAR * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
     ambient = sun / (model.sun_near * (height / NEAR) ** model.sun_exponent)
-    return Explanation(model.generation, height, ambient, reflected, s)
+    doubt = math.hypot(MISFIT_OF_BLACK * v, SUN_BY_BLACK * sun) / (s - r)
+    sure = max(DARKEST * reflected - 2.0 * doubt, FARTHEST * least)
+    return Explanation(model.generation, height, ambient, reflected, s, sure)
 
 
 def _strangeness(explanation: Explanation) -> float:

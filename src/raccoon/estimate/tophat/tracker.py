@@ -195,7 +195,8 @@ class LightTracker(Levels):
         self._stray_way += way
         self._outside = self._outside + 1 if counts < self.white or counts > self.black else 0
         too_far = self._stray_way - self._stray_first > LONG * self._sensor.spot + way
-        if too_far or self._outside >= MOST_OUTSIDE or self.stray >= MOST_STRAY:
+        beyond = self._outside >= (1 if self._on_black is None else MOST_OUTSIDE)
+        if too_far or beyond or self.stray >= MOST_STRAY:
             self._begin()
 
     def _is_edge(self, way: float, known: bool) -> bool:
@@ -244,8 +245,10 @@ class LightTracker(Levels):
         self._done = 0
         sure = bank.sure
         self._calm = self._calm + 1 if bank.steady >= STEADY else 0
-        # While an edge is being crossed even the likelier story is often wrong for a reading or two.
-        if sure >= BELIEVED or (sure >= LIKELIER and self._calm >= CALM_READINGS):
+        # While an edge is being crossed even the likelier story is often wrong for a reading or two. But
+        # levels that do not fit where a robot was put down say less still.
+        calm = self._on_black is None or self._calm >= CALM_READINGS
+        if sure >= BELIEVED or (sure >= LIKELIER and calm):
             self._follow(bank.best(), counts)
         if sure < SURE:
             self.status = Status.UNCERTAIN

@@ -205,6 +205,46 @@ def test_a_standing_sensor_knows_that_only_the_light_can_have_changed() -> None:
     assert not any(black[260:])
 
 
+@pytest.mark.parametrize("condition", SENSORS, ids=name)
+@pytest.mark.parametrize(("ambient", "tape"), [(1.0, 0.9), (1.0, 1.0), (0.3, 0.9), (0.3, 1.0)])
+def test_calibrated_in_the_sun_and_used_indoors_it_is_right_after_two_lines(
+    condition: TophatReading, ambient: float, tape: float
+) -> None:
+    """How far away the sensor sits is hardly known from a calibration in the sun: white indoors is not out
+    of the question for that. tape: of the usual black's light."""
+    rng = np.random.default_rng(1)
+    optics = reflectance.fit(condition.generation).at(condition.height)
+    tophat = Tophat(calibrate(darker(rng, over_lines(2.5, rng, condition), optics, ambient, tape)))
+    radius, position = reflectance.spot_radius(condition.height), np.arange(0.0, 0.8, WAY)
+    dark = sum(reflectance.line_coverage(position, each, 0.03, radius) for each in (0.2, 0.4, 0.6))
+    counts = darker(rng, np.asarray(dark), optics, 0.0, tape)
+    black = [tophat.update(i / RATE, float(each), None, WAY).black for i, each in enumerate(counts)]
+    wrong = (np.array(black) != (dark > 0.5)) & ((dark < 0.05) | (dark > 0.95))
+    assert not wrong[position > 0.5].any()
+
+
+def darker(
+    rng: np.random.Generator, dark: NDArray[np.float64], optics: reflectance.Optics, sun: float, tape: float
+) -> NDArray[np.float64]:
+    """Readings over a tape that sends back `tape` of the usual black's light."""
+    light = optics.light(dark, sun) - (1.0 - tape) * dark * optics.light(1.0, sun)
+    return np.asarray(np.clip(np.round(4095.0 / (1.0 + light) + rng.normal(0.0, 3.0, len(dark))), 0, 4095))
+
+
+@pytest.mark.parametrize("condition", SENSORS[1:], ids=name)
+def test_put_down_in_another_light_a_robot_stands_on_white_rather_than_on_black(
+    condition: TophatReading,
+) -> None:
+    """Readings between the levels of two lights fit white in one and black in another: most of a table is
+    white. (An old sensor at 7 mm reads over white indoors what it reads over black in the sun.)"""
+    rng = np.random.default_rng(2)
+    optics = reflectance.fit(condition.generation).at(condition.height)
+    tophat = Tophat(calibrate(reflectance.read(rng, over_lines(2.5, rng, condition), optics, ambient=0.3)))
+    counts = reflectance.read(rng, np.zeros(60), optics)
+    black = [tophat.update(i / RATE, float(each), None, WAY).black for i, each in enumerate(counts)]
+    assert not any(black[20:])
+
+
 def test_black_for_longer_than_any_line_is_not_known() -> None:
     """Light that goes as quickly as an edge is crossed, to where white reads as black did."""
     rng = np.random.default_rng(5)
