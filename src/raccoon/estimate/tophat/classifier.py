@@ -14,6 +14,8 @@ from raccoon.estimate.tophat.tracker import GATE, LightTracker
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
 LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
+SPIKE = 4.0  # times as far from the reading after it as that is from the one before
+SPIKES_APART = 4  # readings between two of them
 BEYOND_READINGS = 4  # in a row beyond both surfaces, which is no edge
 
 
@@ -69,6 +71,9 @@ class Tophat:
         self._state: bool | None = None
         self._other = 0  # readings in a row on the side that is not the state's
         self._last_time = self._last_counts = self._last_coverage = 0.0
+        self._before = 0.0  # the last reading that the levels were told of
+        self._held: tuple[float, float | None] | None = None  # one that waits, and its way
+        self._alike = 0  # readings since the last one that waited
         self._beyond = 0  # readings in a row that are lighter than white or darker than black
         self._edge_time = 0.0  # the last passage through half coverage
         self._seen_jumps = 0
@@ -84,6 +89,7 @@ class Tophat:
     def adapt(self, on: bool) -> None:
         if on and not self._adapt:
             self.levels.restart()
+            self._held, self._before = None, self._last_counts
         self._adapt, self._beyond = on, 0
 
     @property
@@ -127,7 +133,8 @@ class Tophat:
         """
         self.missed = counts is None or self._at_an_end(counts)
         if counts is None or self.missed:
-            self.levels.unread += way or 0.0
+            held, self._held = self._held, None  # nobody knows what it was
+            self.levels.unread += (way or 0.0) + (0.0 if held is None else held[1] or 0.0)
             if self._state is None:
                 return UNKNOWN
             return TophatReading(self._state, 0.5, self._last_coverage, Status.UNCERTAIN, None)
@@ -137,16 +144,14 @@ class Tophat:
         flicker.update(counts)
         light = light_of(counts)
         if self._state is None:
-            self._last_counts = counts
+            self._before = counts
         # What the classifier goes by are readings in which lamps that flicker do not show.
         time, light = flicker.mean(time, light)
         if flicker.hertz:
-            counts = mean = FULL_SCALE / (1.0 + light)
-        else:
-            mean = 0.5 * (counts + self._last_counts)
+            counts = FULL_SCALE / (1.0 + light)
         self._last_counts = counts
         if self._adapt:
-            levels.update(mean, others_lost, way)
+            self._follow(counts, others_lost, way)
         else:
             lightest, darkest = levels.white - GATE * levels.sd_white, levels.black + GATE * levels.sd_black
             self._beyond = 0 if lightest <= counts <= darkest else self._beyond + 1
@@ -163,6 +168,28 @@ class Tophat:
         self._last_time, self._last_coverage = time, coverage
         edge = self._decide(counts)
         return TophatReading(self._state, self._probability(counts), coverage, levels.status, edge)
+
+    def _follow(self, counts: float, others_lost: bool | None, way: float | None) -> None:
+        """Hand the reading to what follows the light.
+
+        One far from that before it waits for that after it: a spike is far from both, and not followed. Lamps
+        that flicker swing so at every reading, and spikes do not.
+        """
+        levels, held, before = self.levels, self._held, self._before
+        self._held, self._before = None, counts
+        if self._flicker.hertz:
+            levels.update(counts, others_lost, way)
+            return
+        if held is not None:
+            first = before if abs(counts - held[0]) > SPIKE * abs(counts - before) else held[0]
+            levels.update(0.5 * (before + first), others_lost, held[1])
+            before = first
+        spread = GATE * (levels.sd_black if before >= levels.threshold else levels.sd_white)
+        self._alike += 1
+        if self._alike > SPIKES_APART and not -spread <= counts - before <= spread:
+            self._held, self._before, self._alike = (counts, way), before, 0
+            return
+        levels.update(0.5 * (before + counts), others_lost, way)
 
     def _at_an_end(self, counts: float) -> bool:
         """Whether the converter is at an end of its range, and neither surface is: a wire is loose, or two of

@@ -223,6 +223,25 @@ def test_calibrated_in_the_sun_and_used_indoors_it_is_right_after_two_lines(
     assert not wrong[position > 0.5].any()
 
 
+@pytest.mark.parametrize("condition", SENSORS, ids=name)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_single_readings_of_anything_at_all_are_no_change_of_light(
+    condition: TophatReading, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    optics = reflectance.fit(condition.generation).at(condition.height)
+    tophat = Tophat(calibrate(reflectance.read(rng, over_lines(2.5, rng, condition), optics)))
+    dark = over_lines(6.0, rng, condition)
+    counts = reflectance.read(rng, dark, optics)
+    clear = (dark == 0.0) | (dark == dark.max())
+    spikes = [each for each in range(40, len(dark), 25) if clear[each - 6 : each + 6].all()]
+    counts[spikes] = rng.integers(5, 4080, len(spikes))
+    black = [tophat.update(i / RATE, float(each), None, WAY).black for i, each in enumerate(counts)]
+    assert len(spikes) > 20
+    assert not ((np.array(black) != (dark > 0.5)) & clear).any()
+    assert tophat.levels.jumps == 0
+
+
 def darker(
     rng: np.random.Generator, dark: NDArray[np.float64], optics: reflectance.Optics, sun: float, tape: float
 ) -> NDArray[np.float64]:
