@@ -40,6 +40,7 @@ class Levels:
         "_dark_anchor",
         "_dark_noise",
         "_dark_var",
+        "_farthest",
         "_floor",
         "_light_anchor",
         "_light_noise",
@@ -80,6 +81,7 @@ class Levels:
         self._share = sum(shares) / len(shares)
         self._share_sd = 0.03 if len(shares) == 1 else 0.10
         self._floor = min((each.least_reflected for each in known), default=0.04 * self.light)
+        self._farthest = min((each.farthest for each in known), default=self._floor)
         self._own_dark = LEAST_DARK * self._floor
 
     def _learn(self, counts: float, on_black: bool, miss: float, noise: float) -> None:

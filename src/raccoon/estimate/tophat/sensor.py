@@ -20,7 +20,7 @@ class Explanation:
 
     height: m. ambient: 0 is the paper's normal light, 1 its direct sun. reflected: the sensor's own light
     from white, and at the least `least_reflected`: in the sun it is a small difference of two large ones.
-    sun_by_black: black's share of the ambient light from white.
+    `farthest`: from the greatest height. sun_by_black: black's share of the ambient light from white.
     """
 
     generation: str
@@ -29,6 +29,7 @@ class Explanation:
     reflected: float
     sun_by_black: float
     least_reflected: float
+    farthest: float
 
 
 def explanations(white: float, black: float) -> list[Explanation]:
@@ -56,8 +57,9 @@ def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:
     height = NEAR * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
     ambient = sun / (model.sun_near * (height / NEAR) ** model.sun_exponent)
     doubt = math.hypot(MISFIT_OF_BLACK * v, SUN_BY_BLACK * sun) / (s - r)
-    sure = max(DARKEST * reflected - 2.0 * doubt, FARTHEST * least)
-    return Explanation(model.generation, height, ambient, reflected, s, sure)
+    farthest = FARTHEST * least
+    sure = max(DARKEST * reflected - 2.0 * doubt, farthest)
+    return Explanation(model.generation, height, ambient, reflected, s, sure, farthest)
 
 
 def _strangeness(explanation: Explanation) -> float:

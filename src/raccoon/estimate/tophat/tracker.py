@@ -14,7 +14,7 @@ from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface
 from raccoon.estimate.tophat.hypotheses import Belief, Hypotheses, Sensor, pattern_of, usual_spot
 from raccoon.estimate.tophat.levels import CONVERTER_NOISE, Levels
-from raccoon.estimate.tophat.sensor import explanations
+from raccoon.estimate.tophat.sensor import DARKEST, explanations
 from raccoon.model.reflectance import light_of
 
 GATE = 4.5  # standard deviations within which a reading belongs to a surface
@@ -51,6 +51,7 @@ class LightTracker(Levels):
         "_calm",
         "_count",
         "_done",
+        "_fitted",
         "_lasted",
         "_later",
         "_lean",
@@ -84,6 +85,7 @@ class LightTracker(Levels):
         )
         self._bank: Hypotheses | None = None
         self._on_black: bool | None = None
+        self._fitted = False  # whether a reading has been one of a surface yet
         self._recent = NOTHING  # the last readings on one surface, oldest first
         self._log: list[tuple[float, float]] = []  # counts and way of the readings since `_start`
         self._start = self._later = self._belief()
@@ -122,6 +124,7 @@ class LightTracker(Levels):
                 self._stray(counts, way)
             return
         self._note(counts, way)
+        self._fitted = True
         if on_black is not self._on_black:
             if self._on_black is not None and not self._is_edge(way, known):
                 self._begin()
@@ -227,7 +230,10 @@ class LightTracker(Levels):
         )
 
     def _begin(self) -> None:
-        self._bank = Hypotheses(self._sensor, self._start)
+        sensor = self._sensor
+        if not self._fitted:  # somebody may have put the sensor higher than it was calibrated
+            sensor = sensor._replace(floor=min(sensor.floor, self._farthest))
+        self._bank = Hypotheses(sensor, self._start)
         self._done = self._calm = 0
         self.status = Status.UNCERTAIN
 
@@ -261,6 +267,8 @@ class LightTracker(Levels):
         self.light, self.dark, self._light_var, self._cross, self._dark_var, self._on_black = belief
         self._light_anchor, self._dark_anchor = self.light, self.dark
         self._refresh()
+        if not self._fitted:
+            self._sensor = self._sensor._replace(floor=min(self._sensor.floor, DARKEST * self.light))
         if was_black is not (counts >= self.threshold):
             self.jumps += 1
 

@@ -242,6 +242,24 @@ def test_single_readings_of_anything_at_all_are_no_change_of_light(
     assert tophat.levels.jumps == 0
 
 
+@pytest.mark.parametrize("condition", SENSORS[:2], ids=name)
+def test_a_sensor_that_was_put_higher_after_its_calibration_is_right_from_the_first_line_on(
+    condition: TophatReading,
+) -> None:
+    """Its white then sends back less than it could at the height of the calibration."""
+    rng = np.random.default_rng(3)
+    model = reflectance.fit(condition.generation)
+    near, far = model.at(condition.height), model.at(condition.height + 0.008)
+    tophat = Tophat(calibrate(reflectance.read(rng, over_lines(2.5, rng, condition), near)))
+    radius, position = reflectance.spot_radius(condition.height + 0.008), np.arange(0.0, 0.6, WAY)
+    dark = sum(reflectance.line_coverage(position, each, 0.03, radius) for each in (0.15, 0.35, 0.5))
+    counts = reflectance.read(rng, np.asarray(dark), far)
+    readings = [tophat.update(i / RATE, float(each), None, WAY) for i, each in enumerate(counts)]
+    wrong = np.array([each.black for each in readings]) != (dark > 0.5)
+    assert not (wrong & ((dark < 0.05) | (dark > 0.95)))[position > 0.2].any()
+    assert readings[-1].status is Status.OK
+
+
 def darker(
     rng: np.random.Generator, dark: NDArray[np.float64], optics: reflectance.Optics, sun: float, tape: float
 ) -> NDArray[np.float64]:
