@@ -25,6 +25,7 @@ STILL = 2e-5  # m a reading, below which a sensor stands
 USUAL_HEIGHT = 0.012  # m, of a sensor that is none of the two
 SHORT, LONG = 0.4, 1.6  # of an edge's way, from which and up to which a passage is one
 MOST_STRAY, MOST_OUTSIDE = 120, 6  # readings that nothing explains, and those beyond both surfaces
+OUTSIDE_AT_START = 2  # of those, where a robot was put down
 REMEMBERED = 32  # readings, at the least, that the bank goes through
 CATCH_UP = 3  # of them in one tick
 LIKELIER, BELIEVED, SURE = 0.6, 0.9, 0.99  # probabilities: to follow in calm, always, and to end the doubt
@@ -198,7 +199,7 @@ class LightTracker(Levels):
         self._stray_way += way
         self._outside = self._outside + 1 if counts < self.white or counts > self.black else 0
         too_far = self._stray_way - self._stray_first > LONG * self._sensor.spot + way
-        beyond = self._outside >= (1 if self._on_black is None else MOST_OUTSIDE)
+        beyond = self._outside >= (OUTSIDE_AT_START if self._on_black is None else MOST_OUTSIDE)
         if too_far or beyond or self.stray >= MOST_STRAY:
             self._begin()
 
