@@ -9,6 +9,7 @@ from raccoon.estimate.tophat import Tophat, Verdict, calibrate
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration
 from raccoon.estimate.tophat.flicker import UNEVEN, FlickerWatch, demodulated, lamps
 from raccoon.estimate.tophat.quality import restless
+from raccoon.estimate.tophat.tracker import LightTracker
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
 
@@ -240,6 +241,23 @@ def test_single_readings_of_anything_at_all_are_no_change_of_light(
     assert len(spikes) > 20
     assert not ((np.array(black) != (dark > 0.5)) & clear).any()
     assert tophat.levels.jumps == 0
+
+
+def test_where_lamps_flickered_lately_the_light_is_followed_by_every_reading_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An edge hides the lamps, and their swing looks like spikes to who does not see them."""
+    told = []
+    monkeypatch.setattr(LightTracker, "update", lambda _, *reading: told.append(reading))
+    white, black = Surface(1270.0, 5.0, 200), Surface(3800.0, 5.0, 200)
+    tophat = Tophat(TophatCalibration(Verdict.OK, "", white, black, 2500.0, 2400.0, 2600.0, flickers=120))
+    monkeypatch.setattr(FlickerWatch, "update", lambda *_: None)
+    for index in range(60):
+        tophat.update(index / RATE, 1270.0, None, WAY)
+    tophat._flicker.hertz = 0
+    for index in range(60, 90):
+        tophat.update(index / RATE, 1270.0 + 500.0 * (index % 5 == 0), None, WAY)
+        assert len(told) == index + 1
 
 
 @pytest.mark.parametrize("condition", SENSORS[:2], ids=name)
