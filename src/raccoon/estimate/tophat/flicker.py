@@ -29,7 +29,7 @@ EIGHT = 8
 """Such readings, 40 ms, in which a tenth of it is left at the most."""
 KINDS = (*LAMPS, UNEVEN)
 FOUR = 0.4  # of the power of steps that is alike four readings apart, or against each other: 0 of noise
-TIMES, MORE = 1.5, 0.4  # of that, and of the power: swing beyond which readings come evenly (they have 0.5)
+EVEN = 0.8  # of that, what is alike a beat apart where readings come evenly: they have 1 or 1.25, others 0.66
 BEGINS, ENDS = 0.65, 0.35  # alternation: 1 of a pure flicker, 0.25 of noise, 0 of an edge and of other lamps
 FORGET = 0.01  # of what was seen, a reading
 REACH = 3.0  # standard deviations to which a step counts: edges are longer
@@ -44,9 +44,9 @@ def lamps(counts: Array) -> int:
     power = float((steps * steps).mean())
     successive, four = _alike(steps, 1), abs(_alike(steps, 4))
     for hertz, beat in LAMPS.items():
-        swing = _alike(steps, beat) - successive
-        if swing > TIMES * four + MORE * power:
-            return hertz if swing > 2.0 * BEGINS * power else 0
+        beats = _alike(steps, beat)
+        if beats > EVEN * four:  # whatever the noise: of that nothing is alike so far apart
+            return hertz if beats - successive > 2.0 * BEGINS * power else 0
     return UNEVEN if four > FOUR * power else 0
 
 

@@ -1,5 +1,7 @@
 """Light or surface: the bank of hypotheses, flicker, and what cannot be known, on the fitted model."""
 
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -167,6 +169,19 @@ def test_uneven_words_are_told(flicker: float) -> None:
     assert lamps(counts) == UNEVEN
     assert np.std(demodulated(counts, UNEVEN)) < 0.4 * np.std(counts)
     assert not restless(1000.0 + 5.0 * (counts - 1000.0))
+
+
+@MAINS
+def test_faint_lamps_over_even_readings_are_no_uneven_words(flicker: float, hertz: int) -> None:
+    """Of a sensor that sees more noise than lamps one drive in ten was, and its answers came 40 ms late."""
+    found = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        noise, phase = rng.normal(0.0, 5.0, 600), rng.uniform(0.0, math.tau)
+        even, uneven = np.arange(600) / RATE, as_renewed(600, float(rng.uniform(0.0, 0.004)))
+        waves = (9.0 * np.sin(math.tau * flicker * at + phase) for at in (even, uneven))
+        found.append(tuple(lamps(1000.0 + wave + noise) for wave in waves))
+    assert set(found) == {(hertz, UNEVEN)}
 
 
 @pytest.mark.parametrize("flicker", [100.3, 119.7])
