@@ -28,6 +28,7 @@ from raccoon.diagnose.drives.sizes import (
     volts,
 )
 from raccoon.diagnose.drives.standing import DRIVEN, SIDES, standing
+from raccoon.diagnose.drives.times import SLOWEST_STEP
 from raccoon.diagnose.drives.ways import check_signed, check_turns, check_ways
 from raccoon.trace.recording import mistaken_duty, usual_step
 
@@ -59,10 +60,11 @@ def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: b
 
 def driven_freely(log: Log, robot: RobotConfig, held: tuple[tuple[float, float], ...] | None = None) -> Log:
     """What of a log tells its units: what was driven freely, by wheels that did not stand. It is all where a
-    wheel never reads what a motor can, which looks like a wall and is another unit. held: `where_held`, where
-    it is known already."""
+    wheel never reads what a motor can, which looks like a wall and is another unit, and where the time is no
+    controller's: by one in microseconds it drove for months. held: `where_held`, where that is known."""
     advances = len(log.time) > 1 and bool((np.diff(log.time) > 0.0).all())
-    if not advances or any(_always_small(log, robot, index) for index in (0, 1)):
+    timed = advances and usual_step(log.time) <= SLOWEST_STEP
+    if not timed or any(_always_small(log, robot, index) for index in (0, 1)):
         return log
     known = where_held(log, robot) if held is None else held
     stood = ((each.start, each.end) for each in standing(log, robot))
