@@ -87,10 +87,15 @@ class Summary:
     sensitivities: tuple[Sensitivity, ...]
 
 
+def kind_of(row: Row) -> str:
+    """The kind of a failure: its reason without an error's text, which may name a number."""
+    return str(row["reason"]).partition(":")[0]
+
+
 def summary(rows: Sequence[Row], factors: Sequence[str]) -> Summary:
     """Sum up rows whose columns `factors` were varied."""
     failed = [row["status"] != "ok" for row in rows]
-    reasons = Counter(str(row["reason"]).split(":")[0] for row in rows if row["status"] != "ok")
+    reasons = Counter(kind_of(row) for row, bad in zip(rows, failed, strict=True) if bad)
     rate = Rate(sum(failed), len(rows))
     of, outcome = _outcome(rows, failed)
     found = [_sensitivity(rows, name, outcome, len(factors)) for name in factors]

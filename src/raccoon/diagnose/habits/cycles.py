@@ -52,19 +52,14 @@ def as_pauses_slow_the_wheels(
     way it turns: a deadband of 0.002 to 0.004 with a probability of 1, or the scale of a reading, of most
     sound robots with such pauses. Whoever simulates them by the mean of the torque has none of it.
     """
-    other = slowed_by_pauses(habits.chain)
-    if other is None or not reads_back_emf(search.problem.features.roles):
-        return search, habits
-    return first_ahead(search, habits, [replace(habits, chain=other)], under, by, 0.0)
+    other = _slowed(search, habits)
+    return (search, habits) if other is None else first_ahead(search, habits, [other], under, by, 0.0)
 
 
 def as_pauses_slow_the_wheels_beside(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
     """The same beside several causes, which stay: a pause takes a count or two."""
-    chain = slowed_by_pauses(habits.chain)
-    if habits.firmware is not None or chain is None or not reads_back_emf(search.problem.features.roles):
-        return search, habits
-    other = replace(habits, chain=chain)
-    if not under.new(search, habits, [other]):
+    other = None if habits.firmware is not None else _slowed(search, habits)
+    if other is None or not under.new(search, habits, [other]):
         return search, habits
     problem = under(other)
     fit = best_of(search, problem, [search.fit.point])
@@ -74,3 +69,11 @@ def as_pauses_slow_the_wheels_beside(search: Search, habits: Habits, under: Unde
         return search, habits
     tell(AGAIN)
     return grown_on(seen_from(search, problem, fit.point)), other
+
+
+def _slowed(search: Search, habits: Habits) -> Habits | None:
+    """Habits with wheels that pauses slow down, or that are as fast again; None where there are no pauses."""
+    chain = slowed_by_pauses(habits.chain)
+    if chain is None or not reads_back_emf(search.problem.features.roles):
+        return None
+    return replace(habits, chain=chain)

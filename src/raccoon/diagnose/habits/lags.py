@@ -14,15 +14,7 @@ from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, as_it_pauses, with_driver_of
 from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, with_battery
-from raccoon.diagnose.habits.others import (
-    DOUBT,
-    LATE,
-    Under,
-    Way,
-    best_of,
-    by_the_battery,
-    without,
-)
+from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
 from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.gates import gate
