@@ -21,11 +21,11 @@ from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.heard import LEAST_ZONE, flickering, heard
 from raccoon.diagnose.rollout.robots import Variant, gyro_numbers, with_inertia
 from raccoon.sim.effects.chain import SHORTEST_CYCLE, Chain
+from raccoon.sim.effects.nominal import check_nominal, check_section
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import (
     LOOSE_STEP,
     SHORTEST,
-    check_nominal,
     plant_numbers,
     safe_step,
     sample_slots,
@@ -112,6 +112,7 @@ class PlantRollout:
         own: Sequence[OwnEffect] = (),
     ) -> None:
         self._robot = robot
+        check_nominal(robot.model)
         cycle = _cycle(usual_step(log.time), habits.chain.cycle)
         self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
         ports = {"left": robot.drive.left, "right": robot.drive.right}
@@ -235,7 +236,7 @@ class PlantRollout:
         if (straight, turn) not in made:
             plain = straight == turn == 1.0
             robot = self._robot if plain else with_inertia(self._robot, straight, turn)
-            check_nominal(robot.model)
+            check_section(robot.model, "drive")  # where the inertias are; the rest is as it was
             made[straight, turn] = robot
         return made[straight, turn]
 

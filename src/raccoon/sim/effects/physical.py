@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.nominal import NominalModel
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, MOTOR_PORTS
+from raccoon.sim.effects.nominal import check_nominal
 from raccoon.sim.effects.parameters import SIDES, Parameters
 from raccoon.sim.plant.quantities import Plant, State
 
 Numbers = tuple[float, ...]
 Floats = NDArray[np.float64]
+_COLUMNS = {name: index for index, name in enumerate(Plant._fields)}
 
 LOOSE_STEP = 0.00105
 """s of a step of a robot whose gears have play: a little above 1 ms, so that a cycle of 5 ms whose time stamp
@@ -51,18 +50,6 @@ def plant_numbers(parameters: Parameters, checked: bool = False) -> Plant:
             *_controller_numbers(parameters, sides),
         )
     )
-
-
-@lru_cache(maxsize=64)
-def check_nominal(model: NominalModel) -> None:
-    """Raise ConfigError for a value outside its bounds: what a program made, no file's reader has checked."""
-    for part in fields(model):
-        section = getattr(model, part.name)
-        name = f"motor.{part.name}" if part.name in SIDES else part.name
-        for each in fields(section):
-            value, bounds = getattr(section, each.name).value, each.metadata["bounds"]
-            if not bounds.allows(value):
-                raise ConfigError(f"model.{name}.{each.name} is {value}: allowed are {bounds}")
 
 
 def _motor_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
@@ -222,7 +209,7 @@ def time_constants(plants: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _column(plants: NDArray[np.float64], field: str) -> NDArray[np.float64]:
-    return np.asarray(plants[:, Plant._fields.index(field)])
+    return np.asarray(plants[:, _COLUMNS[field]])
 
 
 def _least_inertia(plants: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -284,16 +271,15 @@ def state_at_rest(plant: Plant) -> State:
 def states_at_rest(plants: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same of many robots: (robots, fields of Plant) in, (robots, fields of State) out."""
     column = {name: index for index, name in enumerate(State._fields)}
-    at = {name: plants[:, index] for index, name in enumerate(Plant._fields)}
     states = np.zeros((len(plants), len(column)))
     for name in ("heading_cos", "wheel_cos_left", "wheel_cos_right"):
         states[:, column[name]] = 1.0
     for name in ("bus", "battery"):
-        states[:, column[name]] = at["open_circuit_voltage"]
+        states[:, column[name]] = _column(plants, "open_circuit_voltage")
     for side in SIDES:
-        offset = at[f"offset_{side}"]
+        offset = _column(plants, f"offset_{side}")
         for name in ("recent", "older", "filtered"):
             states[:, column[f"{name}_{side}"]] = offset
-        dead = np.abs(offset) <= at[f"dead_zone_{side}"]
+        dead = np.abs(offset) <= _column(plants, f"dead_zone_{side}")
         states[:, column[f"bemf_{side}"]] = np.where(dead, 0.0, offset)
     return states

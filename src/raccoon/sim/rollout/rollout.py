@@ -98,13 +98,17 @@ def rollout(
     kept = np.array([State._fields.index(each) for each in fields], dtype=np.int64)
     raw = np.empty((len(kept), end - begin + 1, len(states)))
     raw[:, 0, :] = states[:, kept].T
-    random = np.random.default_rng(seed)
+    scatter = None if noise is None else (noise, np.random.default_rng(seed))
+    if scatter is None:
+        bemf_noise = np.zeros((2, 1, len(states)))
+    else:
+        bemf_noise = _bemf_noise(*scatter, cycles_of(commands, begin, end, lanes.cycle), len(states))
     course = Course(
         commands,
         begin,
         end,
         min(longest_step, safe_step(lanes.plant)),
-        _bemf_noise(noise, random, cycles_of(commands, begin, end, lanes.cycle), len(states)),
+        bemf_noise,
         readings_only,
     )
     final = run(lanes, states, course, kept, raw)
@@ -114,7 +118,7 @@ def rollout(
     time = commands.time[begin : end + 1]
     age = time - commands.time[0]
     made = {name: _channel(name, recorded, lanes, age) for name in names}
-    return Rollout(time, made if noise is None else _scattered(made, noise, random), final)
+    return Rollout(time, _scattered(made, *scatter) if scatter else made, final)
 
 
 def _check(begin: int, end: int, rows: int, longest_step: float) -> None:
@@ -130,8 +134,8 @@ def _check_readings(fields: Sequence[str]) -> None:
             raise ConfigError(f"truth.{each} is no reading: ask for it without readings_only")
 
 
-def _bemf_noise(noise: Noise | None, random: np.random.Generator, cycles: int, robots: int) -> Floats:
-    if noise is None or noise.bemf == 0.0:
+def _bemf_noise(noise: Noise, random: np.random.Generator, cycles: int, robots: int) -> Floats:
+    if noise.bemf == 0.0:
         return np.zeros((2, 1, robots))
     return random.normal(0.0, noise.bemf, (2, cycles, robots))
 
@@ -216,10 +220,11 @@ def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Float
 def _gyro(rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floats) -> Floats:
     """What the gyro reads, in place: no other channel is made of the rate that it follows."""
     scale, bias, drift, latency = (each[:, None] for each in numbers.T)
-    late = np.column_stack([latency, lags])
-    for alike in np.unique(late[late[:, 0] != 0.0], axis=0):  # nearly all of a fit's robots
-        robots = np.flatnonzero((late == alike).all(axis=1))
-        _make_earlier(rate, looked, robots, age, *alike)
+    late = dict.fromkeys(zip(latency[:, 0].tolist(), lags.tolist(), strict=True))
+    for seconds, lag in late:  # nearly all of a fit's robots are alike
+        if seconds != 0.0:
+            robots = np.flatnonzero((latency[:, 0] == seconds) & (lags == lag))
+            _make_earlier(rate, looked, robots, age, seconds, lag)
     if np.any(scale != 1.0):
         rate *= scale
     if np.any(bias):

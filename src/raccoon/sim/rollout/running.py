@@ -37,6 +37,7 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 FEW = 1  # robots up to which one after the other is faster where more than readings is asked
 SHORT = 500  # rows up to which a second thread costs more than it gains
+_COLUMNS = {name: index for index, name in enumerate(Plant._fields)}
 _SELDOM = {name: value for fields in SELDOM.values() for name, value in fields.items()}
 _LOOSE = {name: value for each in LOOSE for name, value in SELDOM[each].items()}
 
@@ -170,7 +171,7 @@ def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]
 
 def _differ(plants: Floats, neutral: Mapping[str, float]) -> NDArray[np.bool_]:
     """Which robots have other numbers than these."""
-    columns = [Plant._fields.index(name) for name in neutral]
+    columns = [_COLUMNS[name] for name in neutral]
     return np.asarray((plants[:, columns] != list(neutral.values())).any(axis=1))
 
 
