@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from importlib import import_module
 from math import radians as deg
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # as typing has it, whose import would take longer than all of this
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import (

@@ -8,7 +8,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from raccoon.cli.main import build_parser
+from raccoon.cli.commands import build_parser
 from raccoon.core.config import is_model, load_robot, parse_toml
 from raccoon.sim.effects.model_file import load_model
 

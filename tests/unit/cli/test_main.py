@@ -4,16 +4,18 @@ import argparse
 import errno
 import os
 import runpy
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+import raccoon
 from raccoon import __version__
 from raccoon.cli import main
+from raccoon.cli.commands import COMMANDS, build_parser
 from raccoon.cli.crew import crew_of
-from raccoon.cli.main import COMMANDS, build_parser
 
 
 def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,6 +80,32 @@ def test_an_interruption_while_the_commands_are_found_is_one_line(
     monkeypatch.setattr("raccoon.cli.init.configure", interrupted)
     assert main(["init"]) == 130
     assert capsys.readouterr().err == "raccoon: interrupted\n"
+
+
+@pytest.mark.parametrize("wrapped", [False, True], ids=["plain", "in the middle of a class"])
+def test_an_interruption_while_modules_are_loaded_is_one_line(
+    wrapped: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Interrupted:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "raccoon.cli.commands":
+                ctrl_c = KeyboardInterrupt()
+                if wrapped:
+                    raise RuntimeError("Error calling __set_name__") from ctrl_c
+                raise ctrl_c
+
+    monkeypatch.delitem(sys.modules, "raccoon.cli.commands")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    assert main(["init"]) == 130
+    assert capsys.readouterr().err == "raccoon: interrupted\n"
+
+
+def test_nothing_is_loaded_before_ctrl_c_is_heeded() -> None:
+    """What is imported until then ends in a traceback; these alone take 20 ms and several times that on a Pi."""
+    path = str(Path(raccoon.__file__).parents[1])
+    code = f"import sys; sys.path.append({path!r}); known = set(sys.modules); import raccoon.cli; print(*set(sys.modules) - known)"
+    done = subprocess.run([sys.executable, "-S", "-c", code], capture_output=True, text=True, check=True)
+    assert not {"argparse", "typing", "pathlib", "re", "raccoon.core.errors"} & set(done.stdout.split())
 
 
 def test_closed_outputs_do_no_harm(
