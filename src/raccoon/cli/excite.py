@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cause", help="cause to show, such as drive.backlash or bemf.scale@left")
     parser.add_argument("--rival", action="append", default=[], help="cause to tell it from (repeatable)")
     parser.add_argument(
-        "--within", type=float, default=1.0, help="m, free space around the robot (default 1)"
+        "--within", type=float, default=1.0, help="m, free space around the robot (default %(default)g)"
     )
     parser.add_argument(
         "--seconds",
@@ -43,7 +43,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--model", type=Path, help="with --simulate: model.toml of the robot to drive, effects and all"
     )
     parser.add_argument(
-        "--seed", type=int, default=0, help="of the simulated robot's noise (default 0): another drive of it"
+        "--seed",
+        type=int,
+        default=0,
+        help="of the simulated robot's noise (default %(default)s): another drive of it",
     )
     parser.add_argument("--record", type=Path, help="recording to write; without it nothing is driven")
 

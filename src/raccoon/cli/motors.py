@@ -25,12 +25,12 @@ FRESH = 1.06
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of both commands."""
     parser.add_argument(
-        "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (robot.toml)"
+        "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (%(default)s)"
     )
     parser.add_argument(
         "--port", choices=PORTS, help="what to drive; without it robot.toml's controller.port"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the simulator's noise (0)")
+    parser.add_argument("--seed", type=int, default=0, help="of the simulator's noise (%(default)s)")
     parser.add_argument(
         "--write", action="store_true", help="put the result into robot.toml (else only show it)"
     )

@@ -125,7 +125,9 @@ def load_robot(path: str | Path) -> RobotConfig:
     try:
         table = parse_toml(path.read_bytes())
         if is_model(table):
-            raise ConfigError("it is a model.toml, which raccoon diagnose --model takes; name a robot.toml")
+            raise ConfigError(
+                "it is a model.toml, which --model of diagnose, excite and sweep takes; name a robot.toml"
+            )
         robot = parse_robot(table)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None

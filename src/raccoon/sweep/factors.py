@@ -265,9 +265,8 @@ def refuse_idle(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
             raise ConfigError(f"{factor.name}: nothing would change, as robot.toml has no tophat")
 
 
-def robot_with(robot: RobotConfig, factors: tuple[Factor, ...], values: dict[str, float]) -> Parameters:
-    """The simulated robot with the drawn values. Raises ConfigError where a place does not exist on it."""
-    parameters = Parameters.from_robot(robot)
+def robot_with(parameters: Parameters, factors: tuple[Factor, ...], values: dict[str, float]) -> Parameters:
+    """A simulated robot with the drawn values. Raises ConfigError where a place does not exist on it."""
     for factor in sorted(factors, key=lambda each: each.where is not None):  # everywhere replaces any place
         if factor.is_of_robot:
             value = {factor.parameter: values[factor.name]}

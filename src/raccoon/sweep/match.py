@@ -14,10 +14,12 @@ from raccoon.core.port import Port
 from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import World
 from raccoon.sweep.apart import apart
 from raccoon.sweep.factors import LIGHT, Factor, nominal_values, refuse_idle, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
+from raccoon.sweep.limits import SECONDS, WITHIN, WITHIN_DEGREES
 from raccoon.sweep.program import Mission, Program
 from raccoon.sweep.results import Row
 from raccoon.sweep.watch import MatchOver, WatchedPort, wall_limit
@@ -41,7 +43,8 @@ class Match:
     comes: by default as in the RaccoonOS firmware. world: the table; None is the Botball-size one. start:
     pose on it (m, m, rad). within, within_angle: m and rad that a match may end from where the nominal robot
     ends. seconds: of a match. real_seconds: that computing it may take. end: pose (m, m, rad) of the nominal
-    robot, None where the end does not count.
+    robot, None where the end does not count. model: the robot that plays, as a diagnosis found it, while the
+    program goes by `robot`; None for one that is as `robot` says.
     """
 
     program: Program
@@ -51,19 +54,25 @@ class Match:
     imu_rate_hz: float = FIRMWARE_IMU_HZ
     world: World | None = None
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    within: float = 0.05
-    within_angle: float = math.radians(10.0)
-    seconds: float = 120.0
+    within: float = WITHIN
+    within_angle: float = math.radians(WITHIN_DEGREES)
+    seconds: float = SECONDS
     real_seconds: float = 300.0
     end: tuple[float, float, float] | None = None
+    model: Parameters | None = None
 
     def __post_init__(self) -> None:
         for name in ("within", "within_angle", "seconds", "real_seconds"):
             if not getattr(self, name) > 0.0:
                 raise ConfigError(f"{name} is {getattr(self, name)}: it must be above 0")
         refuse_idle(self.robot, self.factors)
-        robot_with(self.robot, self.factors, self.values(0))  # refuses places that the robot does not have
+        self.simulated(self.values(0))  # refuses places that the robot does not have
         _check_start(self.start, self.table, self.robot)
+
+    def simulated(self, values: dict[str, float]) -> Parameters:
+        """The robot that plays, with these values of the factors. Raises ConfigError for a place that it does
+        not have."""
+        return robot_with(self.model or Parameters.from_robot(self.robot), self.factors, values)
 
     @property
     def table(self) -> World:
@@ -138,7 +147,7 @@ def nominal_end(match: Match) -> tuple[float, float, float]:
     """
     values = nominal_values(match.robot, match.factors)
     factors = tuple(each for each in match.factors if each.name in values)
-    row = _play(replace(match, factors=factors, end=None), values, seed=0, record=None)
+    row = _play(replace(match, factors=factors, end=None, model=None), values, seed=0, record=None)
     if row["status"] != OK:
         raise ConfigError(f"{match.program.name} fails on the nominal robot already: {row['reason']}")
     return row["x"], row["y"], row["heading"]
@@ -201,7 +210,7 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
         everywhere = Box((-math.inf, -math.inf), (math.inf, math.inf))
         world = replace(world, lights=(*world.lights, Light(everywhere, values[LIGHT])))
     port = SimPort(
-        robot_with(match.robot, match.factors, values).with_chain(match.chain),
+        match.simulated(values).with_chain(match.chain),
         world,
         robot=match.robot,
         seed=seed_of(seed, 0),  # of numbers of its own: those of `seed` made the values

@@ -119,11 +119,13 @@ def _lost(match: Match, seed: int, run: int) -> Row:
 
 def description(match: Match, seed: int) -> dict[str, Any]:
     """What a table must agree in to be continued, as JSON."""
+    model = match.model
     return {
         "program": match.program.name,
         "text of the program": match.program.digest,
-        "robot": hashlib.sha256(repr(match.robot).encode()).hexdigest(),
-        "table": hashlib.sha256(repr(match.world).encode()).hexdigest(),
+        "robot": _digest(match.robot),
+        **({} if model is None else {"model": _digest((model.robot, model.effects, model.chain))}),
+        "table": _digest(match.world),
         "start": list(match.start),
         "sensors": [repr(match.chain), match.imu_rate_hz],
         "seed": seed,
@@ -131,6 +133,10 @@ def description(match: Match, seed: int) -> dict[str, Any]:
         "limits": [match.within, match.within_angle, match.seconds],
         "end": None if match.end is None else list(match.end),
     }
+
+
+def _digest(what: object) -> str:
+    return hashlib.sha256(repr(what).encode()).hexdigest()
 
 
 def with_nominal_end(match: Match, crew: Crew | None = None) -> Match:

@@ -57,6 +57,16 @@ def test_one_motor_with_json_and_page(tmp_path: Path, capsys: pytest.CaptureFixt
     assert not model.exists()
 
 
+@pytest.mark.parametrize("asked", [["--executor", "dask"], ["--workers", "3"], []], ids=str)
+def test_workers_that_one_recording_leaves_idle_are_told_of(
+    asked: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path / "dark.csv", dark(1))
+    assert main(["diagnose", str(path), *asked]) == 0
+    told = capsys.readouterr().err
+    assert told == (f"{' '.join(asked)}: not used, since this is one diagnosis, made here\n" if asked else "")
+
+
 def test_the_model_says_what_it_was_made_from(
     drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -215,7 +215,9 @@ def test_what_is_given_takes_the_place_of_what_varies_by_default(given: str, lef
     parser = argparse.ArgumentParser()
     configure(parser)
     args = parser.parse_args(["program.py", "--vary", given])
-    names = [each.name for each in _factors(args, RobotConfig()) if each.effect == "motor.back_emf_constant"]
+    names = [
+        each.name for each in _factors(args, RobotConfig(), None) if each.effect == "motor.back_emf_constant"
+    ]
     assert names == [*left, parse_factor(given).name]
 
 
@@ -237,3 +239,22 @@ def test_a_few_matches_name_only_what_is_more_than_chance(capsys: pytest.Capture
     assert not any(each.is_clear for each in found.sensitivities)
     report._print_sensitivities(found, {})
     assert "Nothing can be said about what it depends on: too few matches" in capsys.readouterr().out
+
+
+def test_the_robot_of_a_model_plays_while_the_program_goes_by_robot_toml(
+    program: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("model.toml").write_text(
+        '[[effect]]\nid = "drive.wheel_radius"\nparameters = { factor = 1.05 }\nstd = { factor = 0.001 }\n',
+        encoding="utf-8",
+    )
+    Path(program).write_text("from raccoon import straight\nmission = straight(0.2)\n", encoding="utf-8")
+    errors = []
+    for model in ([], ["--model", "model.toml"]):
+        assert main(["sweep", program, *VARIED, *model, "--only", "0"]) == 0
+        errors.append(float(capsys.readouterr().out.split("position_error")[1].split()[0]))
+    straight, wrong = errors
+    assert wrong == pytest.approx(0.05 * 0.2, rel=0.2)
+    assert straight < 0.002
+    assert main(["sweep", program, "--robot", "model.toml"]) == 2
+    assert "--model of diagnose, excite and sweep takes" in capsys.readouterr().err

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sweep.factors import Factor, parse_factor, robot_with
 
 
@@ -92,5 +92,5 @@ def test_one_side_differs_from_both_in_whichever_order_they_are_named() -> None:
     names = ("friction.coulomb@left=0.25", "friction.coulomb=0.2")
     for factors in (tuple(map(parse_factor, names)), tuple(map(parse_factor, names[::-1]))):
         values = {each.name: each.low for each in factors}
-        made = robot_with(RobotConfig(), factors, values)
+        made = robot_with(Parameters(), factors, values)
         assert [made.value("friction.coulomb", "torque", side) for side in ("left", "right")] == [0.25, 0.2]

@@ -51,7 +51,7 @@ def _add_drive(kinds: Any) -> None:
         "recording", nargs="+", type=recording_path, help="traces or CSV files, or folders of them"
     )
     parser.add_argument(
-        "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (robot.toml)"
+        "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (%(default)s)"
     )
     parser.add_argument(
         "--straight",
@@ -66,7 +66,9 @@ def _add_drive(kinds: Any) -> None:
         metavar="BEGIN:END:METRES",
         help="a straight piece from BEGIN to END (s of the recording) that measures METRES (may be repeated)",
     )
-    parser.add_argument("--tape-std", type=float, default=0.002, metavar="M", help="of the tape, m (0.002)")
+    parser.add_argument(
+        "--tape-std", type=float, default=0.002, metavar="M", help="of the tape, m (%(default)g)"
+    )
     parser.add_argument(
         "--write", action="store_true", help="put the result into robot.toml (else only show it)"
     )
@@ -115,7 +117,7 @@ def _add_tophats(kinds: Any) -> None:
         help="names the sensors and their ports (robot.toml)",
     )
     parser.add_argument(
-        "--store", type=Path, default=Path("tophats.json"), help="file of the calibrations (tophats.json)"
+        "--store", type=Path, default=Path("tophats.json"), help="file of the calibrations (%(default)s)"
     )
     parser.add_argument(
         "--set",

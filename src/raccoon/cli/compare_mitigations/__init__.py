@@ -30,10 +30,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robots", type=int, help="simulated robots a column (without it the full table, 24 to 200)"
     )
-    parser.add_argument("--seed", type=int, default=1, help="of everything random (1)")
+    parser.add_argument("--seed", type=int, default=1, help="of everything random (%(default)s)")
     add_workers(parser, 1)
     parser.add_argument(
-        "--tape", type=float, default=0.001, help="m, standard deviation of the tape that all go by (0.001)"
+        "--tape",
+        type=float,
+        default=0.001,
+        help="m, standard deviation of the tape that all go by (%(default)g)",
     )
     parser.add_argument("--condition", action="append", help="only this column (may be given again)")
     parser.add_argument("--markdown", type=Path, metavar="OUT", help="also write the tables as Markdown")

@@ -15,7 +15,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, default=Path("raccoon-demo"), help="folder for the picture and the trace"
     )
-    parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
+    parser.add_argument("--seed", type=int, default=1, help="of everything random (default %(default)s)")
     add_workers(parser, 2)
 
 

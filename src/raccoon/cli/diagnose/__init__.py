@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from raccoon.diagnose.result import Diagnosis
 
 HELP = "compare a recording with the simulation, name what is wrong and write the better model"
+ALONE = 1
+"""Processes that diagnose, unless more are asked for."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +55,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="fit all drives of one robot as one: short ones tell together what none does alone",
     )
     parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
-    add_crew(parser, 1)
+    add_crew(parser, ALONE)
     parser.add_argument("--json", type=Path, help="write the diagnosis as JSON")
     parser.add_argument("--html", type=Path, help="write a report with pictures")
     parser.add_argument(
@@ -102,11 +105,13 @@ def run(args: argparse.Namespace) -> int:
     check_replaceable(args.json, args.html, model=args.save_model)
     _check_numba(paths, args.robot)
     if len(paths) == 1:
+        _say_no_crew(args)
         with doing_shown():
             found = diagnose_job(job_of(args, paths[0])).diagnosis
         _write(args, found, paths[0].name)
         return 0
     if args.together:
+        _say_no_crew(args)
         with doing_shown():
             found = diagnose_together(args, paths)
         _write(args, found, f"{len(paths)} recordings together")
@@ -114,8 +119,17 @@ def run(args: argparse.Namespace) -> int:
     together = pooled(args, paths)
     if together is None:
         return run_fleet(args, paths)
+    _say_no_crew(args)
     _write(args, together, f"{len(paths)} runs")
     return 0
+
+
+def _say_no_crew(args: argparse.Namespace) -> None:
+    """Say of workers that were asked for that they have nothing to do: one diagnosis is not divided."""
+    named = [f"--executor {args.executor}"] if args.executor != "processes" else []
+    named += [f"--workers {args.workers}"] if args.workers != ALONE else []
+    if named:
+        print(f"{' '.join(named)}: not used, since this is one diagnosis, made here", file=sys.stderr)
 
 
 def _to_judge_on(named: Sequence[Path]) -> list[Path]:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from raccoon.cli.crew import add_crew
+from raccoon.sweep.limits import SECONDS, WITHIN, WITHIN_DEGREES
 
 HELP = "play a program many times on simulated robots that differ: how often it fails, and why"
 
@@ -13,9 +14,12 @@ HELP = "play a program many times on simulated robots that differ: how often it 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("program", type=Path, help="a Python file that defines mission(robot)")
-    parser.add_argument("--runs", type=int, default=200, help="matches to play (200)")
-    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="the robot (robot.toml)")
-    parser.add_argument("--seed", type=int, default=0, help="of everything random (0)")
+    parser.add_argument("--runs", type=int, default=200, help="matches to play (%(default)s)")
+    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="the robot (%(default)s)")
+    parser.add_argument(
+        "--model", type=Path, help="model.toml of the robot that plays, while the program goes by robot.toml"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of everything random (%(default)s)")
     parser.add_argument(
         "--out", type=Path, help="table of all matches, .csv or .parquet; taken up again there"
     )
@@ -34,7 +38,9 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
         help="LOW:HIGH, MEAN~SD or a number, in place of what is varied by default",
     )
     parser.add_argument("--only-varied", action="store_true", help="vary nothing but what --vary names")
-    parser.add_argument("--faults", type=float, default=0.0, help="share of matches with each fault (0)")
+    parser.add_argument(
+        "--faults", type=float, default=0.0, help="share of matches with each fault (%(default)g)"
+    )
     parser.add_argument(
         "--plain-sensors",
         action="store_true",
@@ -49,10 +55,10 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
         default=(0.0, 0.0, 0.0),
         help="where on the table matches start, m and degrees (0 0 0)",
     )
-    parser.add_argument("--within", type=float, help="m from the nominal robot's end (0.05)")
-    parser.add_argument("--within-angle", type=float, help="deg from it (10)")
+    parser.add_argument("--within", type=float, help=f"m from the nominal robot's end ({WITHIN:g})")
+    parser.add_argument("--within-angle", type=float, help=f"deg from it ({WITHIN_DEGREES:g})")
     parser.add_argument("--any-end", action="store_true", help="where a match ends does not count")
-    parser.add_argument("--seconds", type=float, default=120.0, help="a match may take (120)")
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="a match may take (%(default)g)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,6 +6,7 @@ import argparse
 import math
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 
 from raccoon.cli.crew import check_crew, crew_of
 from raccoon.cli.numbers import check_seed, check_start
@@ -15,15 +16,16 @@ from raccoon.cli.sweep.report import print_report, print_row
 from raccoon.core.config import RobotConfig, load_robot
 from raccoon.core.errors import ConfigError
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
+from raccoon.sim.effects.model_file import load_model
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import World
 from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor, place_of
+from raccoon.sweep.limits import WITHIN, WITHIN_DEGREES
 from raccoon.sweep.match import Match, play, seed_of
+from raccoon.sweep.modelled import modelled_factors
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import check_sweep, sweep, with_nominal_end
 from raccoon.trace.record import already_there
-
-WITHIN, WITHIN_DEGREES = 0.05, 10.0
-"""m and degrees from where the nominal robot ends that a match may end by default."""
 
 
 def sweep_and_print(args: argparse.Namespace) -> int:
@@ -74,22 +76,37 @@ def match_of(args: argparse.Namespace) -> Match:
     """The match that the arguments describe, which ends anywhere. Raises ConfigError, FileNotFoundError."""
     _check_numbers(args)
     robot = load_robot(args.robot)
+    model = None if args.model is None else _model(args, robot)
     x, y, degrees = args.start
     match = Match(
         Program.read(args.program),
         robot,
-        _factors(args, robot),
-        chain=Chain() if args.plain_sensors else Chain.firmware(),
+        _factors(args, robot, model),
+        chain=_chain(args, model),
         imu_rate_hz=200.0 if args.plain_sensors else FIRMWARE_IMU_HZ,
         world=None if args.table is None else World.from_file(args.table),
         start=(x, y, math.radians(degrees)),
         within=WITHIN if args.within is None else args.within,
         within_angle=math.radians(WITHIN_DEGREES if args.within_angle is None else args.within_angle),
         seconds=args.seconds,
+        model=model,
     )
     if not match.factors:
         raise ConfigError("nothing is varied: leave out --only-varied, or give --vary")
     return match
+
+
+def _model(args: argparse.Namespace, robot: RobotConfig) -> Parameters:
+    """The robot of --model, with the tophats of robot.toml."""
+    model = load_model(args.model, robot)
+    return replace(model, robot=replace(model.robot, tophats={**model.robot.tophats, **robot.tophats}))
+
+
+def _chain(args: argparse.Namespace, model: Parameters | None) -> Chain:
+    """The sensor chain: the one that a model found, else the firmware's."""
+    if args.plain_sensors:
+        return Chain()
+    return Chain.firmware() if model is None or model.chain == Chain() else model.chain
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
@@ -115,8 +132,9 @@ def _check_numbers(args: argparse.Namespace) -> None:
         raise ConfigError(f"--faults {args.faults:g}: allowed are numbers from 0 to 1")
 
 
-def _factors(args: argparse.Namespace, robot: RobotConfig) -> tuple[Factor, ...]:
-    usual = () if args.only_varied else default_factors(robot)
+def _factors(args: argparse.Namespace, robot: RobotConfig, model: Parameters | None) -> tuple[Factor, ...]:
+    usual = default_factors(robot) if model is None else modelled_factors(robot, model)
+    usual = () if args.only_varied else usual
     given = [parse_factor(text) for text in args.vary]
     if args.faults:
         usual = (*usual, *fault_factors(args.faults))

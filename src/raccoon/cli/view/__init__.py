@@ -33,7 +33,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start", type=float, nargs=3, metavar=("X", "Y", "DEG"), help="where on the table it started"
     )
-    parser.add_argument("--speed", type=float, default=4.0, help="of the animation, times real time (4)")
+    parser.add_argument(
+        "--speed", type=float, default=4.0, help="of the animation, times real time (%(default)g)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

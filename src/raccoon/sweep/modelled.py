@@ -1,0 +1,30 @@
+"""What differs between the matches of one robot, whose model.toml a diagnosis wrote."""
+
+from __future__ import annotations
+
+from raccoon.core.config import RobotConfig
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sweep.factors import Factor, default_factors, place_of
+
+OF_THE_DAY = frozenset(
+    {"battery.open_circuit_voltage", "drive.slope", "imu.gyro_bias", "tophat.ambient_light"}
+)
+"""What another match has otherwise, also on the same robot: its charge, table, zero and light."""
+
+
+def modelled_factors(robot: RobotConfig, model: Parameters) -> tuple[Factor, ...]:
+    """The usual factors; in place of what the model found, that with the standard deviation that it gives."""
+    found = {key for key in model.effects if key[0] not in OF_THE_DAY}
+    kept = [
+        each
+        for each in default_factors(robot)
+        if place_of(robot, each)[0] not in found and (each.effect, None) not in found
+    ]
+    for (effect, where), origin in model.origins.items():
+        if (effect, where) in found:
+            values = model.effects[(effect, where)]
+            kept += [
+                Factor(effect, name, values[name] - std, values[name] + std, normal=True, where=where)
+                for name, std in origin.std.items()
+            ]
+    return tuple(kept)
