@@ -184,4 +184,5 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
         space = f"{reach_of(robot, duty):.2f} m free of walls and things on every side"
         print(f"the robot will drive: put it on the floor with {space}", file=sys.stderr, flush=True)
     tell = partial(print, file=sys.stderr, flush=True)
-    drive_and_record(robot, duty, args.record, port, say=tell)
+    seed = None if port is None else args.seed
+    drive_and_record(robot, duty, args.record, port, say=tell, seed=seed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -70,6 +72,13 @@ def test_another_seed_is_another_drive_of_the_same_robot(excite: Excite, tmp_pat
     assert not np.array_equal(gyros[0], gyros[2])
     np.testing.assert_array_equal(columns[0]["motor.0.duty"], columns[2]["motor.0.duty"])
     assert excite(*command, "--seed", "-1") == 2
+
+
+def test_a_simulated_drive_says_its_seed(excite: Excite, tmp_path: Path) -> None:
+    run = tmp_path / "run.jsonl"
+    assert excite("--manoeuvre", "still", "--simulate", "--seed", "7", "--record", run) == 0
+    header = json.loads(gzip.decompress((tmp_path / "run.jsonl.gz").read_bytes()).splitlines()[0])
+    assert header["seed"] == 7
 
 
 def test_the_file_that_was_written_is_named_and_not_another_that_is_there(

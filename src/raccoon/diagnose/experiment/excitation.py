@@ -52,10 +52,11 @@ def drive_and_record(
     path: str | Path,
     port: Port | None = None,
     say: Say = lambda _: None,
+    seed: int | None = None,
 ) -> None:
     """Drive and keep a recording. port: by default the one that robot.toml names is opened; either is closed
-    at the end, also where a signal ends the program. say: as in `drive`. Raises FileExistsError where there
-    is a recording.
+    at the end, also where a signal ends the program. say: as in `drive`. seed: of a simulated port, which the
+    recording says. Raises FileExistsError where there is a recording.
     """
     from raccoon.robot.loop import stopped_on_exit
     from raccoon.robot.opening import open_port
@@ -63,7 +64,7 @@ def drive_and_record(
 
     opened = open_port(robot) if port is None else port
     with stopped_on_exit(opened.close):
-        recording = RecordingPort(opened, path, config=robot)
+        recording = RecordingPort(opened, path, config=robot, seed=seed)
         with stopped_on_exit(recording.close):
             drive(recording, robot, duty, say)
 
