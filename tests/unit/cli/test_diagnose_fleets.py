@@ -15,7 +15,7 @@ from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose.files import recordings, robot_names, short_names
-from raccoon.cli.diagnose.many import Work
+from raccoon.cli.diagnose.many import Work, _each_once
 from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, load_robot
@@ -80,6 +80,19 @@ def test_a_copy_of_a_recording_counts_once(tmp_path: Path, capsys: pytest.Captur
     assert list(table["recordings"]) == ["a.csv", "b.csv"]
     assert table["failed"] == {"c.mcap": "its samples are those of a.csv, and count once"}
     assert "c.mcap: no diagnosis: its samples are those of a.csv" in capsys.readouterr().out
+
+
+def test_where_files_name_the_robots_the_same_samples_are_of_one() -> None:
+    """A fleet's copied file was a robot of its own, which had the same cause. Of two robot.toml, that one
+    recording is to be compared with, each has its answer."""
+    nothing = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.0, None, ())
+    files = {name: Answer(nothing, name, None, "7f") for name in ("robot-1", "copy")}
+    assert _each_once(files, {name: name for name in files}) == {
+        "robot-1": files["robot-1"],
+        "copy": "its samples are those of robot-1, and count once",
+    }
+    named = {name: Answer(nothing, name, Path(name, "robot.toml"), "7f") for name in ("red", "blue")}
+    assert _each_once(named, {name: name for name in named}) == named
 
 
 def test_a_copy_by_another_clock_is_a_copy() -> None:

@@ -157,13 +157,16 @@ TWICE = "its samples are those of {}, and count once"
 def _each_once(found: Mapping[str, Answer | str], called: Mapping[str, str]) -> dict[str, Answer | str]:
     """The answers. Of a recording that a robot has twice, as a copy or in another form, the later one is said
     to be that: it would make what it says surer than it is. called: each one's robot; a trace has its robot
-    in itself, and the CSV that was made of it beside it."""
+    in itself, and the CSV that was made of it beside it. Where the files alone name the robots, as in a fleet
+    of others, the same samples are one robot's."""
     once: dict[str, Answer | str] = {}
     first: dict[tuple[str, str], str] = {}
     for name, each in found.items():
         before = name
         if isinstance(each, Answer):
-            before = first.setdefault((called[name], each.samples), name)
+            whose = [called[name], *([""] if each.file is None else [])]
+            before = next((first[one, each.samples] for one in whose if (one, each.samples) in first), name)
+            first |= {(one, each.samples): before for one in whose}
         once[name] = each if before == name else TWICE.format(before)
     return once
 

@@ -29,6 +29,8 @@ FILTERS = (0.0225, 0.045)
 """s of a reading's filter, where it has one."""
 STEP, FARTHEST = 0.02, 0.3
 """s by which delays are tried, and the longest of them, either way."""
+CHANGED = 10
+"""Rows in which a command is another than mostly, from which it changes."""
 FEWEST, MOST = 200, 3000
 """Readings from which this is asked, and of how many at most."""
 BETTER = 0.8
@@ -161,6 +163,11 @@ class Asked:
         return self.answer(lambda rows: least_unexplained(speeds[rows], self.reading), latest)
 
 
+def changes(command: Array) -> bool:
+    """Whether a command is not nearly all the time the same: a stop in the last row is answered in none."""
+    return int(np.count_nonzero(command != np.median(command))) >= CHANGED
+
+
 def answer_of(
     time: Array, duties: Sequence[Array], channel: Channel, latest: float, lost: float
 ) -> Answer | None:
@@ -170,7 +177,7 @@ def answer_of(
     answer at all. Either is said of the best of many wheels only.
     """
     asked, duty = Asked.of(time, channel), np.sum(duties, axis=0)
-    if asked is None or float(np.ptp(duty)) == 0.0:
+    if asked is None or not changes(duty):
         return None
     answer = asked.of_one(duty, latest)
     if not (answer.early or answer.left > lost):

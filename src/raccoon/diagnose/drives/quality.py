@@ -13,6 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.answers import check_signs
+from raccoon.diagnose.drives.followers import changes
 from raccoon.diagnose.drives.held import of_free_driving, where_held
 from raccoon.diagnose.drives.log import Channel, Log, arranged
 from raccoon.diagnose.drives.sizes import (
@@ -227,7 +228,7 @@ CLEAR = 0.5
 
 def moves(log: Log) -> bool:
     """Whether the commands change and the wheels answer: without that nothing can be told."""
-    commanded = float(np.ptp(log.duty, axis=0).max()) > 0.05
+    commanded = any(changes(each) and float(np.ptp(each)) > 0.05 for each in log.duty.T)
     answers = [
         float(np.nanstd(each.values)) > 5.0 * each.floor
         for each in log.channels

@@ -37,8 +37,9 @@ MOST_CURVES = 6
 __all__ = ["error_figure", "page", "save_html"]
 
 
-def save_html(diagnosis: Diagnosis, path: str | Path, title: str) -> None:
-    """Write the report, atomically. Raises ConfigError where jinja2 or matplotlib is not installed."""
+def save_html(diagnosis: Diagnosis, path: str | Path, title: str = "a recording") -> None:
+    """Write the report, atomically. title: what it is a diagnosis of. Raises ConfigError where jinja2 or
+    matplotlib is not installed."""
     write_atomically(Path(path), page(diagnosis, title))
 
 

@@ -17,6 +17,7 @@ from raccoon.diagnose.drives.answers import EARLY, EARLY_GYRO, LOST, LOST_GYRO, 
 from raccoon.diagnose.drives.followers import answer_of
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
+from raccoon.diagnose.drives.quality import moves
 from raccoon.diagnose.drives.ways import check_signed
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
@@ -213,6 +214,17 @@ def test_a_wheel_that_does_not_follow_its_command_is_said(good: Columns) -> None
     half[len(half) // 2 :] = 0.0
     with pytest.raises(TraceError, match=r"motor\.0\.bemf does not follow motor\.0\.duty, which explains"):
         check_answers(changed(good, "motor.0.duty", half))
+
+
+def test_a_command_that_ends_in_the_last_row_has_never_changed(good: Columns) -> None:
+    """A drive at one power whose stop is the last row was said not to follow its command."""
+    ends = np.full(len(good["t"]), 0.4)
+    ends[-1] = 0.0
+    log = log_from_columns({**good, "motor.0.duty": ends, "motor.1.duty": ends}, ROBOT)
+    check_answers(log)
+    assert not moves(log)
+    pulse = np.where(np.arange(len(ends)) < 40, 0.0, ends)
+    assert moves(log_from_columns({**good, "motor.0.duty": pulse}, ROBOT))
 
 
 def test_a_wheel_that_moves_without_a_command_is_said(good: Columns) -> None:

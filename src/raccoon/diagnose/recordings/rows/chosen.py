@@ -12,7 +12,7 @@ from raccoon.diagnose.drives.times import check_step
 from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.rows.between import check_recorded
 from raccoon.diagnose.recordings.rows.length import bounded
-from raccoon.diagnose.recordings.rows.repeated import without_held, without_repeated
+from raccoon.diagnose.recordings.rows.repeated import without_empty, without_held, without_repeated
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -28,7 +28,7 @@ def rows_of(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
         return columns, ()
     check_step(columns["t"])  # of a time in microseconds each row would come after a long pause
     check_recorded(columns)
-    columns, held = without_held(columns)
+    columns, held = without_held(without_empty(columns))
     columns, long = bounded(columns)
     return columns, (*held, *long)
 

@@ -1,4 +1,4 @@
-"""Samples that a recorder wrote twice: at one time, or with all that was in the row before."""
+"""Rows that say nothing new: written twice, at one time or with all that was in the row before, or empty."""
 
 from __future__ import annotations
 
@@ -45,6 +45,16 @@ def _as_before(columns: Columns) -> NDArray[np.bool_]:
         if name != "t":
             same[1:] &= (each[1:] == each[:-1]) | (np.isnan(each[1:]) & np.isnan(each[:-1]))
     return same
+
+
+def without_empty(columns: Columns) -> Columns:
+    """The columns without rows that hold nothing but their time: nobody knows what was commanded then, so
+    they are as good as lost. All of them where no row holds more."""
+    rest = [np.isfinite(each) for name, each in columns.items() if name != "t"]
+    some = np.any(rest, axis=0)
+    if "t" not in columns or not some.any() or some.all():
+        return columns
+    return {name: each[some] for name, each in columns.items()}
 
 
 FASTER = 0.3

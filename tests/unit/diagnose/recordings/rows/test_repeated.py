@@ -9,7 +9,13 @@ import pytest
 
 from blind.generator import make
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.rows.repeated import without_held, without_repeated
+from raccoon.diagnose.recordings.kind import Kind
+from raccoon.diagnose.recordings.rows.chosen import rows_of
+from raccoon.diagnose.recordings.rows.repeated import (
+    without_empty,
+    without_held,
+    without_repeated,
+)
 
 Columns = dict[str, np.ndarray]
 
@@ -81,3 +87,16 @@ def test_readings_in_few_steps_of_a_robot_that_drives_evenly_are_no_faster_logge
     columns = {"t": 0.005 * np.arange(1200), "motor.0.bemf": read}
     columns |= {"motor.0.duty": np.full(1200, 0.5), "motor.1.bemf": np.full(1200, 400.0)}
     assert without_held(columns) == (columns, ())
+
+
+def test_rows_that_hold_only_a_time_are_as_lost() -> None:
+    columns = dict(make(4, seconds=6.0).columns)
+    blank = (columns["t"] > 3.0) & (columns["t"] < 4.0)
+    given = {name: each if name == "t" else np.where(blank, np.nan, each) for name, each in columns.items()}
+    rows, _ = rows_of(given, Kind.DRIVE)
+    assert not ((rows["t"] > 3.0) & (rows["t"] < 4.0)).any()
+    for name, each in rows.items():
+        np.testing.assert_array_equal(each, columns[name][~blank])
+    nothing = {"t": np.arange(3.0), "motor.0.duty": np.full(3, np.nan)}
+    assert without_empty(nothing) is nothing
+    assert without_empty(columns) is columns
