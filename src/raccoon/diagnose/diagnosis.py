@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
+from raccoon.core.errors import TraceError
 from raccoon.diagnose.answer import Found, answered, faults_of
 from raccoon.diagnose.drives.features import Features, with_readings
 from raccoon.diagnose.drives.log import WHEELS, Log
@@ -58,6 +59,7 @@ Columns = Mapping[str, Array]
 STRANGE = 6.0
 """Times the noise that a better model is off by on the recording of another robot, although it helps there.
 Robots of one robot.toml were off by 2 to 4.5."""
+NOTHING_MOVES = "the commands never change, or no wheel answers them"
 SAME_ROBOT = "is it the same robot, with the same battery and load?"
 
 
@@ -99,6 +101,8 @@ def diagnose(
         if holdout is not None:
             with said_of_holdout():
                 other = with_channels_of(log, understood([holdout], robot, firmware))
+                if not moves(other):
+                    raise TraceError(f"{NOTHING_MOVES}: nothing can be judged on it; name a drive")
         return Way(robot, tried, model, firmware, begin).through(log, other)
 
 
@@ -215,8 +219,7 @@ def _driven_instead(columns: Columns, robot: RobotConfig) -> str:
 
 
 def _nothing_to_see(log: Log, begin: float, instead: str) -> Diagnosis:
-    note = "the commands never change, or no wheel answers them: drive, turn and stop while recording"
-    note += instead
+    note = f"{NOTHING_MOVES}: drive, turn and stop while recording{instead}"
     if not any(each.role in WHEELS for each in log.channels):
         names = " and ".join(name for name in log.missing if name.endswith(".bemf"))
         note = f"no wheel is measured: record the back-EMF of both motors ({names})"

@@ -119,7 +119,9 @@ class OwnEffect(Effect):
         try:
             return hook(*given)
         except Exception as error:
-            raise ConfigError(f"{self.id}: {name}: {type(error).__name__}: {error}") from error
+            drives = [each for each in given if isinstance(error, KeyError) and isinstance(each, Simulated)]
+            has = "".join(f"; this recording has {', '.join(each.readings)}" for each in drives)
+            raise ConfigError(f"{self.id}: {name}: {type(error).__name__}: {error}{has}") from error
 
     def _sound(self, what: str, found: Array, shape: tuple[int, ...]) -> Array:
         array = np.asarray(found, float)

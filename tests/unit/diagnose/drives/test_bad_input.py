@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from blind.drives import exciting
 from blind.generator import Noise, make
 from raccoon.core.config import RobotConfig, parse_robot
-from raccoon.core.errors import TraceError
+from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
@@ -417,3 +417,10 @@ def test_samples_that_were_written_twice_are_left_out_of_the_recording_and_of_wh
     assert said[0] in found.notes
     assert without_repeated(good) == (good, ())
     assert without_repeated({}) == ({}, ())
+
+
+def test_a_robot_that_stands_judges_nothing(good: Columns) -> None:
+    """A battery's resistance was said to be seen again in a recording of a robot at rest."""
+    still = {name: 0.0 * each if name.endswith("duty") else each for name, each in good.items()}
+    with pytest.raises(HoldoutError, match=r"commands never change.*nothing can be judged on it"):
+        diagnose(good, ROBOT, holdout=still)
