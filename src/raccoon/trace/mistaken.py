@@ -30,6 +30,8 @@ COUNTERS = (2.0**32, 2.0**31, 2.0**16)
 """Where the clocks of small controllers begin anew, in s, ms or us."""
 NEAR_END = 0.02
 """Part of that within which a time has come to its end, and begun."""
+SLIPPED = 0.9
+"""Part of a time up to which a second recording, which begins anew, has begun."""
 MOST_ODD = 4
 """Letters of a header that are no UTF-8: an old program may have written a few."""
 MISNAMED_SAID = 4
@@ -94,6 +96,8 @@ def began_anew(before: float, now: float) -> str:
             most = size * unit
             if abs(before - most) < NEAR_END * most and 0.0 <= now < NEAR_END * most:
                 return f"{said}: a counter that begins anew at {most:.10g}? Add as much from there on"
+    if now > SLIPPED * before:
+        return f"{said}: are the rows in their order, and is t of a clock that nobody sets (time.monotonic)?"
     return f"{said}: is it a second recording? Then name each by itself"
 
 

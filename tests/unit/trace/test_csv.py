@@ -121,6 +121,7 @@ def test_a_file_whose_rows_go_back_is_not_left_with_one_of_them(tmp_path: Path) 
         (65.531, 0.002, "begins anew at 65.536"),
         (40.0, 0.0, "a second recording"),
         (4294.966, 2000.0, "a second recording"),
+        (39.59, 39.58, "rows in their order"),  # upside down, shuffled, or of a clock that was set
     ],
 )
 def test_why_a_time_goes_back_and_on_from_there_is_said(
