@@ -11,7 +11,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.reports.headline import seen_text, verdict_text, why_not
-from raccoon.diagnose.reports.names import plain_name
+from raccoon.diagnose.reports.names import begun, plain_name
 from raccoon.diagnose.reports.numbers import deviation, with_deviation
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
 from raccoon.diagnose.reports.terminal import (
@@ -93,15 +93,14 @@ def _headline(diagnosis: Diagnosis) -> str:
     if diagnosis.causes and not diagnosis.causes[0].little:
         return _wrong(diagnosis.causes[0])
     if diagnosis.sensor_faults:
-        text = diagnosis.sensor_faults[0].text
-        return text[0].upper() + text[1:] + "."
+        return f"{begun(diagnosis.sensor_faults[0].text)}."
     return verdict_text(diagnosis)
 
 
 def _why(diagnosis: Diagnosis) -> str:
     """Beside a headline which says only that this recording cannot tell: why."""
     why = why_not(diagnosis) if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE else ""
-    return f"{why[0].upper()}{why[1:]}." if why else ""
+    return f"{begun(why)}." if why else ""
 
 
 def _wrong(cause: CauseResult) -> str:
@@ -126,4 +125,4 @@ def _todo(cause: CauseResult) -> str:
     advice = "" if cause.little else told(cause).todo
     if advice and set(cause.confounded_with) - set(cause.beside):
         return f"If it is {plain_name(cause.name)}: {advice}."
-    return f"{advice[:1].upper()}{advice[1:]}." if advice else ""
+    return f"{begun(advice)}." if advice else ""

@@ -25,7 +25,7 @@ from raccoon.diagnose.reports.fleet_text import (
     whose,
 )
 from raccoon.diagnose.reports.html import template
-from raccoon.diagnose.reports.names import plain_name
+from raccoon.diagnose.reports.names import begun, plain_name
 from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
@@ -82,18 +82,13 @@ def _headline(fleet: Fleet) -> str:
     parts = [
         f"Common to most {whom}: {', '.join(common)}." if common else f"No cause is common to most {whom}."
     ]
-    parts += [f"{_capital(plain_name(each.name))}: {_whom(each, fleet)}." for each in own[:OWN_SAID]]
+    parts += [f"{begun(plain_name(each.name))}: {_whom(each, fleet)}." for each in own[:OWN_SAID]]
     if len(own) > OWN_SAID:
         parts.append(f"{len(own) - OWN_SAID} more in some {whom} only.")
     broken = sum(bool(each.sensor_faults) for each in fleet.results.values())
     if broken:
         parts.append(f"{broken} with a faulty sensor.")
     return " ".join(parts)
-
-
-def _capital(text: str) -> str:
-    """As a sentence begins; the id of a team's own effect stays as it is."""
-    return text if "." in text else text[0].upper() + text[1:]
 
 
 def _whom(each: FleetCause, fleet: Fleet) -> str:

@@ -63,3 +63,8 @@ def place_name(id: str, where: str | None) -> str:  # noqa: A002
     """Where an effect acts, in words: the left motor, both wheels, port 3."""
     places = _PLACES.get(id.partition(".")[0], _PLACES[None])
     return places.get(where) or f"port {where}"
+
+
+def begun(text: str) -> str:
+    """As a sentence begins; a column's name, a file and the id of a team's own effect stay as they are."""
+    return text if "." in text.partition(" ")[0] else text[:1].upper() + text[1:]

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from raccoon.diagnose.reports.names import NAMES, plain_name
+from raccoon.diagnose.reports.names import NAMES, begun, plain_name
 from raccoon.sim.effects.catalogue import CATALOGUE
 
 
@@ -13,3 +13,9 @@ def test_a_plain_name_says_where() -> None:
     assert plain_name("friction.coulomb@left") == "dry friction (left)"
     assert plain_name("battery.internal_resistance") == "battery resistance"
     assert plain_name("team.motor_hum@left") == "team.motor_hum (left)"
+
+
+def test_the_name_of_a_column_begins_a_sentence_as_it_is() -> None:
+    assert begun("motor.0.bemf stays at 511: it is cut off.") == "motor.0.bemf stays at 511: it is cut off."
+    assert begun("dry friction. It rubs.") == "Dry friction. It rubs."
+    assert begun("") == ""
