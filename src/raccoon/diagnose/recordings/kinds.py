@@ -30,6 +30,7 @@ from raccoon.diagnose.recordings.channels.volts import (
     without_battery,
 )
 from raccoon.diagnose.recordings.doubts.battery_reading import with_battery_reading
+from raccoon.diagnose.recordings.doubts.command_scale import with_command_scale
 from raccoon.diagnose.recordings.doubts.encoder_reading import with_encoder_reading
 from raccoon.diagnose.recordings.doubts.implausible import speeds_told, with_doubts
 from raccoon.diagnose.recordings.doubts.outranked import outranked
@@ -220,7 +221,7 @@ def _drive(
     found = with_columns_named(found, columns, robot, sound.left_out)
     if not by_volts:
         found = with_battery_reading(with_doubts(found, columns, robot), robot)
-        found = with_encoder_reading(found, robot)
+        found = with_command_scale(with_encoder_reading(found, robot), robot)
     found = with_reference_scale(found)
     found = counted.told(judged_again(found, columns, sound, robot))
     gravity = strange_acceleration(columns)
