@@ -94,7 +94,8 @@ def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | Non
         unit = nearest_unit(share / SHARE, BEMF_UNITS)
         raise TraceError(
             f"{wheel.name} is {share * nominal / seen:.2g} times the voltage that drives the motor: none "
-            "reaches that; " + (f"it looks like {unit}, not counts" if unit else "is it in counts?")
+            "reaches that; "
+            + (f"it looks like {unit}, not counts" if unit else "is it in counts, and is full power 1?")
         )
 
 

@@ -60,6 +60,7 @@ def test_a_good_recording_passes(good: Columns) -> None:
         ("motor.0.bemf", 9.549 * COUNT / K_E, "turns a minute, not counts"),
         ("motor.0.bemf", 0.034 * COUNT / K_E, "metres a second, not counts"),
         ("motor.0.bemf", 0.0625, r"1[3-8] times too small: is it in counts\?"),
+        ("motor.0.duty", 0.5, r"none reaches that; is it in counts, and is full power 1\?"),
         ("motor.0.bemf", -1.0, "opposite sign"),
         ("imu.gyro.z", -1.0, "swapped"),
     ],
