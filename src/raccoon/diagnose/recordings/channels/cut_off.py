@@ -67,13 +67,15 @@ def _is_a_step(share: float, values: Array, beside: float) -> bool:
 
 
 def _settles(values: Array) -> bool:
-    """Whether a reading comes to its largest value as a motion that settles there."""
+    """Whether a reading comes to its largest value as a motion that settles there. Of one in coarse steps the
+    step inside is near, however far that is: nothing lies between."""
     top = float(values.max())
+    beside = float(np.max(values[values < top], initial=-np.inf))
     at, rows = values == top, np.arange(len(values))
     comes = np.flatnonzero(at & ~np.append(False, at[:-1]))
     near, way = (
-        int((comes - 1 - np.maximum.accumulate(np.where(values < share * top, rows, -1))[comes]).sum())
-        for share in (NEAR_EDGE, HALF)
+        int((comes - 1 - np.maximum.accumulate(np.where(values < least, rows, -1))[comes]).sum())
+        for least in (min(NEAR_EDGE * top, beside), HALF * top)
     )
     return near > SETTLES * way
 

@@ -11,6 +11,7 @@ from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.bent import ADVICE
 from raccoon.diagnose.recordings.channels.broken import judged_again, without_broken
+from raccoon.diagnose.recordings.channels.cut_off import cut_off
 from raccoon.diagnose.recordings.channels.sagging import not_sagging
 from raccoon.diagnose.result import ChannelResult, Diagnosis, Rejected, Verdict
 
@@ -86,6 +87,19 @@ def test_the_fastest_step_of_few_ticks_a_row_is_no_end(most: float, fault: list[
     assert faults(**{"motor.0.bemf": 200.0 * ticks * (1.0 + 1e-15 * RNG.integers(0, 2, 1000))}) == []
     fine = np.round(200.0 * 7.5 * np.sin(5.0 * TIME) * np.sin(0.3 * TIME))
     assert faults(**{"motor.0.bemf": np.clip(fine, -200.0 * most, 200.0 * most)}) == fault
+
+
+def test_a_motion_that_settles_in_coarse_steps_is_not_cut_off() -> None:
+    """Back-EMF by counters in whole ticks goes in steps of 40 counts, of which none was near the largest."""
+    command = 1957.0 * np.sign(np.sin(2.0 * np.pi * (0.025 * np.arange(1600) + 0.01) / 3.0))
+    share = 1.0 - np.exp(-0.025 / 0.06)
+    speed = lfilter([share], [1.0, share - 1.0], command)
+    reading = 40.0 * np.round(speed / 40.0)
+    assert reading.max() == 1960.0
+    assert cut_off("motor.0.bemf", "bemf_left", reading) is None
+    fault = cut_off("motor.0.bemf", "bemf_left", np.clip(reading, -1200.0, 1200.0))
+    assert fault is not None
+    assert fault.fault == "saturated"
 
 
 def test_a_rest_of_zeros_is_no_saturation() -> None:
