@@ -19,11 +19,12 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 ZONE = "bemf.dead_zone"
-SILENCE = 0.1
-"""s in which a counter that does not change says what a reading of 0 does."""
 AVERAGED = 0.015
 """s over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a wheel that creeps has.
-What is faster than 20 ms is averaged out in any case."""
+What is faster than 20 ms is averaged out in any case. A counter that does not change for as long says what a
+reading of 0 does."""
+NEARLY = 0.05
+"""Rows by which as many may be less than that: of rows of 5 ms, as their times are written, it is three."""
 LONGER = 1.5
 """Times as long as usual, from which there is a gap in such rows."""
 SURELY = 3.5
@@ -93,7 +94,7 @@ def with_counted(columns: Columns, robot: RobotConfig, device: Device) -> Counte
             made[reading] = device.position_counts_seconds * _rate(columns["t"], columns[counter])
             used.append(counter)
     whole = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in used)
-    return Counted(made, tuple(used), device.position_counts_seconds / SILENCE if whole else 0.0)
+    return Counted(made, tuple(used), device.position_counts_seconds / AVERAGED if whole else 0.0)
 
 
 def begun_anew(columns: Columns, robot: RobotConfig) -> tuple[str, ...]:
@@ -141,7 +142,7 @@ def _rate(time: Array, ticks: Array) -> Array:
     """
     known = np.flatnonzero(np.isfinite(ticks))
     row = max(usual_step(time[known]), 1e-6)
-    half = int(np.ceil(0.5 * (AVERAGED / row - 1.0)))
+    half = int(np.ceil(0.5 * (AVERAGED / row - 1.0) - NEARLY))
     rows = max(2 * half + 1, 1)
     ends = known[::rows]
     spans = np.diff(time[ends])
