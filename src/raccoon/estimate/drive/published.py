@@ -29,6 +29,11 @@ _VWAY, _WITH_WAY = _VAR[State.WAY], covariance_index(State.VELOCITY, State.WAY)
 UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
 UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
 """m, standard deviation of the position."""
+IN_DOUBT = (
+    f"the place is in doubt by {UNCERTAIN_PLACE:g} m or more",
+    f"the heading is in doubt by {math.degrees(UNCERTAIN_HEADING):g} degrees or more",
+)
+"""Reasons of an estimate whose deviation is above these, also where what it came from has long passed."""
 BLIND_AFTER = 0.5
 """s without any wheel reading after which the pose is not to be used."""
 
@@ -78,19 +83,21 @@ def published(fusion: Fusion, readings: DriveReadings, settings: OdometrySetting
         sqrt(max(of_velocity, 0.0)),
         sqrt(flat[_VW]),
         sqrt(flat[_VB]),
-        _status(flat, readings),
-        readings.reasons.now,
+        *_status(flat, readings),
     )
 
 
-def _status(flat: Flat, readings: DriveReadings) -> Status:
-    place, heading = flat[_VX] + flat[_VY], flat[_VH]
+def _status(flat: Flat, readings: DriveReadings) -> tuple[Status, tuple[str, ...]]:
+    """How far to trust it, and why not further."""
+    place, heading, reasons = flat[_VX] + flat[_VY], flat[_VH], readings.reasons.now
+    if place > UNCERTAIN_PLACE**2:
+        reasons = (*reasons, IN_DOUBT[0])
+    if heading > UNCERTAIN_HEADING**2:
+        reasons = (*reasons, IN_DOUBT[1])
     blind = min(readings.left.silent, readings.right.silent) > BLIND_AFTER
     if blind or readings.wiring.turned or place > INVALID_PLACE**2 or heading > INVALID_HEADING**2:
-        return Status.INVALID
-    if readings.reasons.now or place > UNCERTAIN_PLACE**2 or heading > UNCERTAIN_HEADING**2:
-        return Status.UNCERTAIN
-    return Status.OK
+        return Status.INVALID, reasons
+    return (Status.UNCERTAIN if reasons else Status.OK), reasons
 
 
 def since_step(

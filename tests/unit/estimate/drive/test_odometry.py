@@ -109,3 +109,26 @@ def test_the_first_estimate_is_of_the_first_cycle() -> None:
     estimate = odometry.update(replace(inputs, time=1000.0), command)
     assert (estimate.time, estimate.reasons) == (1000.0, ())
     assert odometry.observe_heading(0.0, std=0.1, time=1000.0).accepted
+
+
+@pytest.mark.parametrize(
+    ("position_std", "heading_std", "status", "told"),
+    [
+        (0.0, 0.0, Status.OK, ()),
+        (0.08, 0.0, Status.UNCERTAIN, ("the place is in doubt by 0.1 m or more",)),
+        (0.0, 0.1, Status.UNCERTAIN, ("the heading is in doubt by 5 degrees or more",)),
+        (
+            2.0,
+            2.0,
+            Status.INVALID,
+            ("the place is in doubt by 0.1 m or more", "the heading is in doubt by 5 degrees or more"),
+        ),
+    ],
+)
+def test_an_estimate_that_is_less_than_ok_says_why(
+    position_std: float, heading_std: float, status: Status, told: tuple[str, ...]
+) -> None:
+    """Also where nothing but its deviation says so, long after what it came from."""
+    odometry = Odometry(RobotConfig())
+    odometry.reset(position_std=position_std, heading_std=heading_std)
+    assert (odometry.estimate.status, odometry.estimate.reasons) == (status, told)
