@@ -14,6 +14,15 @@ BUMP_TIME = 0.08
 """s over which it is summed."""
 TILT_TIME = 0.3
 """s over which what lasts is learnt to be no blow: on a ramp the robot feels its own weight."""
+OTHERWISE = 2.0
+"""Times the way that the sum makes of a blow, as it forgets meanwhile: deviation of how far the robot went
+otherwise than its wheels. Pushes of 30 to 100 N for 0.05 to 0.3 s make 1.8 to 3.3 of it."""
+OFF_MIDDLE = 0.08
+"""m by which an accelerometer may sit beside the middle of the axis: where the wheels turn the robot it feels
+so much of that, too."""
+LATER = 0.1
+"""Of how much the wheels changed their speed lately, what the accelerometer may still feel of it: at a full
+reversal of duties it comes up to 8 ms later."""
 KEPT_BIAS = 0.2
 """s at rest for which the bias of before counts, where a robot comes to rest: it may stand on a ramp now."""
 
@@ -21,11 +30,31 @@ KEPT_BIAS = 0.2
 class BumpWatch:
     """Sums what the accelerometer feels beyond what the wheels and the pitching of the robot explain. Its own
     bias and that of the gyro about the axis are learnt at rest.
+
+    It watches one direction: ahead, as the arguments say, or to the left, with no velocity there. doubt: m^2
+    by which the last step adds to the variance of the place in that direction, because of a blow.
     """
 
-    __slots__ = ("_bias", "_known", "_lasting", "_lean", "_pitch_bias", "_standing", "_sum", "_velocity")
+    __slots__ = (
+        "_bias",
+        "_changed",
+        "_counted",
+        "_known",
+        "_lasting",
+        "_lean",
+        "_pitch_bias",
+        "_standing",
+        "_sum",
+        "_turn_rate",
+        "_turned",
+        "_velocity",
+        "_way",
+        "doubt",
+    )
 
     def __init__(self) -> None:
+        self.doubt = self._way = self._counted = 0.0
+        self._turn_rate = self._turned = self._changed = 0.0
         self._bias = 0.0
         self._known = 0.0
         self._lasting = 0.0
@@ -34,19 +63,29 @@ class BumpWatch:
         self._sum = 0.0
         self._velocity = 0.0
 
-    def interrupt(self, velocity: float) -> None:
-        """Nobody felt anything for a while; the wheels' velocity is this now, m/s."""
-        self._sum, self._velocity = 0.0, velocity
+    def interrupt(self, velocity: float, turn_rate: float = 0.0) -> None:
+        """Nobody felt anything for a while; the wheels' motion is this now, m/s and rad/s."""
+        self._sum, self._velocity, self._turn_rate = 0.0, velocity, turn_rate
+        self.doubt = self._way = self._counted = self._turned = self._changed = 0.0
 
     def update(
-        self, dt: float, forward: float, velocity: float, still: bool, between: float, pitch_rate: float = 0.0
+        self,
+        dt: float,
+        forward: float,
+        velocity: float,
+        still: bool,
+        between: float,
+        pitch_rate: float = 0.0,
+        turn_rate: float = 0.0,
     ) -> bool:
         """True while the robot was bumped.
 
         forward: m/s2, mean of what the accelerometer read in these dt s. velocity: the wheels' mean in them,
         m/s. between: s from one reading to the next. pitch_rate: rad/s, mean of what the gyro read about the
         axis: above 0 the nose comes down, as at the end of a ramp, and the robot feels less of its weight.
+        turn_rate: rad/s, as the wheels turn it.
         """
+        self.doubt = 0.0
         if still and not self._standing:
             self._bias += self._lean + self._lasting  # as it leans now, it will start
             self._sum = self._lasting = self._lean = 0.0
@@ -57,15 +96,26 @@ class BumpWatch:
             share = min(1.0, dt / min(self._known, 2.0))
             self._bias += (forward - self._bias) * share
             self._pitch_bias += (pitch_rate - self._pitch_bias) * share
-            self._velocity = velocity
+            self._velocity, self._turn_rate = velocity, turn_rate
             return False
         if self._known < KEPT_BIAS:
-            self._velocity = velocity
+            self._velocity, self._turn_rate = velocity, turn_rate
             return False
         self._lean -= GRAVITY * (pitch_rate - self._pitch_bias) * dt
-        felt = forward - self._bias - self._lean - (velocity - self._velocity) / dt
-        self._velocity = velocity
+        change, keep = velocity - self._velocity, 1.0 - min(1.0, dt / BUMP_TIME)
+        felt = forward - self._bias - self._lean - change / dt
         self._lasting += (felt - self._lasting) * min(1.0, dt / TILT_TIME)
-        self._sum += (felt - self._lasting) * dt
-        self._sum -= self._sum * min(1.0, dt / BUMP_TIME)
-        return abs(self._sum) > (BUMP_VELOCITY if between <= FINE else COARSE_BUMP_VELOCITY)
+        self._sum = (self._sum + (felt - self._lasting) * dt) * keep
+        self._turned = (self._turned + turn_rate - self._turn_rate) * keep
+        self._changed = (self._changed + change) * keep
+        self._velocity, self._turn_rate = velocity, turn_rate
+        limit = BUMP_VELOCITY if between <= FINE else COARSE_BUMP_VELOCITY
+        return self._is_blow(dt, limit + OFF_MIDDLE * abs(self._turned) + LATER * abs(self._changed))
+
+    def _is_blow(self, dt: float, limit: float) -> bool:
+        """Whether the sum is that of a blow; count the way that it makes, from half of that on."""
+        size, before = abs(self._sum), self._counted
+        self._way = self._way + OTHERWISE * size * dt if size > 0.5 * limit else 0.0
+        self._counted = self._way if size > limit else min(before, self._way)
+        self.doubt = max(0.0, self._counted**2 - before**2)
+        return size > limit

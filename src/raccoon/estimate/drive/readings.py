@@ -51,6 +51,10 @@ class Pending:
     """m/s2 ahead that the accelerometer felt, summed over its readings."""
     pitch: float = 0.0
     """rad/s about the axis that the gyro read with them, summed too; above 0 the nose comes down."""
+    side: float = 0.0
+    roll: float = 0.0
+    """The same of what it felt to the left, and of the gyro about the direction ahead; above 0 the left side
+    comes up."""
     force_count: int = 0
     faulty: bool = False
     """Whether the port says that a motor is at fault, and it may be that of a wheel."""
@@ -191,13 +195,20 @@ class DriveReadings:
         """Every reading counts: a blow is over within two."""
         if inputs.accel is None:
             return
-        force = inputs.accel[0] * inputs.device.accel_m_s2
-        if abs(force) < MOST_FORCE:
-            self.pending.force += force
-            pitch = 0.0 if inputs.gyro is None else inputs.gyro[1] * inputs.device.gyro_rad_s
-            if abs(pitch) < MOST_PITCH:
-                self.pending.pitch += pitch
-            self.pending.force_count += 1
+        force, side = (each * inputs.device.accel_m_s2 for each in inputs.accel[:2])
+        if abs(force) < MOST_FORCE and abs(side) < MOST_FORCE:
+            pending = self.pending
+            pending.force += force
+            pending.side += side
+            roll, pitch = (
+                (0.0, 0.0)
+                if inputs.gyro is None
+                else (each * inputs.device.gyro_rad_s for each in inputs.gyro[:2])
+            )
+            if abs(pitch) < MOST_PITCH and abs(roll) < MOST_PITCH:
+                pending.pitch += pitch
+                pending.roll += roll
+            pending.force_count += 1
 
     def _complain(self, reading: WheelReading, inputs: Inputs) -> None:
         """Tell what is wrong with this cycle."""

@@ -125,12 +125,23 @@ class Steps:
             if self._gyro.repeats < REPEATED:
                 self._check_signs(span, *read)
         turn = None if len(read) < 3 else (read[2] - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
-        held = self.touch.carries(span, *speeds) + self.touch.rolls(span, *speeds, turn)
+        held = self.touch.carries(span, *speeds) + self.touch.rolls(span, *speeds, turn) + self.touch.pushed
         if turn is not None:
             undated = hypot(undated, self.touch.turned_unseen(span, pending.gyro_span / pending.gyro_count))
         time = self._readings.time - self._readings.ahead[0]
         reading = Reading(
-            time, span, read, variances, swing, wobble, still, undated, held, mute=alone, rest=rest
+            time,
+            span,
+            read,
+            variances,
+            swing,
+            wobble,
+            still,
+            undated,
+            held,
+            self.touch.pushed_aside,
+            mute=alone,
+            rest=rest,
         )
         self.fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self.touch.feel(pending, still)
@@ -156,7 +167,7 @@ class Steps:
         velocity, turn_rate = self._geometry.body_motion(*now)
         self._swing.update(span, turn_rate, self._readings.rate)
         self._standstill.interrupt()
-        self.touch.interrupt(velocity)
+        self.touch.interrupt(velocity, turn_rate)
         read = pending.left / span, pending.right / span
         time = self._readings.time - self._readings.ahead[0]
         reading = Reading(time, span, read, variances, 0.0, wobble, False, now=now, together=together)

@@ -42,7 +42,8 @@ class Reading:
     swing: rad/s2, how fast the turn rate changed. wobble: variance by which one wheel reads more and the
     other less. still: the robot stood. undated: rad, deviation of the heading by a turn of which it is not
     known when it began. held: m^2 of its place, along the heading, because the robot may stand while its
-    wheels turn, or roll on while a motor at fault reads nothing. now: where nobody looked for a part of the
+    wheels turn, or roll on while a motor at fault reads nothing. aside: m^2 of its place, across the heading,
+    because something pushed it. now: where nobody looked for a part of the
     step, the wheels' speeds at its end, rad/s; values are then the mean of what the counters say, variances
     and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then. mute: of one
     wheel nothing is taken, so that there is nothing to judge the other one by. way: what `ScaleDoubt` added
@@ -59,6 +60,7 @@ class Reading:
     still: bool
     undated: float = 0.0
     held: float = 0.0
+    aside: float = 0.0
     now: tuple[float, float] | None = None
     together: float = 0.0
     mute: bool = False

@@ -45,9 +45,12 @@ class Touch:
         self._wheels_a_turn = DriveGeometry.from_robot(robot).track_width / self._radius
         self._ports = robot.drive.left, robot.drive.right
         self._driven = self.mute = (False, False)
-        self._bump = BumpWatch()
+        self._bump, self._side = BumpWatch(), BumpWatch()
         self._load = LoadWatch(robot, SIMULATOR)
         self._unseen = 0.0
+        self.pushed = self.pushed_aside = 0.0
+        """m^2 that the next step adds to the doubt about the place, ahead and to the side, as something
+        pushed the robot in this one."""
         self._speeds = deque([0.0], SPEEDS)  # m/s ahead in the last steps without a fault
         self._rolled = self._way = 0.0  # s and m since there is one
         self._meets, self._met = False, SETTLES  # something, and s since it did first
@@ -69,23 +72,35 @@ class Touch:
             else (abs(command.duty[left]) >= DRIVEN, abs(command.duty[right]) >= DRIVEN)
         )
 
-    def interrupt(self, velocity: float) -> None:
-        """Nobody looked for a while; the robot goes at `velocity` m/s now."""
-        self._bump.interrupt(velocity)
+    def interrupt(self, velocity: float, turn_rate: float) -> None:
+        """Nobody looked for a while; the robot goes at `velocity` m/s and turns at `turn_rate` rad/s now."""
+        self._interrupt_felt(velocity, turn_rate)
         self._load.interrupt()
+
+    def _interrupt_felt(self, velocity: float, turn_rate: float) -> None:
+        self._bump.interrupt(velocity, turn_rate)
+        self._side.interrupt(0.0, turn_rate)
 
     def feel(self, pending: Pending, still: bool) -> None:
         """Compare the accelerometer with the wheels, over a step. still: the robot stands."""
+        self.pushed = self.pushed_aside = 0.0
         if pending.force_count == 0:
             return
         span, count = pending.span, pending.force_count
-        forward, pitch_rate = pending.force / count, pending.pitch / count
         self._unseen = COMES_BACK if self._silent else self._unseen - span
         velocity = self._half_radius * (self._left.mean + self._right.mean)
+        turn_rate = (self._right.mean - self._left.mean) / self._wheels_a_turn
         if self._unseen > 0.0:
-            self._bump.interrupt(velocity)
-        elif self._bump.update(span, forward, velocity, still, span / count, pitch_rate):
+            self._interrupt_felt(velocity, turn_rate)
+            return
+        ahead, side, every = self._bump, self._side, span / count
+        outwards = pending.side / count - velocity * turn_rate
+        struck = ahead.update(
+            span, pending.force / count, velocity, still, every, pending.pitch / count, turn_rate
+        )
+        if side.update(span, outwards, 0.0, still, every, -pending.roll / count, turn_rate) or struck:
             self._meets = True
+            self.pushed, self.pushed_aside = ahead.doubt, side.doubt
             self._readings.reasons.tell(
                 "bumped: the wheels do not move as the robot does", self._readings.time
             )

@@ -223,13 +223,13 @@ class DriveFilter:
             flat[variance_index(state)] += std**2
         self.flat = tuple(flat)
 
-    def widen_along(self, variance: float) -> None:
-        """Add m^2 to what is not known of the place ahead."""
+    def widen_along(self, ahead: float, aside: float = 0.0) -> None:
+        """Add m^2 to what is not known of the place ahead, and to the side."""
         flat = list(self.flat)
         cosine, sine = math.cos(flat[State.HEADING]), math.sin(flat[State.HEADING])
-        flat[variance_index(State.X)] += variance * cosine * cosine
-        flat[variance_index(State.Y)] += variance * sine * sine
-        flat[covariance_index(State.X, State.Y)] += variance * cosine * sine
+        flat[variance_index(State.X)] += ahead * cosine * cosine + aside * sine * sine
+        flat[variance_index(State.Y)] += ahead * sine * sine + aside * cosine * cosine
+        flat[covariance_index(State.X, State.Y)] += (ahead - aside) * cosine * sine
         self.flat = tuple(flat)
 
     def doubt_bias(self, std: float, seconds: float) -> None:

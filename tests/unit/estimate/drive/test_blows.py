@@ -1,0 +1,69 @@
+"""What a blow leaves in doubt, and what is none: an accelerometer that sits beside the middle, a reversal."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from drive_traces import Segment, drive
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import GRAVITY, SIMULATOR, Inputs, Outputs
+from raccoon.estimate.drive.bump import BumpWatch
+from raccoon.estimate.drive.odometry import Odometry
+
+STRAIGHT: list[Segment] = [(1.0, 0.0, 0.0), (1.6, 0.18, 0.0)]
+PUSHED, SLIDES = 0.1, 0.075
+"""s for which something pushes a robot with 6 m/s2 more than its tyres hold, and s until these, of 8 m/s2,
+have stopped it."""
+MOVED = 0.5 * 6.0 * PUSHED**2 + 0.5 * 8.0 * SLIDES**2
+
+
+def pushed(ahead: float, aside: float, every: int) -> Iterator[tuple[Inputs, Outputs]]:
+    """A straight on which it is pushed so; an IMU that is read once in `every` cycles."""
+    for cycle, (inputs, command) in enumerate(drive(STRAIGHT, gyro_every=every)):
+        since = inputs.time - 2.0
+        force = 6.0 if 0.0 <= since < PUSHED else -8.0 if 0.0 <= since < PUSHED + SLIDES else 0.0
+        felt = force * ahead / SIMULATOR.accel_m_s2, force * aside / SIMULATOR.accel_m_s2
+        accel = (*felt, GRAVITY / SIMULATOR.accel_m_s2) if cycle % every == 0 else None
+        yield replace(inputs, accel=accel), command
+
+
+@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize(("ahead", "aside"), [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_what_pushes_a_robot_leaves_its_place_in_doubt(ahead: float, aside: float, every: int) -> None:
+    """Its wheels turn as if nothing were. To the side nothing but the accelerometer tells of it at all."""
+    odometry, told = Odometry(RobotConfig()), set[str]()
+    for inputs, command in pushed(ahead, aside, every):
+        told.update(odometry.update(inputs, command).reasons)
+    here = odometry.estimate
+    along, across = (here.x_std, here.y_std) if ahead else (here.y_std, here.x_std)
+    assert any(reason.startswith("bumped") for reason in told)
+    assert 0.4 * MOVED < along < 2.0 * MOVED
+    assert across < 0.02
+
+
+def felt(watch: BumpWatch, forces: list[float], velocities: list[float], turn_rates: list[float]) -> bool:
+    """Whether a robot was bumped that stood, and then felt and did this, in steps of 20 ms."""
+    for _ in range(25):
+        watch.update(0.02, 0.0, 0.0, still=True, between=0.005)
+    motion = zip(forces, velocities, turn_rates, strict=True)
+    return any(watch.update(0.02, force, v, False, 0.005, turn_rate=w) for force, v, w in motion)
+
+
+def test_an_accelerometer_beside_the_middle_feels_turns_and_no_blow() -> None:
+    """8 cm beside it, in a spin at full power that is turned round."""
+    rates = [min(2.5, 0.5 * step) for step in range(20)] + [max(-2.5, 2.5 - 0.5 * n) for n in range(20)]
+    forces = [0.08 * (after - before) / 0.02 for before, after in zip([0.0, *rates], rates, strict=False)]
+    still = [0.0] * len(rates)
+    assert not felt(BumpWatch(), forces, still, rates)
+    assert felt(BumpWatch(), forces, still, still)  # it was the turn that explained it
+
+
+def test_a_full_reversal_that_is_felt_a_little_late_is_no_blow() -> None:
+    def velocity(time: float) -> float:
+        return 0.4 * (1.0 - math.exp(-time / 0.2)) - 0.8 * min(max((time - 1.0) / 0.08, 0.0), 1.0)
+
+    times = [0.02 * step for step in range(80)]
+    forces = [(velocity(t - 0.009) - velocity(t - 0.029)) / 0.02 for t in times]
+    assert not felt(BumpWatch(), forces, [velocity(t) for t in times], [0.0] * len(times))
