@@ -239,7 +239,10 @@ class Pace:
         if (radius := self._radius) is not None:
             turned, asked = math.degrees(progress / radius), math.degrees(self.profile.distance / radius)
             way = f"{turned:.1f} of {asked:.1f} deg"
-        return f"{self.what} not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
+        why = reason(self._robot)
+        passed = ", ".join(each for each in self.doubts if each not in why)
+        on_the_way = f"; on the way: {passed}" if passed else ""
+        return f"{self.what} not done after {seconds:.1f} s: {way}; {why}{on_the_way}"
 
 
 def reason(robot: Robot, *asked: TophatSensor) -> str:

@@ -1,12 +1,15 @@
 """How a motion ends whose robot stays a little beside its goal: friction gives in steps, or not at all."""
 
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 
-from raccoon import MotionTimeout, Pose, open_robot
+from raccoon import MotionTimeout, Pose, open_robot, straight
 from raccoon.control.profile import profile
+from raccoon.core.readings import Fault, Inputs
 from raccoon.robot.motions.pacing import LAG_LIMIT, Pace
+from raccoon.sim.port import SimPort
 from robots import CONFIG, simulated
 
 
@@ -29,3 +32,19 @@ def test_a_robot_that_rests_beside_its_goal_is_let_go(
                 robot.tick()
         assert robot.time - pace.begin > 2.0 * walk.duration + 2.0
     assert ended == (None if ends is None else pytest.approx(ends, abs=0.02))
+
+
+def test_a_motion_that_gives_up_says_what_was_strange_on_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A push or a slip at its beginning may be why, and the odometry speaks of neither for long."""
+    read = SimPort.read
+
+    def restarted(port: SimPort) -> Inputs:
+        inputs = read(port)
+        return replace(inputs, faults=(Fault.STALE,)) if 0.2 < inputs.time < 0.25 else inputs
+
+    monkeypatch.setattr(SimPort, "read", restarted)
+    with (
+        open_robot(CONFIG, port=simulated()) as robot,
+        pytest.raises(MotionTimeout, match=r"the wheels follow; on the way: port: stale$"),
+    ):
+        robot.run(straight(0.5, timeout=1.0))
