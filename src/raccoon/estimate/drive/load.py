@@ -34,6 +34,9 @@ HELD_AFTER = 0.06
 LASTS, EVEN = 0.15, 0.4
 """s of more than LEAST_LOAD, and V for a change of speed and voltage up to which that says it, too: no
 inertia that is half wrong makes as much of so little."""
+HEAVY, HEAVY_LASTS = 0.38, 0.25
+"""V, and s of it at an even speed, that say it as well: a light robot, or one with little grip, spins its
+wheels with no more. Friction that doubles stays below."""
 LEARN_TIME, LEARN_TIME_HELD = 1.0, 10.0
 """s in which what it rolls with is learnt; far slower while it seems to be held, so that a floor that is only
 heavy is forgiven."""
@@ -79,6 +82,7 @@ class LoadWatch:
         "_excess",
         "_free",
         "_given",
+        "_heavy",
         "_known",
         "_last",
         "_lasted",
@@ -124,7 +128,7 @@ class LoadWatch:
         """
         if self.held:
             self._rolls = self._free
-        self._excess = self._change = self._suspicious = self._lasted = 0.0
+        self._excess = self._change = self._suspicious = self._lasted = self._heavy = 0.0
         self._way = self._counted = self.doubt = 0.0
         self.held = False
 
@@ -185,22 +189,27 @@ class LoadWatch:
         limit = LEAST_LOAD + JERKED * self._change
         lasts = self._excess > LEAST_LOAD and self._change < EVEN
         self._lasted = self._lasted + span if lasts else 0.0
-        if self._excess > limit or self._lasted > LASTS:
+        if self._excess > HEAVY and self._change < STEADY:
+            self._heavy += span
+        elif self._excess < 0.5 * LEAST_LOAD:
+            self._heavy = 0.0
+        lasted = self._lasted > LASTS or self._heavy > HEAVY_LASTS
+        if self._excess > limit or lasted:
             self._suspicious += span
-            long = self._suspicious > HELD_AFTER or self._lasted > LASTS
+            long = self._suspicious > HELD_AFTER or lasted
             if not self.held and long and self._known > KNOWN_AFTER:
                 self.held, self._free = True, self._rolls
         elif self._excess < 0.5 * LEAST_LOAD or not self.held:
             self._suspicious = 0.0
             self.held = False
-        self._count(way, self.held or excess > 0.5 * LEAST_LOAD)
+        self._count(way, self.held or max(excess, self._excess) > 0.5 * LEAST_LOAD)
         steady = span / (1.0 + (self._change / STEADY) ** 2)
         self._known += steady
         self._rolls = self._learnt(rolls_left, left, steady), self._learnt(rolls_right, right, steady)
 
     def _learnt(self, rolls: float, load: float, steady: float) -> float:
         """What a wheel rolls with after `steady` s of a load, V. One wheel alone may be at a wall, too."""
-        held = self._suspicious > 0.0 or load - rolls > LEAST_LOAD
+        held = self._suspicious > 0.0 or load - rolls > HEAVY
         usual = min(self._known, LEARN_TIME)
         if held and self._known > KNOWN_AFTER:
             usual = LEARN_TIME_HELD

@@ -85,6 +85,21 @@ def test_a_voltage_that_swings_hides_a_wall_for_a_moment_alone(torque: float, he
     assert (found is not None) is held
 
 
+@pytest.mark.parametrize("volts", [2.5, 6.5, -4.0])
+@pytest.mark.parametrize("mass", [2.3, 2.7])
+def test_a_light_robot_with_little_grip_is_held_as_well(mass: float, volts: float) -> None:
+    """Of 0.65 of its weight: all that it spun at a wall was ok, 190 mm at a stated 20."""
+    grip = 0.5 * 0.65 * mass * 9.80665 * MODEL.drive.wheel_radius.value
+    wheels = Wheels()
+    assert wheels.run(1.0, (volts, volts), (0.0, 0.0)) is None
+    begun = wheels.time
+    held = wheels.run(1.0, (volts, volts), (grip, grip))
+    assert held is not None
+    assert held - begun < 0.5
+    way = abs(wheels._speeds[0]) * MODEL.drive.wheel_radius.value * (wheels.time - begun)
+    assert math.sqrt(wheels.doubted) == pytest.approx(way, rel=0.1)
+
+
 def test_all_that_turns_at_a_wall_is_in_doubt() -> None:
     wheels = Wheels()
     wheels.run(2.0, (4.0, 4.0), (0.0, 0.0))

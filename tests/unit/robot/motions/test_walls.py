@@ -29,7 +29,7 @@ from raccoon import (
     wait,
 )
 from raccoon.cli.main import main
-from raccoon.core.config import RobotConfig, TophatConfig
+from raccoon.core.config import BodyConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import CalibrationError, MotionTimeout
 from raccoon.core.port import Port
 from raccoon.core.readings import Device, Status
@@ -159,6 +159,15 @@ def test_a_motion_that_ends_at_a_wall_says_that_it_did_not_arrive(
         assert "before its goal" in caplog.text
         away = robot.run(straight(math.copysign(0.1, -robot.pose.x)))  # of what held before nothing counts
         assert away.arrived
+
+
+def test_a_light_robot_with_little_grip_did_not_arrive_either() -> None:
+    config = RobotConfig(body=BodyConfig(mass=2.5, grip=0.65))
+    with open_robot(config, port=opened(config, None, ahead(0.2 + config.body.front))) as robot:
+        robot.run(wait(0.6))
+        result = robot.run(straight(0.4))
+        assert result.held == pytest.approx(0.2, abs=0.015)
+        assert robot.estimate.x_std > 0.15
 
 
 def test_a_path_whose_corner_lies_behind_a_wall_is_given_up_at_the_wall() -> None:
