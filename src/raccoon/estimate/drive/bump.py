@@ -23,6 +23,9 @@ so much of that, too."""
 LATER = 0.1
 """Of how much the wheels changed their speed lately, what the accelerometer may still feel of it: at a full
 reversal of duties it comes up to 8 ms later."""
+JOLT = 3.4
+"""m/s2 of a change of both duties by 1, half of what a full one makes: a reading that is the first to feel it
+counts for all the time since the one before, and the wheels are not read to have changed yet."""
 KEPT_BIAS = 0.2
 """s at rest for which the bias of before counts, where a robot comes to rest: it may stand on a ramp now."""
 
@@ -77,13 +80,14 @@ class BumpWatch:
         between: float,
         pitch_rate: float = 0.0,
         turn_rate: float = 0.0,
+        jolt: float = 0.0,
     ) -> bool:
         """True while the robot was bumped.
 
         forward: m/s2, mean of what the accelerometer read in these dt s. velocity: the wheels' mean in them,
         m/s. between: s from one reading to the next. pitch_rate: rad/s, mean of what the gyro read about the
         axis: above 0 the nose comes down, as at the end of a ramp, and the robot feels less of its weight.
-        turn_rate: rad/s, as the wheels turn it.
+        turn_rate: rad/s, as the wheels turn it. jolt: by how much both duties were changed at once lately.
         """
         self.doubt = 0.0
         if still and not self._standing:
@@ -110,7 +114,8 @@ class BumpWatch:
         self._changed = (self._changed + change) * keep
         self._velocity, self._turn_rate = velocity, turn_rate
         limit = BUMP_VELOCITY if between <= FINE else COARSE_BUMP_VELOCITY
-        return self._is_blow(dt, limit + OFF_MIDDLE * abs(self._turned) + LATER * abs(self._changed))
+        limit += OFF_MIDDLE * abs(self._turned) + LATER * abs(self._changed) + JOLT * jolt * between
+        return self._is_blow(dt, limit)
 
     def _is_blow(self, dt: float, limit: float) -> bool:
         """Whether the sum is that of a blow; count the way that it makes, from half of that on."""

@@ -8,7 +8,7 @@ from collections import deque
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device, Fault, Inputs, Outputs
-from raccoon.estimate.drive.bump import BumpWatch
+from raccoon.estimate.drive.bump import BUMP_TIME, BumpWatch
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.load import LoadWatch
 from raccoon.estimate.drive.readings import COARSE_GYRO, DriveReadings, Pending
@@ -44,6 +44,8 @@ class Touch:
         self._half_radius = 0.5 * self._radius
         self._wheels_a_turn = DriveGeometry.from_robot(robot).track_width / self._radius
         self._ports = robot.drive.left, robot.drive.right
+        self._signs = tuple(-0.5 if robot.motor(port).inverted else 0.5 for port in self._ports)
+        self._duty = self._jolt = 0.0  # of both wheels ahead, and by how much it changed at once lately
         self._driven = self.mute = (False, False)
         self._bump, self._side = BumpWatch(), BumpWatch()
         self._load = LoadWatch(robot, SIMULATOR)
@@ -71,6 +73,10 @@ class Touch:
             if command is None
             else (abs(command.duty[left]) >= DRIVEN, abs(command.duty[right]) >= DRIVEN)
         )
+        if command is not None:
+            before = self._duty
+            self._duty = self._signs[0] * command.duty[left] + self._signs[1] * command.duty[right]
+            self._jolt = max(self._jolt, abs(self._duty - before))
 
     def interrupt(self, velocity: float, turn_rate: float) -> None:
         """Nobody looked for a while; the robot goes at `velocity` m/s and turns at `turn_rate` rad/s now."""
@@ -95,9 +101,9 @@ class Touch:
             return
         ahead, side, every = self._bump, self._side, span / count
         outwards = pending.side / count - velocity * turn_rate
-        struck = ahead.update(
-            span, pending.force / count, velocity, still, every, pending.pitch / count, turn_rate
-        )
+        forward, pitch_rate, jolt = pending.force / count, pending.pitch / count, self._jolt
+        struck = ahead.update(span, forward, velocity, still, every, pitch_rate, turn_rate, jolt)
+        self._jolt *= max(0.0, 1.0 - span / BUMP_TIME)
         if side.update(span, outwards, 0.0, still, every, -pending.roll / count, turn_rate) or struck:
             self._meets = True
             self.pushed, self.pushed_aside = ahead.doubt, side.doubt

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from drive_traces import Segment, drive
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.readings import GRAVITY, SIMULATOR, Inputs, Outputs
 from raccoon.estimate.drive.bump import BumpWatch
 from raccoon.estimate.drive.odometry import Odometry
@@ -67,3 +67,34 @@ def test_a_full_reversal_that_is_felt_a_little_late_is_no_blow() -> None:
     times = [0.02 * step for step in range(80)]
     forces = [(velocity(t - 0.009) - velocity(t - 0.029)) / 0.02 for t in times]
     assert not felt(BumpWatch(), forces, [velocity(t) for t in times], [0.0] * len(times))
+
+
+def test_a_jolt_that_the_duties_make_is_no_blow() -> None:
+    """RaccoonOS reads the accelerometer every 20 ms: the first reading of a reversal counts for all of it."""
+    jolted, struck = BumpWatch(), BumpWatch()
+    for watch in (jolted, struck):
+        for _ in range(25):
+            watch.update(0.02, 0.0, 0.0, True, 0.02)
+    assert not jolted.update(0.02, -9.0, 0.0, False, 0.02, jolt=1.8)
+    assert struck.update(0.02, -9.0, 0.0, False, 0.02)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_a_reversal_of_duties_on_a_coarse_accelerometer_is_no_blow(inverted: bool) -> None:
+    robot = RobotConfig(motors={0: MotorConfig(inverted=inverted)})
+    odometry = Odometry(robot)
+    for cycle, (inputs, _) in enumerate(drive([(1.0, 0.0, 0.0), (1.2, 0.15, 0.0)], gyro_every=4)):
+        sign = -1.0 if inverted else 1.0
+        bemf, position = (sign * (each[0] or 0.0) for each in (inputs.bemf, inputs.position))
+        ahead = 0.9 if inputs.time < 2.0 else -0.9
+        duty = ahead if inputs.time > 1.0 else 0.0
+        force = -9.0 if 1.999 < inputs.time < 2.015 else 0.0
+        accel = (force / SIMULATOR.accel_m_s2, 0.0, GRAVITY / SIMULATOR.accel_m_s2)
+        read = replace(
+            inputs,
+            accel=accel if cycle % 4 == 0 else None,
+            bemf=(bemf, *inputs.bemf[1:]),
+            position=(position, *inputs.position[1:]),
+        )
+        told = odometry.update(read, Outputs(duty=(sign * duty, duty, 0.0, 0.0))).reasons
+        assert not any(reason.startswith("bumped") for reason in told)
