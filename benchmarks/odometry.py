@@ -43,6 +43,7 @@ from odometry_traces import (
 )
 from raccoon.core.config import RobotConfig
 from raccoon.estimate.drive.prior import gyro_scale_std, offset_std_counts, scale_std, track_std
+from raccoon.estimate.drive.published import IN_DOUBT
 from raccoon.estimate.drive.steps import GYRO_RATE
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
@@ -237,7 +238,7 @@ def clean(seeds: range) -> None:
         told: set[str] = set()
         for inputs, command in trace.cycles:
             ours.update(inputs, command)
-            told.update(ours.odometry.estimate.reasons)
+            told.update(set(ours.odometry.estimate.reasons).difference(IN_DOUBT))
         for reason in told:
             alarms[reason] = alarms.get(reason, 0) + 1
     slips = sum(count for reason, count in alarms.items() if "slip" in reason)
