@@ -216,10 +216,13 @@ def _many(results: Sequence[Result]) -> str:
 
 def _largest(results: Sequence[Result]) -> str:
     """How often nothing that is hidden acts more than what was named first: a class is what its hidden
-    members are together."""
+    members are together. Clearly: where nothing else was said to change about as much."""
     shares = [_first_size(each) / max(each["alone"].values()) for each in results]
     exact, tied = (percent(share >= least for share in shares) for least in (1.0, TIE))
-    return f"largest first {exact}, within 20 % {tied}"
+    sure = [
+        share >= 1.0 for share, each in zip(shares, results, strict=True) if not each.get("as_much", [""])
+    ]
+    return f"largest first {exact}, within 20 % {tied}, where it was clearly first {percent(sure)}"
 
 
 def _first_size(result: Result) -> float:

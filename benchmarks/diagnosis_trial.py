@@ -28,6 +28,7 @@ from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.noise import EVENT
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Coordinate, Settings, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, base_coordinates
+from raccoon.diagnose.reports.as_much import as_much
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
@@ -280,6 +281,7 @@ def said_of(said: Diagnosis) -> dict[str, Any]:
             }
             for each in said.causes
         ],
+        "as_much": [each.name for each in as_much(said.causes)],
         "depends_on": list(said.unexplained.depends_on),
         "rejected": {each.id: each.reason for each in said.rejected},
     }

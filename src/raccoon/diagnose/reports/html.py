@@ -59,7 +59,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         sure=[probability_text(each) for each in diagnosis.causes],
         advice=advice(diagnosis),
         notes=news(diagnosis),
-        changes=[change_text(each) for each in diagnosis.causes],
+        changes=[change_text(each, diagnosis) for each in diagnosis.causes],
         errors=png(error_figure(diagnosis)) if diagnosis.channels else None,
         rest=[rest_text(diagnosis, each) for each in diagnosis.channels],
         evidence=png(cause_figure(diagnosis)) if diagnosis.causes else None,

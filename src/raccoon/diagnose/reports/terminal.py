@@ -7,6 +7,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
+from raccoon.diagnose.reports.as_much import as_much_text
 from raccoon.diagnose.reports.headline import seen_text, verdict_text
 from raccoon.diagnose.reports.numbers import number_text
 from raccoon.diagnose.reports.unknown_words import depends_text, shape_text
@@ -57,7 +58,7 @@ def terminal_report(diagnosis: Diagnosis) -> str:
 def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     yield verdict_text(diagnosis)
     for cause in diagnosis.causes:
-        yield from _cause(cause, made_up(cause, diagnosis))
+        yield from _cause(cause, diagnosis)
     if diagnosis.unexplained.depends_on:
         yield f"  ? {left_text(diagnosis.unexplained)}: {depends_text(diagnosis.unexplained.depends_on)}."
     for shape in diagnosis.shapes:
@@ -170,8 +171,9 @@ def made_up(cause: CauseResult, diagnosis: Diagnosis) -> str:
     return "without it the others would make up for it" if first and alike else ""
 
 
-def change_text(cause: CauseResult) -> str:
-    """How much a cause changes the readings, and whether that matters; nothing but of a drive."""
+def change_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
+    """How much a cause changes the readings, whether that matters, and of the first which others may change
+    as much; nothing but of a drive."""
     if not math.isfinite(cause.change):
         return ""
     why = f", {cause.no_matter}" if cause.no_matter else ""
@@ -179,7 +181,9 @@ def change_text(cause: CauseResult) -> str:
     most = f"moves the reading that shows it most by {_times(cause.change)} its noise"
     if cause.unabsorbed < ABSORBED:
         return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
-    return f"{little}{most}, and all readings by {_times(cause.unabsorbed)} beyond {TOLERANCES}"
+    alike = as_much_text(cause, diagnosis.causes)
+    beyond = f"and all readings by {_times(cause.unabsorbed)} beyond {TOLERANCES}"
+    return ", ".join([f"{little}{most}", beyond, *([alike] if alike else [])])
 
 
 def _times(number: float) -> str:
@@ -205,14 +209,14 @@ def probability_text(cause: CauseResult) -> str:
     return f"probability {cause.probability:.2f}{those}"
 
 
-def _cause(cause: CauseResult, remark: str) -> Iterator[str]:
+def _cause(cause: CauseResult, diagnosis: Diagnosis) -> Iterator[str]:
     yield f"  {cause.rank}. {_one_of(cause)}"
     for name, each in cause.parameters.items():
         yield f"       {name} {number_text(each)} (assumed {each.nominal:.4g})"
-    if change := change_text(cause):
+    if change := change_text(cause, diagnosis):
         yield f"       {change}"
     if not cause.little:  # of what does not matter it does not matter where it shows
-        yield f"       {remark or evidence_text(cause)}"
+        yield f"       {made_up(cause, diagnosis) or evidence_text(cause)}"
     yield f"       {probability_text(cause)}"
 
 
