@@ -11,8 +11,8 @@ from raccoon.diagnose.fit.linear import tabulate
 from raccoon.diagnose.fit.whitening import acting, inexact
 from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
 from raccoon.diagnose.select.moves import accepted
-from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.select.refits import ranking, refit_candidates, refits_afresh
+from raccoon.diagnose.select.outlook import Search, worth
+from raccoon.diagnose.select.refits import refit_candidates, refits_afresh
 
 CROWD, SHORT = 7, 2.0
 """Of fewer causes than so many each that is lacking makes another less likely, by so much log evidence.
@@ -38,7 +38,7 @@ def with_missed(search: Search) -> Search | None:
     seen = replace(search, table=table, plain=plain)
     settled = fit_point(problem, search.whitener, search.fit.point, ITERATIONS)
     refits = refits_afresh(seen, refit_candidates(seen))
-    ranked = ranking(problem, refits, settled)
+    ranked = [(name, fit, worth(problem, fit, settled)) for name, fit in refits]
     further = _further(search)
     enough = [each for each in ranked if gate(each[0]) + further <= each[2] and gate(each[0]) < WHEEL_GATE]
     if not enough:

@@ -9,7 +9,7 @@ from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.fit.scan import play_of
 from raccoon.diagnose.select.moves import settled_fit
-from raccoon.diagnose.select.outlook import Search, lead
+from raccoon.diagnose.select.outlook import Search, worth
 from raccoon.diagnose.select.search import required_evidence
 
 DOUBT = 25.0
@@ -35,12 +35,11 @@ def spare(search: Search) -> tuple[str, Fit] | None:
         return None
 
     def best(starts: Iterable[Point]) -> Fit:
-        fits = [fit_point(problem, whitener, start) for start in starts]
-        return max(fits, key=lambda fit: lead(problem, fit, settled))
+        return min((fit_point(problem, whitener, start) for start in starts), key=lambda fit: fit.cost)
 
     settled = settled_fit(search)
     settled = best([settled.point, settled.point.nearer(0.5)])
     without = {name: best(point.without_cause(name).nearer(*parts) for parts in STARTS) for name in asked}
-    lacks = {name: needs[name] - lead(problem, settled, fit) for name, fit in without.items()}
+    lacks = {name: needs[name] - worth(problem, settled, fit) for name, fit in without.items()}
     most = max(lacks, key=lambda name: lacks[name])
     return (most, without[most]) if lacks[most] > 0.0 else None

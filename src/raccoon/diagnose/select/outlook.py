@@ -209,6 +209,23 @@ def lead(problem: Problem, fit: Fit, other: Fit) -> float:
     return told + fit.evidence - other.evidence - excess(problem, fit.white, other.white)
 
 
+def worth(problem: Problem, fit: Fit, less: Fit) -> float:
+    """`lead` of a fit over one without some of its causes, in which all the others are equally sure.
+
+    How sure they are is in their columns at either point. Beside wheels with play, whose response is a
+    staircase, it differs from stair to stair by several of log evidence, which are no merit of a cause.
+    """
+    ahead = lead(problem, fit, less)
+    if not (fit.sound and less.sound):
+        return ahead
+    spans = fit.point.spans()
+    gone = [row for name in spans if name not in less.point.active for row in spans[name]]
+    kept = np.delete(np.arange(len(fit.jacobian)), gone)
+    _, here = np.linalg.slogdet(fit.curvature[np.ix_(kept, kept)])
+    _, there = np.linalg.slogdet(less.curvature)
+    return ahead + 0.5 * float(here - there)
+
+
 def excess(problem: Problem, white: Array, other: Array) -> float:
     """Log evidence of one whitened residual over another beyond what single events may give."""
     events = _by_events(problem, white, other)

@@ -33,7 +33,7 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
     for module, name, stand_in in (
         (needed, "fit_point", fitted),
         (needed, "settled_fit", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
-        (needed, "lead", lambda _, one, other: other.cost - one.cost),
+        (needed, "worth", lambda _, one, other: other.cost - one.cost),
         (proving, "pruned", without),
         (proving, "estimated", lambda search: search),
         (proving, "_sizeless", lambda _: None),
