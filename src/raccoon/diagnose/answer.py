@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +38,7 @@ from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
 from raccoon.diagnose.unknown.probes import change_in
+from raccoon.diagnose.unknown.rubbing import clearly_hot
 from raccoon.diagnose.unknown.sensors import PREFIX
 from raccoon.diagnose.unknown.shapes import shapes_of
 
@@ -45,11 +48,12 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, slots=True)
 class Found:
     """What one search says. moments: s, at which something happened in the drive that is nobody's fault.
-    change: what was another from a moment on."""
+    change: what was another from a moment on. hot: whether motors surely get hot, no friction changed."""
 
     diagnosis: Diagnosis
     moments: tuple[float, ...]
     change: Change | None = None
+    hot: Callable[[], bool] = lambda: False
 
 
 def faults_of(log: Log) -> tuple[SensorFault, ...]:
@@ -94,7 +98,8 @@ def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )
-    return Found(found, bursts.moments, None if log.runs else change_in(search.problem, search.linear))
+    changed = None if log.runs else change_in(search.problem, search.linear)
+    return Found(found, bursts.moments, changed, partial(clearly_hot, search))
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

@@ -158,7 +158,7 @@ class Way:
     def _rubbing_anew(self, log: Log, unseen: Log | None) -> Found:
         """What is found, also with friction over time where it may be that: a load that was taken."""
         first = self._each_battery(log, unseen)
-        if not may_rub_anew(first.diagnosis):
+        if not may_rub_anew(first.diagnosis, first.hot):
             return first
         tell("asking whether friction changed in the drive")
         again = self.once(replace(log, rubs_anew=True), unseen)

@@ -134,18 +134,21 @@ def test_what_happened_in_a_moment_is_left_out_and_asked_again(
 
 
 @pytest.mark.parametrize(
-    ("cause", "left", "later", "asked"),
+    ("cause", "left", "clear", "later", "asked"),
     [
-        ("friction.coulomb", 1.2, "", 1),
-        ("motor.heating", 1.2, RUBS_ANEW, 2),
-        ("motor.heating", 1.2, "speed", 2),
-        ("friction.coulomb", 2.0, RUBS_ANEW, 2),
+        ("friction.coulomb", 1.2, False, "", 1),
+        ("motor.heating", 1.2, False, RUBS_ANEW, 2),
+        ("motor.heating", 1.2, True, "", 1),
+        ("motor.heating", 2.0, True, RUBS_ANEW, 2),
+        ("motor.heating", 1.2, False, "speed", 2),
+        ("friction.coulomb", 2.0, False, RUBS_ANEW, 2),
     ],
 )
 def test_friction_over_time_is_asked_for_where_it_may_have_changed(
-    monkeypatch: pytest.MonkeyPatch, cause: str, left: float, later: str, asked: int
+    monkeypatch: pytest.MonkeyPatch, cause: str, left: float, clear: bool, later: str, asked: int
 ) -> None:
-    """And kept where it is what the drive depends on."""
+    """And kept where it is what the drive depends on. Of motors that are clearly hot it is not asked for,
+    unless the wheels are far off."""
     channel = SimpleNamespace(name="motor.0.bemf", rmse_after=left, noise_floor=1.0)
     logs: list[Any] = []
 
@@ -154,7 +157,7 @@ def test_friction_over_time_is_asked_for_where_it_may_have_changed(
         causes = (SimpleNamespace(id=cause),) if len(logs) == 1 else ()
         unexplained = SimpleNamespace(depends_on=(later,) if len(logs) > 1 else ())
         said: Any = SimpleNamespace(causes=causes, channels=(channel,), unexplained=unexplained)
-        return Found(said, ())
+        return Found(said, (), hot=lambda: clear)
 
     monkeypatch.setattr(Way, "once", once)
     said: Any = diagnose(dict(make(8, seconds=8.0).columns), ROBOT)

@@ -13,4 +13,4 @@ from raccoon.diagnose.select.gates import CROWDED
 def test_beside_a_crowd_of_causes_no_change_of_friction_is_asked_for(others: int, asked: bool) -> None:
     """Beside twelve, on 36 s, the question took longer than all before it."""
     beside = [cause(f"own.{number}", said="") for number in range(others)]
-    assert may_rub_anew(diagnosis(cause(HOT, said=""), *beside)) is asked
+    assert may_rub_anew(diagnosis(cause(HOT, said=""), *beside), lambda: False) is asked

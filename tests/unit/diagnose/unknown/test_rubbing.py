@@ -1,0 +1,58 @@
+"""Motors that get hot, and friction that changed in the drive."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.fit.fits import fit_point
+from raccoon.diagnose.fit.linear import coulomb_response, linearise
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.select.outlook import Search, look_around, start_search
+from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.rubbing import HEAT, clearly_hot
+
+ASKED = (HEAT, "friction.coulomb", "friction.coulomb@left", "friction.coulomb@right")
+
+
+@pytest.fixture(scope="module")
+def causes() -> dict[str, Cause]:
+    return {each.name: each for each in drive_causes() if each.name in ASKED}
+
+
+def _hot(problem: Problem, heated: float, added: float) -> Search:
+    """A search that has named hot motors, of motors that get so hot and of a robot whose friction grows by so
+    much, N m at each wheel, after a third of the drive."""
+    features = problem.features
+    linear = linearise(problem, problem.nominal(), list(ASKED[2:]))
+    point = problem.nominal().with_cause(HEAT, np.array([heated, 0.0]))
+    measured = problem.predict([point])[0]
+    measured += features.floors * np.random.default_rng(2).normal(size=measured.shape)
+    later = features.time > features.time[0] + 0.35 * (features.time[-1] - features.time[0])
+    for side in ("left", "right"):
+        response = coulomb_response(problem, linear, side)
+        assert response is not None
+        measured = measured + added * later[:, None] * response
+    real = replace(problem, features=replace(features, measured=measured))
+    start = start_search(real, probes_for(real))
+    fit = fit_point(real, start.whitener, start.fit.point.with_cause(HEAT, np.array([0.5, 0.0])))
+    return look_around(real, start.probes, fit.point, start.whitener)
+
+
+@pytest.mark.parametrize(
+    ("heated", "added", "clear"), [(2.0, 0.0, True), (0.0, 0.02, False), (1.0, 0.1, False)]
+)
+def test_motors_are_clearly_hot_where_no_friction_that_changed_does_it_too(
+    problem: Problem, heated: float, added: float, clear: bool
+) -> None:
+    assert clearly_hot(_hot(problem, heated, added)) == clear
+
+
+def test_where_no_motor_is_hot_friction_may_have_changed(problem: Problem) -> None:
+    search = _hot(problem, 0.0, 0.0)
+    bare = replace(search, fit=replace(search.fit, point=search.fit.point.without_cause(HEAT)))
+    assert not clearly_hot(bare)
