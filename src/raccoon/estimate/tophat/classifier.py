@@ -10,7 +10,8 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Status
 from raccoon.estimate.tophat.calibration import TophatCalibration
 from raccoon.estimate.tophat.flicker import FlickerWatch
-from raccoon.estimate.tophat.tracker import GATE, LightTracker
+from raccoon.estimate.tophat.levels import GATE
+from raccoon.estimate.tophat.tracker import LightTracker
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
 LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
@@ -228,8 +229,12 @@ class Tophat:
         return Edge(self._edge_time, not state)
 
     def _probability(self, counts: float) -> float:
-        """Logistic in the distance to the threshold, in units of the surfaces' spread."""
+        """What the stories give that are weighed; else logistic in the distance to the threshold, in units of
+        the surfaces' spread."""
         levels = self.levels
+        weighed = levels.weighed if self._adapt else None
+        if weighed is not None:
+            return weighed
         gap = levels.black - levels.white
         spread = levels.sd_white + levels.sd_black
         least = gap / 6.0

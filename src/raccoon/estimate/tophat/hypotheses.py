@@ -27,8 +27,11 @@ from raccoon.estimate.tophat.stories import (
     LIGHTS,
     LINE_WIDTH,
     MORE_BLACK,
+    OTHER,
     PHASES,
     STAGES,
+    STANDS,
+    STEPS,
     STORIES,
     SUNLIGHT,
     chances,
@@ -38,12 +41,15 @@ from raccoon.model.reflectance import FULL_SCALE, light_of, spot_radius
 
 Array = NDArray[np.float64]
 
+STEPPING = 3  # the group of the stories on the way to another floor
 LEAST_WAY = 5e-5  # m a reading: a standing robot may still be pushed
 MOST_PACE = 3.3
 STRAY = 1e-6  # density of a reading that means nothing, in units of 1 / the least u
 OTHER_LIGHT = 0.1  # odds that a robot is put down in another light than the one that is known
 MISTAKEN = 1e-4  # probability that the surface was taken for the other one before
 ON_EDGE = 1e-4  # probability of each stage of an edge at the start
+OTHER_FLOOR = 1.2, 0.6  # of u, mean and sd of that of another floor: boards are darker, glare is brighter
+LEAST_FLOOR = 0.5  # of u, that another floor sends back; boards have 0.65 and more
 LEAK = 0.03  # light that a sensor gets whatever is below it
 
 
@@ -76,11 +82,13 @@ class Hypotheses:
 
     black: P(more of the spot is on black). sure: P(the likeliest of white, black and edge).
     steady: P(the light stands and no edge is being crossed). on_edge: an edge is likelier than the surfaces.
+    home: the levels to which the floor may come back (None: those of the start).
     """
 
-    def __init__(self, sensor: Sensor, start: Belief) -> None:
+    def __init__(self, sensor: Sensor, start: Belief, home: Belief | None = None) -> None:
         self._sensor = sensor
-        self._start = start.light
+        self._start, self._start_dark, self._start_var = start.light, start.dark, start.dark_var
+        self._home = home or start
         story = (
             1e-30,
             start.light,
@@ -97,8 +105,10 @@ class Hypotheses:
         if start.on_black is None:
             self._put_down(start)
         else:
-            self._stories[0, 2 * LIGHTS :: LIGHTS] = ON_EDGE
+            self._stories[0, 2 * LIGHTS : STEPS * LIGHTS : LIGHTS] = ON_EDGE
             self._stories[0, LIGHTS * start.on_black] = 1.0
+            if home is not None and not start.on_black:
+                self._stories[0, LIGHTS * OTHER] = 1.0
             self._doubt(start)
         self.black = 0.5 if start.on_black is None else float(start.on_black)
         self.steady = self.sure = 0.0
@@ -107,7 +117,7 @@ class Hypotheses:
     def _put_down(self, start: Belief) -> None:
         """Nobody knows where, nor whether the light is still that of the calibration."""
         share = self._sensor.share
-        self._stories[0, 2 * LIGHTS :: LIGHTS] = self._sensor.spot / STAGES
+        self._stories[0, 2 * LIGHTS : STEPS * LIGHTS : LIGHTS] = self._sensor.spot / STAGES
         sd = math.hypot(start.light, SUNLIGHT)
         spread = sd * sd, share * sd * sd, (share**2 + self._sensor.share_sd**2) * sd * sd
         for surface, chance in enumerate((BETWEEN_LINES, LINE_WIDTH)):
@@ -135,14 +145,17 @@ class Hypotheses:
             moments = (own + unsure) / sensor.share**2, own / sensor.share, own
         self._stories[:7, other] = MISTAKEN, light, dark, 0.0, *moments
 
-    def update(self, counts: float, way: float, others_lost: bool | None = None) -> None:
-        """Take a reading; way: m driven over the floor since the one before."""
+    def update(self, counts: float, way: float, others_lost: bool | None = None, known: bool = True) -> None:
+        """Take a reading; way: m driven over the floor since the one before, and whether it is known."""
         sensor, moves = self._sensor, moves_of_stories()
         steps = min(max(way, LEAST_WAY) * STAGES / sensor.spot, MOST_PACE)
-        chance = chances(round(10.0 * steps), round(1e6 * sensor.spot), others_lost)
+        chance = chances(round(10.0 * steps), round(1e6 * sensor.spot), others_lost, known)
         seen = light_of(counts)
         share = sensor.share
-        weight, light, dark, pace, uu, uv, vv, up, vp, pp = self._stories[:, moves.source]
+        stories = self._stories[:, moves.source]
+        self._change_floors(stories)
+        weight, light, dark, pace, uu, uv, vv, up, vp, pp = stories
+        before = light
         # Predict: light moves u by its pace and v by the share of that, which is known to its sd alone.
         part = moves.part
         scale = light * light
@@ -174,11 +187,35 @@ class Hypotheses:
         uv -= to_u * to_v * inverse
         vv -= to_v * to_v * inverse
         rest = up - to_u * to_p * inverse, vp - to_v * to_p * inverse, pp - to_p * to_p * inverse
-        light, dark, possible = self._possible(light, dark, uu, uv, vv)
+        light, dark, possible = self._possible(before, light, dark, uu, uv, vv)
         self._join(weight * chance * density * possible, (light, dark, pace), (uu, uv, vv, *rest))
 
+    def _change_floors(self, stories: Array) -> None:
+        """Put the light of the floor ahead in the place of black's, and of white's where it is reached.
+
+        What looks like another floor may be the sharp edge of a shadow: black knows half of it.
+        """
+        moves, home = moves_of_stories(), self._home
+        weight, light, dark, _, uu, uv, vv, up, vp, _ = stories
+        at = moves.arrives
+        known = at[moves.floor[at] == 1]
+        short = np.minimum(dark[at] / (LEAST_FLOOR * light[at]) - 1.0, 0.0)
+        weight[at] *= np.where(moves.floor[at] == 1, 1.0, np.exp(-50.0 * short * short))
+        change = 0.5 * self._sensor.share * (dark[at] - light[at])
+        light[at], uu[at] = dark[at], vv[at]
+        dark[at] = np.maximum(self._start_dark + change, self._sensor.least_dark)
+        vv[at] = self._start_var + change * change
+        dark[known], vv[known] = home.dark, home.dark_var
+        uv[at] = up[at] = vp[at] = 0.0
+        at = moves.leaves
+        mean, sd = OTHER_FLOOR
+        dark[at], vv[at] = mean * light[at], (sd * light[at]) ** 2
+        known = at[moves.floor[at] == 1]
+        dark[known], vv[known] = home.light, home.light_var + (STANDS * home.light) ** 2
+        uv[at] = vp[at] = 0.0
+
     def _possible(
-        self, light: Array, dark: Array, uu: Array, uv: Array, vv: Array
+        self, before: Array, light: Array, dark: Array, uu: Array, uv: Array, vv: Array
     ) -> tuple[Array, Array, Array]:
         """u and v within what is possible, and how likely it is that they were.
 
@@ -186,21 +223,23 @@ class Hypotheses:
         says more, it is as likely as it can be wrong by so much, and goes on from where it is not.
         """
         sensor = self._sensor
-        short = np.minimum(light / sensor.floor - 1.0, 0.0)
+        short, was = (np.minimum(each / sensor.floor - 1.0, 0.0) for each in (light, before))
         most = sensor.share + 2.0 * sensor.share_sd
-        over = np.maximum(dark - most * light - LEAK, 0.0)
+        stepping = moves_of_stories().stepping
+        over = np.where(stepping, 0.0, np.maximum(dark - most * light - LEAK, 0.0))
         to_light, to_dark = uv - most * uu, vv - most * uv
         by = over / (to_dark - most * to_light + 1e-4 * light * light)
         light = np.maximum(light - to_light * by, 0.5 * sensor.floor)
-        dark = np.clip(dark - to_dark * by, sensor.least_dark, 0.97 * light)
-        return light, dark, np.exp(-50.0 * short * short - 0.5 * over * by)
+        darkest = np.where(stepping, np.inf, 0.97 * light)
+        dark = np.clip(dark - to_dark * by, sensor.least_dark, darkest)
+        return light, dark, np.exp(-50.0 * np.maximum(short * short - was * was, 0.0) - 0.5 * over * by)
 
     def _join(self, weight: Array, means: Sequence[Array], covariance: Sequence[Array]) -> None:
         """One Gaussian a story, with the moments of all that arrive at it."""
         at = moves_of_stories().target
         weight /= weight.sum()
         weight += 1e-30  # a story that nothing speaks for still has a place
-        total = np.bincount(at, weight, STORIES)
+        total = np.bincount(at, weight, STORIES) + 1e-300  # light that moves comes to no other floor
         joined = [np.bincount(at, weight * each, STORIES) / total for each in means]
         u, v, p = (each - mean[at] for each, mean in zip(means, joined, strict=True))
         spread = (u * u, u * v, v * v, u * p, v * p, p * p)
@@ -211,22 +250,24 @@ class Hypotheses:
         self._stories = np.stack([total, *joined])
         by_phase = total.reshape(PHASES, LIGHTS)
         phases = by_phase.sum(axis=1)
-        white, black = float(phases[0]), float(phases[1])
-        self.black = black + float(phases[2:] @ MORE_BLACK)
-        self.sure = max(white, black, 1.0 - white - black)
+        white, black = float(phases[0] + phases[OTHER]), float(phases[1])
+        self.black = black + float(phases[2:STEPS] @ MORE_BLACK)
+        stepping = float(phases[STEPS:OTHER].sum())
+        self.sure = max(white + stepping, black, 1.0 - white - black - stepping)
         self.on_edge = white + black < 0.5
-        self.steady = float(by_phase[:2, 0].sum())
+        self.steady = float(by_phase[[0, 1, OTHER], 0].sum())
 
     def best(self) -> Belief:
         """The mean of the stories of the likeliest of white, black and edge."""
         weight = self._stories[0].copy()
-        likely = weight[:LIGHTS].sum(), weight[LIGHTS : 2 * LIGHTS].sum(), weight[2 * LIGHTS :].sum()
-        group = int(np.argmax(likely))
+        group = int(np.argmax(np.bincount(GROUP, weight)))
         weight[group != GROUP] = 0.0
         weight /= weight.sum()
         on_black = self.black > 0.5
         _, u, v, _, uu, uv, vv, _, _, _ = self._stories
         light, dark = float(weight @ u), float(weight @ v)
+        if group == STEPPING:  # black has not changed by that
+            return Belief(light, self._start_dark, float(weight @ uu), 0.0, self._start_var, False)
         off_u, off_v = u - light, v - dark
         return Belief(
             light,

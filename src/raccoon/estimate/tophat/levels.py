@@ -13,13 +13,17 @@ import math
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat.calibration import CLEAR, LEAST_SD, Surface
 from raccoon.estimate.tophat.sensor import explanations
+from raccoon.estimate.tophat.stories import SLOWER
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
+GATE = 4.5  # standard deviations within which a reading belongs to a surface
+SHORT, LONG = 0.4, 1.6  # of an edge's way, from which and up to which a passage is one
 WANDER = 0.004  # of the light, a reading: a cloud takes seconds
 DRIFT = 0.0002  # of the light, a reading, by which a surface moves alone
 FLOOR, TAPE = 0.06, 0.15  # of their light, by which one place of a floor or of a line differs from another
 PULL = 1.5  # standard deviations from which the filter trusts its levels less
 FORGET = 0.01  # of the noise estimate, a reading
+PATTERN = 0.03  # of its light, by which readings of a surface differ at least
 SURE_APART = 2.5  # separation of the levels, their own uncertainty included
 NEAR_BOTTOM = 5.0  # standard deviations of a reading, up to which its light is linearised at the level
 LEAST_DARK = 0.0125  # of the least light over white, that black sends back
@@ -154,6 +158,22 @@ class Levels:
         tape = min(abs(gone), TAPE * self.dark)
         return math.sqrt((self._share_sd / self._share * gone) ** 2 + tape**2) / self._share
 
+    def _is_edge(self, spot: float, least: float, most: float, known: bool) -> bool:
+        """Whether the sensor went as far between the two surfaces as its spot is wide, m.
+
+        What is seen of it is the part in which neither surface explains the readings: it begins and ends
+        anywhere on the way to the first of them and to the one after the last, so it was `least` to `most`
+        m. Where there is no such part, because the levels are not known, it is not an edge for sure. known:
+        whether the ways are, and no guess.
+        """
+        begins = light_of(self.white + GATE * self.sd_white)
+        ends = light_of(self.black - GATE * self.sd_black)
+        if begins <= ends:
+            apart = self.black - self.white
+            return apart < GATE * (math.sqrt(self._light_noise) + math.sqrt(self._dark_noise))
+        edge = (begins - ends) / (self.light - self.dark) * spot
+        return least <= longest(known) * edge and (not known or most >= SHORT * edge)
+
     def _refresh(self) -> None:
         """Levels in counts, their spreads, threshold, band and status from the state."""
         dark = self.dark
@@ -163,13 +183,8 @@ class Levels:
             dark = 0.97 * self.light
         self.dark = dark
         white, black = FULL_SCALE / (1.0 + self.light), FULL_SCALE / (1.0 + dark)
-        # The floor's own pattern is a share of its light: it grows and shrinks with the level.
-        ratio = white / self.white
-        noise = self._light_noise * ratio * ratio
-        self._light_noise = noise if noise > CONVERTER_NOISE else CONVERTER_NOISE
-        ratio = black / self.black
-        noise = self._dark_noise * ratio * ratio
-        self._dark_noise = noise if noise > CONVERTER_NOISE else CONVERTER_NOISE
+        self._light_noise = _scaled(self._light_noise, self.white, white)
+        self._dark_noise = _scaled(self._dark_noise, self.black, black)
         self.white, self.black = white, black
         white_noise, black_noise = LEAST_SD + self._light_noise, LEAST_SD + self._dark_noise
         scale = white * white / FULL_SCALE
@@ -199,6 +214,25 @@ class Levels:
         below, above = 0.4 * (middle - white), 0.4 * (black - middle)
         self.low = middle - (1.5 * white_noise if 1.5 * white_noise < below else below)
         self.high = middle + (1.5 * black_noise if 1.5 * black_noise < above else above)
+
+
+def longest(known: bool) -> float:
+    """Of an edge's way, up to which a passage is one; known: whether the way is, and no guess."""
+    return LONG if known else SLOWER * LONG
+
+
+def _scaled(noise: float, was: float, now: float) -> float:
+    """The noise (counts^2) of a surface whose level changed: its pattern is a share of its light, of which
+    counts near the top tell little."""
+    tells, told = now - now * now / FULL_SCALE, was - was * was / FULL_SCALE
+    by = (tells if tells > 1.0 else 1.0) / (told if told > 1.0 else 1.0)
+    scaled = noise * by * by
+    if by > 1.0:  # not all that a reading at the top has of it is pattern
+        level, pattern = now / was, PATTERN * tells
+        most = noise * level * level if level > 1.0 else noise
+        most = most if most > pattern * pattern else pattern * pattern
+        scaled = scaled if scaled < most else most
+    return scaled if scaled > CONVERTER_NOISE else CONVERTER_NOISE
 
 
 def light_per_count(counts: float) -> float:

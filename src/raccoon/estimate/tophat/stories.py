@@ -16,6 +16,7 @@ Index = NDArray[np.intp]
 STAGES = 6  # of an edge
 FASTEST = 4  # stages in one reading
 PACE_SPREAD, LEAST_SPREAD = 0.3, 0.35  # of the stages in one reading: speed and spot are known roughly
+SLOWER = 2.0  # times, that a robot of which nobody says it may be than is assumed
 STANDS = 0.003  # of u, sd of its change in one reading while the light stands
 PACES = (0.06, 0.4)  # of u, sd of the change in one reading where the light begins to move
 SUNLIGHT = 15.0  # sd of that change where the sun comes out at once, light
@@ -24,24 +25,39 @@ UNEVEN = 0.15  # of the pace, sd by which it changes from one reading to the nex
 WITH_OTHERS = {None: 1.0, True: 8.0, False: 0.5}  # times likelier, by whether other sensors are at a loss
 BETWEEN_LINES, LINE_WIDTH = 0.2, 0.05  # m, on the average
 LIGHTS = 2  # standing, moving
-PHASES = 2 + 2 * STAGES
+FLOORS = (2.0, 0.3)  # m between borders of the floor, on the average: to any other, and back to the first
+STEPS = 2 + 2 * STAGES
+"""The first phase on the way to another floor, which is as white: its light is in the place of black's."""
+OTHER = STEPS + len(FLOORS) * STAGES
+"""The phase of white on another floor, from which the one of before comes back."""
+PHASES = OTHER + 1
 STORIES = PHASES * LIGHTS
 
 _coverage = edge_coverage(1.0 - 2.0 * (np.arange(STAGES) + 0.5) / STAGES, 1.0)
-DARKNESS: Array = np.concatenate([[0.0, 1.0], _coverage, _coverage[::-1]])
-"""Share of the spot on black by phase: white, black, entering, leaving."""
-MORE_BLACK: Array = (DARKNESS[2:] > 0.5).astype(float)
-GROUP: Index = np.repeat(np.minimum(np.arange(PHASES), 2), LIGHTS)
+DARKNESS: Array = np.concatenate([[0.0, 1.0], _coverage, _coverage[::-1], *[_coverage] * len(FLOORS), [0.0]])
+"""Share of the spot on black, or on the floor ahead, by phase: white, black, entering, leaving, to each
+floor, there."""
+MORE_BLACK: Array = (DARKNESS[2:STEPS] > 0.5).astype(float)
+GROUP: Index = np.repeat([0, 1] + [2] * 2 * STAGES + [3] * len(FLOORS) * STAGES + [0], LIGHTS)
 
 
 class Moves(NamedTuple):
-    """Every step from story to story: where from, where to, by how many stages (-1: none), how light went."""
+    """Every step from story to story: where from, where to, by how many stages (-1: none), how light went.
+
+    floor: which of `FLOORS` it leads to, -1 of none. leaves, arrives: the moves that begin and end so.
+    """
 
     source: Index
     target: Index
     stages: Index
     change: Index
     from_white: NDArray[np.bool_]
+    on_other: NDArray[np.bool_]
+    settles: NDArray[np.bool_]
+    floor: Index
+    leaves: Index
+    arrives: Index
+    stepping: NDArray[np.bool_]
     on_edge: NDArray[np.bool_]
     moves_on: Array
     part: Array
@@ -70,14 +86,27 @@ _CHANGES = (
 @lru_cache(maxsize=1)
 def moves_of_stories() -> Moves:
     """All moves; the arrays are shared, so leave them as they are."""
-    steps = [(phase, phase, -1) for phase in (0, 1)]
+    steps = [(phase, phase, -1) for phase in (0, 1, OTHER)] + [(OTHER, 0, -1)]
+    steps += [(OTHER, 1 + k, k) for k in range(1, FASTEST + 1)]
     for surface, first, end in ((0, 2, 1), (1, 2 + STAGES, 0)):
         steps += [(surface, first + k - 1, k) for k in range(1, FASTEST + 1)]
         for stage in range(STAGES):
             for k in range(FASTEST + 1):
                 steps.append((first + stage, first + stage + k if stage + k < STAGES else end, k))
-    ways = np.array([(*step, change) for step in steps for change in range(len(_CHANGES))], dtype=np.intp)
-    source, target, stages, change = ways.T
+    ways = [(*step, change, -1) for step in steps for change in range(len(_CHANGES))]
+    for floor in range(len(FLOORS)):  # under a light that stands
+        first, end = STEPS + floor * STAGES, (OTHER, 0)[floor]
+        ways += [
+            (white, first + k - 1, k, 0, floor)
+            for white in ((0, OTHER), (OTHER,))[floor]
+            for k in range(1, FASTEST + 1)
+        ]
+        for stage in range(STAGES):
+            for k in range(FASTEST + 1):
+                after_it = first + stage + k if stage + k < STAGES else end
+                ways.append((first + stage, after_it, k, 0, floor))
+    source, target, stages, change, floors = np.array(ways, dtype=np.intp).T
+    from_white, floor = (source == 0) | (source == OTHER), floors >= 0
     before, after, wander, pace, sun, part, uneven = np.array(_CHANGES).T
     dark = DARKNESS[target]
     return Moves(
@@ -85,8 +114,14 @@ def moves_of_stories() -> Moves:
         target=target * LIGHTS + after[change].astype(np.intp),
         stages=stages,
         change=change,
-        from_white=source == 0,
-        on_edge=source > 1,
+        from_white=from_white,
+        on_other=source == OTHER,
+        settles=(source == OTHER) & (target == 0),
+        floor=floors,
+        leaves=np.flatnonzero(floor & from_white),
+        arrives=np.flatnonzero(floor & ((target == 0) | (target == OTHER))),
+        stepping=(target >= STEPS) & (target < OTHER),
+        on_edge=~from_white & (source > 1),
         moves_on=after[change],
         part=part[change],
         uneven=uneven[change],
@@ -100,18 +135,23 @@ def moves_of_stories() -> Moves:
 
 
 @lru_cache(maxsize=128)
-def chances(pace_tenths: int, spot_microns: int, others_lost: bool | None) -> Array:
-    """Probability of every move at a pace (stages a reading)."""
+def chances(pace_tenths: int, spot_microns: int, others_lost: bool | None, known: bool = True) -> Array:
+    """Probability of every move at a pace (stages a reading); where it is not known, `SLOWER` as well."""
     moves = moves_of_stories()
     pace = 0.1 * pace_tenths
     way = pace * 1e-6 * spot_microns / STAGES
     number = np.arange(FASTEST + 1)
-    advance = np.exp(-0.5 * ((number - pace) / (PACE_SPREAD * pace + LEAST_SPREAD)) ** 2)
-    advance /= advance.sum()
+    paces = np.array([[pace], [pace / (1.0 if known else SLOWER)]])
+    each = np.exp(-0.5 * ((number - paces) / (PACE_SPREAD * paces + LEAST_SPREAD)) ** 2)
+    advance = (each / each.sum(axis=1, keepdims=True)).mean(axis=0)
     rate = np.where(moves.from_white, min(way / BETWEEN_LINES, 0.1), min(way / LINE_WIDTH, 0.2))
     along = advance[moves.stages]
-    entering = rate * along / (1.0 - advance[0])
-    chance = np.where(moves.stages < 0, 1.0 - rate, np.where(moves.on_edge, along, entering))
+    borders = np.array([min(way / FLOORS[0], 0.1), min(way / FLOORS[1], 0.1), 0.0])
+    begun = np.where(moves.floor >= 0, borders[moves.floor], rate)
+    entering = begun * along / (1.0 - advance[0])
+    stays = 1.0 - rate - moves.from_white * borders[0] - moves.on_other * 2.0 * borders[1]
+    stays = np.where(moves.settles, borders[1], stays)  # and is the floor
+    chance = np.where(moves.stages < 0, stays, np.where(moves.on_edge, along, entering))
     begins = WITH_OTHERS[others_lost] * np.array(BEGINS)
     changes = np.array([1.0 - begins.sum(), *begins, 1.0 - ENDS, ENDS])
-    return np.asarray(chance * changes[moves.change])
+    return np.asarray(chance * np.where(moves.floor < 0, changes[moves.change], 1.0))

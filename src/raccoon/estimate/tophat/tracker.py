@@ -8,22 +8,17 @@ surface changed. It stays in charge until one story is sure; until then the stat
 
 from __future__ import annotations
 
-import math
-
 from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface
 from raccoon.estimate.tophat.hypotheses import Belief, Hypotheses, Sensor, pattern_of, usual_spot
-from raccoon.estimate.tophat.levels import CONVERTER_NOISE, Levels
+from raccoon.estimate.tophat.levels import CONVERTER_NOISE, FLOOR, GATE, Levels, longest
 from raccoon.estimate.tophat.sensor import DARKEST, explanations
-from raccoon.model.reflectance import light_of
 
-GATE = 4.5  # standard deviations within which a reading belongs to a surface
 LEVEL = 2.0  # standard deviations between readings that are learnt from; on an edge they differ by more
 USUAL_WAY = 0.0012  # m a reading, where nobody says: 0.24 m/s at 200 Hz
 STEP, MOST_IN_ONE = 8e-4, 8  # m of way for one reading of the bank, and readings in it at the most
 STILL = 2e-5  # m a reading, below which a sensor stands
 USUAL_HEIGHT = 0.012  # m, of a sensor that is none of the two
-SHORT, LONG = 0.4, 1.6  # of an edge's way, from which and up to which a passage is one
 MOST_STRAY, MOST_OUTSIDE = 120, 6  # readings that nothing explains, and those beyond both surfaces
 OUTSIDE_AT_START = 2  # of those, where a robot was put down
 REMEMBERED = 32  # readings, at the least, that the bank goes through
@@ -53,6 +48,8 @@ class LightTracker(Levels):
         "_count",
         "_done",
         "_fitted",
+        "_home",
+        "_known",
         "_lasted",
         "_later",
         "_lean",
@@ -90,6 +87,8 @@ class LightTracker(Levels):
         self._recent = NOTHING  # the last readings on one surface, oldest first
         self._log: list[tuple[float, float]] = []  # counts and way of the readings since `_start`
         self._start = self._later = self._belief()
+        self._home: Belief | None = None  # levels of before, where the floor or the light is another one now
+        self._known = True  # whether somebody says the way
         self._told = -1e9  # the last unexplained reading that said something
         self.unread = self._stray_first = self._stray_way = self._lean = self._black_way = 0.0
         self._sum = self._step = 0.0  # counts and way of the readings that are not yet in the log
@@ -101,13 +100,22 @@ class LightTracker(Levels):
         """Whether it is being weighed what changed."""
         return self._bank is not None
 
+    @property
+    def weighed(self) -> float | None:
+        """P(black) by all stories that are weighed; 0.5 where black lasts so long that it may be white in
+        less light; None where the levels tell, or not all readings have been weighed yet.
+        """
+        if self._bank is not None:
+            return None if self._log else self._bank.black
+        return 0.5 if self._black_way > WIDEST else None
+
     def update(self, counts: float, others_lost: bool | None = None, way: float | None = None) -> None:
         """Learn from a reading.
 
         others_lost: whether other sensors are at a loss; None: there are none. way: m that the sensor went
         over the floor since the last reading; None: not known.
         """
-        known = way is not None
+        known = self._known = way is not None
         way = self._gone(USUAL_WAY if way is None else way)
         log = self._log
         if self._bank is not None:
@@ -127,7 +135,9 @@ class LightTracker(Levels):
         self._note(counts, way)
         self._fitted = True
         if on_black is not self._on_black:
-            if self._on_black is not None and not self._is_edge(way, known):
+            went = self._stray_way if self.stray else 0.0
+            spot, first = self._sensor.spot, self._stray_first
+            if self._on_black is not None and not self._is_edge(spot, went - first, went + way, known):
                 self._begin()
                 return
             self._on_black = on_black
@@ -198,26 +208,10 @@ class LightTracker(Levels):
         self.stray += 1
         self._stray_way += way
         self._outside = self._outside + 1 if counts < self.white or counts > self.black else 0
-        too_far = self._stray_way - self._stray_first > LONG * self._sensor.spot + way
+        too_far = self._stray_way - self._stray_first > longest(self._known) * self._sensor.spot + way
         beyond = self._outside >= (OUTSIDE_AT_START if self._on_black is None else MOST_OUTSIDE)
         if too_far or beyond or self.stray >= MOST_STRAY:
             self._begin()
-
-    def _is_edge(self, way: float, known: bool) -> bool:
-        """Whether the sensor went as far between the two surfaces as its spot is wide.
-
-        What is seen of it is the part in which neither surface explains the readings: it begins and ends
-        anywhere on the way to the first of them and to the one after the last. Where there is no such part,
-        because the levels are not known, it is not an edge for sure.
-        """
-        begins = light_of(self.white + GATE * self.sd_white)
-        ends = light_of(self.black - GATE * self.sd_black)
-        if begins <= ends:
-            apart = self.black - self.white
-            return apart < GATE * (math.sqrt(self._light_noise) + math.sqrt(self._dark_noise))
-        edge = (begins - ends) / (self.light - self.dark) * self._sensor.spot
-        went = self._stray_way if self.stray else 0.0
-        return went - self._stray_first <= LONG * edge and (not known or went + way >= SHORT * edge)
 
     def _belief(self) -> Belief:
         unseen_light, unseen_dark = self._unseen_light(), self._unseen_dark()
@@ -234,7 +228,7 @@ class LightTracker(Levels):
         sensor = self._sensor
         if not self._fitted:  # somebody may have put the sensor higher than it was calibrated
             sensor = sensor._replace(floor=min(sensor.floor, self._farthest))
-        self._bank = Hypotheses(sensor, self._start)
+        self._bank = Hypotheses(sensor, self._start, self._home)
         self._done = self._calm = 0
         self.status = Status.UNCERTAIN
 
@@ -243,7 +237,7 @@ class LightTracker(Levels):
         log = self._log
         last = min(self._done + CATCH_UP, len(log))
         for counts, way in log[self._done : last]:
-            bank.update(counts, way, others_lost)
+            bank.update(counts, way, others_lost, self._known)
         self._done = last
         if last < len(log):
             return
@@ -260,7 +254,16 @@ class LightTracker(Levels):
         if sure < SURE:
             self.status = Status.UNCERTAIN
         elif self._calm >= STEADY_READINGS:
+            self._move_home()
             self._end()
+
+    def _move_home(self) -> None:
+        """Remember the levels of before the doubt where they are others now: they may come again."""
+        home, before = self._home, self._start
+        if home is not None and abs(self.light - home.light) < FLOOR * home.light:
+            self._home = None
+        elif home is None and before.on_black is not None:
+            self._home = before if abs(self.light - before.light) > FLOOR * before.light else None
 
     def _follow(self, belief: Belief, counts: float) -> None:
         """Take over what the bank believes."""
