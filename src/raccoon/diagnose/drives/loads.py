@@ -30,7 +30,9 @@ def with_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Lo
     """The log with what the battery's reading shows of other loads than the wheels. columns: of the
     recording, which name servos and other motors.
 
-    Of one that stays, and leaves next to nothing of the drive before it, that is left out instead.
+    Of one that stays, and leaves next to nothing of the drive before it, that is left out instead; and of one
+    that is there from the beginning what is after it, where that is as little: so looks a fuller battery that
+    was put in on the way.
     """
     sight = Sight.of(log)
     found = () if sight is None else tuple(sight.loads())
@@ -39,32 +41,28 @@ def with_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Lo
     if sight.is_enough_without(found):
         return replace(log, loads=tuple(replace(each, by=_acting(each, columns, robot)) for each in found))
     stays = next((each for each in found if sight.is_on_from(each.start, found)), None)
-    if stays is None or not log.time[0] + SETTLED < stays.start < log.time[-1] - 2.0 * SHORTEST_SECONDS:
+    if stays is not None and log.time[0] + SETTLED < stays.start < log.time[-1] - 2.0 * SHORTEST_SECONDS:
+        begin = stays.start + SETTLED
+        kept = with_loads(log.between(begin, np.inf), columns, robot)
+        left = replace(stays, start=float(log.time[0]), end=begin, sag=-stays.sag)
+    elif found[0].start < log.time[0] + SETTLED and not sight.is_enough_without(found[:1]):
+        end = found[0].end - SETTLED
+        kept = with_loads(log.between(-np.inf, end), columns, robot)
+        left = replace(found[0], start=end, end=float(log.time[-1]) + SETTLED, sag=-found[0].sag)
+    else:
         return replace(log, notes=(*log.notes, MOST_OF_IT))
-    begin = stays.start + SETTLED
-    later = with_loads(log.between(begin, np.inf), columns, robot)
-    before = replace(stays, start=float(log.time[0]), end=begin, sag=-stays.sag)
-    return replace(
-        later,
-        time=log.time,
-        duty=log.duty,
-        channels=log.channels,
-        brake=log.brake,
-        loads=(before, *later.loads),
-    )
+    return replace(log, notes=kept.notes, loads=tuple(sorted((left, *kept.loads), key=_start)))
+
+
+def _start(load: Load) -> float:
+    return load.start
 
 
 def loads_told(log: Log, resistance: float) -> tuple[str, ...]:
     """What is said of a log's loads, () where there are none. resistance: ohm, of the battery."""
     seen = [each for each in log.loads if each.start < log.time[-1] and each.end > log.time[0]]
     found = [each for each in seen if each.sag > 0.0]
-    told = [
-        f"from {each.end - SETTLED:.1f} s on something other than the wheels draws current: the battery's "
-        f"voltage is lower by {_size(each, resistance)}; what was before it is not compared, and what is "
-        "said of the battery's voltage is its doing as well"
-        for each in seen
-        if each.sag < 0.0
-    ]
+    told = [_left_out(each, log, resistance) for each in seen if each.sag < 0.0]
     if found:
         said = "; ".join(_told(each, log.time, resistance) for each in found[:SAID])
         more = f" and {len(found) - SAID} more" if len(found) > SAID else ""
@@ -75,10 +73,26 @@ def loads_told(log: Log, resistance: float) -> tuple[str, ...]:
     return tuple(told)
 
 
+def _left_out(load: Load, log: Log, resistance: float) -> str:
+    """Of what was left out before a load that stays, or after one that was there from the beginning."""
+    if load.start > log.time[0]:
+        return (
+            f"until {load.start + SETTLED:.1f} s the battery's voltage is lower by {_size(load, resistance)} "
+            "than from then on: something other than the wheels drew current, or another battery was put in; "
+            "what came after it is not compared, and what is said of the battery's voltage may be its doing"
+        )
+    return (
+        f"from {load.end - SETTLED:.1f} s on something other than the wheels draws current: the battery's "
+        f"voltage is lower by {_size(load, resistance)}; what was before it is not compared, and what is "
+        "said of the battery's voltage is its doing as well"
+    )
+
+
 def _told(load: Load, time: Array, resistance: float) -> str:
     by = f" ({', '.join(load.by)})" if load.by else ""
     start, end = max(load.start, time[0]), min(load.end, time[-1])
-    return f"{start:.1f} to {end:.1f} s {_size(load, resistance)}{by}"
+    exchanged = " or another battery" if start == time[0] or end == time[-1] else ""
+    return f"{start:.1f} to {end:.1f} s {_size(load, resistance)}{exchanged}{by}"
 
 
 def _size(load: Load, resistance: float) -> str:

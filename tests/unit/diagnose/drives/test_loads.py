@@ -105,6 +105,24 @@ def test_one_that_jams_soon_is_the_battery_s_from_then_on() -> None:
     assert "what was before it is not compared" in told
 
 
+def test_a_fuller_battery_that_was_put_in_late_is_left_out() -> None:
+    # Said only, the drive had a gyro that drifts and one whose zero is off, each with a probability of 1.
+    log = seen(driven(4, ((0.0, 19.0),), sag=0.35))
+    (load,) = log.loads
+    assert load.start == pytest.approx(18.8, abs=0.2)
+    assert load.end > log.time[-1]
+    (told,) = loads_told(log, 0.15)
+    assert re.match(r"until (19.0|19.1) s the battery's voltage is lower by 3[2-7]\d mV", told)
+    assert "another battery was put in" in told
+
+
+def test_one_that_was_put_in_early_is_said_beside_loads() -> None:
+    log = seen(driven(4, ((0.0, 7.0),), sag=0.35))
+    assert log.loads[0].start < log.time[0]
+    (told,) = loads_told(log, 0.15)
+    assert re.search(r"0\.0 to 7\.\d s 3[2-7]\d mV, [\d.]+ A or another battery;", told)
+
+
 def test_one_that_is_nearly_always_on_is_only_said() -> None:
     log = seen(driven(4, tuple((each + 0.3, each + 2.9) for each in np.arange(0.0, 24.0, 3.0))))
     assert log.loads == ()
