@@ -51,6 +51,8 @@ CANNOT_FOLLOW = 0.5
 FOLLOWS_BADLY, BADLY = 0.15, 0.03
 """The same, where the error is that part of the battery's voltage as well, which no creeping wheel has. With
 any cause, known or not, it was 0.03 at most; commands that were rounded to whole numbers left more."""
+SAME = 1e-6
+"""Part of the largest reading by which numbers are apart that are not the same one, calculated twice."""
 OTHER_ROBOT = 0.25
 """Logarithm of a factor on both sides beyond which robot.toml is hardly this robot's."""
 OF_THE_ROBOT = (
@@ -245,11 +247,19 @@ def _in_volts(sound: Sound, ports: Mapping[str, int]) -> bool:
 def _lost(name: str, error: float, columns: Columns, robot: RobotConfig) -> bool:
     if name not in columns or not name.endswith((".bemf", ".speed")):
         return False
+    error = math.sqrt(max(error**2 - _counting(columns[name]) ** 2, 0.0))
     share = error / max(float(np.nanstd(columns[name])), 1e-300)
     model = robot.model
     per = BEMF_VOLTS_PER_COUNT if name.endswith(".bemf") else model.left.back_emf_constant.value
     badly = error * per > BADLY * model.battery.open_circuit_voltage.value
     return share > CANNOT_FOLLOW or (badly and share > FOLLOWS_BADLY)
+
+
+def _counting(values: Array) -> float:
+    """Error of a row that was counted in whole ticks from one moment to another, each cut off."""
+    apart = np.diff(np.unique(values[np.isfinite(values)]))
+    apart = apart[apart > SAME * np.nanmax(np.abs(values))]
+    return float(np.percentile(apart, 10.0)) / math.sqrt(6.0) if len(apart) else 0.0
 
 
 def _one_side(sound: Sound, robot: RobotConfig) -> tuple[str, ...]:

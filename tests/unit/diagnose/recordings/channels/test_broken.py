@@ -126,6 +126,18 @@ def test_nothing_is_named_where_motion_does_not_follow_commands() -> None:
     assert judged_again(found(12.0, 0.9), GOOD, sound, ROBOT).causes
 
 
+def test_steps_of_an_encoder_are_not_what_does_not_follow() -> None:
+    """One of 0.87 rad/s a tick was 0.17 of what it said off, of a robot with more friction."""
+    turned = np.cumsum(2.2 * 0.01 * np.sin(3.0 * TIME))
+    speed = np.diff(np.floor(720.0 * turned / (2.0 * np.pi)), prepend=0.0) / 720.0 * 2.0 * np.pi / 0.01
+    coarse = {**GOOD, "motor.0.bemf": 300.0 * speed}
+    off = float(np.std(coarse["motor.0.bemf"] - 660.0 * np.sin(3.0 * TIME)))
+    assert off > 0.15 * np.std(coarse["motor.0.bemf"])
+    sound = without_broken(coarse, ROBOT)
+    assert judged_again(found(off, 0.9), coarse, sound, ROBOT).causes
+    assert not judged_again(found(2.0 * off, 0.9), coarse, sound, ROBOT).causes
+
+
 def test_what_a_simulation_that_cannot_follow_bent_is_no_news() -> None:
     """Each of ten numbers of robot.toml was 3.5 standard deviations off, and to be measured."""
     sound = without_broken(GOOD, ROBOT)
