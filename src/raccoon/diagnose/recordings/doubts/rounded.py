@@ -1,6 +1,8 @@
 """Commands that whoever logged them rounded: a ramp is a stair then that no motor got.
 
-Of a sound robot whose duties had one digit the ramps of a contest's drive made four causes.
+Of a sound robot whose duties had one digit the ramps of a contest's drive made four causes. Whole percent are
+what many programs send, and then right. But of one that calculates its commands, half a percent of the
+battery is some counts at a wheel for as long as a command holds: a sound robot had a scrub of 6 mN m.
 """
 
 from __future__ import annotations
@@ -11,12 +13,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.result import Diagnosis, Verdict
 
 Columns = Mapping[str, NDArray[np.float64]]
 
 COARSE = (0.1, 0.05)
-"""Steps of commands that are looked for. Percent are no rounding: drivers take them."""
+"""Steps of commands that are looked for."""
+PERCENT, CALCULATED = 0.01, 30
+"""A finer one, and different commands from which they are calculated: nobody writes so many down."""
 LEVELS, STEPS, MOSTLY = 6, 20, 0.5
 """Different commands, changes by one step, and their share of all changes, from which a column looks
 rounded: 0.8 and more of drives that ramp, 0.3 of one that mostly jumps, which little is made of.
@@ -27,8 +32,10 @@ def with_rounded(found: Diagnosis, columns: Columns) -> Diagnosis:
     """A diagnosis that doubts what it found where commands look rounded."""
     steps = {name: _step(each) for name, each in columns.items() if name.endswith(".duty")}
     steps = {name: each for name, each in steps.items() if each}
-    if not steps or found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE):
+    if found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE):
         return found
+    if not steps:
+        return _beside_percent(found, columns)
     note = (
         f"{' and '.join(steps)} hold whole multiples of {min(steps.values()):g} and go from one to the next, "
         "as commands that were rounded for the log do: what was found may be no more than that. Log them "
@@ -36,6 +43,33 @@ def with_rounded(found: Diagnosis, columns: Columns) -> Diagnosis:
     )
     verdict = Verdict.PARTLY if found.verdict is Verdict.EXPLAINED else found.verdict
     return replace(found, verdict=verdict, notes=(note, *found.notes))
+
+
+def _beside_percent(found: Diagnosis, columns: Columns) -> Diagnosis:
+    """The same with a note of what moves wheels by less than whole percent of a battery do, where commands
+    are such and look calculated."""
+    names = [name for name, each in columns.items() if name.endswith(".duty") and _is_calculated(each)]
+    if not names:
+        return found
+    volts = float(np.nanmedian(columns["battery.voltage"])) if "battery.voltage" in columns else 0.0
+    moved = PERCENT / np.sqrt(12.0) * volts / BEMF_VOLTS_PER_COUNT
+    noise = [each.noise_floor for each in found.channels if each.name.endswith(".bemf")]
+    little = [each.name for each in found.causes if noise and each.change * max(noise) < moved]
+    if not little:
+        return found
+    note = (
+        f"{' and '.join(names)} hold whole percent, and what is between them moves the wheels' readings by "
+        f"{moved:.0f} counts, more than {' and '.join(little)}: that may be no more than commands that were "
+        "rounded for the log. Log them with four digits (if the program itself sends percent, they are right)"
+    )
+    return replace(found, notes=(note, *found.notes))
+
+
+def _is_calculated(duty: NDArray[np.float64]) -> bool:
+    """Whether there are many commands, all of whole percent."""
+    whole = np.rint(duty[np.isfinite(duty)] / PERCENT)
+    off = np.abs(duty[np.isfinite(duty)] - PERCENT * whole).max(initial=0.0)
+    return bool(off < 1e-6) and len(np.unique(whole)) >= CALCULATED
 
 
 def _step(duty: NDArray[np.float64]) -> float:
