@@ -31,6 +31,7 @@ Flags = NDArray[np.bool_]
 
 BIN = 0.02
 """s over which commands and readings are averaged."""
+LONGEST_ROW = 1.25 * BIN  # which tells that no wheel turned a robot; where a load came, commands tell
 FOLLOWS = 0.055
 """s by which a usual wheel and its reading's filter follow a command, together."""
 BEFORE, AFTER = ((0.3, 0.06), (0.9, 0.6)), (0.2, 0.44)
@@ -59,7 +60,7 @@ ALIKE, MOMENT = 0.15, 0.2
 UNREAD = 0.15
 """s without a sample of a gyro or a wheel in which nobody knows how it turned."""
 AROUND = 0.3
-"""s for which gyro and wheels agree where a robot is on its wheels again; and s before and after it in which
+"""s for which gyro and wheels agree where a robot is on its wheels again; and before and after it, in which
 it may be in the hand that turns it already, or still."""
 ONCE = 2.0
 """s between two such stretches that are one: a robot in a hand is turned to and fro."""
@@ -137,10 +138,9 @@ def not_free(log: Log, robot: RobotConfig) -> tuple[Stretch, ...]:
     seen = _Seen.of(log, robot)
     if seen is None:
         return ()
-    lifted = _as_stretches(seen, _turned(seen), LIFTED)
-    loaded = np.logical_or.reduce([_loaded(seen, before) for before in BEFORE])
-    held = _as_stretches(seen, loaded, HELD)
-    return _united([*lifted, *held])
+    ways = BEFORE if usual_step(log.time) <= SLOWEST_ROW else ()
+    held = [each for before in ways for each in _as_stretches(seen, _loaded(seen, before), HELD)]
+    return _united([*_as_stretches(seen, _turned(seen), LIFTED), *held])
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ class _Seen:
     def of(cls, log: Log, robot: RobotConfig) -> _Seen | None:
         """The bins of a log, None without both wheels or where nothing was commanded."""
         left, right = (log.wheel(side) for side in ("left", "right"))
-        short = log.seconds < SHORTEST_SECONDS or usual_step(log.time) > SLOWEST_ROW
+        short = log.seconds < SHORTEST_SECONDS or usual_step(log.time) > LONGEST_ROW
         if left is None or right is None or short or not log.duty.any():
             return None
         model, battery, gyro = robot.model, log.channel("battery"), log.channel("gyro")

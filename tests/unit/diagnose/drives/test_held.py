@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from blind.generator import make
 from blind.hidden import CAUSES, UNKNOWN, Hidden, draw, draw_unknown
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import MOTOR_PORTS, Outputs
 from raccoon.diagnose.drives.held import not_free, of_free_driving, with_free_driving
@@ -117,6 +117,24 @@ def test_a_robot_in_a_hand_is_found(blind: dict[str, Array], start: float, end: 
     assert min(end, float(blind["t"][-1])) - 0.3 < found.end < end + 1.0
     (note,) = with_free_driving(log, [found]).notes
     assert note.startswith(f"from {found.start:.1f} to {found.end:.1f} s the robot turned as no wheel did")
+
+
+def test_so_it_is_of_a_controller_of_50_hz(blind: dict[str, Array]) -> None:
+    """Lifted twice, it was refused: its gyro was said to be another axis."""
+    slow = parse_robot({"controller": {"rate_hz": 50.0}})
+    lifted = turned_in_a_hand(blind, 8.0, 11.0)
+
+    def in_slow_rows(columns: dict[str, Array]) -> Log:
+        gyro = columns["imu.gyro.z"]
+        seen = np.isfinite(gyro)
+        read = {**columns, "imu.gyro.z": np.interp(columns["t"], columns["t"][seen], gyro[seen])}
+        return log_from_columns({name: each[::4] for name, each in read.items()}, slow)
+
+    (found,) = not_free(in_slow_rows(lifted), slow)
+    assert found.why == "lifted"
+    assert 7.0 < found.start < 8.3
+    assert 10.7 < found.end < 12.0
+    assert not_free(in_slow_rows(blind), slow) == ()
 
 
 def test_too_little_free_driving_is_an_error_that_says_why(blind: dict[str, Array]) -> None:
