@@ -152,8 +152,7 @@ class Hypotheses:
         chance = chances(round(10.0 * steps), round(1e6 * sensor.spot), others_lost, known)
         seen = light_of(counts)
         share = sensor.share
-        stories = self._stories[:, moves.source]
-        self._change_floors(stories)
+        stories = self._with_floors().take(moves.source, axis=1)
         weight, light, dark, pace, uu, uv, vv, up, vp, pp = stories
         before = light
         # Predict: light moves u by its pace and v by the share of that, which is known to its sd alone.
@@ -190,29 +189,30 @@ class Hypotheses:
         light, dark, possible = self._possible(before, light, dark, uu, uv, vv)
         self._join(weight * chance * density * possible, (light, dark, pace), (uu, uv, vv, *rest))
 
-    def _change_floors(self, stories: Array) -> None:
-        """Put the light of the floor ahead in the place of black's, and of white's where it is reached.
+    def _with_floors(self) -> Array:
+        """The stories, and behind them those that reach another floor or leave for it (`stories.Moves`): the
+        light of the floor ahead is in the place of black's, and of white's where it is reached.
 
         What looks like another floor may be the sharp edge of a shadow: black knows half of it.
         """
-        moves, home = moves_of_stories(), self._home
-        weight, light, dark, _, uu, uv, vv, up, vp, _ = stories
-        at = moves.arrives
-        known = at[moves.floor[at] == 1]
-        short = np.minimum(dark[at] / (LEAST_FLOOR * light[at]) - 1.0, 0.0)
-        weight[at] *= np.where(moves.floor[at] == 1, 1.0, np.exp(-50.0 * short * short))
-        change = 0.5 * self._sensor.share * (dark[at] - light[at])
-        light[at], uu[at] = dark[at], vv[at]
-        dark[at] = np.maximum(self._start_dark + change, self._sensor.least_dark)
-        vv[at] = self._start_var + change * change
-        dark[known], vv[known] = home.dark, home.dark_var
-        uv[at] = up[at] = vp[at] = 0.0
-        at = moves.leaves
+        home, stories = self._home, self._stories
+        arriving = stories[:, STEPS * LIGHTS : OTHER * LIGHTS : LIGHTS].copy()
+        weight, light, dark, _, uu, uv, vv, up, vp, _ = arriving
+        short = np.minimum(dark[:STAGES] / (LEAST_FLOOR * light[:STAGES]) - 1.0, 0.0)
+        weight[:STAGES] *= np.exp(-50.0 * short * short)
+        change = 0.5 * self._sensor.share * (dark - light)
+        light[:], uu[:] = dark, vv
+        dark[:] = np.maximum(self._start_dark + change, self._sensor.least_dark)
+        vv[:] = self._start_var + change * change
+        dark[STAGES:], vv[STAGES:] = home.dark, home.dark_var
+        uv[:] = up[:] = vp[:] = 0.0
+        leaving = stories[:, (0, OTHER * LIGHTS, OTHER * LIGHTS)]
+        _, light, dark, _, _, uv, vv, _, vp, _ = leaving
         mean, sd = OTHER_FLOOR
-        dark[at], vv[at] = mean * light[at], (sd * light[at]) ** 2
-        known = at[moves.floor[at] == 1]
-        dark[known], vv[known] = home.light, home.light_var + (STANDS * home.light) ** 2
-        uv[at] = vp[at] = 0.0
+        dark[:2], vv[:2] = mean * light[:2], (sd * light[:2]) ** 2
+        dark[2], vv[2] = home.light, home.light_var + (STANDS * home.light) ** 2
+        uv[:] = vp[:] = 0.0
+        return np.concatenate([stories, arriving, leaving], axis=1)
 
     def _possible(
         self, before: Array, light: Array, dark: Array, uu: Array, uv: Array, vv: Array
@@ -236,19 +236,21 @@ class Hypotheses:
 
     def _join(self, weight: Array, means: Sequence[Array], covariance: Sequence[Array]) -> None:
         """One Gaussian a story, with the moments of all that arrive at it."""
-        at = moves_of_stories().target
+        moves = moves_of_stories()
         weight /= weight.sum()
         weight += 1e-30  # a story that nothing speaks for still has a place
-        total = np.bincount(at, weight, STORIES) + 1e-300  # light that moves comes to no other floor
-        joined = [np.bincount(at, weight * each, STORIES) / total for each in means]
-        u, v, p = (each - mean[at] for each, mean in zip(means, joined, strict=True))
-        spread = (u * u, u * v, v * v, u * p, v * p, p * p)
-        joined += [
-            np.bincount(at, weight * (each + apart), STORIES) / total
-            for each, apart in zip(covariance, spread, strict=True)
-        ]
-        self._stories = np.stack([total, *joined])
-        by_phase = total.reshape(PHASES, LIGHTS)
+        total = np.add.reduceat(weight, moves.starts)
+        joined = np.zeros((10, STORIES))  # light that moves comes to no other floor
+        joined[0, moves.reached] = total
+        mean = np.add.reduceat(weight * means, moves.starts, axis=1) / total
+        joined[1:4, moves.reached] = mean
+        u, v, p = means - mean.take(moves.place, axis=1)
+        moments = np.stack(covariance)
+        moments += (u * u, u * v, v * v, u * p, v * p, p * p)
+        moments *= weight
+        joined[4:, moves.reached] = np.add.reduceat(moments, moves.starts, axis=1) / total
+        self._stories = joined
+        by_phase = joined[0].reshape(PHASES, LIGHTS)
         phases = by_phase.sum(axis=1)
         white, black = float(phases[0] + phases[OTHER]), float(phases[1])
         self.black = black + float(phases[2:STEPS] @ MORE_BLACK)

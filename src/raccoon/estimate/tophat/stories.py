@@ -44,19 +44,21 @@ GROUP: Index = np.repeat([0, 1] + [2] * 2 * STAGES + [3] * len(FLOORS) * STAGES 
 class Moves(NamedTuple):
     """Every step from story to story: where from, where to, by how many stages (-1: none), how light went.
 
-    floor: which of `FLOORS` it leads to, -1 of none. leaves, arrives: the moves that begin and end so.
+    In the order of their targets: those of `reached[place]` begin at `starts`.
+    source: the story, or from `STORIES` on one that comes to another floor or leaves for it
+    (`Hypotheses._with_floors`). floor: which of `FLOORS` it leads to, -1 of none.
     """
 
     source: Index
-    target: Index
+    reached: Index
+    starts: Index
+    place: Index
     stages: Index
     change: Index
     from_white: NDArray[np.bool_]
     on_other: NDArray[np.bool_]
     settles: NDArray[np.bool_]
     floor: Index
-    leaves: Index
-    arrives: Index
     stepping: NDArray[np.bool_]
     on_edge: NDArray[np.bool_]
     moves_on: Array
@@ -105,24 +107,31 @@ def moves_of_stories() -> Moves:
             for k in range(FASTEST + 1):
                 after_it = first + stage + k if stage + k < STAGES else end
                 ways.append((first + stage, after_it, k, 0, floor))
+    after = np.array([each[1] for each in _CHANGES], dtype=np.intp)
+    ways.sort(key=lambda way: (way[1], after[way[3]]))
     source, target, stages, change, floors = np.array(ways, dtype=np.intp).T
+    reached, starts, place = np.unique(
+        target * LIGHTS + after[change], return_index=True, return_inverse=True
+    )
     from_white, floor = (source == 0) | (source == OTHER), floors >= 0
-    before, after, wander, pace, sun, part, uneven = np.array(_CHANGES).T
+    before, _, wander, pace, sun, part, uneven = np.array(_CHANGES).T
     dark = DARKNESS[target]
     return Moves(
-        source=source * LIGHTS + before[change].astype(np.intp),
-        target=target * LIGHTS + after[change].astype(np.intp),
+        source=np.where(
+            floor, _on_floors(source, target, floors), source * LIGHTS + before[change].astype(np.intp)
+        ),
+        reached=reached,
+        starts=starts,
+        place=place,
         stages=stages,
         change=change,
         from_white=from_white,
         on_other=source == OTHER,
         settles=(source == OTHER) & (target == 0),
         floor=floors,
-        leaves=np.flatnonzero(floor & from_white),
-        arrives=np.flatnonzero(floor & ((target == 0) | (target == OTHER))),
         stepping=(target >= STEPS) & (target < OTHER),
         on_edge=~from_white & (source > 1),
-        moves_on=after[change],
+        moves_on=after[change].astype(float),
         part=part[change],
         uneven=uneven[change],
         wander=wander[change] ** 2,
@@ -132,6 +141,16 @@ def moves_of_stories() -> Moves:
         black_part=dark,
         blur=np.where((dark > 0.0) & (dark < 1.0), 0.3 / STAGES, 0.0),
     )
+
+
+def _on_floors(source: Index, target: Index, floors: Index) -> Index:
+    """Where the stories that move along a border stand, after what changes there: its stages at the end of
+    it, one by one, behind them white at its beginning, from white of the first floor and of another, and
+    from that back."""
+    begins = (source == 0) | (source == OTHER)
+    ends = (target == 0) | (target == OTHER)
+    leaving = STORIES + len(FLOORS) * STAGES + floors + (source == OTHER)
+    return np.where(begins, leaving, np.where(ends, STORIES + source - STEPS, source * LIGHTS))
 
 
 @lru_cache(maxsize=128)
