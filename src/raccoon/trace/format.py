@@ -27,6 +27,7 @@ MAX_BYTES = 1 << 30
 MAX_TICKS = 1_000_000
 """83 minutes at 200 Hz."""
 SECOND = "this is its last line, and another recording seems to follow: put each into a file of its own"
+WRONG = "this is its last line, and some value in it is not what was written"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,10 +126,7 @@ class _Reader:
             for line in lines:
                 table = parse_line(line)
                 if "end" in table:
-                    trace.damage = self._end(table, len(trace.ticks))
-                    place, more = self._line, self._rest(lines)
-                    if more and trace.damage is None:
-                        trace.damage = Damage(place, len(trace.ticks), SECOND, more)
+                    trace.damage = self._end(table, len(trace.ticks)) or self._after(lines, len(trace.ticks))
                     return trace
                 if "device" in table:
                     self._device = parse_device(table["device"])
@@ -139,6 +137,15 @@ class _Reader:
             place = self._line  # reading on counts on
             trace.damage = Damage(place, len(trace.ticks), str(error), self._rest(lines))
             return trace
+
+    def _after(self, lines: Iterator[bytes], ticks: int) -> Damage | None:
+        """What is wrong behind the last line, whose packed bytes end with a sum of all that was written."""
+        place = self._line
+        try:
+            more = sum(1 for _ in lines)
+        except TraceError as error:
+            return Damage(place, ticks, f"{WRONG}: {error}")
+        return Damage(place, ticks, SECOND, more) if more else None
 
     def _rest(self, lines: Iterator[bytes]) -> int:
         """How many whole lines there are after the damage, as far as they can be read."""

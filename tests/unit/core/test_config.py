@@ -215,7 +215,8 @@ def test_a_model_is_no_robot(tmp_path: Path, table: str) -> None:
     path = tmp_path / "model.toml"
     path.write_text(f"{table}\n")
     with pytest.raises(
-        ConfigError, match=r"it is a model\.toml, which raccoon diagnose --model takes; name a"
+        ConfigError,
+        match=r"it is a model\.toml, which --model of diagnose, excite and sweep takes; name a robot\.toml",
     ):
         load_robot(path)
 
