@@ -3,7 +3,7 @@
 Recordings come from the independent plant in tests/blind. Seeds are fresh in every run, and printed, unless
 one is given. With `--results FILE` every trial is kept in it as a line; the same command goes on where it was
 stopped, with the seed of the file. Prints a row a case (asked and measured), the confusion of causes, and
-times.
+times; with `--pool FILE ...` those of several such files together.
 """
 
 from __future__ import annotations
@@ -35,6 +35,9 @@ from raccoon.diagnose.reports.pictures import error_figure
 def main() -> None:
     """Run what is missing and print everything."""
     args = _arguments()
+    if args.pool is not None:
+        _print_together(args.pool)
+        return
     known = list(_kept(args.results))
     seed = _seed(args.seed, known)
     done = {each["key"]: each for each in known if "key" in each}
@@ -72,6 +75,13 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, default=1e6, help="begin no trial after this time")
     parser.add_argument("--report", action="store_true", help="run nothing, print what the file holds")
     parser.add_argument(
+        "--pool",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="run nothing, print what these results hold together",
+    )
+    parser.add_argument(
         "--picture",
         nargs=2,
         metavar=("KEY", "FILE"),
@@ -79,6 +89,18 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--verbose", action="store_true", help="a line for each trial")
     return parser.parse_args()
+
+
+def _print_together(paths: list[Path]) -> None:
+    results: list[dict[str, Any]] = []
+    for path in paths:
+        kept = list(_kept(path))
+        if not kept:
+            sys.exit(f"--pool {path}: there are no results in it")
+        done = [each for each in kept if "key" in each]
+        print(f"seed {_seed(None, kept)}: {len(done)} recordings")
+        results += done
+    print_table(results)
 
 
 def _seed(asked: int | None, known: list[dict[str, Any]]) -> int:
