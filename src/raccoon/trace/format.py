@@ -27,7 +27,7 @@ MAX_BYTES = 1 << 30
 MAX_TICKS = 1_000_000
 """83 minutes at 200 Hz."""
 SECOND = "this is its last line, and another recording seems to follow: put each into a file of its own"
-WRONG = "this is its last line, and some value in it is not what was written"
+WRONG = "this is its last line, and some value before it may not be what was written"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +101,10 @@ def read_trace(path: str | Path, *, max_bytes: int = MAX_BYTES, max_ticks: int =
             raise TraceError(f"{path}: {error}") from None
 
 
+class _NotUnpacked(TraceError):
+    """The bytes of a packed file are not those that were written, or not all of them."""
+
+
 class _Reader:
     """Lines to a trace, with count of where it is."""
 
@@ -140,12 +144,16 @@ class _Reader:
 
     def _after(self, lines: Iterator[bytes], ticks: int) -> Damage | None:
         """What is wrong behind the last line, whose packed bytes end with a sum of all that was written."""
-        place = self._line
+        place, whole = self._line, 0
         try:
-            more = sum(1 for _ in lines)
-        except TraceError as error:
-            return Damage(place, ticks, f"{WRONG}: {error}")
-        return Damage(place, ticks, SECOND, more) if more else None
+            for _ in lines:
+                whole += 1
+        except _NotUnpacked as error:
+            if whole == 0:
+                return Damage(place, ticks, f"{WRONG}: {error}")
+        except TraceError:  # what follows is itself cut off
+            pass
+        return Damage(place, ticks, SECOND, whole) if self._line > place else None
 
     def _rest(self, lines: Iterator[bytes]) -> int:
         """How many whole lines there are after the damage, as far as they can be read."""
@@ -175,7 +183,7 @@ class _Reader:
             return self._stream.readline(MAX_LINE_BYTES + 1)
         except (EOFError, gzip.BadGzipFile, zlib.error) as error:
             self._line += 1
-            raise TraceError(f"the packed file is damaged: {error}") from None
+            raise _NotUnpacked(f"the packed file is damaged: {error}") from None
 
     def _cycle(self, table: dict[str, Any], trace: Trace) -> None:
         cycle = parse_cycle(table, self._device)
