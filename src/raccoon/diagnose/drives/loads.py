@@ -20,6 +20,8 @@ from raccoon.diagnose.drives.sag import Sight
 Array = NDArray[np.float64]
 
 SAID = 3
+ENOUGH = 2.0 * SHORTEST_SECONDS
+"""s that a part of a drive must have that is compared instead of all of it."""
 MOST_OF_IT = (
     "something other than the wheels draws current for most of the drive, as the battery's voltage shows: "
     "what is said of the battery may be its doing"
@@ -41,17 +43,22 @@ def with_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Lo
     if sight.is_enough_without(found):
         return replace(log, loads=tuple(replace(each, by=_acting(each, columns, robot)) for each in found))
     stays = next((each for each in found if sight.is_on_from(each.start, found)), None)
-    if stays is not None and log.time[0] + SETTLED < stays.start < log.time[-1] - 2.0 * SHORTEST_SECONDS:
+    if stays is not None and log.time[0] + SETTLED < stays.start < log.time[-1] - ENOUGH:
         begin = stays.start + SETTLED
         kept = with_loads(log.between(begin, np.inf), columns, robot)
         left = replace(stays, start=float(log.time[0]), end=begin, sag=-stays.sag)
-    elif found[0].start < log.time[0] + SETTLED and not sight.is_enough_without(found[:1]):
+    elif _is_enough(found[0], log) and not sight.is_enough_without(found[:1]):
         end = found[0].end - SETTLED
         kept = with_loads(log.between(-np.inf, end), columns, robot)
         left = replace(found[0], start=end, end=float(log.time[-1]) + SETTLED, sag=-found[0].sag)
     else:
         return replace(log, notes=(*log.notes, MOST_OF_IT))
     return replace(log, notes=kept.notes, loads=tuple(sorted((left, *kept.loads), key=_start)))
+
+
+def _is_enough(load: Load, log: Log) -> bool:
+    """Whether a load is there from the beginning, and its time long enough to be all that is compared."""
+    return bool(load.start < log.time[0] + SETTLED and load.end > log.time[0] + ENOUGH)
 
 
 def _start(load: Load) -> float:

@@ -116,6 +116,12 @@ def test_a_fuller_battery_that_was_put_in_late_is_left_out() -> None:
     assert "another battery was put in" in told
 
 
+def test_of_a_short_drive_no_second_is_all_that_is_compared() -> None:
+    log = seen(driven(5, ((0.0, 1.8),), sag=0.35, seconds=3.5))
+    assert log.loads == ()
+    assert MOST_OF_IT in log.notes
+
+
 def test_one_that_was_put_in_early_is_said_beside_loads() -> None:
     log = seen(driven(4, ((0.0, 7.0),), sag=0.35))
     assert log.loads[0].start < log.time[0]
