@@ -1,5 +1,6 @@
 """`raccoon view`: a drive drawn over its table."""
 
+import gzip
 import sys
 from pathlib import Path
 
@@ -91,6 +92,19 @@ def test_what_was_said_on_the_way_is_printed_with_its_time(
     assert main(["view", str(path), "-o", str(tmp_path / "drive.svg"), "--no-table"]) == 0
     told = capsys.readouterr().out.splitlines()[1:]
     assert told == ["    0.00 s  match begins: 120 s", "    1.25 s  remark: bumped"]
+
+
+def test_what_is_damaged_in_a_recording_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of one that was cut off half a match was drawn without a word."""
+    with open_robot(RobotConfig(controller=ControllerConfig(port="sim")), record=tmp_path / "run") as robot:
+        robot.run(wait(0.1))
+    path = tmp_path / "cut.jsonl"
+    lines = gzip.decompress((tmp_path / "run.jsonl.gz").read_bytes()).splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:-1]))
+    assert main(["view", str(path), "-o", str(tmp_path / "drive.svg"), "--no-table"]) == 0
+    notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: ")]
+    assert len(notes) == 1
+    assert notes[0].endswith("the recording was not closed: it has no last line")
 
 
 def test_of_a_note_in_every_cycle_the_first_hundred_are_printed(

@@ -73,6 +73,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_said(drive: Drive) -> None:
+    for problem in drive.problems:
+        print(f"note: {problem}")
     for time, text in drive.said[:MOST_SAID]:
         print(f"{time:8.2f} s  {text}")
     if len(drive.said) > MOST_SAID:

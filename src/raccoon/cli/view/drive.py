@@ -14,6 +14,7 @@ from raccoon.cli.doing import doing_shown
 from raccoon.core.config import BodyConfig
 from raccoon.core.errors import TraceError
 from raccoon.trace.loading import Run, load_run
+from raccoon.trace.problems import said_once
 
 Floats = NDArray[np.float64]
 TRUTH = ("truth.x", "truth.y", "truth.heading")
@@ -52,12 +53,14 @@ class Trajectory:
 @dataclass(frozen=True)
 class Drive:
     """A drive to draw. truth or estimate may be absent, not both. body: the robot's outline, the
-    usual one where the recording does not say. said: what the recording has in words, each with its s."""
+    usual one where the recording does not say. said: what the recording has in words, each with its s.
+    problems: what is damaged in it, or could not be read."""
 
     truth: Trajectory | None
     estimate: Trajectory | None
     body: BodyConfig
     said: tuple[tuple[float, str], ...] = ()
+    problems: tuple[str, ...] = ()
 
     @property
     def best(self) -> Trajectory:
@@ -104,7 +107,8 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
         estimate = _home(estimate).placed(*placed)
     time = run.recording["t"]
     said = tuple((float(time[event.tick]), event.text) for event in run.recording.events)
-    return Drive(truth, estimate, BodyConfig() if run.robot is None else run.robot.body, said)
+    body = BodyConfig() if run.robot is None else run.robot.body
+    return Drive(truth, estimate, body, said, tuple(said_once(run.recording.problems)))
 
 
 def _truth(run: Run) -> Trajectory | None:
