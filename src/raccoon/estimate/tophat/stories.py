@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -88,25 +89,7 @@ _CHANGES = (
 @lru_cache(maxsize=1)
 def moves_of_stories() -> Moves:
     """All moves; the arrays are shared, so leave them as they are."""
-    steps = [(phase, phase, -1) for phase in (0, 1, OTHER)] + [(OTHER, 0, -1)]
-    steps += [(OTHER, 1 + k, k) for k in range(1, FASTEST + 1)]
-    for surface, first, end in ((0, 2, 1), (1, 2 + STAGES, 0)):
-        steps += [(surface, first + k - 1, k) for k in range(1, FASTEST + 1)]
-        for stage in range(STAGES):
-            for k in range(FASTEST + 1):
-                steps.append((first + stage, first + stage + k if stage + k < STAGES else end, k))
-    ways = [(*step, change, -1) for step in steps for change in range(len(_CHANGES))]
-    for floor in range(len(FLOORS)):  # under a light that stands
-        first, end = STEPS + floor * STAGES, (OTHER, 0)[floor]
-        ways += [
-            (white, first + k - 1, k, 0, floor)
-            for white in ((0, OTHER), (OTHER,))[floor]
-            for k in range(1, FASTEST + 1)
-        ]
-        for stage in range(STAGES):
-            for k in range(FASTEST + 1):
-                after_it = first + stage + k if stage + k < STAGES else end
-                ways.append((first + stage, after_it, k, 0, floor))
+    ways = _ways()
     after = np.array([each[1] for each in _CHANGES], dtype=np.intp)
     ways.sort(key=lambda way: (way[1], after[way[3]]))
     source, target, stages, change, floors = np.array(ways, dtype=np.intp).T
@@ -141,6 +124,26 @@ def moves_of_stories() -> Moves:
         black_part=dark,
         blur=np.where((dark > 0.0) & (dark < 1.0), 0.3 / STAGES, 0.0),
     )
+
+
+def _ways() -> list[tuple[int, int, int, int, int]]:
+    """Each move: from and to which phase, by how many stages, which of `_CHANGES`, and to which floor."""
+    steps = [(phase, phase, -1) for phase in (0, 1, OTHER)] + [(OTHER, 0, -1)]
+    steps += [*_over_edge((0, OTHER), 2, 1), *_over_edge((1,), 2 + STAGES, 0)]
+    ways = [(*step, change, -1) for step in steps for change in range(len(_CHANGES))]
+    for floor, (begins, end) in enumerate((((0, OTHER), OTHER), ((OTHER,), 0))):
+        first = STEPS + floor * STAGES
+        ways += [(*step, 0, floor) for step in _over_edge(begins, first, end)]  # under a light that stands
+    return ways
+
+
+def _over_edge(begins: tuple[int, ...], first: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """From and to which phase, by how many stages: from where an edge begins, over its stages, to its end."""
+    for phase in begins:
+        yield from ((phase, first + k - 1, k) for k in range(1, FASTEST + 1))
+    for stage in range(STAGES):
+        for k in range(FASTEST + 1):
+            yield first + stage, first + stage + k if stage + k < STAGES else end, k
 
 
 def _on_floors(source: Index, target: Index, floors: Index) -> Index:

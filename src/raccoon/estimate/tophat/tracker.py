@@ -135,9 +135,7 @@ class LightTracker(Levels):
         self._note(counts, way)
         self._fitted = True
         if on_black is not self._on_black:
-            went = self._stray_way if self.stray else 0.0
-            spot, first = self._sensor.spot, self._stray_first
-            if self._on_black is not None and not self._is_edge(spot, went - first, went + way, known):
+            if self._on_black is not None and not self._is_crossed(way, known):
                 self._begin()
                 return
             self._on_black = on_black
@@ -166,6 +164,11 @@ class LightTracker(Levels):
         if len(log) >= 2 * REMEMBERED:
             del log[:-REMEMBERED]
             self._start, self._later = self._later, self._belief()
+
+    def _is_crossed(self, way: float, known: bool) -> bool:
+        """Whether it was an edge that lies behind the sensor, over the last part of which it went `way` m."""
+        went = self._stray_way if self.stray else 0.0
+        return self._is_edge(self._sensor.spot, went - self._stray_first, went + way, known)
 
     def _gone(self, way: float) -> float:
         """m since the last reading, `way` of them in this tick."""
