@@ -11,11 +11,10 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, MOTOR_PORTS
 from raccoon.sim.effects.nominal import check_nominal
 from raccoon.sim.effects.parameters import SIDES, Parameters
-from raccoon.sim.plant.quantities import Plant, State
+from raccoon.sim.plant.quantities import PLANT_COLUMNS, Plant, State
 
 Numbers = tuple[float, ...]
 Floats = NDArray[np.float64]
-_COLUMNS = {name: index for index, name in enumerate(Plant._fields)}
 
 LOOSE_STEP = 0.00105
 """s of a step of a robot whose gears have play: a little above 1 ms, so that a cycle of 5 ms whose time stamp
@@ -209,7 +208,7 @@ def time_constants(plants: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _column(plants: NDArray[np.float64], field: str) -> NDArray[np.float64]:
-    return np.asarray(plants[:, _COLUMNS[field]])
+    return np.asarray(plants[:, PLANT_COLUMNS[field]])
 
 
 def _least_inertia(plants: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -138,6 +138,10 @@ class Plant(NamedTuple):
     whole: float  # 1 where the battery carries all of each motor's current, 0: the share that is its duty
 
 
+PLANT_COLUMNS = {name: index for index, name in enumerate(Plant._fields)}
+"""Where each of them is in an array of robots: looking through the names for it takes far longer."""
+
+
 class Command(NamedTuple):
     """What the drivers get in one step, and whether the controller samples a motor in it.
 

@@ -29,7 +29,7 @@ from raccoon.sim.plant.lanes import (
     STATE_ROWS,
     STRIDE,
 )
-from raccoon.sim.plant.quantities import Plant, State
+from raccoon.sim.plant.quantities import PLANT_COLUMNS, Plant, State
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.packing import Lanes
 
@@ -37,7 +37,6 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 FEW = 1  # robots up to which one after the other is faster where more than readings is asked
 SHORT = 500  # rows up to which a second thread costs more than it gains
-_COLUMNS = {name: index for index, name in enumerate(Plant._fields)}
 _SELDOM = {name: value for fields in SELDOM.values() for name, value in fields.items()}
 _LOOSE = {name: value for each in LOOSE for name, value in SELDOM[each].items()}
 
@@ -171,7 +170,7 @@ def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]
 
 def _differ(plants: Floats, neutral: Mapping[str, float]) -> NDArray[np.bool_]:
     """Which robots have other numbers than these."""
-    columns = [_COLUMNS[name] for name in neutral]
+    columns = [PLANT_COLUMNS[name] for name in neutral]
     return np.asarray((plants[:, columns] != list(neutral.values())).any(axis=1))
 
 
