@@ -31,7 +31,7 @@ Flags = NDArray[np.bool_]
 
 BIN = 0.02
 """s over which commands and readings are averaged."""
-LONGEST_ROW = 1.25 * BIN  # which tells that no wheel turned a robot; where a load came, commands tell
+LONGEST_ROW = 1.25 * BIN  # s, in which a hand is seen; when a load came, rows up to `SLOWEST_ROW` tell
 FOLLOWS = 0.055
 """s by which a usual wheel and its reading's filter follow a command, together."""
 BEFORE, AFTER = ((0.3, 0.06), (0.9, 0.6)), (0.2, 0.44)

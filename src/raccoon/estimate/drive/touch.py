@@ -100,11 +100,11 @@ class Touch:
             self._interrupt_felt(velocity, turn_rate)
             return
         ahead, side, every = self._bump, self._side, span / count
-        outwards = pending.side / count - velocity * turn_rate
+        sideways = pending.side / count - velocity * turn_rate  # without that of the bend
         forward, pitch_rate, jolt = pending.force / count, pending.pitch / count, self._jolt
         struck = ahead.update(span, forward, velocity, still, every, pitch_rate, turn_rate, jolt)
         self._jolt *= max(0.0, 1.0 - span / BUMP_TIME)
-        if side.update(span, outwards, 0.0, still, every, -pending.roll / count, turn_rate) or struck:
+        if side.update(span, sideways, 0.0, still, every, -pending.roll / count, turn_rate) or struck:
             self._meets = True
             self.pushed, self.pushed_aside = ahead.doubt, side.doubt
             self._readings.reasons.tell(
