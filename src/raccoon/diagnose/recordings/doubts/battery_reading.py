@@ -8,10 +8,10 @@ what it should be, and where wheels and gyro tell, so do their scale, a radius, 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
+from raccoon.diagnose.recordings.doubts.one_fault import ALIKE, LEAST, told_as_one
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 VOLTAGE, SCALE, READING = "battery.open_circuit_voltage", "bemf.scale", "battery.voltage"
@@ -22,10 +22,6 @@ FOLLOWS = {
     "motor.back_emf_constant": 1.0,
 }
 """Power of s with which each of them stands for what is left where only wheels and gyro are compared."""
-LEAST = 0.01
-"""Part by which a reading is off from which that is asked."""
-ALIKE = 2.5
-"""Standard deviations within which two numbers are the same fault's."""
 KIPR_VOLTS_PER_COUNT = 0.009175
 """V, of the C library's own curve of the charge."""
 OF_KIPR = 0.01
@@ -46,10 +42,7 @@ def with_battery_reading(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
         return found
     others = [each for each in found.causes if _follows(each, too_high)]
     part = [SCALE, *(each.name for each in others)]
-    said = _said(voltage, too_high, factor.std, part)
-    told = {VOLTAGE: said} | {name: f"{by_name[name].explanation} {SEE}" for name in part}
-    causes = tuple(replace(each, explanation=told.get(each.name, each.explanation)) for each in found.causes)
-    return replace(found, causes=causes)
+    return told_as_one(found, VOLTAGE, _said(voltage, too_high, factor.std, part), part, SEE)
 
 
 SEE = f"It is of the size that a wrong scale of the battery's reading makes: see {VOLTAGE} first."

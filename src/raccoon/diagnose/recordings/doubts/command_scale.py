@@ -10,10 +10,10 @@ carries, duty times current, is s squared: its resistance seems 1 / s squared of
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings.doubts.battery_reading import ALIKE, LEAST, SCALE, VOLTAGE
+from raccoon.diagnose.recordings.doubts.battery_reading import SCALE, VOLTAGE
+from raccoon.diagnose.recordings.doubts.one_fault import ALIKE, LEAST, inverse_off, told_as_one
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 FOLLOWS = {
@@ -42,10 +42,7 @@ def with_command_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
     part = [each.name for each in found.causes if _follows(each, scale, known.get(each.id, 0.0))]
     if len(part) < FEWEST:
         return found
-    told = {SCALE: _said(scale, part, robot)}
-    told |= {name: f"{by_name[name].explanation} {SEE}" for name in part}
-    causes = tuple(replace(each, explanation=told.get(each.name, each.explanation)) for each in found.causes)
-    return replace(found, causes=causes)
+    return told_as_one(found, SCALE, _said(scale, part, robot), part, SEE)
 
 
 def _follows(cause: CauseResult, scale: CauseResult, tolerance: float) -> bool:
@@ -62,9 +59,7 @@ def _follows(cause: CauseResult, scale: CauseResult, tolerance: float) -> bool:
 
 
 def _said(scale: CauseResult, part: list[str], robot: RobotConfig) -> str:
-    number = scale.parameters["factor"]
-    holds = 1.0 / number.value
-    size = f"{100.0 * abs(holds - 1.0):.1f} +- {100.0 * holds * number.std / number.value:.1f} %"
+    holds, size = inverse_off(scale.parameters["factor"])
     way = "large" if holds > 1.0 else "small"
     *most, last = (SCALE, *part)
     commands = " and ".join(f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right))

@@ -7,10 +7,9 @@ radius were 1 / s of what it is, or what else stands for the ratio of wheels and
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings.doubts.battery_reading import ALIKE, LEAST
+from raccoon.diagnose.recordings.doubts.one_fault import ALIKE, LEAST, inverse_off, told_as_one
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 CONSTANT = "motor.back_emf_constant"
@@ -21,16 +20,15 @@ FOLLOWS = {"drive.wheel_radius": 1.0, "imu.gyro_scale": 1.0, "drive.track_width"
 def with_encoder_reading(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
     """A diagnosis that says in one sentence what a wrong number of ticks a turn has made of it."""
     sides = {"left": robot.drive.left, "right": robot.drive.right}
-    seen, told = {each.name for each in found.channels}, dict[str, str]()
-    for each in found.causes:
+    seen, causes = {each.name for each in found.channels}, found.causes
+    for each in causes:
         ports = [port for side, port in sides.items() if each.where in (side, None)]
         names = [f"motor.{port}.speed" for port in ports]
-        others = [other for other in found.causes if other.where == each.where and _follows(other, each)]
+        others = [other for other in causes if other.where == each.where and _follows(other, each)]
         if each.id == CONSTANT and others and all(name in seen for name in names):
-            told[each.name] = _said(each, others, " and ".join(names))
-            told |= {other.name: f"{other.explanation} {_see(each.name)}" for other in others}
-    causes = tuple(replace(each, explanation=told.get(each.name, each.explanation)) for each in found.causes)
-    return replace(found, causes=causes)
+            said, names_of = _said(each, others, " and ".join(names)), [other.name for other in others]
+            found = told_as_one(found, each.name, said, names_of, _see(each.name))
+    return found
 
 
 def _follows(other: CauseResult, constant: CauseResult) -> bool:
@@ -48,9 +46,7 @@ def _see(name: str) -> str:
 
 
 def _said(constant: CauseResult, others: list[CauseResult], names: str) -> str:
-    number = constant.parameters["factor"]
-    reads = 1.0 / number.value
-    size = f"{100.0 * abs(reads - 1.0):.1f} +- {100.0 * reads * number.std / number.value:.1f} %"
+    reads, size = inverse_off(constant.parameters["factor"])
     way = "much" if reads > 1.0 else "little"
     part = " and ".join(each.name for each in (constant, *others))
     verb = "read" if constant.where is None else "reads"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from raccoon.diagnose.recordings.doubts.battery_reading import ALIKE, LEAST
+from raccoon.diagnose.recordings.doubts.one_fault import ALIKE, LEAST
 from raccoon.diagnose.result import Diagnosis
 
 TRACK, RADIUS = "drive.track_width", "drive.wheel_radius"
