@@ -229,7 +229,7 @@ def _time(columns: Mapping[str, Array]) -> Array:
     check_time(time)
     if len(time) < 50 or time[-1] - time[0] < SHORTEST_SECONDS:
         raise TraceError(
-            f"the recording has {len(time)} sample{'s' * (len(time) > 1)} over "
+            f"the recording has {len(time)} sample{'s' * (len(time) != 1)} over "
             f"{_rounded_down(time[-1] - time[0]):g} s: "
             f"a diagnosis needs at least 50 over {SHORTEST_SECONDS:g} s"
         )

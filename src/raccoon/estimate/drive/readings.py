@@ -195,20 +195,20 @@ class DriveReadings:
         """Every reading counts: a blow is over within two."""
         if inputs.accel is None:
             return
-        force, side = (each * inputs.device.accel_m_s2 for each in inputs.accel[:2])
-        if abs(force) < MOST_FORCE and abs(side) < MOST_FORCE:
-            pending = self.pending
-            pending.force += force
-            pending.side += side
-            roll, pitch = (
-                (0.0, 0.0)
-                if inputs.gyro is None
-                else (each * inputs.device.gyro_rad_s for each in inputs.gyro[:2])
-            )
-            if abs(pitch) < MOST_PITCH and abs(roll) < MOST_PITCH:
-                pending.pitch += pitch
-                pending.roll += roll
-            pending.force_count += 1
+        unit, pending = inputs.device.accel_m_s2, self.pending
+        force, side = inputs.accel[0] * unit, inputs.accel[1] * unit
+        if not (abs(force) < MOST_FORCE and abs(side) < MOST_FORCE):
+            return
+        pending.force += force
+        pending.side += side
+        pending.force_count += 1
+        if inputs.gyro is None:
+            return
+        unit = inputs.device.gyro_rad_s
+        roll, pitch = inputs.gyro[0] * unit, inputs.gyro[1] * unit
+        if abs(pitch) < MOST_PITCH and abs(roll) < MOST_PITCH:
+            pending.pitch += pitch
+            pending.roll += roll
 
     def _complain(self, reading: WheelReading, inputs: Inputs) -> None:
         """Tell what is wrong with this cycle."""

@@ -129,8 +129,10 @@ class Steps:
         if turn is not None:
             undated = hypot(undated, self.touch.turned_unseen(span, pending.gyro_span / pending.gyro_count))
         time = self._readings.time - self._readings.ahead[0]
-        given = span, read, variances, swing, wobble, still, undated, held, self.touch.pushed_aside
-        reading = Reading(time, *given, mute=alone, rest=rest)
+        aside = self.touch.pushed_aside
+        reading = Reading(
+            time, span, read, variances, swing, wobble, still, undated, held, aside, mute=alone, rest=rest
+        )
         self.fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self.touch.feel(pending, still)
 
