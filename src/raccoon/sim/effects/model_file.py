@@ -18,7 +18,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from raccoon.core.config import RobotConfig, parse_robot, parse_toml
+from raccoon.core.config import RobotConfig, is_model, parse_robot, parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 from raccoon.core.schema import Measured, refuse_unknown, section
@@ -32,10 +32,17 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 def load_model(path: str | Path, robot: RobotConfig | None = None) -> Parameters:
     """Read a `model.toml`. robot: whose numbers a file has that holds effects alone; by default the default
-    robot's. Raises ConfigError naming file, key, value and what is allowed."""
+    robot's. Raises ConfigError naming file, key, value and what is allowed, also for a robot.toml."""
     path = Path(path)
     try:
-        return parse_model(parse_toml(path.read_bytes()), robot)
+        table = parse_toml(path.read_bytes())
+        model = parse_model(table, robot)
+        if not is_model(table):
+            raise ConfigError(
+                "it has neither [[effect]] nor [chain], so it is no model but a robot.toml: name a model, "
+                "such as raccoon diagnose --save-model writes"
+            )
+        return model
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
