@@ -77,6 +77,18 @@ def test_an_animation_is_as_fast_as_asked_for_however_many_frames_it_has(
     assert seconds == pytest.approx(2.0 / float(speed), rel=0.02)
 
 
+def test_a_drive_that_was_elsewhere_is_drawn_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Half a metre to the right of the usual start there is a wall."""
+    path, picture = tmp_path / "drive.csv", str(tmp_path / "drive.svg")
+    rows = [f"{0.1 * row},0,{-0.07 * row},-1.57" for row in range(20)]
+    path.write_text("\n".join(["t,truth.x,truth.y,truth.heading", *rows]) + "\n", encoding="utf-8")
+    for said, more in (True, []), (False, ["--start", "0", "0", "0"]), (False, ["--no-table"]):
+        assert main(["view", str(path), "-o", picture, *more]) == 0
+        assert ("note: the drive goes through a wall" in capsys.readouterr().out) is said
+
+
 def test_how_far_and_how_long(recording: Path) -> None:
     drive = drive_of(recording)
     assert drive.seconds == 2.0

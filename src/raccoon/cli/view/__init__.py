@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
 HELP = "draw a recorded drive over the table, and print its steps, remarks and notes"
 MOST_SAID = 100
 """Lines that are printed of a recording; a program may note something in every cycle."""
+ELSEWHERE = (
+    "the drive goes through a wall of the Botball-size table, so it was driven elsewhere and is drawn alone: "
+    "--table FILE names its table, --start X Y DEG where on it it began"
+)
 ENDINGS = (".svg", ".png", ".gif")
 SLOWEST, FASTEST = 0.01, 1000.0
 
@@ -40,7 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw one drive."""
-    from raccoon.cli.view.drive import drive_of
+    from raccoon.cli.view.drive import drive_of, through_wall
     from raccoon.sim.world.table import World
 
     if args.what not in (None, "run"):
@@ -58,6 +63,9 @@ def run(args: argparse.Namespace) -> int:
     check_pictures()
     world = World.empty() if args.no_table else World.from_file(args.table) if args.table else World.default()
     drive = drive_of(args.recording, args.start)
+    if args.table is None and drive.truth is not None and through_wall(drive.truth, world.walls):
+        world = World.empty()
+        drive = replace(drive, problems=(*drive.problems, ELSEWHERE))
     if target.suffix == ".gif":
         from raccoon.cli.view.drawing import write_animation
 

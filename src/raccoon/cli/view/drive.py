@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from raccoon.cli.doing import doing_shown
 from raccoon.core.config import BodyConfig
 from raccoon.core.errors import TraceError
+from raccoon.sim.world.table import Wall
 from raccoon.trace.loading import Run, load_run
 from raccoon.trace.problems import said_once
 
@@ -109,6 +110,25 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
     said = tuple((float(time[event.tick]), event.text) for event in run.recording.events)
     body = BodyConfig() if run.robot is None else run.robot.body
     return Drive(truth, estimate, body, said, tuple(said_once(run.recording.problems)))
+
+
+def through_wall(path: Trajectory, walls: Iterable[Wall]) -> bool:
+    """Whether the middle of the robot crosses a wall, as it only does where that is not there."""
+    points = np.stack([path.x, path.y], axis=1)
+    ways = np.diff(points, axis=0)
+    for wall in walls:
+        start = np.array(wall.start)
+        along = np.array(wall.end) - start
+        beside = _cross(along, points - start)
+        ends = _cross(ways, start - points[:-1]) * _cross(ways, start + along - points[:-1])
+        if ((beside[:-1] * beside[1:] < 0.0) & (ends < 0.0)).any():
+            return True
+    return False
+
+
+def _cross(first: Floats, second: Floats) -> Floats:
+    """The vectors' cross products, above 0 where the second one points to the left of the first."""
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
 def _truth(run: Run) -> Trajectory | None:
