@@ -177,7 +177,8 @@ def test_spikes_of_a_loose_plug_are_no_surface(truth_free: bool) -> None:
 @pytest.mark.parametrize(
     ("time", "said"),
     [
-        (lambda t: 1000.0 * t, "looks like milliseconds"),
+        (lambda t: 1000.0 * t, "looks like milliseconds, not"),
+        (lambda t: 200.0 * t, "looks like milliseconds or hundredths of a second, or numbers of rows, not"),
         (lambda t: t[::-1], "must advance"),
         (lambda t: np.where(t == t[7], np.nan, t), "not a number"),
     ],

@@ -23,6 +23,8 @@ EVENT = "event"
 """What remarks stand under, in every form of a recording."""
 TIME_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds"))
 """By what a time that should be in seconds advances at least, a sample."""
+SLOW_CLOCK = 5.0
+"""Below which such a step of milliseconds may be one of hundredths of a second as well."""
 DUTY_UNITS = (
     (2.0, "shares of something less than a full command"),
     (13.0, "volts, which are motor.N.voltage, or percent"),
@@ -150,7 +152,9 @@ def mistaken_step(step: float) -> str:
     unit = next((name for least, name in TIME_UNITS if step >= least), None)
     if unit is None:
         return ""
-    guess = f"{unit} or numbers of rows" if step == 1.0 else unit
+    if step < SLOW_CLOCK:  # samples come every 10 to 50 ms as often as every 1 to 5 ms
+        unit += " or hundredths of a second"
+    guess = f"{unit}, or numbers of rows" if step == 1.0 else unit
     return f"t advances by {step:.3g} s a sample: it looks like {guess}, not seconds"
 
 

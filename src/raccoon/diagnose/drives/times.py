@@ -41,7 +41,7 @@ def check_step(time: Array, slowest: float = SLOWEST_STEP) -> None:
     """Raise TraceError where a time advances by more than `slowest` s a sample, as in another unit."""
     step = usual_step(time)
     if step > slowest:
-        told = mistaken_step(step) or f"t advances by {step:.3g} s a sample"
+        told = mistaken_step(step) or f"t advances by {step:.3g} s a sample, as one in hundredths of a second"
         raise TraceError(f"{told}; at most {slowest:g} s are allowed")
 
 

@@ -14,6 +14,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.quality import check_units
+from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Problem
@@ -425,3 +426,17 @@ def test_a_robot_that_stands_judges_nothing(good: Columns) -> None:
     still = {name: 0.0 * each if name.endswith("duty") else each for name, each in good.items()}
     with pytest.raises(HoldoutError, match=r"commands never change.*nothing can be judged on it"):
         diagnose(good, ROBOT, holdout=still)
+
+
+@pytest.mark.parametrize(
+    ("step", "said"),
+    [
+        (0.5, "in hundredths of a second; at most 0.2 s are allowed"),
+        (1.0, "like milliseconds or hundredths of a second, or numbers of rows, not"),
+        (5.0, "like milliseconds, not"),
+        (2000.0, "like microseconds, not"),
+    ],
+)
+def test_the_unit_of_a_time_is_named(step: float, said: str) -> None:
+    with pytest.raises(TraceError, match=said):
+        check_time(np.linspace(0.0, 8.0 * step, 9))
