@@ -30,8 +30,10 @@ UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
 UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
 """m, standard deviation of the position."""
 IN_DOUBT = (
-    f"the place is in doubt by {UNCERTAIN_PLACE:g} m or more",
-    f"the heading is in doubt by {math.degrees(UNCERTAIN_HEADING):g} degrees or more",
+    f"the place is in doubt by {UNCERTAIN_PLACE:g} m or more: drive on to a wall or a line, and say by "
+    "robot.odometry.reset(x, y, heading) where that is",
+    f"the heading is in doubt by {math.degrees(UNCERTAIN_HEADING):g} degrees or more: "
+    "align_on_wall(heading=...) tells it",
 )
 """Reasons of an estimate whose deviation is above these, also where what it came from has long passed."""
 BLIND_AFTER = 0.5
