@@ -189,12 +189,20 @@ _SEVERAL = ("motor", "tophat", "servo", "mechanism")
 
 
 def _refuse_homeless(table: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    """Raise ConfigError for a key of a section that stands above all of them, naming the section."""
-    kinds = {**_SINGLE, "motor.N": MotorConfig}
-    for key in table:
-        homes = [f"[{name}]" for name, kind in kinds.items() if key in {each.name for each in fields(kind)}]
-        if homes and key not in known:
-            raise ConfigError(f"{key}: it belongs below a line with its section, {' or '.join(homes)}")
+    """Raise ConfigError for a key that stands above all sections or in another than its own, naming that."""
+    kinds = {
+        **_SINGLE,
+        "motor.N": MotorConfig,
+        **{f"model.{name}": kind for name, kind in MODEL_SECTIONS.items()},
+    }
+    keys = {name: tuple(each.name for each in fields(kind)) for name, kind in kinds.items()}
+    sections = {name: table[name] for name in _SINGLE if isinstance(table.get(name), Mapping)}
+    for where, entries in {"": table, **sections}.items():
+        for key in entries:
+            homes = [f"[{name}]" for name, own in keys.items() if key in own]
+            if homes and key not in keys.get(where, known):
+                place = f"{where}.{key}" if where else key
+                raise ConfigError(f"{place}: it belongs below a line with its section, {' or '.join(homes)}")
 
 
 def parse_robot(table: Mapping[str, Any]) -> RobotConfig:

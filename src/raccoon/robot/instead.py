@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
+    from raccoon.core.readings import Inputs
 
 _DUTIES = "robot.run(motors(left, right).until(...)) or, by the way to go, robot.run(straight(m))"
 _MOVE, _SERVO = "robot.run(move(name, rad))", "robot.run(servo(name, place))"
@@ -102,6 +103,15 @@ def note_value(error: BaseException | None) -> None:
             error.add_note(f"{called} is a value, no function: write .{called} without ()")
         elif each.opname not in ("PRECALL", "PUSH_NULL", "CACHE"):
             called = ""
+
+
+def note_unread(error: TypeError, inputs: Inputs | None) -> None:
+    """Add to the error of a program that reckons with readings before there are any how to get some.
+
+    inputs: the robot's.
+    """
+    if inputs is None and "NoneType" in str(error):
+        error.add_note("nothing was read yet, so every reading is None: write robot.run(wait(0.1)) before")
 
 
 class Part:

@@ -108,8 +108,9 @@ class Knowledge:
         self._asked += 1
         if self._asked % ASKED == 0 and not _getframe(2).f_globals.get("__name__", "").startswith("raccoon."):
             said = (
-                f"readings were asked for {ASKED} times and stay as they are: the robot reads in run() and "
-                "tick() alone; wait with robot.run(wait_for(pressed(0))), or call robot.tick() in the loop"
+                f"readings were asked for {self._asked} times and stay as they are: the robot reads in run() "
+                "and tick() alone; wait with robot.run(wait_for(...)) for a condition such as pressed(0) or "
+                "analog_above(0, 2000), or call robot.tick() in the loop"
             )
             say(self, said)
             if self._asked >= FOR_EVER:

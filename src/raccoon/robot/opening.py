@@ -17,7 +17,7 @@ from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
 from raccoon.robot.actions.limits import check_number
-from raccoon.robot.instead import note_value
+from raccoon.robot.instead import note_unread, note_value
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.remarks import say
 from raccoon.robot.robot import Robot
@@ -115,7 +115,9 @@ def _opened(
             ', and open_robot under `if __name__ == "__main__":`'
         )
     settings = config if isinstance(config, RobotConfig) else load_robot(_located(config))
-    opened = open_port(settings, seed=0 if seed is None else seed) if port is None else port
+    if port is None and seed is None and settings.controller.port not in REAL_CONTROLLERS:
+        seed = 0  # which the recording says
+    opened = open_port(settings, seed=seed or 0) if port is None else port
     # A port that is handed in knows itself whether it is a controller, or wraps one, that waits for nobody.
     real_time = settings.controller.port in REAL_CONTROLLERS if port is None else in_real_time(port)
     with stopped_on_exit(opened.close):
@@ -124,7 +126,11 @@ def _opened(
         with stopped_on_exit(opened.close):
             robot = Robot(opened, settings)
             with stopped_on_exit(robot.close), punctual() if real_time else nullcontext():
-                yield robot
+                try:
+                    yield robot
+                except TypeError as error:
+                    note_unread(error, robot.inputs)
+                    raise
                 if robot.ticks == 0:  # an action that was made and not run, most likely
                     say(robot, NOTHING_RUN)
 

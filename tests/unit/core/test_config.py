@@ -122,6 +122,14 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ),
         ("[model.drive]\ntrack_width = 0", r"model.drive.track_width = 0: allowed are numbers from 0.01"),
         ("[model.drive]\ntrack_width = '16 cm'", r"track_width = '16 cm': allowed are numbers"),
+        (
+            "[drive]\nwheel_radius = 0.03",
+            r"drive.wheel_radius: it belongs below a line with its section, \[model.drive\]",
+        ),
+        (
+            "track_width = 0.2",
+            r"toml: track_width: it belongs below a line with its section, \[model.drive\]",
+        ),
         ("[model.motor.left]\nback_emf = 1", r"model.motor.left.back_emf: there is no such key"),
         (
             "[tophat.a]\nanalog = 1\n[tophat.b]\nanalog = 1",

@@ -50,6 +50,22 @@ def test_a_run_is_recorded_where_asked(tmp_path: Path) -> None:
         robot.note("halfway")
         robot.run(wait(0.05))
     assert [path.name for path in tmp_path.iterdir()] == ["run.jsonl.gz"]
+    assert read_trace(tmp_path / "run.jsonl.gz").header.seed == 0  # with which the same run comes again
+
+
+def test_a_reading_that_is_asked_for_before_there_is_one_says_how_to_get_it() -> None:
+    config = RobotConfig(controller=ControllerConfig(port="sim"))
+    for ticks, noted in ((0, True), (1, False)):
+        with pytest.raises(TypeError) as caught:
+            _reckon_with_nothing(config, ticks)
+        assert ("robot.run(wait(0.1))" in "".join(getattr(caught.value, "__notes__", ()))) is noted
+
+
+def _reckon_with_nothing(config: RobotConfig, ticks: int) -> None:
+    with open_robot(config) as robot:
+        for _ in range(ticks):
+            robot.tick()
+        robot.analog(0) + None  # type: ignore[operator]
 
 
 def test_a_program_that_runs_nothing_is_told(caplog: pytest.LogCaptureFixture) -> None:

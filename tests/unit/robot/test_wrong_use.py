@@ -223,6 +223,10 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
             lambda: do(loose(lambda: 3)),
             r"do\(\) takes a function of the robot, not <lambda>\(\): write lambda robot: ",
         ),
+        (
+            lambda: do(loose(None)),  # do(play(robot)), which has played by then
+            r"do\(\) takes a function of the robot, not None: name it without \(\), which calls it at",
+        ),
         (lambda: when(loose(lambda: True)), r"when\(\) takes a function of the robot, not <lambda>\(\): "),
         (
             lambda: wait(1.0).then(loose(lambda: wait(1.0))),

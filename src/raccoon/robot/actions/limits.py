@@ -276,7 +276,10 @@ def check_function(function: object, where: str, *of: str) -> None:
     if callable(function) and hasattr(function, "__name__"):
         what = f"{function.__name__}{inspect.signature(function)}"
     given = f"of the {' and '.join(of)}" if of else "without arguments"
-    raise TypeError(f"{where} takes a function {given}, not {what}: write {' '.join(('lambda', *of))}: ...")
+    called = "name it without (), which calls it at once, or " if function is None else ""
+    raise TypeError(
+        f"{where} takes a function {given}, not {what}: {called}write {' '.join(('lambda', *of))}: ..."
+    )
 
 
 def takes(function: Callable[..., Any], *arguments: object) -> bool:
