@@ -84,7 +84,12 @@ def test_a_drive_that_was_elsewhere_is_drawn_alone(
     path, picture = tmp_path / "drive.csv", str(tmp_path / "drive.svg")
     rows = [f"{0.1 * row},0,{-0.07 * row},-1.57" for row in range(20)]
     path.write_text("\n".join(["t,truth.x,truth.y,truth.heading", *rows]) + "\n", encoding="utf-8")
-    for said, more in (True, []), (False, ["--start", "0", "0", "0"]), (False, ["--no-table"]):
+    for said, more in (
+        (True, []),
+        (False, ["--start", "0", "0", "0"]),  # 1.9 m ahead of it stands another one
+        (True, ["--start", "0", "0.5", "0"]),  # with its left side
+        (False, ["--no-table"]),
+    ):
         assert main(["view", str(path), "-o", picture, *more]) == 0
         assert ("note: the drive goes through a wall" in capsys.readouterr().out) is said
 

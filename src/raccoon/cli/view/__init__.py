@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     check_pictures()
     world = World.empty() if args.no_table else World.from_file(args.table) if args.table else World.default()
     drive = drive_of(args.recording, args.start)
-    if args.table is None and drive.truth is not None and through_wall(drive.truth, world.walls):
+    if args.table is None and drive.truth is not None and through_wall(drive.truth, drive.body, world.walls):
         world = World.empty()
         drive = replace(drive, problems=(*drive.problems, ELSEWHERE))
     if target.suffix == ".gif":

@@ -18,6 +18,8 @@ from raccoon.trace.loading import Run, load_run
 from raccoon.trace.problems import said_once
 
 Floats = NDArray[np.float64]
+PRESSED = 0.01
+"""m by which a robot that pushes at a wall may seem to stand in it."""
 TRUTH = ("truth.x", "truth.y", "truth.heading")
 ESTIMATE = ("estimate.drive.0", "estimate.drive.1", "estimate.drive.2")
 """The first three numbers of the robot's drive estimate, of which only these are drawn."""
@@ -112,18 +114,24 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
     return Drive(truth, estimate, body, said, tuple(said_once(run.recording.problems)))
 
 
-def through_wall(path: Trajectory, walls: Iterable[Wall]) -> bool:
-    """Whether the middle of the robot crosses a wall, as it only does where that is not there."""
-    points = np.stack([path.x, path.y], axis=1)
-    ways = np.diff(points, axis=0)
-    for wall in walls:
-        start = np.array(wall.start)
-        along = np.array(wall.end) - start
-        beside = _cross(along, points - start)
-        ends = _cross(ways, start - points[:-1]) * _cross(ways, start + along - points[:-1])
-        if ((beside[:-1] * beside[1:] < 0.0) & (ends < 0.0)).any():
-            return True
-    return False
+def through_wall(path: Trajectory, body: BodyConfig, walls: Iterable[Wall]) -> bool:
+    """Whether the robot is on both sides of a wall, or goes through it, as it only does where none is."""
+    front, back, side = body.front - PRESSED, -body.back + PRESSED, 0.5 * body.width - PRESSED
+    middle = np.stack([path.x, path.y], axis=1)
+    ahead = np.stack([np.cos(path.heading), np.sin(path.heading)], axis=1)
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    ways = [(middle[:-1], middle[1:])]
+    ways += [(middle, middle + x * ahead + y * left) for x in (front, back) for y in (side, -side)]
+    return any(_cut(start, end, wall) for start, end in ways for wall in walls)
+
+
+def _cut(start: Floats, end: Floats, wall: Wall) -> bool:
+    """Whether a wall cuts one of the ways from a start to its end."""
+    foot = np.array(wall.start)
+    along = np.array(wall.end) - foot
+    beside = _cross(along, start - foot) * _cross(along, end - foot)
+    around = _cross(end - start, foot - start) * _cross(end - start, foot + along - start)
+    return bool(((beside < 0.0) & (around < 0.0)).any())
 
 
 def _cross(first: Floats, second: Floats) -> Floats:
