@@ -6,6 +6,7 @@ import math
 import re
 from typing import TYPE_CHECKING
 
+from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import Fault
 from raccoon.estimate.drive.estimate import AT_REST
 
@@ -208,8 +209,10 @@ class Endless:
         """Another tick of it."""
         if self._robot.time > self._due:
             self._due = math.inf
-            said = f"{self._label} has gone on for {ENDLESS:g} s and ends by nothing: append {self._append}"
-            say(self._robot, said)
+            simulated = self._robot.config.controller.port not in REAL_CONTROLLERS
+            waits = " (in simulation nobody presses a switch)" if simulated else ""
+            lasts = f"{self._label} has gone on for {ENDLESS:g} s and nothing has ended it"
+            say(self._robot, f"{lasts}: append {self._append}{waits}")
 
 
 def say(robot: Knowledge, said: str, kind: str | None = None) -> None:

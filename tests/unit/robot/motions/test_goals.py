@@ -301,6 +301,10 @@ def test_a_motion_that_nothing_ends_is_said_once(
         robot.run(action.until(after_time(0.2)))
         assert not robot.drive.remarks
         robot.run(action.until(after_time(0.4)))
-        said = [each for each in robot.drive.remarks.values() if "has gone on for 0.3 s and ends by" in each]
+        said = [
+            each
+            for each in robot.drive.remarks.values()
+            if "has gone on for 0.3 s and nothing has ended it" in each
+        ]
         assert len(said) == 1
         assert said[0].startswith(action.name)
