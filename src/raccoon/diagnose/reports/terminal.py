@@ -27,6 +27,8 @@ FAR_OFF = 1.5
 """Times the noise from which a report says when a channel is furthest off."""
 MADE_UP = 1.05
 """Times the error with the first cause, up to which it is without it where the others do nearly all of it."""
+OF_REFERENCE = ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
+"""Causes that a reference of the pose shows, which is no channel of the errors."""
 UNKNOWABLE, CANNOT = "not ", "not identifiable: "
 """How the reason of a cause begins that this recording cannot show at all, and how most of them do."""
 TOLERANCES = "the tolerances in robot.toml"
@@ -164,9 +166,13 @@ def _identified(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:
 
 
 def made_up(cause: CauseResult, diagnosis: Diagnosis) -> str:
-    """What is to be said of the cause that changes most where the error is hardly larger without it."""
+    """What is to be said of a cause that the reference shows, and of the one that changes most, where the
+    error is hardly larger without it."""
     first = cause.rank == 1 and len(diagnosis.causes) > 1
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
+    referred = any(name.endswith(" by the reference") for name in diagnosis.identified)
+    if referred and cause.id in OF_REFERENCE and without < MADE_UP * after:
+        return "the reference of the pose shows it (measured on the way); the sensors' errors hardly do"
     alike = without != after and without < MADE_UP * after  # noise that is a cause lowers no error at all
     return "without it the others would make up for it" if first and alike else ""
 

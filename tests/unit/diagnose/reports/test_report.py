@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -208,6 +209,19 @@ def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
         assert said not in report(replace(FOUND, causes=(CAUSE, replace(other, gain=lag.gain))))
         small = replace(CAUSE, gain=Gain(2.1, 1.0, 0.04))  # of much that could be gained a little, and missed
         assert said not in report(replace(FOUND, causes=(small, other)))
+
+
+@pytest.mark.usefixtures("words_only")
+def test_of_a_cause_that_the_reference_shows_it_is_said_that_the_errors_do_not() -> None:
+    radius = replace(CAUSE, id="drive.wheel_radius", gain=Gain(0.91, 0.9, 0.01))
+    seen = {
+        "left wheel's radius by the reference": ParameterResult(1.03, 0.005, "times robot.toml's", math.nan)
+    }
+    said = "the reference of the pose shows it (measured on the way)"
+    for report in (terminal_report, lambda found: page(found, "run")):
+        assert said in report(replace(FOUND, causes=(radius,), identified=seen))
+        assert said not in report(replace(FOUND, causes=(radius,)))
+        assert said not in report(replace(FOUND, causes=(CAUSE,), identified=seen))
 
 
 @pytest.mark.parametrize(
