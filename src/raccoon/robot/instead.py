@@ -111,7 +111,7 @@ def note_unread(error: TypeError, inputs: Inputs | None) -> None:
     inputs: the robot's.
     """
     if inputs is None and "NoneType" in str(error):
-        error.add_note("nothing was read yet, so every reading is None: write robot.run(wait(0.1)) before")
+        error.add_note("nothing was read yet, so every reading is None: write robot.run(wait(0.1)) first")
 
 
 class Part:

@@ -254,7 +254,7 @@ class Robot(Knowledge):
         """Motors and servos off, port released. May be called twice."""
         if self._closed:
             return
-        self._closed = "open it again to run something"
+        self._closed = "what runs stands in the with block of open_robot, indented; or open it again"
         try:
             self.end_background()
         finally:

@@ -115,7 +115,7 @@ def test_a_closed_robot_runs_nothing() -> None:
     with pytest.raises(RuntimeError), open_robot(RobotConfig(), port=port) as robot:
         robot.run(fail_after(5))
     assert port.closed
-    with pytest.raises(HardwareError, match="the robot is closed"):
+    with pytest.raises(HardwareError, match="the robot is closed: what runs stands in the with block"):
         robot.run(drive(0.1))
 
 
