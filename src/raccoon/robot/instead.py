@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from dataclasses import is_dataclass
 from importlib import import_module
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
@@ -103,6 +104,16 @@ def note_value(error: BaseException | None) -> None:
             error.add_note(f"{called} is a value, no function: write .{called} without ()")
         elif each.opname not in ("PRECALL", "PUSH_NULL", "CACHE"):
             called = ""
+
+
+def note_names(error: BaseException | None) -> None:
+    """Add to the error of `result.distance`, a name that a record of raccoon does not have, those it has."""
+    if not isinstance(error, AttributeError) or not is_dataclass(error.obj):
+        return
+    kind = type(error.obj)
+    if kind.__module__.startswith("raccoon."):
+        names = [each for each in dir(kind) if not each.startswith("_")]
+        error.add_note(f"of a {kind.__name__} a program asks {', '.join(names)}")
 
 
 def note_unread(error: TypeError, inputs: Inputs | None) -> None:

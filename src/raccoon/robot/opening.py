@@ -17,7 +17,7 @@ from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
 from raccoon.robot.actions.limits import check_number
-from raccoon.robot.instead import note_unread, note_value
+from raccoon.robot.instead import note_names, note_unread, note_value
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.remarks import say
 from raccoon.robot.robot import Robot
@@ -63,6 +63,7 @@ class Opening:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
         note_value(error)
+        note_names(error)
         return self._opened.__exit__(kind, error, trace)
 
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else

@@ -1,6 +1,7 @@
 """robot.toml names the port, and nothing else is opened in its place."""
 
 import math
+import re
 import runpy
 from contextlib import ExitStack
 from dataclasses import replace
@@ -59,6 +60,13 @@ def test_a_reading_that_is_asked_for_before_there_is_one_says_how_to_get_it() ->
         with pytest.raises(TypeError) as caught:
             _reckon_with_nothing(config, ticks)
         assert ("robot.run(wait(0.1))" in "".join(getattr(caught.value, "__notes__", ()))) is noted
+
+
+def test_a_name_that_a_result_does_not_have_is_answered_by_those_it_has() -> None:
+    config = RobotConfig(controller=ControllerConfig(port="sim"))
+    with pytest.raises(AttributeError) as caught, open_robot(config) as robot:
+        print(robot.pose.theta)  # type: ignore[attr-defined]
+    assert re.fullmatch(r"of a Pose a program asks .*heading, .*x, y", caught.value.__notes__[0])
 
 
 def _reckon_with_nothing(config: RobotConfig, ticks: int) -> None:
