@@ -32,12 +32,13 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 def load_model(path: str | Path, robot: RobotConfig | None = None) -> Parameters:
     """Read a `model.toml`. robot: whose numbers a file has that holds effects alone; by default the default
-    robot's. Raises ConfigError naming file, key, value and what is allowed, also for a robot.toml."""
+    robot's. Raises ConfigError naming file, key, value and what is allowed, also for a robot.toml: what has
+    ports and wiring, and nothing that only a model has."""
     path = Path(path)
     try:
         table = parse_toml(path.read_bytes())
         model = parse_model(table, robot)
-        if not is_model(table):
+        if not is_model(table) and not table.keys() <= {"name", "model"}:
             raise ConfigError(
                 "it has neither [[effect]] nor [chain], so it is no model but a robot.toml: name a model, "
                 "such as raccoon diagnose --save-model writes"

@@ -47,9 +47,14 @@ def test_a_file_of_effects_alone_is_of_the_robot_that_is_given(tmp_path: Path) -
 def test_a_robot_toml_is_no_model(tmp_path: Path) -> None:
     """Taken for one it would be a robot that nothing is wrong with, in place of the one that was meant."""
     path = tmp_path / "robot.toml"
-    path.write_text("[model.drive]\ntrack_width = 0.2\n")
+    path.write_text("[drive]\nleft = 0\n[model.drive]\ntrack_width = 0.2\n")
     with pytest.raises(ConfigError, match=r"robot\.toml: .* no model but a robot\.toml: name a model"):
         load_model(path)
+
+
+def test_numbers_alone_are_a_model(tmp_path: Path) -> None:
+    (tmp_path / "empty.toml").write_text("[model.battery]\nopen_circuit_voltage = 6.2\n")
+    assert load_model(tmp_path / "empty.toml").robot.model.battery.open_circuit_voltage.value == 6.2
 
 
 def test_a_model_may_have_been_saved_by_a_windows_editor(tmp_path: Path) -> None:
