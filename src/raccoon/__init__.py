@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     )
     from raccoon.robot.actions.functions import do
     from raccoon.robot.calibration.battery_check import check_battery
+    from raccoon.robot.calibration.by_hand import calibrate_tophats_by_hand
     from raccoon.robot.calibration.light import calibrate_light, rehearse_light
     from raccoon.robot.calibration.tophats import calibrate_tophats, load_tophats
     from raccoon.robot.calibration.wheels import calibrate_drive
@@ -102,6 +103,7 @@ _HOMES = {
         "wait",
         "wait_for",
     ),
+    "raccoon.robot.calibration.by_hand": ("calibrate_tophats_by_hand",),
     "raccoon.robot.calibration.tophats": ("calibrate_tophats", "load_tophats"),
     "raccoon.robot.calibration.wheels": ("calibrate_drive",),
     "raccoon.robot.actions.condition": ("Condition",),
@@ -191,6 +193,7 @@ __all__ = [
     "calibrate_drive",
     "calibrate_light",
     "calibrate_tophats",
+    "calibrate_tophats_by_hand",
     "check_battery",
     "deg",
     "do",

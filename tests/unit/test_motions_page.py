@@ -21,6 +21,7 @@ HOMES = (
     "actions.functions",
     "match",
     "calibration.battery_check",
+    "calibration.by_hand",
     "calibration.tophats",
     "calibration.wheels",
 )

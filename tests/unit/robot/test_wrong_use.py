@@ -26,6 +26,7 @@ from raccoon import (
     calibrate_drive,
     calibrate_light,
     calibrate_tophats,
+    calibrate_tophats_by_hand,
     check_battery,
     deg,
     do,
@@ -419,6 +420,7 @@ def test_a_robot_that_is_not_open_yet_says_so_wherever_it_is_handed_in() -> None
     "drives",
     [
         lambda robot: calibrate_tophats(robot),
+        lambda robot: calibrate_tophats_by_hand(robot),
         lambda robot: calibrate_drive(robot, lambda: 0.6),
         lambda robot: calibrate_light(robot, 3, lambda: None),
         lambda robot: run_match(robot, straight(0.1)),

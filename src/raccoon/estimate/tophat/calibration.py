@@ -44,6 +44,11 @@ class Surface:
     sd: float
     count: int
 
+    @classmethod
+    def of(cls, counts: NDArray[np.float64]) -> Surface:
+        """The one that all these readings come from."""
+        return cls(float(counts.mean()), max(float(counts.std()), LEAST_SD), len(counts))
+
 
 @dataclass(frozen=True, slots=True)
 class TophatCalibration:

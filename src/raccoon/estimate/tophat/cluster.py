@@ -17,6 +17,7 @@ from raccoon.estimate.tophat.calibration import LEAST_SD, Surface, TophatCalibra
 from raccoon.estimate.tophat.flicker import UNEVEN, demodulated, lamps
 from raccoon.estimate.tophat.mixture import best_mixture, single_surface_bic
 from raccoon.estimate.tophat.quality import checked, refusal, wanders
+from raccoon.estimate.tophat.sensor import not_black
 from raccoon.estimate.tophat.sequence import (
     changes_quickly,
     in_runs,
@@ -203,7 +204,7 @@ def clusters(counts: Array) -> Clusters:
     step = -(-len(ordered) // MOST_FITTED)
     ordered = ordered[step // 2 :: step]
     if ordered[0] == ordered[-1]:
-        return Clusters([_surface(counts)], ordered, 0.0)
+        return Clusters([Surface.of(counts)], ordered, 0.0)
     mixture = best_mixture(ordered)
     merged: list[Surface] = []
     for each in mixture.components:
@@ -211,7 +212,7 @@ def clusters(counts: Array) -> Clusters:
         while merged and _separation(merged[-1], surface) < APART:
             surface = _joined(merged.pop(), surface)
         merged.append(surface)
-    return Clusters(merged if len(merged) > 1 else [_surface(counts)], ordered, mixture.bic)
+    return Clusters(merged if len(merged) > 1 else [Surface.of(counts)], ordered, mixture.bic)
 
 
 def _judged(white: Surface, black: Surface) -> TophatCalibration:
@@ -222,6 +223,9 @@ def _judged(white: Surface, black: Surface) -> TophatCalibration:
         return TophatCalibration(
             Verdict.ONE_SURFACE, f"{rarer} readings are not a second surface", white=white
         )
+    wrong, surely = not_black(white.mean, black.mean, share)
+    if surely:
+        return TophatCalibration(Verdict.ONE_SURFACE, wrong, white=white)
     verdict, reason = Verdict.OK, f"separation {separation:.1f} standard deviations"
     if separation < SURE:
         verdict, reason = Verdict.WEAK, f"separation is only {separation:.1f} standard deviations"
@@ -233,6 +237,8 @@ def _judged(white: Surface, black: Surface) -> TophatCalibration:
     elif black.mean >= ANALOG_TOP:
         reason = f"black reads {black.mean:.0f}, the converter's top, as an input does whose wire is loose"
         verdict = Verdict.WEAK
+    elif wrong:
+        verdict, reason = Verdict.WEAK, wrong
     return believed(verdict, reason, _shrunk(white, black), _shrunk(black, white), share)
 
 
@@ -242,7 +248,7 @@ def _nothing(counts: Array) -> TophatCalibration:
     return TophatCalibration(
         Verdict.ONE_SURFACE,
         f"one surface at {counts.mean():.0f} counts; drive over white and black",
-        white=_surface(counts),
+        white=Surface.of(counts),
     )
 
 
@@ -286,10 +292,6 @@ def _shrunk(surface: Surface, other: Surface) -> Surface:
     else:
         sd = (surface.sd**2 + share * (other.sd**2 - surface.sd**2)) ** 0.5
     return Surface(surface.mean, max(sd, LEAST_SD), surface.count)
-
-
-def _surface(counts: Array) -> Surface:
-    return Surface(float(counts.mean()), max(float(counts.std()), LEAST_SD), len(counts))
 
 
 def _bulk(counts: Array) -> Surface:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 from raccoon.model.reflectance import GENERATIONS, NEAR, SensorModel, fit, light_of
 
@@ -11,6 +12,8 @@ LEAST_HEIGHT, MOST_HEIGHT = 0.003, 0.035  # m; where people mount them
 MISFIT_OF_BLACK, MISFIT_OF_WHITE = 0.10, 0.015  # of the lights v and u: tapes and sensors differ
 SUN_BY_BLACK = 0.03  # sd of black's share of the sun's light
 DARKEST = 0.8  # of its own light from white, that the darkest white sends back
+MOSTLY = 0.6  # of a way: more of it is seldom black
+DIM = 0.3  # of the light that white sends back: in lamps' light black seldom sends more
 FARTHEST = 0.4  # of that from the greatest height, which sensors may miss by so much
 
 
@@ -44,6 +47,25 @@ def explanations(white: float, black: float) -> list[Explanation]:
     u, v = light_of(max(white, 1.0)), light_of(max(black, 1.0))
     found = [_explain(fit(generation), u, v) for generation in GENERATIONS]
     return sorted((each for each in found if each is not None), key=_strangeness)
+
+
+@cache
+def most_by_black() -> float:
+    """The most that black sends back, as a share of white's light: what it does of nothing but sunlight. It
+    sends back less of lamps and of the sensor's own."""
+    return (1.0 + MISFIT_OF_BLACK) * max(fit(generation).sun_by_black for generation in GENERATIONS)
+
+
+def not_black(white: float, black: float, share: float) -> tuple[str, bool]:
+    """Why the darker of two levels (counts) is another white, "" where it may be black; and whether it is so
+    for sure. share: of the readings that are the darker one."""
+    sent = light_of(max(black, 1.0)) / light_of(max(white, 1.0))
+    told = f"{black:.0f} counts beside {white:.0f} are {sent:.0%} of its light"
+    if sent > most_by_black():
+        return f"{told}, and black is at most {most_by_black():.0%}: a board or a seam, and no line", True
+    if share > MOSTLY and sent > DIM:
+        return f"{told}, and most of the way: if that was white, the other was glare and no line seen", False
+    return "", False
 
 
 def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:

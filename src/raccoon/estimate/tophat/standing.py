@@ -1,0 +1,57 @@
+"""A tophat that somebody puts over white and over black, one place of each: is it still, what is there?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict, believed
+from raccoon.estimate.tophat.cluster import SURE, calibrate_two_phase
+from raccoon.estimate.tophat.levels import PATTERN
+from raccoon.estimate.tophat.quality import checked
+from raccoon.estimate.tophat.sequence import noise_sd
+from raccoon.model.reflectance import FULL_SCALE
+
+PIECE = 20  # readings: 0.1 s at 200 Hz, whole periods of lamps on mains of 50 and of 60 Hz
+MOVED = 0.15  # of its light, by which a sensor that is held, or shaded by a hand, changes
+BY_NOISE = 6.0  # standard deviations of such a mean
+
+
+def moved(standing: ArrayLike) -> bool:
+    """Whether what a sensor read was not one place in one light: it was moved, held or shaded meanwhile.
+
+    standing: counts, in order of time. False where they are too few to tell.
+    """
+    counts = checked(standing)
+    pieces = len(counts) // PIECE
+    if pieces < 2:
+        return False
+    means = counts[: pieces * PIECE].reshape(pieces, PIECE).mean(axis=1)
+    least, most = float(means.min()), float(means.max())
+    light = FULL_SCALE / max(least, 1.0) - FULL_SCALE / max(most, 1.0)
+    noise = noise_sd(counts) / PIECE**0.5
+    return light > MOVED * (FULL_SCALE / max(least, 1.0) - 1.0) and most - least > BY_NOISE * noise
+
+
+def calibrate_standing(white: ArrayLike, black: ArrayLike) -> TophatCalibration:
+    """`calibrate_two_phase` of a sensor that stood on one place of each.
+
+    Standing, it sees nothing of how uneven floor and line are: their spreads are what other floors have.
+    Raises ConfigError for what are no counts.
+    """
+    found = calibrate_two_phase(white, black)
+    if not found.usable:
+        return found
+    bright, dark = (_uneven(each) for each in found.surfaces())
+    wide = believed(found.verdict, found.reason, bright, dark, found.share_black)
+    told = f"white reads {bright.mean:.0f} and black {dark.mean:.0f}"
+    if wide.separation < SURE:
+        return replace(wide, verdict=Verdict.WEAK, reason=f"{told}, which is close")
+    return wide if wide.verdict is Verdict.WEAK else replace(wide, reason=told)
+
+
+def _uneven(surface: Surface) -> Surface:
+    pattern = PATTERN * (surface.mean - surface.mean**2 / FULL_SCALE)
+    return replace(surface, sd=float(np.hypot(surface.sd, pattern)))

@@ -1,0 +1,148 @@
+"""Calibration of the tophats without a drive: somebody puts the robot over white, then over black."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import Inputs
+from raccoon.robot.actions.actions import wait, wait_for
+from raccoon.robot.actions.conditions import button_pressed, when
+from raccoon.robot.actions.limits import check_function, check_name, check_robot
+from raccoon.robot.calibration.drives import watched
+from raccoon.robot.calibration.kept import Shelf, counts_of
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.estimate.tophat import TophatCalibration
+    from raccoon.robot.robot import Robot
+
+READING = 1.0  # s over each surface
+SETTLING = 0.5  # s until a robot whose button was pressed stands still
+TRIES = 3  # of each surface, and of both
+
+
+def calibrate_tophats_by_hand(
+    robot: Robot,
+    *tophats: str,
+    placed: Callable[[str], object] | None = None,
+    store: str | Path | None = None,
+    set_name: str = "default",
+) -> dict[str, TophatCalibration]:
+    """Calibrate tophats, all where none is named, by what they read over white and then over black.
+
+    The robot is put down over each, not held, for 1.5 s. placed: called with the sentence that says what to
+    do; it comes back when that is done. None: the sentence is printed, and the controller's button pressed.
+    Returns the calibrations by name; they are in use from now on. store, set_name: as `calibrate_tophats`.
+    What was moved meanwhile, reads nothing, or reads the same over both, is asked for again and why, up to
+    twice. Surfaces that were exchanged are told by what they read, and that is said. Raises ConfigError for
+    a tophat that robot.toml does not have, a store that is damaged or cannot be written and a controller
+    without a button; CalibrationError naming each tophat that has no threshold in the end, and why; no
+    calibration is changed then.
+    """
+    check_robot(robot, "calibrate_tophats_by_hand()")
+    robot.require("calibrate_tophats_by_hand()")
+    for name in tophats:
+        check_name(tophat=name)
+        robot.tophat(name)
+    if placed is not None:
+        check_function(placed, "calibrate_tophats_by_hand(placed=)", "what")
+    shelf = Shelf(robot, store, set_name)
+    asking = _Asking(robot, placed or (lambda what: _button(robot, what)))
+    found: dict[str, TophatCalibration] = {}
+    left, why = tuple(tophats or robot.tophats), ""
+    for _ in range(TRIES):
+        white = asking.over("white", left, why)
+        black = asking.over("black", left)
+        now, wrong = _judged(robot, white, black)
+        found.update(now)
+        left, why = tuple(wrong), "; ".join(wrong.values())
+        if not left:
+            break
+    else:
+        raise CalibrationError(f"calibrated by hand: {why}")
+    shelf.take(found)
+    return found
+
+
+class _Asking:
+    """Has somebody put the robot down, and reads it there. placed: see `calibrate_tophats_by_hand`."""
+
+    def __init__(self, robot: Robot, placed: Callable[[str], object]) -> None:
+        self._robot, self._placed = robot, placed
+
+    def over(self, surface: str, names: Sequence[str], why: str = "") -> dict[str, list[float]]:
+        """Counts of each tophat over a surface, of a robot that stood. why: it is asked for again."""
+        for _ in range(TRIES):
+            many = "tophats" if len(names) > 1 else "tophat"
+            wanted = f"put {many} {' and '.join(names)} over {surface}"
+            self._placed(f"{why}: {wanted}" if why else wanted)
+            readings: list[Inputs] = []
+            self._robot.run(wait(SETTLING))
+            self._robot.run(watched(wait(READING), readings))
+            ports = {name: self._robot.tophat(name).config.analog for name in names}
+            read = {name: counts_of(readings, port) for name, port in ports.items()}
+            why = "; ".join(filter(None, (_strange(name, ports[name], read[name]) for name in names)))
+            if not why:
+                self._robot.note(f"over {surface}: " + ", ".join(f"{n} {_level(read[n]):.0f}" for n in read))
+                return read
+        raise CalibrationError(f"calibrated by hand, over {surface}: {why}")
+
+
+def _strange(name: str, port: int, counts: Sequence[float]) -> str:
+    """What keeps readings from being those of one place, "" where nothing does."""
+    from raccoon.estimate.tophat.quality import LEAST_READINGS, restless
+    from raccoon.estimate.tophat.standing import moved
+
+    if len(counts) < LEAST_READINGS:
+        return f"tophat {name} is not read: its port, analog {port}, gave {len(counts)} words"
+    if restless(counts) or moved(counts):
+        low, high = min(counts), max(counts)
+        return (
+            f"tophat {name} did not stay the same, it read {low:.0f} to {high:.0f} counts: put the robot "
+            f"down and let go of it, without a hand's shadow; or it is not plugged into analog {port}"
+        )
+    return ""
+
+
+def _judged(
+    robot: Robot, white: Mapping[str, Sequence[float]], black: Mapping[str, Sequence[float]]
+) -> tuple[dict[str, TophatCalibration], dict[str, str]]:
+    """Calibrations by name, and what is wrong with the others. Black reads higher, whatever was asked for:
+    where all sensors say that the surfaces were exchanged they were."""
+    from raccoon.estimate.tophat.standing import calibrate_standing
+
+    found, wrong, exchanged = {}, {}, []
+    for name in white:
+        levels = _level(white[name]), _level(black[name])
+        pair = (white[name], black[name]) if levels[0] <= levels[1] else (black[name], white[name])
+        said = f"tophat {name} read {levels[0]:.0f} counts over white and {levels[1]:.0f} over black"
+        each = calibrate_standing(*pair)
+        if not each.usable:
+            port = robot.tophat(name).config.analog
+            wrong[name] = f"{said}, {each.reason}: was it over both? is a tophat plugged into analog {port}?"
+            continue
+        found[name] = each
+        if levels[0] > levels[1]:
+            exchanged.append((name, said))
+    if len(exchanged) == len(found) > 0:
+        say(robot, "tophats read more over white than over black: white is taken for black, black for white")
+        return found, wrong
+    for name, said in exchanged:
+        del found[name]
+        wrong[name] = f"{said}, the other way round than the others"
+    return found, wrong
+
+
+def _level(counts: Sequence[float]) -> float:
+    """Their median."""
+    return sorted(counts)[len(counts) // 2]
+
+
+def _button(robot: Robot, what: str) -> None:
+    """Print what to do, and wait until the controller's button was pressed and let go of."""
+    print(f"{what}, and press the button", flush=True)
+    robot.run(wait_for(button_pressed()))
+    robot.run(wait_for(when(lambda robot: robot.button is not True, "button let go of")))

@@ -1,0 +1,122 @@
+"""What all calibrations of the tophats share: they are compared with those before, taken up, and kept."""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.files import near_program
+from raccoon.core.readings import Inputs
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.estimate.tophat import TophatCalibration
+    from raccoon.robot.robot import Robot
+
+OF_THE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full, worn, or mounted to be read only
+
+
+class Shelf:
+    """Where the calibrations of a robot's tophats go: into use, and into the file `store`, if any.
+
+    Raises ConfigError where that is damaged or cannot be written. Make it before anything moves.
+    """
+
+    def __init__(self, robot: Robot, store: str | Path | None, set_name: str) -> None:
+        self._robot, self._set_name = robot, set_name
+        self._before = {name: each.calibration for name, each in robot.tophats.items()}
+        # In a replay this was stored when it happened.
+        self._kept = None if store is None or hasattr(robot.port, "trace") else near_program(store)
+        if self._kept is not None:
+            stored = _checked(self._kept, set_name, robot.config.name)
+            self._before = {
+                name: stored.get(name) if each is None else each for name, each in self._before.items()
+            }
+
+    def take(self, found: Mapping[str, TophatCalibration]) -> None:
+        """Use them from now on, say what is odd about them, and add them to the file."""
+        robot, kept = self._robot, self._kept
+        for name, each in found.items():
+            robot.tophat(name).calibrate(each)
+        _compare(robot, self._before, found)
+        if kept is not None:
+            try:
+                _store(robot, found, kept, self._set_name)
+            except (OSError, ValueError) as error:
+                say(robot, f"the tophats are calibrated, but {kept} does not have it: {error}")
+
+
+def _checked(store: Path, set_name: str, own: str) -> dict[str, TophatCalibration]:
+    """The newest calibrations of the robot `own` in `store`, by name. Raises ConfigError where it cannot be
+    read or written, but for what the card is to blame for: nobody mends that before a match, and the
+    calibration is good all the same.
+    """
+    from raccoon.estimate.tophat.store import TophatStore
+
+    found: dict[str, TophatCalibration] = {}
+    try:
+        stored = TophatStore(store).history(set_name=set_name)
+        found = {each.sensor: each.calibration for each in stored if each.robot in ("", own)}
+        store.parent.mkdir(parents=True, exist_ok=True)
+        # As the store itself does it: only a file that was made tells whether one can be.
+        handle, trial = tempfile.mkstemp(dir=store.parent, prefix=f".{store.name}.", suffix=".part")
+        os.close(handle)
+        Path(trial).unlink()
+    except OSError as error:
+        if error.errno not in OF_THE_CARD:
+            raise ConfigError(f"store {store}: cannot be used, so nothing was driven: {error}") from error
+    return found
+
+
+def _compare(
+    robot: Robot, before: Mapping[str, TophatCalibration | None], found: Mapping[str, TophatCalibration]
+) -> None:
+    """Say which sensors to use with care, and which sit higher or lower than at the calibration before."""
+    from raccoon.estimate.tophat.calibration import Verdict
+    from raccoon.estimate.tophat.watch import height_changed, swapped
+
+    known = {name: each for name, each in before.items() if each is not None}
+    floors = {name: (each.surfaces()[0].mean,) for name, each in found.items()}
+    pair = swapped(known, floors) or ()
+    if pair:
+        say(
+            robot,
+            f"tophats {' and '.join(pair)} read each what the other one did at its last calibration: are "
+            "their plugs exchanged?",
+        )
+    for name, now in found.items():
+        if now.verdict is Verdict.WEAK:
+            say(robot, f"tophat {name} is to be used with care: {now.reason}")
+        last = before[name]
+        if last is not None and name not in pair and height_changed(last, now):
+            say(robot, f"tophat {name} sits higher or lower than at its last calibration")
+
+
+def _store(robot: Robot, found: Mapping[str, TophatCalibration], store: Path, set_name: str) -> None:
+    from datetime import UTC, datetime
+
+    from raccoon.estimate.tophat.sensor import explanations
+    from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
+
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    entries = []
+    for name, each in found.items():
+        white, black = each.surfaces()
+        known = explanations(white.mean, black.mean)
+        ambient, generation = (known[0].ambient, known[0].generation) if len(known) == 1 else (None, None)
+        entries.append(
+            StoredCalibration(
+                name, set_name, now, each, robot.config.name, ambient, robot.battery_voltage, generation
+            )
+        )
+    TophatStore(store).add(*entries)
+
+
+def counts_of(readings: Sequence[Inputs], port: int) -> list[float]:
+    """What an analog port read, without the cycles that had no word of it."""
+    return [counts for each in readings if (counts := each.analog[port]) is not None]
