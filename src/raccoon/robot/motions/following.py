@@ -37,6 +37,8 @@ PROBE, PROBE_RATE, PROBE_TIME, ANSWER = 0.003, 0.4, 0.4, 0.15
 of it must then be on black: half of what an edge gives."""
 ON_BLACK = 0.98
 """Share of the sensor's spot that is all of it, but for noise."""
+HALF_ON = 0.35
+"""Off from half of the spot on black, at the most, of a tophat that somebody put on an edge."""
 NEAR = 1e-3
 """m that is as good as there."""
 MOST_SEARCHES = 2
@@ -76,7 +78,7 @@ def follow_line(
         wanted = motion.speed if speed is None else speed
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
         gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
-        line = LastEdge(robot)
+        line = LastEdge(robot, _other_on_edge(robot, sensor))
         velocity, limit, miswired = robot.estimate.velocity, top, 0.0
         sensor.follow_light(False)
         try:
@@ -114,6 +116,15 @@ def follow_line(
     return Action(label, steps, lambda robot: tophat_ahead(robot, tophat))
 
 
+def _other_on_edge(robot: Robot, sensor: TophatSensor) -> str:
+    """The tophat that is on an edge where `sensor` is not, "" for none. A robot is put down with the one that
+    is to follow on the edge, so that is what exchanged plugs read."""
+    on = [
+        each for each in robot.tophats.values() if each.sees and abs((each.coverage or 0.0) - 0.5) < HALF_ON
+    ]
+    return "" if sensor in on or not on else on[0].name
+
+
 def _answers(
     robot: Robot, sensor: TophatSensor, side: float, velocity: float, turn_rate: float
 ) -> Steps[bool]:
@@ -149,7 +160,10 @@ class _Search:
 
     def beside(self) -> Steps[None]:
         """On both sides of where it was last. Ends on the edge, or on the line from beyond it."""
-        say(self._robot, f"{self._sensor.name} lost the line and looks for it")
+        name, other = self._sensor.name, self._line.other
+        say(self._robot, f"{name} lost the line and looks for it")
+        if self._line.pointing is None and other:
+            say(self._robot, f"{name} came to no edge, {other} began on one: are their plugs exchanged?")
         yield from self._stop()
         yield from self._back()
         # Black is on the right of the left edge: a sensor on it has gone too far right.

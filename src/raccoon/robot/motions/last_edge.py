@@ -25,11 +25,12 @@ class LastEdge:
     place: m of the way. time: s. heading: rad of the line, as far as known. pointing: rad of the robot there,
     None before the first edge. to_black: whether it came from the edge to black first (then the line turned
     to that side, or another one crosses it), None while it keeps to one. doubtful: whether it reads the
-    same for a while, and not half an edge: one in a bend does, and so does the floor in other light.
+    same for a while, and not half an edge: one in a bend does, and so does the floor in other light. other:
+    the tophat that was on an edge at the start, where the one that follows was on none.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+    def __init__(self, robot: Robot, other: str = "") -> None:
+        self._robot, self.other = robot, other
         self.heading = robot.estimate.heading
         self.pointing: float | None = None
         self.to_black: bool | None = None

@@ -1,12 +1,14 @@
 """Following a line: around bends, across an edge of light, and after it was lost."""
 
 import math
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
 import pytest
 
-from raccoon import Action, MotionTimeout, Robot, after_distance, deg, open_robot, wait
+from raccoon import Action, MotionTimeout, Robot, after_distance, after_time, deg, open_robot, wait
+from raccoon.core.readings import Inputs
 from raccoon.estimate.tophat import TophatCalibration, calibrate
 from raccoon.model.reflectance import fit
 from raccoon.robot.actions.steps import Steps
@@ -14,7 +16,7 @@ from raccoon.robot.motions.following import SEARCH_TIME, _Search, follow_line
 from raccoon.robot.motions.last_edge import LastEdge
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Box, Light, Line, World
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 HALF = 0.025
 """m, half of the width of a line."""
@@ -198,6 +200,25 @@ def test_a_line_is_followed_around_a_bend_that_is_tighter_than_the_robot_turns(w
     _, port = follow(world, side, way=0.6, speed=0.2)
     assert abs(world.nearest_line(*sensor_at(port))[0]) < 0.006
     assert way * sensor_at(port)[1] > 0.2
+
+
+@pytest.mark.parametrize("exchanged", [True, False])
+def test_exchanged_plugs_are_said_where_the_other_tophat_is_on_the_edge(exchanged: bool) -> None:
+    """Or beside the line, where no sensor is on an edge, and nothing is known of the plugs."""
+
+    def seen(inputs: Inputs) -> Inputs:
+        left, right, *rest = inputs.analog
+        return replace(inputs, analog=(right, left, *rest)) if exchanged else inputs
+
+    port = simulated(world=World(lines=(STRAIGHT,)), start=(0.0, HALF - (0.03 if exchanged else -0.04), 0.0))
+    with open_robot(CONFIG, port=Between(port, seen=seen)) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(calibration(0.0))
+        robot.run(wait(0.3))
+        robot.run(follow_line("left", "left", 0.1).until(after_time(0.8)))
+        said = " ".join(robot.drive.remarks.values())
+        assert "left lost the line" in said
+        assert ("left came to no edge, right began on one: are their plugs exchanged?" in said) is exchanged
 
 
 def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
