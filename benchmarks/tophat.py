@@ -29,6 +29,7 @@ from raccoon.estimate.tophat import Tophat, calibrate
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS
 from tophat_methods import METHODS, RunningMidpoint
+from tophat_places import by_hand, white_only
 from tophat_start import start_light
 
 Array = NDArray[np.float64]
@@ -223,7 +224,8 @@ def main() -> int:
     parser.add_argument("--speed", type=float, default=0.24, help="m/s, in the changing light")
     parser.add_argument("--seed", type=int, default=None, help="the same draws again; else fresh ones")
     parser.add_argument("--pictures", type=Path, help="also draw the clusters of the eight conditions there")
-    parser.add_argument("--only", choices=("conditions", "quality", "bare", "rare", "light", "start", "cost"))
+    names = ("conditions", "quality", "bare", "rare", "light", "start", "cost", "white", "hand")
+    parser.add_argument("--only", choices=names)
     args = parser.parse_args()
     seed = np.random.SeedSequence(args.seed).entropy
     print(f"seed {seed}, {args.draws} draws")
@@ -236,6 +238,8 @@ def main() -> int:
         "light": lambda: changing_light(rng, args.draws, args.workers, args.speed),
         "start": lambda: start_light(rng, 5 * args.draws),
         "cost": lambda: cost(rng),
+        "white": lambda: white_only(rng, args.draws),
+        "hand": lambda: by_hand(rng, args.draws),
     }
     for name, part in parts.items():
         if args.only in (None, name):

@@ -47,7 +47,7 @@ def refusal(counts: Array) -> TophatCalibration | None:
             Verdict.TOO_FEW, f"{len(counts)} readings; at least {LEAST_READINGS} are needed"
         )
     ends = (
-        (counts <= ANALOG_BOTTOM, "bottom (too much light)"),
+        (counts <= ANALOG_BOTTOM, "bottom (wires that touch, or too much light)"),
         (counts >= ANALOG_TOP, "top (no light, or unplugged)"),
     )
     for there, name in ends:

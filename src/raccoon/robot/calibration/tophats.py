@@ -74,6 +74,13 @@ def calibrate_tophats(
     return found
 
 
+_ASKED = {
+    "one_surface": "; where it came over both, is a tophat plugged into analog {}, and no other sensor?",
+    "saturated": "; look at the plug of analog {}",
+}
+"""What to ask by `Verdict` of a tophat that cannot be used."""
+
+
 def _useless(
     robot: Robot, found: Mapping[str, TophatCalibration], standing: Sequence[Sequence[Inputs]]
 ) -> dict[str, str]:
@@ -84,8 +91,7 @@ def _useless(
     for name, sensor in robot.tophats.items():
         port, each = sensor.config.analog, found[name]
         if each.threshold is None:
-            plug = f"; where it came over both, is a tophat plugged into analog {port}, and no other sensor?"
-            useless[name] = f"{each.verdict}, {each.reason}{plug if each.verdict == 'one_surface' else ''}"
+            useless[name] = f"{each.verdict}, {each.reason}{_ASKED.get(each.verdict, '').format(port)}"
         if any(restless(counts_of(inputs, port)) for inputs in standing):
             useless[name] = f"floating, it wanders while the robot stands: is it plugged into analog {port}?"
     return useless

@@ -266,6 +266,26 @@ def test_what_is_wrong_with_a_sensor_is_said(
         assert robot.tophat("left").status is status
 
 
+@pytest.mark.parametrize(
+    ("counts", "said"),
+    [
+        (2400.0, "is a tophat plugged into analog 0, and no other sensor"),  # a distance sensor, of the floor
+        (4095.0, r"no light, or unplugged\); look at the plug of analog 0$"),
+        (0.0, r"wires that touch, or too much light\); look at the plug of analog 0$"),
+    ],
+)
+def test_a_port_without_a_tophat_is_named_by_a_calibration(tmp_path: Path, counts: float, said: str) -> None:
+    def other(words: list[float | None]) -> None:
+        words[0] = counts
+
+    port = Between(simulated(world=table(tmp_path)), seen=lambda inputs: rewired(inputs, other, 0.0))
+    with (
+        open_robot(CONFIG, port=port) as robot,
+        pytest.raises(CalibrationError, match=rf"^after 0.4 m: left: .*{said}"),
+    ):
+        calibrate_tophats(robot, 0.4)
+
+
 def test_an_open_port_sees_no_line_and_is_said_while_the_robot_stands() -> None:
     """It floats between the surfaces and about black, as on the emulated controllers."""
     noise, level = Random(1), 2500.0
