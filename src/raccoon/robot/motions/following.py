@@ -28,6 +28,8 @@ SEARCH_ANGLE = math.radians(90.0)
 one that sits aside would look less far to its other side by what the robot turns."""
 SEARCH_SPEED, SEARCH_TIME = 0.08, 12.0
 """m/s of the sensor meanwhile, and s that it takes at the most."""
+SIGHT_TIME = 1.0
+"""s until a loose plug that moves no more, or a controller that restarts, is read again, or is not."""
 BACK_SPEED = 0.1
 """m/s at which the robot goes back to where the line was."""
 CATCH_SPEED = 0.03
@@ -165,6 +167,7 @@ class _Search:
         if self._line.pointing is None and other:
             say(self._robot, f"{name} came to no edge, {other} began on one: are their plugs exchanged?")
         yield from self._stop()
+        yield from self._see()
         yield from self._back()
         # Black is on the right of the left edge: a sensor on it has gone too far right.
         first = self._side if self._line.to_black else -self._side
@@ -201,6 +204,15 @@ class _Search:
         while not at_rest(robot) and robot.time < self._end:
             self._velocity = slewed(self._velocity, 0.0, robot.config.motion.acceleration * robot.dt)
             robot.drive.follow(self._velocity)
+            yield
+
+    def _see(self) -> Steps[None]:
+        """Stand until the sensor sees a floor: without it no line is found."""
+        robot, sensor, begin = self._robot, self._sensor, self._robot.time
+        while not sensor.sees:
+            if robot.time - begin > SIGHT_TIME:
+                raise MotionTimeout(f"{sensor.name} lost the line and sees no floor; {reason(robot, sensor)}")
+            robot.drive.follow(0.0)
             yield
 
     def _back(self) -> Steps[None]:

@@ -221,6 +221,30 @@ def test_exchanged_plugs_are_said_where_the_other_tophat_is_on_the_edge(exchange
         assert ("left came to no edge, right began on one: are their plugs exchanged?" in said) is exchanged
 
 
+@pytest.mark.parametrize("until", [math.inf, 2.6], ids=["for good", "for a moment"])
+def test_no_line_is_looked_for_with_a_tophat_that_sees_none(until: float) -> None:
+    """It looked for the line for 6 s, with a plug that was out."""
+
+    def seen(inputs: Inputs) -> Inputs:
+        out = 1.0 < inputs.time < until
+        return replace(inputs, analog=(4095.0, *inputs.analog[1:])) if out else inputs
+
+    port = simulated(world=World(lines=(STRAIGHT,)), start=(0.0, HALF - 0.03, 0.0))
+    with open_robot(CONFIG, port=Between(port, seen=seen)) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(calibration(0.0))
+        robot.run(wait(0.3))
+        follow = follow_line("left", "left", 0.1).until(after_distance(0.3))
+        if until == math.inf:
+            with pytest.raises(MotionTimeout, match=r"sees no floor; .*tophat left .*is it plugged in"):
+                robot.run(follow)
+            assert robot.time < 4.0
+            assert abs(robot.pose.heading) < 0.05
+        else:
+            robot.run(follow)
+            assert robot.pose.x == pytest.approx(0.3, abs=0.01)
+
+
 def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
     world = World(lines=(Line(((-0.5, 0.0), (0.25, 0.0))),))
     port = simulated(world=world, start=(0.0, -0.005, 0.0))
