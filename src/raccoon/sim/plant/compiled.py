@@ -12,12 +12,12 @@ import importlib.util
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ ANY = Kind()
 NOT_KEPT = "nothing can be written in {} (the variable RACCOON_CACHE names another folder)"
 INNER = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """How numba compiles what only compiled functions call: that Python can call it takes a third of the time."""
+_SHARED: dict[str, Any] = {}  # by digest: texts for different robots have most of their functions in common
 _TEXTS = ("series.py", "friction.py", "equations.py", "sensing.py", "driver.py")
 _HEAD = """from __future__ import annotations
 
@@ -160,7 +161,7 @@ def advance_cells() -> Advance:
 def advance_lanes(kind: str) -> Advance:
     """The form for many robots (see `lanes`). kind: which robots, see `KINDS`.
 
-    That it has to be compiled first is logged (logger raccoon, info): it takes a quarter of a minute.
+    That it has to be compiled first is logged (logger raccoon, info): it takes some seconds.
     """
     made: Advance = _made(source(KINDS[kind])).advance_lanes
     return announced(made, f"the simulator of {kind}", logging.INFO) if has_numba() else made
@@ -186,17 +187,44 @@ def compiled_module(text: str) -> Any:
     import numba
 
     module, cached = _module(text)
-    order = [node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
-    for name in order:
-        outer = name in ("advance_cells", "advance_lanes")
-        function = getattr(module, name)
-        options = {"nogil": True} if outer else INNER
-        made = numba.njit(error_model="numpy", **options)(function)
-        if outer and cached:
-            with suppress(RuntimeError):  # beside the file and in the user's folder nothing can be written
-                made.enable_caching()
+    functions = {name: each for name, each in vars(module).items() if isinstance(each, FunctionType)}
+    for name, digest in _digests(functions).items():
+        function = functions[name]
+        if name in ("advance_cells", "advance_lanes"):
+            made = numba.njit(error_model="numpy", nogil=True)(function)
+            if cached:
+                # Not where nothing can be written beside the file, nor in the user's folder.
+                with suppress(RuntimeError):
+                    made.enable_caching()
+        elif digest in _SHARED:
+            made = _SHARED[digest]
+        else:
+            # numba's cache imports the module of each function again, which may be another text's, and takes
+            # functions of one name for the same one.
+            function.__module__, function.__qualname__ = __name__, f"{name}_{digest}"
+            made = _SHARED[digest] = numba.njit(error_model="numpy", **INNER)(function)
         setattr(module, name, made)
     return module
+
+
+def _digests(functions: Mapping[str, FunctionType]) -> dict[str, str]:
+    """Of each function a digest of its code and that of all that it calls."""
+    codes = {name: each.__code__ for name, each in functions.items()}
+    texts = {
+        name: repr((name, code.co_varnames, code.co_names, code.co_consts, code.co_code))
+        for name, code in codes.items()
+    }
+    called = {name: functions.keys() & set(code.co_names) for name, code in codes.items()}
+    digests = {}
+    for name in functions:
+        reached: set[str] = set()
+        new = {name}
+        while new:
+            reached |= new
+            new = {other for each in new for other in called[each]} - reached
+        whole = "\n".join(texts[each] for each in sorted(reached))
+        digests[name] = hashlib.sha256(whole.encode()).hexdigest()[:16]
+    return digests
 
 
 def announced(function: Any, what: str, level: int) -> Advance:

@@ -88,3 +88,13 @@ def test_what_only_compiled_functions_call_is_not_made_for_python() -> None:
         (made,) = function.overloads.values()
         names = {each.name for each in made.library.get_defined_functions()}
         assert (made.fndesc.llvm_cpython_wrapper_name in names) == of_python
+
+
+def test_texts_share_only_functions_that_call_the_same() -> None:
+    """Most of a text is that of other robots, and takes most of the time of compiling."""
+    text = "def many(x):\n    return 2 * x\n\n\ndef more(x):\n    return many(x) + 1\n\n\n"
+    text += "def same(x):\n    return x\n\n\ndef advance_cells(x):\n    return same(more(x))\n"
+    twice, thrice = (compiled.compiled_module(each) for each in (text, text.replace("2 * x", "3 * x")))
+    assert (twice.advance_cells(2), thrice.advance_cells(2)) == (5, 7)
+    assert twice.same is thrice.same
+    assert twice.more is not thrice.more
