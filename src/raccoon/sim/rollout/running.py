@@ -76,13 +76,15 @@ def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: F
     rows = tuple(map(given, course.commands.rows))
     times, fields = given(course.commands.time), given(kept)
     final = np.empty_like(states)
+    recorded = np.empty((len(kept), course.end - course.begin))  # not a part of `out`: that is compiled anew
     for robot, (state, plant) in enumerate(zip(states.tolist(), lanes.plant.tolist(), strict=True)):
         column = min(robot, course.noise.shape[2] - 1)
         noise = tuple(given(side[:, column]) for side in course.noise)
         final[robot] = advance(
             State._make(state), Plant._make(plant), rows, times, course.begin, course.end,
-            lanes.cycle, course.step, lanes.slots, noise, fields, out[:, 1:, robot],
+            lanes.cycle, course.step, lanes.slots, noise, fields, recorded,
         )  # fmt: skip
+        out[:, 1:, robot] = recorded
     return final
 
 

@@ -1,6 +1,7 @@
 """Open-loop runs: one robot, many robots, and what they must agree on."""
 
 from time import process_time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.physical import plant_numbers, state_at_rest
+from raccoon.sim.plant.compiled import advance_cells
 from raccoon.sim.plant.lanes import (
     GIVING_KIND,
     GIVING_SELDOM_KIND,
@@ -19,6 +22,7 @@ from raccoon.sim.plant.lanes import (
     SELDOM,
     SELDOM_KIND,
 )
+from raccoon.sim.plant.stepped import Steps
 from raccoon.sim.rollout import running
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import Lanes, rollout
@@ -226,6 +230,15 @@ def test_robots_in_lanes_cost_a_fraction_of_robots_alone() -> None:
     alone, some, together = (min(cost(each) for _ in range(5)) for each in (one, few, many))
     assert together / 128 < alone / 4  # measured: a tenth
     assert some < together / 8  # measured: a fourteenth; a block is no wider than it has robots
+
+
+def test_robots_alone_step_by_step_and_in_a_rollout_are_compiled_once() -> None:
+    pytest.importorskip("numba")
+    rollout(nominal(), STEPS)
+    plant = plant_numbers(nominal())
+    Steps().after(state_at_rest(plant), plant, 0.001, 0.5, None)
+    made: Any = advance_cells()
+    assert len(made.signatures) == 1
 
 
 def test_it_goes_on_from_a_final_state_as_if_it_had_not_stopped() -> None:
