@@ -20,6 +20,7 @@ from raccoon.diagnose.fit.problem import Creep, Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, reads_back_emf, slowed_by_pauses
 from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
+from raccoon.diagnose.habits.ramps import behind_a_ramp
 from raccoon.diagnose.hypotheses.candidates import counted_from
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels, base_coordinates
@@ -205,7 +206,8 @@ def nearest(
         other = better(habits, found, 0.0)
         return other if other.as_told else other.instead_of(found, USUAL)
 
-    found = fit_of(first)
+    found = behind_a_ramp(fit_of(first), loose)
+    first = found.habits
     slow = None if first.knows_battery else _slow_battery(first, loose, found.point)
     if slow is not None:
         found = fit_of(with_battery(first, slow))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from raccoon.diagnose.drives.ramps import Ramp
 from raccoon.diagnose.findings.proving import AWAY
 from raccoon.diagnose.findings.spread import LATE, Spread
 from raccoon.diagnose.habits.chains import FINE_CYCLE, pauses
@@ -95,6 +96,8 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
     chain, notes = habits.chain, []
     if habits.past:
         notes.append(PAST)
+    if habits.ramp is not None:
+        notes.append(_of_a_ramp(habits.ramp))
     if habits.swing:
         notes.append(
             f"the commands swing {1.0 / habits.swing:.1f} times a second, as where bang-bang follows a "
@@ -114,6 +117,18 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
         *(_of_the_samples(chain) if found_out else ()),
         *_of_the_driver(chain, causes),
         *_of_the_pauses(chain, causes, told=found_out),
+    )
+
+
+def _of_a_ramp(ramp: Ramp) -> str:
+    """What is between commands and motors, and who may have put it there."""
+    when, who = "", "a limit of how fast power changes, in a program or a firmware"
+    if ramp.soft:
+        when, who = ", wherever they are driven more", "a driver that starts softly"
+    behind = f"as if a ramp of {ramp.rate:.3g} a second were between them{when}"
+    return (
+        f"the wheels follow the commands {behind}: taken so, and not in the model that is written; "
+        f"is it {who}? Log what the motors are given"
     )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.ramps import Ramp
 from raccoon.diagnose.drives.sample_clock import in_force
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
@@ -72,7 +73,8 @@ class Habits:
     then on, how wheels slide, and whether the gyro's chip smooths the turn rate (low_pass). swing: s in which
     commands swing, 0 where they do not; see `quality.swing`. firmware: the controller's, where the recording
     names it; nothing of it is asked for then. any_moment: whether it may sample each motor at any moment of a
-    row, with which it is in step; a clock of its own is at any on average."""
+    row, with which it is in step; a clock of its own is at any on average. ramp: what is between
+    commands and motors, None where they get what is commanded."""
 
     chain: Chain
     brake: bool
@@ -82,6 +84,7 @@ class Habits:
     swing: float = 0.0
     firmware: Firmware | None = None
     any_moment: bool = False
+    ramp: Ramp | None = None
 
     @property
     def wombat(self) -> bool:
@@ -126,6 +129,8 @@ class PlantRollout:
         self._clocks = log.clocks
         if habits.past:
             self._duty, self._brake = (np.concatenate([a[1:], a[-1:]]) for a in (self._duty, self._brake))
+        if habits.ramp is not None:
+            self._duty = habits.ramp.given(self._time, self._duty)
         self._commands = self._commanded(self._duty)
 
     def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:

@@ -1,0 +1,82 @@
+"""Ramps between commands and motors, of which no column tells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from blind.drives import exciting
+from blind.generator import Noise, make
+from blind.hidden import Hidden, draw
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.drives.ramps import Ramp
+from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.habits.controller import controller_of
+from raccoon.diagnose.habits.notes import notes_of
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.rollout.variants import Habits
+from raccoon.sim.effects.chain import Chain
+
+Array = NDArray[np.float64]
+ROBOT = RobotConfig()
+NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
+EVERY_ROW = replace(Noise(), drop_share=0.0)
+
+
+def limited(duty: Array, rate: float, soft: bool) -> Array:
+    """What a driver gives that changes by so much a second; soft: only where it drives more."""
+    given, before, most = np.zeros_like(duty), np.zeros(2), 0.005 * rate
+    for row, asked in enumerate(duty):
+        held = np.where(before * asked < 0.0, 0.0, before) if soft else before
+        before = held + np.clip(asked - held, -most, most)
+        if soft:
+            less = np.abs(asked) < np.abs(held)
+            before[less] = asked[less]
+        given[row] = before
+    return given
+
+
+def seen_behind(rate: float, soft: bool, *hidden: Hidden) -> Ramp | None:
+    """What is found of an independent robot whose log has what was asked of such a driver."""
+    asked = exciting(np.random.default_rng(4), 6.0)
+    given = limited(asked, rate, soft)
+    columns = dict(make(4, hidden, drive=given, noise=EVERY_ROW).columns)
+    rows = np.cumsum(np.rint(np.diff(columns["t"], prepend=columns["t"][0]) / 0.005)).astype(int)
+    for port in (0, 1):
+        np.testing.assert_allclose(columns[f"motor.{port}.duty"], given[rows, port], atol=1e-4)
+        columns[f"motor.{port}.duty"] = asked[rows, port]
+    return controller_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)[1].ramp
+
+
+def test_a_ramp_follows_by_so_much_a_second() -> None:
+    time = np.array([0.0, 0.1, 0.2, 0.4, 0.5, 0.6])
+    duty = np.array([0.0, 0.5, 0.5, 0.5, -0.5, 0.0])[:, None]
+    assert Ramp(2.0).given(time, duty)[:, 0] == pytest.approx([0.0, 0.2, 0.4, 0.5, 0.3, 0.1])
+    assert Ramp(2.0, soft=True).given(time, duty)[:, 0] == pytest.approx([0.0, 0.2, 0.4, 0.5, -0.2, 0.0])
+
+
+@pytest.mark.parametrize(("rate", "soft"), [(6.0, False), (12.0, True)])
+def test_a_ramp_that_no_column_tells_of_is_found_out(rate: float, soft: bool) -> None:
+    """It was a limit of the current, stiction, a latency, a deadband and five more."""
+    found = seen_behind(rate, soft, draw("actuation.latency", np.random.default_rng(4)))
+    assert found is not None
+    assert found.soft == soft
+    assert found.rate == pytest.approx(rate, rel=0.03)
+
+
+def test_a_limit_of_the_current_is_no_ramp() -> None:
+    assert seen_behind(1000.0, False, draw("motor.current_limit", np.random.default_rng(4))) is None
+
+
+def test_a_ramp_is_said() -> None:
+    at_once = Habits(Chain.firmware(), False)
+    (hard,) = notes_of(replace(at_once, ramp=Ramp(6.0)), (), NOTHING_FITTED)
+    (soft,) = notes_of(replace(at_once, ramp=Ramp(6.0, soft=True)), (), NOTHING_FITTED)
+    assert "a ramp of 6 a second" in hard
+    assert "starts softly" in soft
+    assert "starts softly" not in hard
