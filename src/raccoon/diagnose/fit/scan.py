@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.fit.descent import ROUGH, SETTLED
 from raccoon.diagnose.fit.fits import costs_at, fit_afresh, fit_point
 from raccoon.diagnose.fit.fitted import Fit
@@ -22,7 +23,8 @@ LEAST_SCANNED = 0.05
 """Size of the first coordinate below which changes grow no smaller."""
 WIDE_SIZES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.2, 1.5)
 WIDE_SHAPES = (-0.6, 0.0, 0.6)
-"""Where play is looked for that is not on."""
+"""Where play is looked for that is not on: these sizes in the usual bins, and more between them in shorter
+ones. How far the valley reaches to either side is how far a wheel turns in a bin."""
 HELPS = 10.0
 """Half of the cost that such a place must save as it is, with nothing fitted. Of clean robots none saves
 anything, and of 0.07 rad of play in a drive that seldom reverses the best saved 265, where those a quarter
@@ -58,7 +60,10 @@ def fit_scanned(problem: Problem, whitener: Whitening, start: Point | Fit, last:
 def places_of_play(problem: Problem, whitener: Whitening, fit: Fit) -> list[Point]:
     """The best few places of play of both wheels, where it is off, that explain more than its absence with
     all else held. The valley is narrow, and the columns of no play do not lead into it."""
-    starts = [fit.point.with_cause(STAIRS, np.array(each)) for each in product(WIDE_SIZES, WIDE_SHAPES)]
+    between = max(round(BIN / problem.features.width), 1)
+    every = np.arange(between * (len(WIDE_SIZES) - 1) + 1) / between
+    sizes = np.interp(every, np.arange(len(WIDE_SIZES)), WIDE_SIZES)
+    starts = [fit.point.with_cause(STAIRS, np.array(each)) for each in product(sizes, WIDE_SHAPES)]
     found = costs_at(problem, whitener, starts)
     best = np.argsort(found)[:SCANNED]
     return [starts[each] for each in best if found[each] < fit.cost - 2.0 * HELPS]
