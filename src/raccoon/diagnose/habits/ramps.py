@@ -26,7 +26,7 @@ ROUGHLY, FINELY = (0.4, 0.2), (0.1, 0.05, 0.025, 0.012, 0.006, 0.003)
 with a fit each, since a latency goes with it."""
 CLEARLY = 0.4
 """Log misfit that a ramp must save, all base numbers free. It was 0.77 to 3.05 on 24 drives behind one of 5
-to 20 a second, alone and beside a cause, 0.2 behind one of 40, and 0.03 at most without one, with limits of
+to 20 a second, alone and beside a cause, 0.2 behind one of 40, and 0.05 at most without one, with limits of
 the current, latencies and each other cause."""
 
 
