@@ -14,11 +14,12 @@ import pytest
 from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
+from raccoon.cli.diagnose.compared import with_changes_of_robot_toml
 from raccoon.cli.diagnose.files import recordings, robot_names, short_names
 from raccoon.cli.diagnose.many import Work, _each_once
 from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
-from raccoon.core.config import RobotConfig, load_robot
+from raccoon.core.config import RobotConfig, load_robot, parse_robot
 from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.sim.effects.parameters import Parameters
@@ -86,13 +87,32 @@ def test_where_files_name_the_robots_the_same_samples_are_of_one() -> None:
     """A fleet's copied file was a robot of its own, which had the same cause. Of two robot.toml, that one
     recording is to be compared with, each has its answer."""
     nothing = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.0, None, ())
-    files = {name: Answer(nothing, name, None, "7f") for name in ("robot-1", "copy")}
+    files = {name: Answer(nothing, name, None, "7f", RobotConfig()) for name in ("robot-1", "copy")}
     assert _each_once(files, {name: name for name in files}) == {
         "robot-1": files["robot-1"],
         "copy": "its samples are those of robot-1, and count once",
     }
-    named = {name: Answer(nothing, name, Path(name, "robot.toml"), "7f") for name in ("red", "blue")}
+    named = {
+        name: Answer(nothing, name, Path(name, "robot.toml"), "7f", RobotConfig()) for name in ("red", "blue")
+    }
     assert _each_once(named, {name: name for name in named}) == named
+
+
+def test_a_robot_toml_that_was_changed_is_no_motor_that_was_replaced() -> None:
+    """A trace has its robot.toml in it: after a calibration K_E jumped to what was assumed."""
+    nothing = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.0, None, ("so",))
+    later = parse_robot({"model": {"drive": {"track_width": 0.151}}})
+    answers = {
+        f"run{run}": Answer(nothing, "red", None, str(run), RobotConfig() if run < 2 else later)
+        for run in range(4)
+    }
+    found = with_changes_of_robot_toml(answers, dict.fromkeys(answers, "red"))
+    note, other = found["run0"].diagnosis.notes
+    assert note.startswith("robot.toml is another one from run2 on (model.drive.track_width)")
+    assert other == "so"
+    assert found["run3"].diagnosis.notes[0] == note
+    apart = {name: "red" if run < 2 else "blue" for run, name in enumerate(answers)}
+    assert with_changes_of_robot_toml(answers, apart) == answers
 
 
 def test_a_copy_by_another_clock_is_a_copy() -> None:

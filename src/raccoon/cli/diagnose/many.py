@@ -110,6 +110,7 @@ def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Colu
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
+    from raccoon.cli.diagnose.compared import with_changes_of_robot_toml
     from raccoon.cli.diagnose.files import robot_names, short_names
     from raccoon.cli.diagnose.model import common_of, save_common
     from raccoon.diagnose.fleet.summary import fleet_of
@@ -122,6 +123,8 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     called = dict(zip(said, robot_names([*said.values()]), strict=True))
     found = _each_once(found, called)
     answers = {name: each for name, each in found.items() if isinstance(each, Answer)}
+    if args.model is None:
+        answers = with_changes_of_robot_toml(answers, called)
     failed = {
         name: each.removeprefix(f"{path}: ")
         for (name, each), path in zip(found.items(), paths, strict=True)

@@ -39,12 +39,13 @@ class Job:
 @dataclass(frozen=True, slots=True)
 class Answer:
     """What was found in a recording, the name of its robot, the robot.toml that it was compared with, and
-    `Recording.fingerprint`."""
+    what that says, and `Recording.fingerprint`."""
 
     diagnosis: Diagnosis
     robot: str
     file: Path | None
     samples: str
+    config: RobotConfig
 
 
 def diagnose_job(job: Job) -> Answer:
@@ -59,7 +60,7 @@ def diagnose_job(job: Job) -> Answer:
         raise TraceError(f"{job.path}: {error}") from None
     robot, file, _ = whose
     found = _diagnosed(job, [run], [job.path], whose)
-    return Answer(found, run.whose or robot.name, file, run.recording.fingerprint())
+    return Answer(found, run.whose or robot.name, file, run.recording.fingerprint(), robot)
 
 
 def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis:

@@ -1,0 +1,57 @@
+"""Whether all recordings of a robot were compared with the same robot.toml, and what is said where not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from itertools import pairwise
+
+from raccoon.cli.diagnose.one import Answer
+from raccoon.core.config import Measured, RobotConfig
+
+COMPARED = ("drive", "motors", "tophats", "model")
+"""What a diagnosis takes from robot.toml."""
+
+
+def with_changes_of_robot_toml(answers: Mapping[str, Answer], called: Mapping[str, str]) -> dict[str, Answer]:
+    """The answers, in their order, with a note where robot.toml changed between two recordings of a robot:
+    a motor that was calibrated then seems to have been replaced. called: each one's robot."""
+    from raccoon.diagnose.reports.fleet_text import shortened
+
+    told: dict[str, list[str]] = {}
+    for robot in dict.fromkeys(called.values()):
+        own = [name for name in answers if called[name] == robot]
+        for before, name in pairwise(own):
+            changed = _changed(answers[before].config, answers[name].config)
+            if changed:
+                told.setdefault(robot, []).append(f"from {name} on ({shortened(changed)})")
+    found = dict(answers)
+    for name, each in answers.items():
+        if called[name] in told:
+            note = (
+                f"robot.toml is another one {shortened(told[called[name]])}: each recording is compared with "
+                "its own, so what changes there may be what was written into it; --robot robot.toml compares "
+                "all of them with one"
+            )
+            diagnosis = replace(each.diagnosis, notes=(note, *each.diagnosis.notes))
+            found[name] = replace(each, diagnosis=diagnosis)
+    return found
+
+
+def _changed(one: RobotConfig, other: RobotConfig) -> list[str]:
+    """The keys of robot.toml that differ, of those that a diagnosis takes."""
+    first, second = ({key: it for each in COMPARED for key, it in _keys(each, getattr(robot, each))}
+                     for robot in (one, other))  # fmt: skip
+    return [key for key in {**first, **second} if first.get(key) != second.get(key)]
+
+
+def _keys(name: str, value: object) -> Iterator[tuple[str, object]]:
+    """Each number below a section, by its key; a value and its deviation are one."""
+    if is_dataclass(value) and not isinstance(value, Measured):
+        for each in fields(value):
+            yield from _keys(f"{name}.{each.name}", getattr(value, each.name))
+    elif isinstance(value, Mapping):
+        for key, each in value.items():
+            yield from _keys(f"{name}.{key}", each)
+    else:
+        yield name, value
