@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
 from raccoon.diagnose.fleet.series import SPREAD
-from raccoon.diagnose.fleet.summary import COMMON_SHARE, HEIGHT, Fleet, FleetCause
+from raccoon.diagnose.fleet.standing import COMMON_SHARE
+from raccoon.diagnose.fleet.summary import HEIGHT, Fleet, FleetCause
 from raccoon.diagnose.fleet.telling import is_silent
 from raccoon.diagnose.hypotheses.coordinates import places
 from raccoon.diagnose.result import Diagnosis

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fleet.course import Piece, course_of, usual
+from raccoon.diagnose.fleet.refits import Number
 from raccoon.diagnose.result import ParameterResult
 
 Array = NDArray[np.float64]
@@ -47,17 +48,18 @@ def series_of(
     found: Mapping[str, ParameterResult],
     robots: Mapping[str, str],
     silent: frozenset[str] | None = None,
+    refits: Mapping[str, Number] | None = None,
 ) -> Series:
     """found: the number, by recording. robots: the robot of each recording of the fleet, in their order.
-    silent: recordings that cannot tell the number; any other without it has the nominal one of its robot.
-    None where no recording without it says anything."""
+    silent: recordings that cannot tell the number; any other without it has the one that it refitted, or
+    else the nominal one of its robot. None where no recording without it says anything."""
     courses, levels = [], {}
     off: dict[str, float] = {}
     for robot in dict.fromkeys(robots[each] for each in found):
         own = tuple(each for each in robots if robots[each] == robot)
         rows = np.array([row for row, each in enumerate(own) if each in found])
         values = np.array([found[own[row]].value for row in rows])
-        series, stds = _series(own, found, silent)
+        series, stds = _series(own, found, silent, refits or {})
         pieces = course_of(series.tolist(), stds.tolist())
         if pieces:
             courses.append(Course(robot, own, pieces))
@@ -88,7 +90,10 @@ def _far(left: Sequence[float], spread: float, stds: Array) -> list[bool]:
 
 
 def _series(
-    own: Sequence[str], found: Mapping[str, ParameterResult], silent: frozenset[str] | None
+    own: Sequence[str],
+    found: Mapping[str, ParameterResult],
+    silent: frozenset[str] | None,
+    refits: Mapping[str, Number],
 ) -> tuple[Array, Array]:
     """Value and deviation in each of a robot's recordings, NaN where it is not known. One that names nothing
     does not know it better than those that do."""
@@ -99,7 +104,8 @@ def _series(
     def number(name: str) -> tuple[float, float]:
         if name in found:
             return found[name].value, found[name].std
-        return (nominal, usual) if silent is not None and name not in silent else (float("nan"), float("nan"))
+        told = silent is not None and name not in silent
+        return refits.get(name, (nominal, usual)) if told else (math.nan, math.nan)
 
     values, stds = zip(*map(number, own), strict=True)
     return np.array(values), np.array(stds)

@@ -9,13 +9,13 @@ from statistics import median
 from typing import Any
 
 from raccoon.diagnose.fleet.course import Piece
+from raccoon.diagnose.fleet.refits import refits_of
 from raccoon.diagnose.fleet.series import FEWEST_FOR_OUTLIERS, Course, Series, series_of
+from raccoon.diagnose.fleet.standing import COMMON_SHARE, Standing, sides_of_robots, standing_of
 from raccoon.diagnose.fleet.telling import is_silent
 from raccoon.diagnose.result import Diagnosis, ParameterResult
 from raccoon.model.reflectance import LEAST_HEIGHT, height_doubt
 
-COMMON_SHARE = 0.6
-"""Of the recordings that can tell, from which a cause is said to be common to them."""
 HEIGHT = "tophat.height"
 
 
@@ -23,10 +23,11 @@ HEIGHT = "tophat.height"
 class FleetCause:
     """A cause over many recordings. share: of the recordings that can tell, those that name it. values,
     stds: its first parameter in each, in the order of `recordings`, which name it in `unit`. series: how it
-    goes over all of them, one that does not name the cause counting as nominal, one that cannot tell not at
-    all. rivals: what at least half of the recordings that name it do not tell it from. telling: how many can
-    tell. robots: those of which most recordings that can tell name it, also since it last changed. of_robots:
-    how many have one that can tell."""
+    goes over all of them, one that does not name the cause counting as it refitted the number, one that
+    cannot tell not at all. rivals: what at least half of the recordings that name it do not tell it from.
+    telling: how many can tell. robots: those of which most recordings that can tell name it, also since it
+    last changed, and as much too small or too large. alike: how many of these robots agree in that.
+    of_robots: how many have one that can tell. standing: how it stands since it last changed."""
 
     name: str
     share: float
@@ -39,13 +40,15 @@ class FleetCause:
     rivals: tuple[str, ...]
     telling: int
     robots: tuple[str, ...]
+    alike: int
     of_robots: int
+    standing: Standing
 
     @property
     def common(self) -> bool:
         """Whether most robots have it, or of one robot most recordings, and more than one."""
         if self.of_robots > 1:
-            return 1 < len(self.robots) >= COMMON_SHARE * self.of_robots
+            return 1 < self.alike >= COMMON_SHARE * self.of_robots
         return bool(self.robots) and len(self.recordings) > 1
 
 
@@ -108,13 +111,17 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
             if cause.name == name:
                 found[recording] = next(iter(cause.parameters.values()))
     silent = frozenset(key for key, each in results.items() if is_silent(name, each)) - found.keys()
-    having = [robots[each] for each in found]
     able = [robots[each] for each in results if each not in silent]
     # Where a current is missing a friction is in volts: it counts, and is not compared.
     alike = _of_usual_unit(found)
     first = next(iter(alike.values()))
-    series = series_of(_beside_each_other(name, alike), robots, silent | (found.keys() - alike.keys()))
-    gone = _gone(series, found)
+    series = series_of(
+        _beside_each_other(name, alike),
+        robots,
+        silent | (found.keys() - alike.keys()),
+        refits_of(name, results),
+    )
+    sides = sides_of_robots(found, robots, silent, series)
     return FleetCause(
         name,
         len(found) / len(able),
@@ -126,23 +133,11 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
         series,
         _rivals(name, results),
         len(able),
-        tuple(
-            each
-            for each in dict.fromkeys(having)
-            if having.count(each) >= COMMON_SHARE * able.count(each) and each not in gone
-        ),
+        tuple(sides),
+        max(map([*sides.values()].count, sides.values()), default=0),
         len(set(able)),
+        standing_of(alike, robots, silent, series),
     )
-
-
-def _gone(series: Series, found: Mapping[str, ParameterResult]) -> set[str]:
-    """The robots that had a cause and have it no more: none of their recordings since it last jumped names
-    it."""
-    return {
-        each.robot
-        for each in series.courses
-        if found.keys().isdisjoint(each.recordings[each.pieces[-1].first : each.pieces[-1].last + 1])
-    }
 
 
 def _beside_each_other(name: str, found: Mapping[str, ParameterResult]) -> Mapping[str, ParameterResult]:

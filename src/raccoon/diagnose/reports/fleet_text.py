@@ -41,8 +41,17 @@ JUMPED: Mapping[str, str] = {
     "tophat.noise": "its plug came loose",
 }
 """The same of one that jumps."""
+NOW_AND_THEN: Mapping[str, str] = {
+    "battery.open_circuit_voltage": "another charge each time",
+    "battery.internal_resistance": "several batteries in turn",
+    "drive.slope": "other tables, or other directions",
+    "friction.coulomb": "other floors",
+}
+"""The same of one that some recordings have and others not, in no order."""
 CHANGED = "What changed, in the order of the recordings above"
 NAMES_SAID = 4
+FEW = 3
+"""Recordings of which fewer are no coming and going."""
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 NOTES_SAID = 8
@@ -191,15 +200,23 @@ def _cause_line(each: FleetCause, fleet: Fleet) -> str:
     if each.telling < count:
         share += f" of {each.telling} that can tell"
     odd = f"; far from the others: {odd}" if odd else ""
-    line = f"{each.name}: {share} ({kind_text(each, fleet)}), {size}{unit}{odd}{alike}"
-    return f"{line}\n  {in_words(each, fleet)}"
+    line = f"{each.name}: {share} ({guessed_text(each, fleet)}), {size}{unit}{odd}{alike}"
+    return "\n  ".join((line, *in_words(each, fleet)))
 
 
-def in_words(each: FleetCause, fleet: Fleet) -> str:
-    """What a cause means and what to do about it, as the recording has it whose number is in the middle."""
-    middle = sorted(zip(each.values, each.recordings, strict=True))[(len(each.values) - 1) // 2][1]
-    said = next(it.explanation for it in fleet.results[middle].causes if it.name == each.name)
-    return f"{middle}: {said}" if len(each.recordings) > 1 else said
+def in_words(each: FleetCause, fleet: Fleet) -> list[str]:
+    """What a cause means and what to do about it, as it is now: as the recording has it whose number is in
+    the middle, or of what is too small in some and too large in others one of either."""
+    lower, higher = each.standing.lower, each.standing.higher
+    agreed = each.common or (each.alike and each.of_robots == 1)
+    sides = [max(lower, higher, key=len)] if agreed else [it for it in (lower, higher) if it]
+    values = dict(zip(each.recordings, each.values, strict=True))
+    found = []
+    for side in sides:
+        middle = sorted(side, key=values.__getitem__)[(len(side) - 1) // 2]
+        said = next(it.explanation for it in fleet.results[middle].causes if it.name == each.name)
+        found.append(f"{middle}: {said}" if len(each.recordings) > 1 else said)
+    return found
 
 
 def count_text(each: FleetCause) -> str:
@@ -207,15 +224,39 @@ def count_text(each: FleetCause) -> str:
     return f"{round(each.share * each.telling)} of {each.telling}"
 
 
-def kind_text(each: FleetCause, fleet: Fleet) -> str:
-    """Whether a cause is common, one robot's, or of single recordings."""
+def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
+    """Whether a cause is common, since or until when it was, or one robot's, or of single recordings: of more
+    than `named` how many."""
+    standing = each.standing
+    if standing.since or standing.until:
+        return _since_when(each, fleet)
     if each.common:
-        return "common" if each.of_robots < 2 else f"common to {len(each.robots)} of {each.of_robots} robots"
+        return "common" if each.of_robots < 2 else f"common to {each.alike} of {each.of_robots} robots"
     apart = len(fleet.names) > 1 and 0 < len(each.robots) < len(each.recordings)
     if apart and all(fleet.robots[name] in each.robots for name in each.recordings):
         return f"only robot {each.robots[0]}" if len(each.robots) == 1 else f"robots {shortened(each.robots)}"
+    if standing.lower and standing.higher and not each.alike:
+        return f"lower than assumed in {len(standing.lower)}, higher in {len(standing.higher)}"
+    if named is not None and len(each.recordings) > named:
+        return f"{count_text(each)} recordings"
     few = len(each.recordings) <= max(1, len(fleet.results) // 5)
     return ("only " if few else "some: ") + shortened(each.recordings)
+
+
+def _since_when(each: FleetCause, fleet: Fleet) -> str:
+    """From which recording on a cause is there, or up to which it was, and whether some others have it."""
+    standing, names = each.standing, [*fleet.results]
+    at = names.index(standing.since) if standing.since else names.index(standing.until) + 1
+    others = names[:at] if standing.since else names[at:]
+    mostly = "" if {*others}.isdisjoint(each.recordings) else "mostly "
+    return f"{mostly}since {standing.since}" if standing.since else f"{mostly}until {standing.until}"
+
+
+def guessed_text(each: FleetCause, fleet: Fleet) -> str:
+    """The same, with what may be behind it where some recordings have it and others not, in no order."""
+    steady = each.alike or each.series.courses or len(each.recordings) < FEW
+    behind = "" if steady else NOW_AND_THEN.get(each.name.partition("@")[0], "")
+    return f"{kind_text(each, fleet)}; {behind}?" if behind else kind_text(each, fleet)
 
 
 def _number_line(each: FleetNumber, count: int) -> str:

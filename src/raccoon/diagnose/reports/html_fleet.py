@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
@@ -12,11 +13,14 @@ import numpy as np
 
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.fleet.model import Foreseen
+from raccoon.diagnose.fleet.refits import refits_of
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause
+from raccoon.diagnose.fleet.telling import is_silent
 from raccoon.diagnose.reports.fleet_text import (
     change_lines,
     count_text,
     far_text,
+    guessed_text,
     in_words,
     kind_text,
     note_lines,
@@ -30,6 +34,8 @@ from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MOST_PANELS = 8
+MOST_LABELS = 60
+"""Names for which there is room under a picture; of more recordings every second, third... has its name."""
 FEW = 2
 """Names of recordings that a headline has room for."""
 OWN_SAID = 3
@@ -47,7 +53,7 @@ def save_fleet_html(
     page = template("fleet.html").render(
         results={f"{name}{whose(fleet, name)}": _row(each) for name, each in fleet.results.items()},
         causes=[
-            (each, kind_text(each, fleet), count_text(each), in_words(each, fleet), far_text(each))
+            (each, guessed_text(each, fleet), count_text(each), in_words(each, fleet), far_text(each))
             for each in fleet.causes
         ],
         numbers=[(each, usual_text(each), far_text(each)) for each in fleet.numbers],
@@ -82,7 +88,10 @@ def _headline(fleet: Fleet) -> str:
     parts = [
         f"Common to most {whom}: {', '.join(common)}." if common else f"No cause is common to most {whom}."
     ]
-    parts += [f"{begun(plain_name(each.name))}: {_whom(each, fleet)}." for each in own[:OWN_SAID]]
+    parts += [
+        f"{begun(plain_name(each.name))}: {kind_text(each, fleet, FEW).removeprefix('some: ')}."
+        for each in own[:OWN_SAID]
+    ]
     if len(own) > OWN_SAID:
         parts.append(f"{len(own) - OWN_SAID} more in some {whom} only.")
     broken = sum(bool(each.sensor_faults) for each in fleet.results.values())
@@ -91,16 +100,9 @@ def _headline(fleet: Fleet) -> str:
     return " ".join(parts)
 
 
-def _whom(each: FleetCause, fleet: Fleet) -> str:
-    """Who has a cause that is not common; of many recordings how many, as their names are in the table."""
-    told = kind_text(each, fleet)
-    many = len(each.recordings) > FEW and not told.startswith(("only robot", "robots"))
-    return f"{count_text(each)} recordings" if many else told.removeprefix("some: ")
-
-
 def fleet_figure(fleet: Fleet) -> Any:
-    """A panel a cause: its value with twice its deviation, by recording in their order, and the line of what
-    changes."""
+    """A panel a cause: its value with twice its deviation, by recording in their order, open where it was
+    refitted without being named, and the line of what changes."""
     from matplotlib.figure import Figure
 
     shown = fleet.causes[:MOST_PANELS]
@@ -118,6 +120,10 @@ def fleet_figure(fleet: Fleet) -> Any:
                 axes.plot(ends, (piece.start, piece.end), color=AFTER, linewidth=1.0, alpha=0.6, zorder=0)
         axes.errorbar(rows, cause.values, stds, fmt="none", ecolor="0.6", elinewidth=1.2, zorder=1)
         axes.scatter(rows, cause.values, 22, color=colors, zorder=2)
+        silently = _refitted(cause, fleet)
+        axes.scatter(
+            [names.index(each) for each in silently], silently.values(), 14, "none", edgecolors=AFTER
+        )
         axes.axhline(cause.nominal, color="0.6", linewidth=0.8, linestyle="--")
         axes.set_title(f"{cause.name}{f', {cause.unit}' if cause.unit else ''}", fontsize=9, loc="left")
         axes.set_xlim(-0.5, len(names) - 0.5)
@@ -126,8 +132,19 @@ def fleet_figure(fleet: Fleet) -> Any:
                 axes.axvline(before + 0.5, color="0.85", linewidth=0.8, zorder=0)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
-    panels[-1].set_xticks(range(len(names)), [_label(each) for each in names], rotation=90, fontsize=8)
+    step = math.ceil(len(names) / MOST_LABELS)
+    labels = [_label(each) for each in names[::step]]
+    panels[-1].set_xticks(range(0, len(names), step), labels, rotation=90, fontsize=8)
     return figure
+
+
+def _refitted(cause: FleetCause, fleet: Fleet) -> dict[str, float]:
+    """Its number in the recordings that can tell and do not name it, as they refitted it."""
+    return {
+        name: value
+        for name, (value, _) in refits_of(cause.name, fleet.results).items()
+        if name not in cause.recordings and not is_silent(cause.name, fleet.results[name])
+    }
 
 
 def _label(name: str) -> str:

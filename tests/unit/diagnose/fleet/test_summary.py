@@ -23,6 +23,8 @@ from raccoon.diagnose.result import (
     SensorFault,
     Verdict,
 )
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.provenance import Origin
 
 JUDGED = tuple(
     Rejected(each, "explains nothing that is left")
@@ -30,9 +32,9 @@ JUDGED = tuple(
 )
 
 
-def cause(name: str, value: float, unit: str = "ohm") -> CauseResult:
+def cause(name: str, value: float, unit: str = "ohm", said: str = "It sags: charge it.") -> CauseResult:
     numbers = {"resistance": ParameterResult(value, 0.004, unit, 0.05)}
-    return diagnoses.cause(name, numbers, "It sags: charge it.", probability=0.99, change=math.nan)
+    return diagnoses.cause(name, numbers, said, probability=0.99, change=math.nan)
 
 
 def diagnosis(*causes: CauseResult, back_emf: float = 1.08, broken: bool = False) -> Diagnosis:
@@ -104,9 +106,74 @@ def test_what_went_back_to_normal_is_not_common() -> None:
     fleet = fleet_of(days)
     (battery,) = fleet.causes
     assert (jumps(battery), battery.common) == ([7], False)
-    assert "some: 0.csv" in fleet_report(fleet)
+    assert "70 % (until 6.csv)" in fleet_report(fleet)
     later = {name: each for name, each in days.items() if name != "9.csv"} | {"9.csv": days["0.csv"]}
     assert fleet_of(later).causes[0].common
+
+
+def test_a_cause_is_of_the_recordings_since_its_part_was_replaced() -> None:
+    """Of eight weeks three had a new motor that is strong, and the head said it of all, with what the old one
+    was to be done about; of three weeks with a new bad one all were named."""
+    weak, strong = (
+        cause("motor.back_emf_constant@left", each, said=f"It is {each}.") for each in (0.94, 1.06)
+    )
+    before = {f"{week}.csv": diagnosis(weak) for week in range(5)}
+    other = {f"{week}.csv": diagnosis(strong) for week in range(5, 8)}
+    (found,) = fleet_of(before | other).causes
+    assert found.common
+    text = fleet_report(fleet_of(before | other))
+    assert "(common), 0.94 to 1.06" in text
+    assert "6.csv: It is 1.06." in text
+    assert "It is 0.94." not in text
+    (found,) = fleet_of({name: diagnosis() for name in before} | other).causes
+    assert not found.common
+    assert (found.standing.since, found.standing.until) == ("5.csv", "")
+    sound = {f"{week}.csv": diagnosis(*[strong] * (week == 6)) for week in range(5, 10)}
+    assert "(mostly until 4.csv)" in fleet_report(fleet_of(before | sound))
+
+
+def test_what_differs_from_run_to_run_either_way_is_no_robots(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A battery that was charged now more and now less than assumed was common, with what to write into
+    robot.toml for all."""
+    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    volts = (6.4, 7.5, 6.8, 6.5, 7.6, 6.3, 7.7, 7.2)
+    name = "battery.open_circuit_voltage"
+    charged = {
+        f"run{run}": diagnosis(
+            *[diagnoses.cause(name, {"voltage": ParameterResult(each, 0.02, "V", 6.8)}, f"It is {each} V.")]
+            * (each != 6.8)
+        )
+        for run, each in enumerate(volts)
+    }
+    fleet = fleet_of(charged)
+    (found,) = fleet.causes
+    assert (found.share, found.common) == (0.875, False)
+    text = fleet_report(fleet)
+    assert "88 % (lower than assumed in 3, higher in 4; another charge each time?), 6.3 to 7.7 V" in text
+    assert "run0: It is 6.4 V.\n  run1: It is 7.5 V." in text
+    save_fleet_html(fleet, tmp_path / "fleet.html")
+    page = (tmp_path / "fleet.html").read_text()
+    assert (
+        "No cause is common to most recordings. Battery voltage: lower than assumed in 3, higher in 4."
+        in page
+    )
+
+
+def test_a_number_that_is_not_named_is_as_it_was_refitted() -> None:
+    """A motor of 0.94 that was replaced by one of 1.02 jumped to 1, what robot.toml says of it."""
+    key = ("motor.back_emf_constant", "left")
+    model = Parameters().with_effect(*key, factor=1.02)
+    model = model.with_origin(*key, Origin({"factor": 0.004}, "refitted"))
+    weak = diagnoses.cause("motor.back_emf_constant@left", diagnoses.factor(0.94, 0.004))
+    found = {
+        f"run{run}": diagnosis(weak) if run < 4 else replace(diagnosis(), model=model) for run in range(8)
+    }
+    (motor,) = fleet_of(found).causes
+    assert jumps(motor) == [4]
+    assert motor.series.courses[0].pieces[1].start == pytest.approx(1.02)
+    assert not motor.common
 
 
 def test_one_robot_of_many_is_far_from_the_others() -> None:
@@ -137,9 +204,9 @@ def test_numbers_in_other_units_count_and_are_not_compared() -> None:
 def test_the_page_counts_what_the_terminal_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that names it in volts was left out of the page's count: 21 of 22 beside `common to 22 of 22`."""
     monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
-    fleet = {str(i): diagnosis(cause("friction.coulomb@left", 0.008, "N m")) for i in range(4)}
-    fleet["volts"] = diagnosis(cause("friction.coulomb@left", 0.3, "V"))
-    fleet |= {f"none-{i}": diagnosis() for i in range(5)}
+    named = diagnosis(cause("friction.coulomb@left", 0.008, "N m"))
+    fleet = {str(i): diagnosis() if i % 2 else named for i in range(9)}
+    fleet |= {"2": diagnosis(cause("friction.coulomb@left", 0.3, "V")), "none": diagnosis()}
     save_fleet_html(fleet_of(fleet), tmp_path / "fleet.html")
     page = (tmp_path / "fleet.html").read_text()
     assert ">5 of 10<" in page
