@@ -144,12 +144,13 @@ def _places(id_: str, where: str | None) -> tuple[str | None, ...]:
 
 
 def _with_cause(common: Parameters, cause: FleetCause, pool: _Pool, fleet: Fleet) -> Parameters:
-    """With a cause that most recordings name which can tell, between the same jumps as the one to foresee."""
+    """With a cause that most recordings name which can tell, between the same jumps as the one to foresee; of
+    two that they do not tell apart with one."""
     id_, _, where = cause.name.partition("@")
     piece, creeps = _piece(cause, [*fleet.results], pool.at)
     able = [name for name in piece if name in pool.models and not is_silent(cause.name, fleet.results[name])]
     having = [name for name in able if name in cause.recordings]
-    if id_ in OF_THE_RUN or not having or len(having) < COMMON_SHARE * len(able):
+    if id_ in OF_THE_RUN or cause.instead or not having or len(having) < COMMON_SHARE * len(able):
         return common
     named = [each for name in having for each in fleet.results[name].causes if each.name == cause.name]
     sure = float(np.median([each.probability for each in named]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
@@ -27,7 +27,8 @@ class FleetCause:
     cannot tell not at all. rivals: what at least half of the recordings that name it do not tell it from.
     telling: how many can tell. robots: those of which most recordings that can tell name it, also since it
     last changed, and as much too small or too large. alike: how many of these robots agree in that.
-    of_robots: how many have one that can tell. standing: how it stands since it last changed."""
+    of_robots: how many have one that can tell. standing: how it stands since it last changed. instead: the
+    cause of at least as many recordings in the place of which it is named: they do not tell it from that."""
 
     name: str
     share: float
@@ -43,10 +44,13 @@ class FleetCause:
     alike: int
     of_robots: int
     standing: Standing
+    instead: str = ""
 
     @property
     def common(self) -> bool:
         """Whether most robots have it, or of one robot most recordings, and more than one."""
+        if self.instead:
+            return False
         if self.of_robots > 1:
             return 1 < self.alike >= COMMON_SHARE * self.of_robots
         return bool(self.robots) and len(self.recordings) > 1
@@ -101,7 +105,20 @@ def fleet_of(results: Mapping[str, Diagnosis], robots: Mapping[str, str] | None 
     whose = {name: "" if robots is None else robots[name] for name in results}
     names = dict.fromkeys(cause.name for each in results.values() for cause in each.causes)
     causes = sorted((_cause(name, results, whose) for name in names), key=lambda each: -each.share)
+    causes = [replace(each, instead=_instead(each, causes)) for each in causes]
     return Fleet(results, whose, tuple(causes), tuple(_numbers(results, whose)))
+
+
+def _instead(cause: FleetCause, causes: Sequence[FleetCause]) -> str:
+    """What a cause is named in the place of: of two that no recording tells apart some name the one and some
+    the other, and a robot has one of them."""
+    own, where = {*cause.recordings}, cause.name.partition("@")[2]
+    rivals = {*cause.rivals, *(f"{each}@{where}" for each in cause.rivals if where and "@" not in each)}
+    ahead = sorted(causes, key=lambda each: -len(each.recordings))
+    for each in ahead[: ahead.index(cause)]:
+        if each.name in rivals and 2 * len(own.intersection(each.recordings)) < len(own):
+            return each.name
+    return ""
 
 
 def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> FleetCause:

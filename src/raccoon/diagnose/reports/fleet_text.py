@@ -228,6 +228,8 @@ def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
     """Whether a cause is common, since or until when it was, or one robot's, or of single recordings: of more
     than `named` how many."""
     standing = each.standing
+    if each.instead:
+        return f"in the place of {each.instead}"
     if standing.since or standing.until:
         return _since_when(each, fleet)
     if each.common:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from diagnoses import cause, diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fleet.model import Foreseen, _Pool, common_model, foreseen
 from raccoon.diagnose.fleet.summary import Fleet, fleet_of
+from raccoon.diagnose.reports.fleet_text import fleet_report
 from raccoon.diagnose.result import (
     ChannelResult,
     Diagnosis,
@@ -75,6 +77,28 @@ def test_what_is_refitted_is_the_median_of_those_that_do_not_name_it() -> None:
     fleet = of([drive(each) for each in (0.18, 0.19, 0.26)])
     assert effects(fleet) == {("friction.coulomb", None): {"torque": 0.19}}
     assert effects(fleet, "day2") == {("friction.coulomb", None): {"torque": pytest.approx(0.185)}}
+
+
+def test_of_two_causes_that_are_not_told_apart_one_is_in_it() -> None:
+    """Five drives named a weak left motor and four a smaller left wheel, each or the other: both were common,
+    and the model had twice what is wrong."""
+    motor, wheel = NAMES[1], "drive.wheel_radius@left"
+    weak = drive(motor=0.94)
+    weak = replace(weak, causes=(replace(weak.causes[0], confounded_with=("drive.wheel_radius",)),))
+    named = cause(wheel, {"factor": ParameterResult(0.94, 0.004, "", 1.0)}, confounded_with=(motor,))
+    model = Parameters().with_effect("drive.wheel_radius", "left", factor=0.94)
+    small = replace(
+        drive(), causes=(named,), model=model.with_origin("drive.wheel_radius", "left", Origin({}, "named"))
+    )
+    fleet = of([weak, small, weak, small, weak, small, weak, small, weak])
+    assert [(each.name, each.common, each.instead) for each in fleet.causes] == [
+        (motor, True, ""),
+        (wheel, False, motor),
+    ]
+    assert set(effects(fleet)) == {("friction.coulomb", None), ("motor.back_emf_constant", "left")}
+    assert f"{wheel}: 100 % of 4 that can tell (in the place of {motor}), 0.94" in fleet_report(fleet)
+    both = replace(weak, causes=(replace(weak.causes[0], confounded_with=()), named))
+    assert all(each.common for each in of([both] * 4).causes)
 
 
 def test_a_slope_is_of_the_place_where_a_run_began() -> None:
