@@ -59,7 +59,7 @@ def save_fleet_html(
         numbers=[(each, usual_text(each), far_text(each)) for each in fleet.numbers],
         notes=note_lines(fleet.results),
         changes=change_lines(fleet),
-        headline=_headline(fleet),
+        headline=_headline(fleet, len(failed or {})),
         picture=png(fleet_figure(fleet)) if fleet.causes else None,
         failed=failed or {},
         seen=seen or {},
@@ -81,7 +81,7 @@ def _short(cause: CauseResult) -> str:
     return f"{first.value:.3g} {first.unit}".strip()
 
 
-def _headline(fleet: Fleet) -> str:
+def _headline(fleet: Fleet, failed: int) -> str:
     common = [plain_name(each.name) for each in fleet.causes if each.common]
     own = [each for each in fleet.causes if not each.common]
     whom = "robots" if len(fleet.names) > 1 else "recordings"
@@ -97,6 +97,8 @@ def _headline(fleet: Fleet) -> str:
     broken = sum(bool(each.sensor_faults) for each in fleet.results.values())
     if broken:
         parts.append(f"{broken} with a faulty sensor.")
+    if failed:
+        parts.append(f"{failed} without a diagnosis.")
     return " ".join(parts)
 
 

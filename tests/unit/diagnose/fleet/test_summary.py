@@ -227,6 +227,7 @@ def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_pat
     page = (tmp_path / "fleet.html").read_text()
     assert "data:image/png;base64," in page
     assert "it is &lt;empty&gt;" in page
+    assert "1 without a diagnosis." in page
     assert "creeps from" in page
     table = json.loads(json.dumps(fleet_of(weeks).to_dict()))
     assert set(table) == {"recordings", "robots", "causes", "numbers"}
