@@ -16,7 +16,7 @@ from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose.compared import with_changes_of_robot_toml
 from raccoon.cli.diagnose.files import recordings, robot_names, short_names
-from raccoon.cli.diagnose.many import Work, _each_once
+from raccoon.cli.diagnose.many import Progress, Work, _each_once
 from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, load_robot, parse_robot
@@ -352,6 +352,19 @@ def test_what_is_done_when_it_is_interrupted_is_reported(
     assert set(found["recordings"]) == {"run0.csv", "run1.csv"}
     assert found["failed"] == {"run2.csv": "interrupted before it was done"}
     assert "run2.csv: no diagnosis: interrupted" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_how_many_there_are_is_said_before_the_first_is_done(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, live: bool
+) -> None:
+    """On a controller a terminal said nothing for some minutes."""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: live)
+    progress = Progress(3)
+    progress.show(())
+    assert capsys.readouterr().err == ("0/3 recordings\r" if live else "")
+    progress.show(["it is empty"])
+    assert "1/3 recordings, 1 failed, 0:00 left" in capsys.readouterr().err
 
 
 def test_what_was_interrupted_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -211,6 +211,7 @@ class Work:
 
     def _do(self, jobs: list[Job], done: dict[int, Answer | str]) -> None:
         progress = Progress(len(jobs))
+        progress.show(())
         if self._args.workers == 1 and self._args.executor == "processes":
             for number, job in enumerate(jobs):
                 done[number] = diagnose_or_reason(job)
@@ -227,7 +228,8 @@ class Work:
 
 
 class Progress:
-    """A line on the standard error output after each recording where that is a terminal, else each tenth."""
+    """A line on the standard error output before and after each recording where that is a terminal, else
+    after each tenth."""
 
     def __init__(self, total: int) -> None:
         self._total = total
@@ -242,6 +244,9 @@ class Progress:
         if not self._live and tenths == self._tenths:
             return
         self._tenths = tenths
+        if not count:  # what the log says next, such as that something is compiled, stands in its place
+            print(f"0/{self._total} recordings", file=sys.stderr, end="\r", flush=True)
+            return
         left = int((time.monotonic() - self._begun) / count * (self._total - count))
         text = f"{count}/{self._total} recordings, {failed} failed, {left // 60}:{left % 60:02d} left "
         start, end = ("\r", "\n" if count == self._total else "") if self._live else ("", "\n")
