@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from blind.generator import make
+from blind.table import Eye, Floor, Numbers, TableRobot
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.sim.effects.parameters import Parameters
@@ -31,6 +32,7 @@ COMPILING: list[Callable[[], object]] = [
     *(partial(rollout, [each] * 2, STILL, channels=("imu.gyro.z",), readings_only=True) for each in ASKED),
     partial(make, 1, seconds=4.0),
     *(partial(rollout, robots, STILL) for robots in ([ROBOT], [ROBOT] * 2, [LOOSE] * 2, [GIVING] * 2)),
+    partial(TableRobot, Numbers(), Floor([[0.0, 1.0, 1.0, 1.0, 0.025]]), [Eye(0, 0.1, 0.0, 200.0, 3000.0)]),
     partial(diagnose_motors, motor(5, 0.008), RobotConfig()),
 ]
 

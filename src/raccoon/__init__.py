@@ -69,8 +69,9 @@ if TYPE_CHECKING:
     from raccoon.robot.motions.driving import drive, motors
     from raccoon.robot.motions.following import follow_line
     from raccoon.robot.motions.goals import MotionResult, arc, pivot, straight, turn, turn_to
-    from raccoon.robot.motions.lines import align_on_line, align_on_wall
+    from raccoon.robot.motions.lines import align_on_line
     from raccoon.robot.motions.paths import drive_to, follow_path
+    from raccoon.robot.motions.walls import align_on_wall
     from raccoon.robot.opening import open_robot, replay
     from raccoon.robot.parts.mechanisms import move, move_by, release, spin, zero
     from raccoon.robot.parts.servos import servo, servo_off
@@ -138,10 +139,8 @@ _HOMES = {
         "follow_path",
     ),
     "raccoon.robot.calibration.light": ("calibrate_light", "rehearse_light"),
-    "raccoon.robot.motions.lines": (
-        "align_on_line",
-        "align_on_wall",
-    ),
+    "raccoon.robot.motions.lines": ("align_on_line",),
+    "raccoon.robot.motions.walls": ("align_on_wall",),
     "raccoon.robot.motions.following": ("follow_line",),
     "raccoon.robot.actions.functions": ("do",),
     "raccoon.robot.calibration.battery_check": ("check_battery",),

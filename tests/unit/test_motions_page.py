@@ -12,7 +12,7 @@ import raccoon
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "motions.md").read_text("utf-8")
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-DRIVING = ("motions.goals", "motions.driving", "motions.paths", "motions.lines", "motions.following")
+DRIVING = tuple(f"motions.{each}" for each in ("goals", "driving", "paths", "lines", "walls", "following"))
 HOMES = (
     *DRIVING,
     "actions.actions",

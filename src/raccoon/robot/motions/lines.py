@@ -1,4 +1,4 @@
-"""Motions that go by what is on the table: align on a line, align against a wall."""
+"""Motions that go by lines on the table: align on one."""
 
 from __future__ import annotations
 
@@ -11,13 +11,9 @@ from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_angle,
-    check_finite,
-    check_heading,
-    check_limit,
     check_limits,
     check_name,
     check_near_heading,
-    check_positive,
     check_speed,
     check_times,
     check_way,
@@ -26,21 +22,15 @@ from raccoon.robot.actions.steps import advance
 from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.goals import turning
 from raccoon.robot.motions.pacing import MotionResult, at_a_wall, reason
-from raccoon.robot.remarks import STANDS, say
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.tophats import TophatSensor
     from raccoon.robot.robot import Robot
 
 LEAST_REACH = 0.02
-WALL_SPEED_SHARE = 0.2
-WALL_TIME = 0.3
-PRESS_FORCE = 8.0
-"""N a wheel, against a wall: tyres of 0.9 under half of 3 kg carry 13 N."""
 ODDLY, ALONG = math.radians(4.0), math.radians(1.5)
 """rad from a quarter of a turn of the field: of a line that is laid so, and of one along the field."""
-SLOWED_SHARE, SQUARING_SHARE = 0.9, 0.15
-"""Of the fastest speed on the way: slower wheels are at a wall; wheels that differ by twice that turn it."""
 
 
 def align_on_line(
@@ -172,115 +162,6 @@ def _exchanged(robot: Robot, left: str, right: str, angle: float) -> tuple[str, 
     )
     say(robot, said)
     return (said,)
-
-
-def align_on_wall(
-    speed: float = 0.06,
-    *,
-    heading: float | None = None,
-    heading_std: float = math.radians(1.0),
-    timeout: float = 5.0,
-) -> Action[MotionResult]:
-    """Push against a wall until both wheels stand, so that the robot is square to it.
-
-    speed: m/s at which it comes, negative backwards. It presses with no more than 8 N a wheel (by the motors'
-    models): at full voltage most motors are stronger than the grip, and the wheels would spin for ever.
-    heading: rad of the field that the robot then has, where that is known: the odometry takes it, with
-    `heading_std` rad, or says that it is too far off to be believed (`remarks` of the result). Raises
-    MotionTimeout where the wheels still turn after `timeout` s: there is no wall, or they spin at it.
-    """
-    check_speed(speed=speed)
-    check_finite(speed=speed)  # None is no default here
-    check_heading(heading=0.0 if heading is None else heading)
-    check_positive("heading_std", heading_std)
-    check_near_heading(heading_std=heading_std)
-    check_limit(timeout=timeout)
-    if speed == 0.0:
-        raise ValueError("speed is 0: allowed are numbers above or below it")
-
-    def steps(robot: Robot) -> Steps[MotionResult]:
-        begin, before, quiet = robot.time, robot.estimate.distance, 0.0
-        wheel_speed = robot.drive.wheel_speed(speed)
-        at_wall = _AtWall(robot.drive.half_track)
-        try:
-            while quiet < WALL_TIME:
-                if robot.time - begin > timeout:
-                    way = abs(robot.estimate.distance - before)
-                    raise MotionTimeout(f"no wall after {timeout:g} s: {_why_no_wall(robot, way)}")
-                here = robot.estimate
-                turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
-                started = robot.time - begin > WALL_TIME
-                unread = any(robot.odometry.silent_wheels)  # they say nothing, not that they stand
-                quiet = 0.0 if turns or unread or not started else quiet + robot.dt
-                at_wall.update(here.velocity, here.turn_rate, robot.dt, started)
-                # At first all of it: a robot that stands sticks.
-                force = PRESS_FORCE if started else math.inf
-                turning_at = here.left_speed, here.right_speed
-                robot.drive.push(speed, robot.battery_voltage, turning_at, force)
-                yield
-        finally:
-            robot.drive.stop()
-            robot.odometry.doubt_way(at_wall.way)
-            robot.replan()
-        off = 0.0
-        said: tuple[str, ...] = ()
-        if heading is not None:
-            off = math.remainder(robot.estimate.heading - heading, math.tau)
-            said = _observed_wall(robot, off, heading, heading_std)
-        here = robot.estimate
-        robot.plan = Pose(here.x, here.y, here.heading)
-        std = math.hypot(here.x_std, here.y_std)
-        return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std, remarks=said)
-
-    return Action("align on a wall", steps)
-
-
-def _why_no_wall(robot: Robot, way: float) -> str:
-    """What the wheels do where they do not both stand. way: m that they turned."""
-    here, drive = robot.estimate, robot.config.drive
-    if any(robot.odometry.silent_wheels):  # what they do is a guess
-        return "; ".join(here.reasons)
-    for side, port, speed, other in (
-        ("left", drive.left, here.left_speed, here.right_speed),
-        ("right", drive.right, here.right_speed, here.left_speed),
-    ):
-        if abs(speed) < STANDS < abs(other):
-            return f"the {side} wheel alone stands (motor port {port}): blocked, unplugged or a fuse"
-    on_the_way = f"after {way:.2f} m, on the way (a longer timeout= gets there)"
-    return f"the wheels still turn {on_the_way} or spinning at it"
-
-
-class _AtWall:
-    """Adds up in `way`, m, what the wheels turn from where the wall slows them until they stand: tyres slip
-    while they press, so the robot may have stood. Where it turns it rolls, and comes to the wall.
-    """
-
-    def __init__(self, half_track: float) -> None:
-        self.way = 0.0
-        self._half_track, self._fastest = half_track, 0.0
-
-    def update(self, velocity: float, turn_rate: float, dt: float, started: bool) -> None:
-        """Take a cycle: m/s, rad/s and s. started: it has had its time to come to its speed."""
-        speed = abs(velocity)
-        self._fastest = max(self._fastest, speed)
-        squares_up = abs(turn_rate) * self._half_track > SQUARING_SHARE * self._fastest
-        if started and speed < SLOWED_SHARE * self._fastest and not squares_up:
-            self.way += speed * dt
-
-
-def _observed_wall(robot: Robot, off: float, heading: float, std: float) -> tuple[str, ...]:
-    """Give the odometry the heading of a wall, from which it is `off` rad; what is to be said of that."""
-    found = robot.odometry.observe_heading(heading, std)
-    if found.accepted:
-        return ()
-    remark = (
-        f"align_on_wall: heading={math.degrees(heading):.1f} deg is not taken, the odometry is "
-        f"{math.degrees(off):.1f} deg from it: {found.reason}; it is no such wall, the gyro's scale is "
-        "another one (ten turns by hand tell), or the robot was moved or pushed (robot.odometry.reset says "
-        "where it is)"
-    )
-    say(robot, remark)
-    return (remark,)
 
 
 def _check_sides(robot: Robot, left: str, right: str) -> None:

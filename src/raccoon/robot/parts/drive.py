@@ -27,6 +27,7 @@ from raccoon.robot.parts.speeds import Speeds, Unread
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
 
+Pair = tuple[float, float]
 FIRMWARE_SAMPLE = 0.005
 """s between two samples of the back-EMF."""
 SHORT_DRIVE, SHORT_DRIVES = 0.1, 10
@@ -150,22 +151,21 @@ class Drive(Part):
         self._claim()
         self._open_loop = (float(left), float(right))
 
-    def push(
-        self, forward: float, battery_voltage: float | None, speeds: tuple[float, float], force: float
-    ) -> None:
+    def push(self, forward: float, battery_voltage: float | None, speeds: Pair, torques: Pair) -> Pair:
         """In this tick, give both motors the voltage for `forward` m/s and no more, whatever they do; and of
-        that no more than presses with `force` N a wheel at the rad/s that the left and the right one turn
-        with (inf: all of it).
+        that no more than presses with `torques` N m at the rad/s that the left and the right one turn with
+        (inf: all of it). Returns these V.
         """
         self._claim()
         voltage = self.wheels.battery if battery_voltage is None else battery_voltage
-        wanted, torque = self.wheel_speed(float(forward)), force * self._radius
+        wanted = self.wheel_speed(float(forward))
         wanted *= self.speeds.readable_share(wanted, wanted)
         left, right = (
-            max(-1.0, min(1.0, wheel.pressing(wanted, speed, torque) / voltage))
-            for wheel, speed in zip(self.wheels.models, speeds, strict=True)
+            max(-voltage, min(voltage, wheel.pressing(wanted, speed, torque)))
+            for wheel, speed, torque in zip(self.wheels.models, speeds, torques, strict=True)
         )
-        self._open_loop = (left, right)
+        self._open_loop = left / voltage, right / voltage
+        return left, right
 
     @property
     def asked(self) -> bool:

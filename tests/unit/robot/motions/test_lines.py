@@ -30,7 +30,8 @@ from raccoon.core.config import BodyConfig, RobotConfig
 from raccoon.core.readings import STOP, Inputs
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.motions.driving import search
-from raccoon.robot.motions.lines import align_on_line, align_on_wall
+from raccoon.robot.motions.lines import align_on_line
+from raccoon.robot.motions.walls import align_on_wall
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Line, Wall, World

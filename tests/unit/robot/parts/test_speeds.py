@@ -138,7 +138,7 @@ def test_what_pushes_at_a_wall_gets_no_more_than_what_is_read_either() -> None:
     base.know(RACCOON_21)
     given, rest = [], Odometry(FRESH).estimate
     for speed in (base.speeds.readable * FRESH.model.drive.wheel_radius.value, 0.3):
-        base.push(speed, 8.0, (0.0, 0.0), math.inf)
+        base.push(speed, 8.0, (0.0, 0.0), (math.inf, math.inf))
         given.append(base.outputs(rest, 0.005, 8.0).duty)
     assert given[1] == pytest.approx(given[0])
 
