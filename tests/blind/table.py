@@ -401,7 +401,9 @@ class TableRobot:
         counts = [2000.0 + 3.0 * noise[8]] * 6
         for k, eye in enumerate(self.eyes):
             share = darkness(*self.eye_at(eye), self._strips, SPOT)
-            level = eye.white + (eye.black - eye.white) * share + eye.noise * noise[9 + k]
+            # Light adds up over the spot, and pulls the reading down against a resistor.
+            light = (1.0 - share) * (4095.0 / eye.white - 1.0) + share * (4095.0 / eye.black - 1.0)
+            level = 4095.0 / (1.0 + light) + eye.noise * noise[9 + k]
             level += eye.wander * math.sin(0.05 * time + self._phases[k])
             counts[eye.port] = float(min(max(round(level), 0), 4095))
         counts[self._lamp_port] = float(
