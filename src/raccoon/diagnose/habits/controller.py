@@ -206,7 +206,7 @@ def nearest(
         other = better(habits, found, 0.0)
         return other if other.as_told else other.instead_of(found, USUAL)
 
-    found = behind_a_ramp(fit_of(first), loose)
+    found = behind_a_ramp(fit_of(first), loose, causes)
     first = found.habits
     slow = None if first.knows_battery else _slow_battery(first, loose, found.point)
     if slow is not None:

@@ -6,7 +6,7 @@ they are recorded, were a limit of the current with a deadband, stiction, a late
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.ramps import Ramp
 from raccoon.diagnose.fit.problem import Point, Problem, carried
 from raccoon.diagnose.habits.loose import Fitted, fitted, misfit, start_of
+from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.rollout.variants import Habits
 
 Array = NDArray[np.float64]
@@ -30,9 +31,12 @@ to 20 a second, alone and beside a cause, 0.2 behind one of 40, and 0.05 at most
 the current, latencies and each other cause."""
 
 
-def behind_a_ramp(found: Fitted, loose: Callable[[Habits], Problem]) -> Fitted:
+def behind_a_ramp(found: Fitted, loose: Callable[[Habits], Problem], causes: Sequence[Cause]) -> Fitted:
     """The habits with a ramp between commands and motors where the wheels are clearly nearer to it, else as
-    they are. loose: the problem under habits, see `loosened`."""
+    they are. loose: the problem under habits, see `loosened`. causes: that are asked for; where a team has an
+    idea of its own of what reaches the motors, a ramp would take the better part of it."""
+    if any(each.own is not None and each.own.commands is not None for each in causes):
+        return found
     starts = (found.problem.nominal(), found.point)
 
     def missed(ramp: Ramp | None) -> Array:

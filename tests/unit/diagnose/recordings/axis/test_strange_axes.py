@@ -27,7 +27,7 @@ def good() -> dict[str, np.ndarray]:
 
 def test_a_time_in_milliseconds_is_said(good: dict[str, np.ndarray]) -> None:
     """It was adequate, over stretches of 1000 s."""
-    with pytest.raises(TraceError, match="it looks like milliseconds, not seconds"):
+    with pytest.raises(TraceError, match="it looks like milliseconds or hundredths of a second, not seconds"):
         diagnose_recording({**good, "t": 1000.0 * good["t"]}, ROBOT)
 
 

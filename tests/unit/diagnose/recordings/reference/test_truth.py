@@ -410,7 +410,7 @@ def test_without_a_gyro_a_track_width_that_the_reference_has_is_a_cause_all_the_
     assert found.model.value("drive.track_width", "factor") == pytest.approx(1.07, abs=0.005)
     assert found.identified["track width by the reference"].value == pytest.approx(1.07, abs=0.005)
     assert "drive.track_width" not in {each.id for each in found.rejected}
-    assert "is foreseen as well without it" in terminal_report(found)
+    assert "the reference of the pose shows it" in terminal_report(found)
     as_assumed = with_reference(bare, start_of(spinning(), ROBOT))
     assert (as_assumed.verdict, as_assumed.causes) == (Verdict.ADEQUATE, ())
 
