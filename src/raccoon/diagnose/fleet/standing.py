@@ -64,9 +64,8 @@ def sides_of_robots(
 
 def _now(robots: Mapping[str, str], series: Series) -> list[str]:
     """The recordings of each robot since its number last changed, all of a robot whose does not."""
-    before = {
-        name for each in series.courses for name in each.recordings[: each.pieces[-1].first]
-    }  # fmt: skip
+    gone = [each.recordings[: each.pieces[-1].first] for each in series.courses]
+    before = {name for names in gone for name in names}
     return [each for each in robots if each not in before]
 
 
