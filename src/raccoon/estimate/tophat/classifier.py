@@ -96,7 +96,8 @@ class Tophat:
 
     @property
     def other_light(self) -> bool:
-        """Whether the readings speak for another light, while the light is not followed."""
+        """Whether the readings speak for another light, so much another that it moves half an edge by 2 mm,
+        while the light is not followed."""
         return self._beyond >= BEYOND_READINGS
 
     def relearn(self, white: float, black: float) -> bool:
@@ -155,8 +156,7 @@ class Tophat:
         if self._adapt:
             self._follow(counts, others_lost, way)
         else:
-            lightest, darkest = levels.white - GATE * levels.sd_white, levels.black + GATE * levels.sd_black
-            self._beyond = 0 if lightest <= counts <= darkest else self._beyond + 1
+            self._beyond = self._beyond + 1 if levels.is_beyond(counts, light) else 0
         coverage = (levels.light - light) / (levels.light - levels.dark)
         coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
         last = self._last_coverage

@@ -30,6 +30,7 @@ LEAST_DARK = 0.0125  # of the least light over white, that black sends back
 CONVERTER_NOISE = 9.0  # counts^2, of a standing sensor
 SEEN_CONTRAST = 0.5  # of what is expected in other light, from which two readings are two surfaces
 LEAST_CONTRAST = 12.0  # counts; below it nobody could tell
+OTHER = 0.25  # of the light between the surfaces, by which another one is: half an edge reads 0.33 then
 
 
 class Levels:
@@ -130,6 +131,15 @@ class Levels:
         else:
             self._dark_anchor = self.dark
             self._light_noise = noise + learnt
+
+    def is_beyond(self, counts: float, light: float) -> bool:
+        """Whether no noise and no part of an edge reads this, but a surface in a light that is another one by
+        `OTHER`. light: that of `counts`. Less would move an edge by less than what it costs to learn it.
+        """
+        least = OTHER * (self.light - self.dark)
+        if light > self.light:
+            return light - self.light > least and counts < self.white - GATE * self.sd_white
+        return self.dark - light > least * self._share and counts > self.black + GATE * self.sd_black
 
     def relearn(self, white: float, black: float) -> bool:
         """Begin anew at these counts; False where black is not as much darker as such light leaves it."""

@@ -8,6 +8,7 @@ from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat import Tophat, TophatCalibration, TophatReading, Verdict, calibrate
 from raccoon.estimate.tophat.calibration import Surface
+from raccoon.model.reflectance import FULL_SCALE
 
 RATE = 200.0
 
@@ -110,16 +111,27 @@ def test_darkness_is_that_of_two_normal_densities_of_one_spread() -> None:
 
 
 @pytest.mark.parametrize(
-    ("counts", "other"), [(180.0 - 15.0, False), (180.0 - 45.0, True), (2930.0 + 30.0, False), (3020.0, True)]
+    ("white", "black", "more", "other"),
+    [
+        (180.0, 2930.0, 0.2, False),  # of the light between both surfaces
+        (180.0, 2930.0, 0.3, True),
+        (100.0, 190.0, 0.3, False),  # 12 counts, less than the noise
+        (370.0, 724.0, -0.1, False),
+        (370.0, 724.0, -0.3, True),
+    ],
 )
-def test_what_neither_surface_s_noise_reaches_is_other_light(counts: float, other: bool) -> None:
-    """4.5 deviations are 18 counts on white and 36 on black."""
-    tophat = Tophat(calibration(), adapt=False)
-    for reading in (counts, counts, counts, counts):
+def test_light_that_moves_the_edge_by_more_than_noise_is_other_light(
+    white: float, black: float, more: float, other: bool
+) -> None:
+    """More of it shows on white, less on black, which loses at most 0.58 of what white does."""
+    lit, dark = FULL_SCALE / white - 1.0, FULL_SCALE / black - 1.0
+    light = (lit if more > 0.0 else dark) + (1.0 if more > 0.0 else 0.58) * more * (lit - dark)
+    tophat = Tophat(calibration(white, black), adapt=False)
+    for _ in range(4):
         assert not tophat.other_light
-        run(tophat, [reading])
+        run(tophat, [FULL_SCALE / (1.0 + light)])
     assert tophat.other_light is other
-    run(tophat, [180.0])
+    run(tophat, [white])
     assert not tophat.other_light
 
 

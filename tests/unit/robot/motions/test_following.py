@@ -136,6 +136,15 @@ def test_a_calibration_of_indoors_follows_a_line_in_the_sun() -> None:
     assert y == pytest.approx(HALF, abs=0.003)
 
 
+@pytest.mark.parametrize("light", [0.005, 0.015])
+def test_light_that_hardly_moves_the_edge_is_not_learnt(light: float) -> None:
+    """The sensor starts beside the edge, where its noise does not hide that the floor reads less."""
+    world = World(lines=(STRAIGHT,), lights=(Light(Box((-1.0, -1.0), (3.0, 1.0)), light),))
+    robot, port = follow(world, "left", beside=0.006, way=0.5)
+    assert abs(sensor_at(port)[1]) == pytest.approx(HALF, abs=0.0015)
+    assert not any("comes into another light" in said for said in robot.drive.remarks.values())
+
+
 def test_a_robot_that_stands_drives_on_into_another_light_too() -> None:
     """As after a search, during which the light changed: it stood for the 12 s of the next one."""
     world = World(lines=(STRAIGHT,), lights=(Light(Box((-1.0, -1.0), (3.0, 1.0)), 0.3),))
