@@ -13,16 +13,13 @@ from raccoon.robot.actions.limits import check_name, check_pace
 from raccoon.robot.motions.last_edge import LOST_TIME, LOST_WAY, LastEdge
 from raccoon.robot.motions.lines import tophat_ahead
 from raccoon.robot.motions.pacing import STALL_PATIENCE, at_rest, check_wiring, reason
+from raccoon.robot.motions.steering import Steering
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.tophats import TophatSensor
     from raccoon.robot.robot import Robot
 
-LINE_GAIN = 1.5
-"""rad/s a unit of coverage, for a sensor 0.11 m ahead of the axis. The spot is about 10 mm wide, so the
-sensor closes in at 0.11 * 1.5 / 0.01 = 16 /s: a fifth of what 30 ms of delay would bear."""
-USUAL_REACH = 0.11
 SEARCH_ANGLE = math.radians(90.0)
 """rad to either side of the line's direction in which it is looked for, of the sensor about the axis' middle:
 one that sits aside would look less far to its other side by what the robot turns."""
@@ -58,13 +55,14 @@ def follow_line(
 ) -> Action[None]:
     """Keep one tophat on an edge of a black line, until ended from outside (`.until`, `race`).
 
-    side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The share
-    of the sensor's spot that is on black steers. After 1 s or 0.15 m without an edge (0.5 s where there was
-    none yet) the robot stops, goes back to where it was on one and looks for the line there on the spot, the
-    sensor 90 degrees to either side; where the light changes, it does so to learn what floor and line read
-    there. What reads the same for 5 cm, and not half an edge, is moved by 3 mm to see whether it is one.
-    Raises CalibrationError without a calibration, ConfigError for a sensor that is not ahead of the axis,
-    MotionTimeout where it finds no line.
+    side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The
+    share of the sensor's spot that is on black steers, and tells the line's bends. Lines that cross are
+    gone over. After 1 s or 0.15 m without an edge (0.5 s where there was none yet) the robot stops, goes
+    back to where it was on one and looks for the line there on the spot, the sensor 90 degrees to either
+    side; where the light changes, it does so to learn what floor and line read there. What reads the same
+    for 5 cm, and not half an edge, is moved by up to 3 mm to see whether it is one. Raises CalibrationError
+    without a calibration, ConfigError for a sensor that is not ahead of the axis, MotionTimeout where it
+    finds no line.
     """
     check_name(tophat=tophat)
     check_pace(speed=speed)
@@ -79,7 +77,7 @@ def follow_line(
         motion = robot.config.motion
         wanted = motion.speed if speed is None else speed
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
-        gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
+        steering = Steering(robot, sensor.config.forward, sign)
         line = LastEdge(robot, _other_on_edge(robot, sensor))
         velocity, limit, miswired = robot.estimate.velocity, top, 0.0
         sensor.follow_light(False)
@@ -89,7 +87,7 @@ def follow_line(
                 coverage = sensor.coverage if sensor.sees and sensor.coverage is not None else 0.5
                 if sensor.sees and line.see(coverage) and line.kept:
                     limit = top
-                turn_rate = sign * gain * (coverage - 0.5)
+                turn_rate = steering.turn_rate(coverage, velocity)
                 answers = True
                 if line.doubtful:
                     answers = yield from _answers(robot, sensor, sign, velocity, turn_rate)
@@ -98,16 +96,16 @@ def follow_line(
                     velocity = robot.estimate.velocity
                 miswired = check_wiring(robot, miswired, label)
                 other_light = sensor.other_light or not answers
-                if line.lost or other_light:
+                if (line.lost and not steering.crosses) or other_light:
                     if line.searches() > MOST_SEARCHES:
                         raise MotionTimeout(_lost(robot, sensor))
                     search = _Search(robot, sensor, sign, line, velocity)
                     yield from search.in_other_light() if other_light else search.beside()
                     line.found()
                     velocity, limit = 0.0, min(top, CATCH_SPEED)
+                    steering.restart()
                     continue
-                velocity = slewed(velocity, limit, acceleration * robot.dt)
-                # On the left edge black is to the right: too much of it means too far right.
+                velocity = slewed(velocity, steering.limit(coverage, limit), acceleration * robot.dt)
                 robot.drive.follow(velocity, turn_rate)
                 yield
         finally:
@@ -130,7 +128,8 @@ def _other_on_edge(robot: Robot, sensor: TophatSensor) -> str:
 def _answers(
     robot: Robot, sensor: TophatSensor, side: float, velocity: float, turn_rate: float
 ) -> Steps[bool]:
-    """Whether the sensor is on an edge: it is moved a little to where an edge would read nearer to half.
+    """Whether the sensor is on an edge: it is moved a little to where an edge would read nearer to half, and
+    no further than it takes to see that.
 
     turn_rate: rad/s by which it follows. What reads the same then is a surface in other light.
     """
@@ -142,7 +141,9 @@ def _answers(
             break
         robot.drive.follow(velocity, turn_rate + way * PROBE_RATE)
         yield
-    return way * side * (before - (sensor.coverage or 0.0)) > ANSWER
+        if way * side * (before - (sensor.coverage or 0.0)) > ANSWER:
+            return True
+    return False
 
 
 class _Search:

@@ -85,7 +85,7 @@ class LastEdge:
 
     def see(self, coverage: float) -> bool:
         """Take the sensor's coverage of this cycle; whether it is on an edge."""
-        here, on = self._robot.estimate, 0.02 < coverage < 0.98
+        here, on = self._robot.estimate, abs(coverage - 0.5) < MOST_OFF
         if abs(coverage - self._level) > ALIKE:
             self._level, self._since, self._believed = coverage, here.distance, False
         if abs(coverage - 0.5) < HALF:

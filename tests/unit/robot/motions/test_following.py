@@ -5,9 +5,10 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
-from raccoon import Action, MotionTimeout, Robot, after_distance, after_time, deg, open_robot, wait
+from raccoon import Action, MotionTimeout, Robot, after_distance, after_time, deg, open_robot, wait, when
 from raccoon.core.readings import Inputs
 from raccoon.estimate.tophat import TophatCalibration, calibrate
 from raccoon.model.reflectance import fit
@@ -69,6 +70,43 @@ def test_a_line_is_followed_around_a_bend(side: str) -> None:
     _, port = follow(world, side, beside=0.008, way=0.6)
     assert abs(world.nearest_line(*sensor_at(port))[0]) < 0.006
     assert port._robot.pose[2] > deg(30)
+
+
+@pytest.mark.parametrize(("way", "most"), [(1.0, 0.003), (-1.0, 0.012)])
+def test_a_tight_bend_is_followed_without_losing_it(way: float, most: float) -> None:
+    """On its inner edge, of a radius of 0.105 m, it asks for 1.4 rad/s, and half of the spot gives 0.75. To
+    the right no robot can go around steadily whose sensor is 0.114 m from the middle of its axis."""
+    bend = [(0.3 + 0.13 * math.sin(0.05 * k), way * 0.13 * (1.0 - math.cos(0.05 * k))) for k in range(64)]
+    world = World(lines=(Line(((-0.5, 0.0), *bend, (-0.3, way * 0.26))),))
+    side = 1.0 if way > 0.0 else -1.0
+    port = simulated(world=world, start=(0.0, side * HALF - 0.03, 0.0))
+    beside: list[float] = []
+
+    def see(_: Robot) -> bool:
+        beside.append(world.nearest_line(*sensor_at(port))[0])
+        return False
+
+    with open_robot(CONFIG, port=port) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(calibration(0.0))
+        robot.run(wait(0.3))
+        robot.run(
+            follow_line("left", "left" if way > 0.0 else "right", 0.15).until(when(see) | after_distance(0.7))
+        )
+    assert abs(port._robot.pose[2]) > deg(150)
+    assert np.abs(beside).max() < most
+    assert robot.drive.remarks == {}
+
+
+@pytest.mark.parametrize(("speed", "side"), [(0.1, "left"), (0.1, "right"), (0.2, "left")])
+def test_a_line_is_followed_straight_over_one_that_crosses_it(speed: float, side: str) -> None:
+    """It turned off where it was slow: for as long as the sensor was all on black it turned to its side."""
+    world = World(lines=(STRAIGHT, Line(((0.35, -1.0), (0.35, 1.0)))))
+    robot, port = follow(world, side, way=0.45, speed=speed)
+    x, y = sensor_at(port)
+    assert x > 0.53
+    assert y == pytest.approx(HALF if side == "left" else -HALF, abs=0.004)
+    assert robot.drive.remarks == {}
 
 
 @pytest.mark.parametrize(
