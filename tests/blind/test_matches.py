@@ -82,4 +82,4 @@ def test_a_match_follows_a_line_around_a_bend_and_ends_with_the_motors_off() -> 
         port.read()
     assert port.state[[LEFT, RIGHT]] == pytest.approx(0.0, abs=1e-3)
     assert port.state[Y] > 0.3  # around the bend
-    assert np.abs(beside[400:]).max() < 0.008
+    assert np.abs(beside[400:]).max() < 0.003
