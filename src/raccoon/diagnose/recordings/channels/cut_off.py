@@ -68,16 +68,19 @@ def _is_a_step(share: float, values: Array, beside: float) -> bool:
 
 def _settles(values: Array) -> bool:
     """Whether a reading comes to its largest value as a motion that settles there. Of one in coarse steps the
-    step inside is near, however far that is: nothing lies between."""
+    step inside it is near, however far that is: nothing lies between. Samples at the value itself are no way
+    to it: noise lets what is cut off leave it for one, after long."""
     top = float(values.max())
     beside = float(np.max(values[values < top], initial=-np.inf))
     at, rows = values == top, np.arange(len(values))
     comes = np.flatnonzero(at & ~np.append(False, at[:-1]))
-    near, way = (
-        int((comes - 1 - np.maximum.accumulate(np.where(values < least, rows, -1))[comes]).sum())
-        for least in (min(NEAR_EDGE * top, beside), HALF * top)
-    )
-    return near > SETTLES * way
+    inside = np.append(0, np.cumsum(~at))
+
+    def inside_from(least: float) -> int:
+        below = np.maximum.accumulate(np.where(values < least, rows, -1))[comes]
+        return int((inside[comes] - inside[below + 1]).sum())
+
+    return inside_from(min(NEAR_EDGE * top, beside)) > SETTLES * inside_from(HALF * top)
 
 
 def without_ends(name: str, values: Array) -> tuple[Array, list[SensorFault]]:
