@@ -12,6 +12,7 @@ from raccoon.diagnose.findings.gain import HeldOut, contributions
 from raccoon.diagnose.findings.known_together import together_told
 from raccoon.diagnose.findings.spread import Spread, number_in
 from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.hypotheses.candidates import OF_TURNS
 from raccoon.diagnose.hypotheses.coordinates import FORMS, WIDTH_FACTOR, Cause
 from raccoon.diagnose.hypotheses.forms import form_error, least_error
 from raccoon.diagnose.reports.manoeuvre_words import manoeuvre_for
@@ -26,9 +27,8 @@ from raccoon.diagnose.select.visible import VISIBLE, visibility, would_show
 from raccoon.sim.effects.effect import Effect
 from raccoon.sim.effects.parameters import SIDES
 
-TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),)
-"""Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
-b."""
+TWINS = (frozenset(OF_TURNS),)
+"""Whole-robot causes that nothing on board tells apart."""
 
 ONE_CLASS = (*TWINS, frozenset(SCALE))
 """Causes that no drive tells apart: without a current reading, more resistance of both motors is also the

@@ -27,6 +27,10 @@ from raccoon.diagnose.own import OwnEffect
 from raccoon.sim.effects.effect import Place, all_effects, effect
 from raccoon.sim.effects.parameters import SIDES
 
+OF_TURNS = ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
+"""Causes that a gyro and wheels cannot tell apart, turn rate = scale r w / b, and a reference of the pose
+can."""
+
 
 def _limit(settings: Settings, where: str | None, u: Sequence[float]) -> None:
     for place in places("motor.current_limit", where):

@@ -7,6 +7,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
+from raccoon.diagnose.hypotheses.candidates import OF_TURNS
 from raccoon.diagnose.reports.as_much import as_much_text
 from raccoon.diagnose.reports.headline import seen_text, verdict_text
 from raccoon.diagnose.reports.numbers import number_text
@@ -27,8 +28,6 @@ FAR_OFF = 1.5
 """Times the noise from which a report says when a channel is furthest off."""
 MADE_UP = 1.05
 """Times the error with the first cause, up to which it is without it where the others do nearly all of it."""
-OF_REFERENCE = ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
-"""Causes that a reference of the pose shows, which is no channel of the errors."""
 UNKNOWABLE, CANNOT = "not ", "not identifiable: "
 """How the reason of a cause begins that this recording cannot show at all, and how most of them do."""
 TOLERANCES = "the tolerances in robot.toml"
@@ -171,7 +170,7 @@ def made_up(cause: CauseResult, diagnosis: Diagnosis) -> str:
     first = cause.rank == 1 and len(diagnosis.causes) > 1
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
     referred = any(name.endswith(" by the reference") for name in diagnosis.identified)
-    if referred and cause.id in OF_REFERENCE and without < MADE_UP * after:
+    if referred and cause.id in OF_TURNS and without < MADE_UP * after:
         return "the reference of the pose shows it (measured on the way); the sensors' errors hardly do"
     alike = without != after and without < MADE_UP * after  # noise that is a cause lowers no error at all
     return "without it the others would make up for it" if first and alike else ""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from raccoon.robot.motions.last_edge import MOST_OFF
+
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
@@ -17,9 +19,8 @@ BEND_GAIN, OVER_GAIN = 4.0, 8.0
 it is forgotten where it is over."""
 TIGHTEST, SLOW = 1.0 / 0.06, 0.05
 """rad a metre of the tightest bend that is learnt, and m/s below which it is learnt as at that speed."""
-SEEN, SURFACE = 0.48, 0.4
-"""Off from half of the spot on black: up to which the sensor sees the edge, and from which it is as good as
-on a surface."""
+SEEN = 0.48
+"""Off from half of the spot on black, up to which the sensor sees the edge."""
 ABRUPT, CROSSING = 0.008, 0.08
 """m of the way in which the sensor comes from the edge to black, at the most, where another line crosses
 within 50 degrees of square, and m on that line, at the most."""
@@ -63,7 +64,7 @@ class Steering:
         if self._is_crossing(black):
             return self._bend * velocity
         over = off * self._bend < 0.0
-        if over and not -SURFACE < off < SURFACE:
+        if over and not -MOST_OFF < off < MOST_OFF:
             self._bend = 0.0
         if -SEEN < off < SEEN:
             learnt = (OVER_GAIN if over else BEND_GAIN) * self._gain * off * self._robot.dt
@@ -80,7 +81,7 @@ class Steering:
             self._edge, self._steady = here, self._bend
         else:
             self._well = False
-        if black < SURFACE:
+        if black < MOST_OFF:
             self._black = self.crosses = False
             return False
         way = here - self._edge

@@ -123,7 +123,14 @@ def lanes_text(unfollowed: Collection[str] = ()) -> str:
         _store("keep_cycle", range(_FIRST_SENSED, STATE_ROWS), "State"),
     )
     change, latency = _cell(CHANGE_ROW), _cell(STATE_ROWS + Plant._fields.index("latency"))
-    return "\n\n".join((*loads, *stores, _TEXT.format(stride=STRIDE, change=change, latency=latency)))
+    text = _TEXT.format(
+        stride=STRIDE,
+        change=change,
+        latency=latency,
+        moved_between=_MOVED.format(when="step < steps - 1", keep="keep_between"),
+        moved_last=_MOVED.format(when="step == steps - 1", keep="keep_step"),
+    )
+    return "\n\n".join((*loads, *stores, text))
 
 
 def _cell(row: int) -> str:
@@ -140,6 +147,16 @@ def _store(name: str, rows: Sequence[int], kind: str = "") -> str:
     stores = (f"    {_cell(row)} = {value}" for row, value in zip(rows, values, strict=True))
     return "\n".join((f"def {name}(a, k, n):", *stores))
 
+
+_MOVED = """\
+                for k in range(width if {when} else 0):
+                    s = state_of(a, k)
+                    p = plant_of(a, k)
+                    c = circuit_of(a, k)
+                    u = command(acting_of(a, k), left, right, to_go)
+                    w = speeds_of(a, k)
+                    n = moved(s, p, u, c, w[0], w[1], s.grip_left, s.grip_right, h, per_h)
+                    {keep}(a, k, n)"""
 
 _TEXT = """
 def advance_lanes(
@@ -202,22 +219,8 @@ def advance_lanes(
                     s = state_of(a, k)
                     speeds = speeds_of(a, k)
                     keep_sampled(a, k, sampled_both(s, speeds[0], speeds[1], left, right))
-                for k in range(width if step < steps - 1 else 0):
-                    s = state_of(a, k)
-                    p = plant_of(a, k)
-                    c = circuit_of(a, k)
-                    u = command(acting_of(a, k), left, right, to_go)
-                    w = speeds_of(a, k)
-                    n = moved(s, p, u, c, w[0], w[1], s.grip_left, s.grip_right, h, per_h)
-                    keep_between(a, k, n)
-                for k in range(width if step == steps - 1 else 0):
-                    s = state_of(a, k)
-                    p = plant_of(a, k)
-                    c = circuit_of(a, k)
-                    u = command(acting_of(a, k), left, right, to_go)
-                    w = speeds_of(a, k)
-                    n = moved(s, p, u, c, w[0], w[1], s.grip_left, s.grip_right, h, per_h)
-                    keep_step(a, k, n)
+{moved_between}
+{moved_last}
             draw = turn % noise.shape[1]
             for k in range(width):
                 s = state_of(a, k)

@@ -15,6 +15,7 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
+from raccoon.diagnose.hypotheses.candidates import OF_TURNS
 from raccoon.diagnose.recordings.channels.broken import OTHER_ROBOT
 from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
 from raccoon.diagnose.recordings.geometry.fit import (
@@ -263,10 +264,7 @@ def _curves(fit: Fitted, before: Array, after: Array) -> tuple[Curve, ...]:
 
 
 def _cannot_tell(reason: str, runs: Sequence[Manoeuvre], robot: RobotConfig, begin: float) -> Diagnosis:
-    rejected = tuple(
-        Rejected(each, f"not identifiable: {reason}")
-        for each in ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
-    )
+    rejected = tuple(Rejected(each, f"not identifiable: {reason}") for each in OF_TURNS)
     channels: tuple[ChannelResult, ...] = ()
     if runs and all(each.truth is not None for each in runs):
         nominal = Fitted(robot, np.ones(3), np.zeros(3), runs, runs).errors(np.ones(3))
