@@ -3,7 +3,7 @@
 It is recorded: `raccoon view match.jsonl.gz` draws it and prints what was said (match-2 of the next one).
 """
 
-from raccoon import check_battery, deg, mission, open_robot, run_match, straight, timed, turn, wait
+from raccoon import check_battery, deg, mission, open_robot, run_match, straight, timed, turn, wait_for_light
 
 
 def main() -> None:
@@ -11,8 +11,7 @@ def main() -> None:
     with open_robot("robot.toml", record="match") as robot:
         print(robot.run(check_battery()).advice)
         program = mission(straight(0.30), timed(turn(deg(90)), "face the poms"), straight(0.20))
-        # On the table: start=wait_for_light(5), with the light sensor on analog port 5.
-        report = run_match(robot, program, start=wait(1.0))
+        report = run_match(robot, program, start=wait_for_light(5))  # its sensor is on analog port 5
         print(report.table())
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from raccoon.core.port import Port, in_real_time
+from raccoon.core.port import Port, bystander_of, in_real_time
 from raccoon.core.readings import Fault, Outputs
 
 Faults = tuple[Fault, ...]
@@ -23,6 +23,7 @@ class AddingPort:
 
     def __init__(self, port: Port, sensor: Closable) -> None:
         self._port = port
+        self.bystander = bystander_of(port)
         self._sensor = sensor
 
     @property

@@ -13,6 +13,7 @@ from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.firmware.devices import RACCOON_17, RACCOON_21, STOCK
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
+from raccoon.sim.bystander import SimulatedBystander
 from raccoon.sim.effects.calibrated import calibrated_robot, simulated_device
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import plant_numbers, state_at_rest, wiring_signs
@@ -59,7 +60,8 @@ class SimulatedPlant:
         }
         """The motors of the mechanisms by port."""
         self.button = False
-        """Whether somebody presses the controller's button."""
+        """Whether somebody presses the controller's button, but for who stands by."""
+        self.bystander = SimulatedBystander()
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -95,6 +97,7 @@ class SimulatedPlant:
 
     def _seen(self, before: float, seconds: float) -> PlantState:
         """before: m/s ahead, so many seconds ago."""
+        self.bystander.time = self._state.time
         s, p, slip = self._state, self._numbers, self._contact.slip
         speed, turn_rate = s.forward_speed + slip.forward, s.yaw_rate + slip.turning
         change = (speed - before) / seconds if seconds > 0.0 else 0.0
@@ -110,7 +113,7 @@ class SimulatedPlant:
             gyro=(0.0, pitch_rate, turn_rate),
             accel=specific_force(change, speed, turn_rate, lean),
             analog=self._analog(),
-            button=self.button,
+            button=self.button or self.bystander.button is True,
         )
 
     def _analog(self) -> tuple[float, ...]:
@@ -118,6 +121,10 @@ class SimulatedPlant:
         counts = [FLOATING] * ANALOG_PORTS
         for tophat in self._tophats:
             counts[tophat.port], _ = tophat.read(self._world, s.x, s.y, s.heading_cos, s.heading_sin, s.time)
+            if self.bystander.black is not None:
+                counts[tophat.port] = tophat.over(self.bystander.black)
+        for port, lit in self.bystander.lit().items():
+            counts[port] = lit
         return tuple(counts)
 
 
@@ -144,7 +151,7 @@ def open_emulated(
     device = DEVICES[firmware]
     plant = SimulatedPlant(calibrated_robot(config, device) if robot is None else robot, world, device)
     link = Emulator(plant, firmware, clock=clock, seed=seed)
-    return WombatPort(
+    port = WombatPort(
         link,
         clock=clock,
         rate_hz=config.controller.rate_hz,
@@ -152,6 +159,8 @@ def open_emulated(
         watch_analog=[each.analog for each in config.tophats.values()],
         resting_bemf=all_resting_counts(config),
     )
+    port.bystander = plant.bystander
+    return port
 
 
 def emulated_firmware(config: RobotConfig) -> Firmware:

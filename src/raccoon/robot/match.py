@@ -13,7 +13,7 @@ from raccoon.robot.actions.actions import Action, Steps, check_actions
 from raccoon.robot.actions.condition import each_of
 from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
 from raccoon.robot.actions.limits import check_kind, check_number, check_robot
-from raccoon.robot.calibration.light import check_lamp, tell_light, tell_no_lamp, word
+from raccoon.robot.calibration.light import check_lamp, simulate_lamp, tell_light, word
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
 from raccoon.robot.remarks import say, tell
 
@@ -132,8 +132,9 @@ def wait_for_light(port: int, calibration: StartLightCalibration | None = None) 
 
     calibration: its levels off and on (`calibrate_light`); without one the reading must fall by 35 %,
     quickly, and stay. The estimators keep learning meanwhile. It waits for as long as it takes: append
-    `.timeout(seconds)` where it must not. Light that stays and is refused, and light in which no lamp can be
-    told, is said. Raises ValueError where there is no such port, TypeError for a calibration that is none.
+    `.timeout(seconds)` where it must not. Over a simulated robot a lamp goes on after 2 s. Light that stays
+    and is refused, and light in which no lamp can be told, is said. Raises ValueError where there is no such
+    port, TypeError for a calibration that is none.
     """
     check_lamp(port, calibration)
 
@@ -141,7 +142,7 @@ def wait_for_light(port: int, calibration: StartLightCalibration | None = None) 
         from raccoon.estimate.start_light import StartLight
 
         light = StartLight(calibration)
-        tell_no_lamp(robot, port)
+        simulate_lamp(robot, port, calibration)
         while not (reading := light.update(robot.time, word(robot, port))).fired:
             tell_light(robot, port, reading)
             yield

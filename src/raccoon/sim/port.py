@@ -21,6 +21,7 @@ from raccoon.core.readings import (
     Words,
 )
 from raccoon.model.bemf import counter_lag
+from raccoon.sim.bystander import SimulatedBystander
 from raccoon.sim.effects.calibrated import simulated_device
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import SIDES, Parameters
@@ -94,7 +95,8 @@ class SimPort:
         """The motors of the mechanisms by port."""
         self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz, lag)
         tophats = [Tophat(each, parameters) for each in config.tophats.values()]
-        self._converter = Converter(tophats, self._noise, self._scatter)
+        self.bystander = SimulatedBystander()
+        self._converter = Converter(tophats, self._noise, self._scatter, self.bystander)
         self._cycles = cycle_count(1.0 / rate_hz, parameters.chain.cycle)
         self._truth = truth
         self._tick = device.position_counts_seconds
@@ -104,7 +106,7 @@ class SimPort:
         self._cycle = -1
         self._closed = False
         self.button: bool | None = None
-        """Whether somebody presses the controller's button; None where nothing is told of it."""
+        """Whether the controller's button is pressed, whoever stands by; None where that is as they do."""
 
     def read(self) -> Inputs:
         """The next cycle. Raises HardwareError after close."""
@@ -138,10 +140,12 @@ class SimPort:
     def _inputs(self) -> Inputs:
         state = self._robot.state
         pose = self._robot.pose
+        self.bystander.time = state.time
         heading = math.cos(pose[2]), math.sin(pose[2])
         analog, surface = self._converter.analog(self._world, pose, heading, state.time)
         imu = self._imu.read(state, self._robot.tilt)
         bemf, position = self._motor_words(state)
+        button = self.bystander.button if self.button is None else self.button
         return Inputs(
             time=self._cycle / self._rate_hz,
             device=self._device,
@@ -153,7 +157,7 @@ class SimPort:
             digital=(False,) * DIGITAL_PORTS,
             battery=self._converter.battery(state.battery),
             truth=Truth(*pose, surface) if self._truth else None,
-            extra=None if self.button is None else {"button": float(self.button)},
+            extra=None if button is None else {"button": float(button)},
         )
 
     def _motor_words(self, state: State) -> tuple[Words, Words]:

@@ -53,6 +53,10 @@ class Tophat:
             return self._floor[int(dark)], self._black
         return self._counts(dark, world.ambient(at_x, at_y, time)), self._black
 
+    def over(self, black: bool, ambient: float = 0.0) -> float:
+        """Counts over black or white paper. ambient: as of a table's lights."""
+        return self._counts(1.0 if black else 0.0, ambient)
+
     def _counts(self, dark: float, ambient: float) -> float:
         return self._factor * self._optics.counts(dark, ambient) + self._offset
 

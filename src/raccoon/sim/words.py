@@ -9,6 +9,7 @@ import numpy as np
 
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR, Flags, Vector, Words
 from raccoon.model.imu import gyro_reading, specific_force, word
+from raccoon.sim.bystander import SimulatedBystander
 from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.plant.quantities import State
@@ -95,8 +96,11 @@ FULL_SCALE = SIMULATOR.analog_full_scale
 class Converter:
     """The 12-bit converter: battery and analog ports."""
 
-    def __init__(self, tophats: list[Tophat], noise: Noise, scatter: Scatter) -> None:
+    def __init__(
+        self, tophats: list[Tophat], noise: Noise, scatter: Scatter, bystander: SimulatedBystander
+    ) -> None:
         self._tophats = tophats
+        self._bystander = bystander
         self._noise, self._scatter = noise, scatter
         # An analog port with nothing plugged in floats somewhere in its range, and one a cycle moves.
         wired = {each.port for each in tophats}
@@ -124,8 +128,13 @@ class Converter:
         surface: list[bool | None] = [None] * ANALOG_PORTS
         for tophat in self._tophats:
             counts, black = tophat.read(world, pose[0], pose[1], *heading, time)
+            if self._bystander.black is not None:
+                black = self._bystander.black
+                counts = tophat.over(black)
             words[tophat.port] = self._word(counts, math.hypot(self._noise.analog, tophat.noise_sd))
             surface[tophat.port] = black
+        for port, counts in self._bystander.lit().items():
+            words[port] = self._word(counts, self._noise.analog)
         return tuple(words), tuple(surface)
 
     def _word(self, counts: float, sd: float) -> int:

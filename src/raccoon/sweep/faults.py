@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from raccoon.core.port import Port
+from raccoon.core.port import Port, bystander_of
 from raccoon.core.readings import Fault, Inputs, Outputs, Vector
 from raccoon.hal.wombat.checks.repeating import RepeatWatch
 
@@ -35,6 +35,7 @@ class FaultyPort:
 
     def __init__(self, port: Port, broken: Broken) -> None:
         self._port = port
+        self.bystander = bystander_of(port)
         self._broken = broken
         self._time = 0.0
         self._last: Inputs | None = None

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 
-from raccoon.core.port import Port
+from raccoon.core.port import Port, bystander_of
 from raccoon.core.readings import Inputs, Outputs, Truth
 from raccoon.robot.deadline import READINGS, end_process, ringing, rings_here
 
@@ -25,6 +25,7 @@ class WatchedPort:
 
     def __init__(self, port: Port, seconds: float) -> None:
         self._port = port
+        self.bystander = bystander_of(port)
         self.limit = seconds
         self.time = 0.0
         self.truth: Truth | None = None

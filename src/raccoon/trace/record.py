@@ -8,7 +8,7 @@ from pathlib import Path
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.forks import left_in_forks
-from raccoon.core.port import Port, in_real_time
+from raccoon.core.port import Port, bystander_of, in_real_time
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.trace.encode import MAX_TEXT, Cycle, Values, json_line
 from raccoon.trace.header import Header, git_revision, header_table, library_version
@@ -52,6 +52,7 @@ class RecordingPort:
     ) -> None:
         self.path = Path(path)
         self._port = port
+        self.bystander = bystander_of(port)
         self._writer: TraceWriter | None = None
         self._failure: str | None = None
         self._closed = False

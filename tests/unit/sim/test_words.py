@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
+from raccoon.sim.bystander import SimulatedBystander
 from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import plant_numbers, state_at_rest
@@ -38,7 +39,9 @@ def test_no_reading_of_the_imu_comes_late_as_the_steps_of_a_long_run_add_up() ->
 
 def test_the_noise_of_a_tophat_is_beside_the_converter_s() -> None:
     tophat: Any = SimpleNamespace(port=2, noise_sd=8.0, read=lambda *_: (1000.0, False))
-    converter = Converter([tophat], Noise(analog=6.0), Scatter(np.random.default_rng(1)))
+    converter = Converter(
+        [tophat], Noise(analog=6.0), Scatter(np.random.default_rng(1)), SimulatedBystander()
+    )
     read = []
     for _ in range(4000):
         words, surface = converter.analog(World.empty(), (0.0, 0.0, 0.0), (1.0, 0.0), 0.0)

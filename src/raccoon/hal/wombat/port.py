@@ -11,6 +11,7 @@ from typing import Protocol, Self
 from raccoon.core.clock import Clock, RealClock, Ticker
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.forks import left_in_forks
+from raccoon.core.port import Bystander
 from raccoon.core.readings import MOTOR_PORTS, STOP, Fault, Inputs, Outputs
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.hal.wombat.checks.monitor import Monitor, Rates
@@ -71,6 +72,8 @@ class WombatPort:
         resting_bemf: Sequence[float] = (0.0,) * MOTOR_PORTS,
     ) -> None:
         _check_rate(rate_hz)
+        self.bystander: Bystander | None = None
+        """Who stands beside an emulated one."""
         self._clock = clock or RealClock()
         self._link = link
         self._guard = guard

@@ -271,8 +271,9 @@ def wait_for(condition: Condition) -> Action[None]:
     label = f"wait for {condition.name}"
 
     def steps(robot: Robot) -> Steps[None]:
+        condition.ask(robot)
         holds = condition.start(robot)
-        # On the table somebody may take as long as that; in simulation nobody presses or moves anything.
+        # On the table somebody may take as long as that; in simulation nothing comes that was not asked for.
         simulated = robot.config.controller.port not in REAL_CONTROLLERS
         endless = Endless(robot, label, ".timeout(seconds)") if simulated else None
         while not holds():

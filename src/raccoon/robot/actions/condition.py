@@ -10,6 +10,7 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
+from raccoon.core.port import Bystander, bystander_of
 from raccoon.robot.actions.limits import check_kind
 
 if TYPE_CHECKING:
@@ -26,12 +27,14 @@ class Condition:
 
     name: for messages. start: called when the action starts; makes the test that is asked once a tick.
     opposed: what `~` turns round instead, where `start` does not count what holds already. check: raises what
-    is known to be wrong with it on this robot before it starts.
+    is known to be wrong with it on this robot before it starts. asks: what a program that waits for it, and
+    for nothing else, wants of somebody beside a simulated robot.
     """
 
     name = "a condition of your own"
     _check: Check | None = None
     _opposed: Callable[[Robot], Test] | None = None
+    _asks: Callable[[Bystander], None] | None = None
 
     def __init__(
         self,
@@ -40,6 +43,7 @@ class Condition:
         *,
         opposed: Callable[[Robot], Test] | None = None,
         check: Check | None = None,
+        asks: Callable[[Bystander], None] | None = None,
     ) -> None:
         if not callable(start):
             raise TypeError(f"condition '{name}': start is {start!r}: it must be a function(robot) of a test")
@@ -47,6 +51,7 @@ class Condition:
         self._start = start
         self._opposed = opposed
         self._check = check
+        self._asks = asks
 
     def check(self, robot: Robot) -> None:
         """Raise what is wrong with this condition on `robot`: a name that robot.toml does not have."""
@@ -62,6 +67,11 @@ class Condition:
                 "once a tick; when(lambda robot: ...) makes a condition of one"
             )
         return test
+
+    def ask(self, robot: Robot) -> None:
+        """Ask for it whoever stands beside a simulated robot."""
+        if self._asks is not None and (somebody := bystander_of(robot.port)) is not None:
+            self._asks(somebody)
 
     def turned_round(self, robot: Robot) -> Test:
         """The test that `~` turns round, for one run of an action."""

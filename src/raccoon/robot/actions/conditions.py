@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from raccoon.control.watch import STALL_TIME
-from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.errors import ConfigError
+from raccoon.core.port import bystander_of
 from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.robot.actions.condition import Check, Condition, Test, truth
@@ -142,9 +142,10 @@ def pressed(port: int) -> Condition:
 
 
 def button_pressed() -> Condition:
-    """The Wombat's own button is pressed. Nobody presses a simulated one, which is said.
+    """The Wombat's own button is pressed.
 
-    Raises ConfigError before anything moves where the controller has none.
+    A simulated one is pressed for a program that does nothing but wait for it, `wait_for(button_pressed())`,
+    and else by nobody, which is said. Raises ConfigError before anything moves where the controller has none.
     """
 
     def check(robot: Robot) -> None:
@@ -152,11 +153,12 @@ def button_pressed() -> Condition:
             raise ConfigError("a Create has no such button: its own are pressed(8) and pressed(9)")
 
     def start(robot: Robot) -> Test:
-        if robot.config.controller.port not in REAL_CONTROLLERS:
-            say(robot, "nobody presses a simulated button: start=wait(1.0) begins a match in simulation")
+        somebody = bystander_of(robot.port)
+        if somebody is not None and not somebody.presses:
+            say(robot, "nobody presses a simulated button but for wait_for(button_pressed()) alone")
         return lambda: robot.button is True
 
-    return Condition("button pressed", start, check=check)
+    return Condition("button pressed", start, check=check, asks=lambda somebody: somebody.press_button())
 
 
 def stalled() -> Condition:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raccoon.core.errors import CalibrationError
+from raccoon.core.port import Bystander, bystander_of
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import wait, wait_for
 from raccoon.robot.actions.conditions import button_pressed, when
@@ -34,8 +36,9 @@ def calibrate_tophats_by_hand(
     """Calibrate tophats, all where none is named, by what they read over white and then over black.
 
     The robot is put down over each, not held, for 1.5 s. placed: called with the sentence that says what to
-    do; it comes back when that is done. None: the sentence is printed, and the controller's button pressed.
-    Returns the calibrations by name; they are in use from now on. store, set_name: as `calibrate_tophats`.
+    do; it comes back when that is done. None: the sentence is printed, and the controller's button pressed
+    (over a simulated robot somebody does so). Returns the calibrations by name; they are in use from now on.
+    store, set_name: as `calibrate_tophats`.
     What was moved meanwhile, reads nothing, or reads the same over both, is asked for again and why, up to
     twice. Surfaces that were exchanged are told by what they read, and that is said. Raises ConfigError for
     a tophat that robot.toml does not have, a store that is damaged or cannot be written and a controller
@@ -50,9 +53,28 @@ def calibrate_tophats_by_hand(
     if placed is not None:
         check_function(placed, "calibrate_tophats_by_hand(placed=)", "what")
     shelf = Shelf(robot, store, set_name)
-    asking = _Asking(robot, placed or (lambda what: _button(robot, what)))
+    with _asking(robot, placed) as asking:
+        found = _read_and_judged(robot, asking, tophats or tuple(robot.tophats))
+    shelf.take(found)
+    return found
+
+
+@contextmanager
+def _asking(robot: Robot, placed: Callable[[str], object] | None) -> Iterator[_Asking]:
+    """Who is asked: the function of the program, else whoever reads what is printed, or stands beside a
+    simulated robot."""
+    somebody = bystander_of(robot.port) if placed is None else None
+    try:
+        yield _Asking(robot, placed or (lambda what: _button(robot, what)), somebody)
+    finally:
+        if somebody is not None:
+            somebody.put_over(None)
+
+
+def _read_and_judged(robot: Robot, asking: _Asking, tophats: Sequence[str]) -> dict[str, TophatCalibration]:
+    """Calibrations by name, of what is asked for until it is right. Raises CalibrationError."""
     found: dict[str, TophatCalibration] = {}
-    left, why = tuple(tophats or robot.tophats), ""
+    left, why = tuple(tophats), ""
     for _ in range(TRIES):
         white = asking.over("white", left, why)
         black = asking.over("black", left)
@@ -60,23 +82,22 @@ def calibrate_tophats_by_hand(
         found.update(now)
         left, why = tuple(wrong), "; ".join(wrong.values())
         if not left:
-            break
-    else:
-        raise CalibrationError(f"calibrated by hand: {why}")
-    shelf.take(found)
-    return found
+            return found
+    raise CalibrationError(f"calibrated by hand: {why}")
 
 
 class _Asking:
     """Has somebody put the robot down, and reads it there. placed: see `calibrate_tophats_by_hand`."""
 
-    def __init__(self, robot: Robot, placed: Callable[[str], object]) -> None:
-        self._robot, self._placed = robot, placed
+    def __init__(self, robot: Robot, placed: Callable[[str], object], somebody: Bystander | None) -> None:
+        self._robot, self._placed, self._somebody = robot, placed, somebody
 
     def over(self, surface: str, names: Sequence[str], why: str = "") -> dict[str, list[float]]:
         """Counts of each tophat over a surface, of a robot that stood. why: it is asked for again."""
         for _ in range(TRIES):
             many = "tophats" if len(names) > 1 else "tophat"
+            if self._somebody is not None:
+                self._somebody.put_over(surface == "black")
             wanted = f"put {many} {' and '.join(names)} over {surface}"
             self._placed(f"{why}: {wanted}" if why else wanted)
             readings: list[Inputs] = []

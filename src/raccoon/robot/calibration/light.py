@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from raccoon.core.config import REAL_CONTROLLERS
+from raccoon.core.port import bystander_of
 from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions.actions import Action, Steps, wait
 from raccoon.robot.actions.limits import check_function, check_kind, check_limit, check_port, check_robot
@@ -17,15 +17,17 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 SECONDS = 1.0  # of readings with the lamp off, and on
+SIMULATED = 3000.0, 300.0
+"""Counts with a simulated lamp off and on, where no calibration says what it reads."""
 
 
 def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) -> StartLightCalibration:
     """What the sensor on analog `port` reads with the lamp off and on, for `wait_for_light`.
 
     Call it with the lamp off. switched_on: asked once, comes back when somebody has switched it on (such as
-    `lambda: input("lamp on, then Enter")`). The result is noted in the recording. Raises CalibrationError
-    where the lamp makes too little difference or the port reads nothing, ValueError where there is no such
-    port, TypeError where `switched_on` is no function.
+    `lambda: input("lamp on, then Enter")`); a simulated lamp is on then. The result is noted in the
+    recording. Raises CalibrationError where the lamp makes too little difference or the port reads nothing,
+    ValueError where there is no such port, TypeError where `switched_on` is no function.
     """
     check_robot(robot, "calibrate_light()")
     robot.require("calibrate_light()")
@@ -33,8 +35,10 @@ def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) 
     check_function(switched_on, "calibrate_light()")
     from raccoon.estimate.start_light import calibrate_start_light
 
+    simulate_lamp(robot, port, lit=False)
     off = _counts(robot, port)
     switched_on()
+    simulate_lamp(robot, port, lit=True)
     found = calibrate_start_light(off, _counts(robot, port))
     robot.note(f"start light on analog {port}: {found.off:.0f} counts off, {found.on:.0f} on")
     return found
@@ -57,6 +61,7 @@ def rehearse_light(
         from raccoon.estimate.start_light import StartLight
 
         light = StartLight(calibration, rehearsal=True)
+        simulate_lamp(robot, port, calibration)
         begin = robot.time
         while robot.time - begin < seconds:
             reading = light.update(robot.time, word(robot, port))
@@ -106,15 +111,23 @@ def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
         say(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
 
 
-def tell_no_lamp(robot: Robot, port: int) -> None:
-    """Say that the simulator has no lamp over analog `port`: a program would wait for ever, in silence."""
-    tophats = [each.analog for each in robot.config.tophats.values()]
-    if robot.config.controller.port not in REAL_CONTROLLERS and port not in tophats:
-        say(
-            robot,
-            f"analog {port}: the simulator has no start light, so this waits for ever: "
-            "start=wait(1.0) begins a match in simulation",
-        )
+def simulate_lamp(
+    robot: Robot, port: int, calibration: StartLightCalibration | None = None, *, lit: bool | None = None
+) -> None:
+    """Have a lamp over the sensor of a simulated robot that reads as the calibration says: lit, not lit, or
+    (None) switched on soon. Nothing on a real robot; nor where robot.toml has a tophat, which is said."""
+    somebody = bystander_of(robot.port)
+    if somebody is None:
+        return
+    for name, tophat in robot.config.tophats.items():
+        if tophat.analog == port:
+            say(
+                robot,
+                f"analog {port}: robot.toml has tophat {name} there, so the simulator has no lamp there",
+            )
+            return
+    off, on = SIMULATED if calibration is None else (calibration.off, calibration.on)
+    somebody.hold_lamp(port, off, on, lit=lit)
 
 
 def _counts(robot: Robot, port: int) -> list[float]:

@@ -123,13 +123,17 @@ def test_the_controllers_own_button_ends_a_wait_on_both_firmwares(firmware: Firm
         assert not robot.drive.remarks
 
 
-def test_a_simulated_button_is_pressed_by_nobody_but_who_says_so() -> None:
-    config = replace(CONFIG, controller=ControllerConfig(port="sim"))
-    port = simulated(config=config)
-    with open_robot(config, port=port) as robot:
+def test_a_simulated_button_is_pressed_for_who_waits_for_it_alone_or_by_who_says_so() -> None:
+    port = simulated()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait_for(button_pressed()).timeout(1.0))
+        assert robot.time == pytest.approx(0.5, abs=0.02)
+        told = [robot.button]
+        robot.run(wait(0.25))
+        assert [*told, robot.button] == [True, False]
+        assert not robot.drive.remarks
         with pytest.raises(MotionTimeout):
-            robot.run(wait_for(button_pressed()).timeout(0.1))
-        assert robot.button is None
+            robot.run(wait_for(button_pressed() | button_pressed()).timeout(1.0))
         assert any("nobody presses a simulated button" in said for said in robot.drive.remarks.values())
         port.button = True
         robot.run(wait_for(button_pressed()).timeout(0.1))

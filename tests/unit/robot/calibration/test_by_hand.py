@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raccoon import CalibrationError, ConfigError, calibrate_tophats_by_hand, load_tophats, open_robot
+from raccoon import CalibrationError, ConfigError, calibrate_tophats_by_hand, load_tophats, open_robot, wait
 from raccoon.core.readings import Inputs
 from raccoon.core.sections import ControllerConfig
+from raccoon.model.reflectance import fit
 from raccoon.robot.robot import Robot
 from robots import CONFIG, Between
 from standing_port import StandingPort
@@ -161,3 +162,21 @@ def test_the_controllers_button_says_that_it_is_done(capsys: pytest.CaptureFixtu
     assert capsys.readouterr().out.splitlines() == [
         f"put tophats left and right over {each}, and press the button" for each in ("white", "black")
     ]
+
+
+@pytest.mark.parametrize("kind", ["sim", "emulator"])
+def test_somebody_holds_a_simulated_robot_over_white_and_black(kind: str) -> None:
+    """Over what its sensors were measured on; afterwards they see the table."""
+    config = replace(CONFIG, controller=ControllerConfig(port=kind))
+    optics = fit("new").at(0.007)
+    with open_robot(config) as robot:
+        found = calibrate_tophats_by_hand(robot)
+        assert robot.time == pytest.approx(2 * (0.5 + 0.2 + 1.5), abs=0.1)
+        for each in found.values():
+            assert each.white
+            assert each.black
+            assert each.white.mean == pytest.approx(optics.counts(0.0, 0.0), abs=5.0)
+            assert each.black.mean == pytest.approx(optics.counts(1.0, 0.0), abs=5.0)
+        robot.run(wait(0.1))
+        assert robot.tophat("left").black is False
+        assert not robot.drive.remarks

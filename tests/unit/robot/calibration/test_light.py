@@ -2,23 +2,28 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from raccoon import (
     CalibrationError,
     MotionTimeout,
+    button_pressed,
     calibrate_light,
     open_robot,
     rehearse_light,
     run_match,
     wait,
+    wait_for,
     wait_for_light,
 )
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
 from raccoon.core.sections import ControllerConfig
 from raccoon.estimate.start_light import StartLightCalibration
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.port import SimPort
 from robots import CONFIG, Between
 
 PORT = 5
@@ -66,14 +71,24 @@ def test_too_much_light_is_said_in_the_rehearsal() -> None:
         assert any("too bright" in said for said in robot.drive.remarks.values())
 
 
-def test_a_simulator_without_a_lamp_is_said() -> None:
-    for kind in ("wombat", "sim", "emulator", "emulator-raccoon"):
-        config, said = replace(CONFIG, controller=ControllerConfig(port=kind)), kind != "wombat"
-        with open_robot(config, port=Lamp(lambda _: 3000.0)) as robot:
-            with pytest.raises(MotionTimeout):
-                robot.run(wait_for_light(PORT).timeout(0.5))
-            remarks = " ".join(robot.drive.remarks.values())
-            assert ("has no start light, so this waits for ever" in remarks) is said
+@pytest.mark.parametrize("kind", ["sim", "emulator", "emulator-raccoon"])
+def test_over_a_simulated_robot_somebody_switches_the_lamp_on(kind: str, tmp_path: Path) -> None:
+    """Asked by a press of the button, as on the table; what is recorded of it is no other robot's."""
+    config = replace(CONFIG, controller=ControllerConfig(port=kind))
+    with open_robot(config, record=tmp_path / "run") as robot:
+        found = calibrate_light(robot, PORT, lambda: robot.run(wait_for(button_pressed())))
+        assert (found.off, found.on) == pytest.approx((3000.0, 300.0), rel=0.02)
+        asked = robot.time
+        robot.run(wait_for_light(PORT, found).timeout(5.0))
+        assert robot.time - asked == pytest.approx(2.05, abs=0.08)
+        assert robot.run(rehearse_light(PORT, seconds=2.5)) == 1
+        assert not robot.drive.remarks
+
+
+def test_a_tophat_is_no_lamp_in_simulation() -> None:
+    with open_robot(CONFIG, port=SimPort(Parameters.from_robot(CONFIG))) as robot:
+        assert robot.run(rehearse_light(CONFIG.tophats["left"].analog, seconds=2.5)) == 0
+        assert any("tophat left there" in said for said in robot.drive.remarks.values())
 
 
 def test_a_rehearsal_takes_time() -> None:
