@@ -26,6 +26,7 @@ COMMANDS: tuple[str, ...] = (
     "excite",
     "init",
     "replay",
+    "simulate",
     "sweep",
     "tune",
     "view",

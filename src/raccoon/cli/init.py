@@ -38,5 +38,8 @@ def run(args: argparse.Namespace) -> int:
         finally:
             partial.unlink(missing_ok=True)
     print(f"wrote {path}: take the # away from what your robot has and what you change")
-    print('on a computer without a controller, port = "sim" under [controller] is the simulator')
+    print(
+        "on a computer without a controller `raccoon simulate PROGRAM` runs a program on the simulated "
+        'robot; so does port = "sim" under [controller]'
+    )
     return 0

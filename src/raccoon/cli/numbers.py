@@ -1,14 +1,29 @@
-"""Numbers that several commands take: refused before the work, in the words of the command line."""
+"""Numbers that several commands take, and how they are refused: before the work, in the command's words."""
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 from raccoon.core.errors import ConfigError
 
 FARTHEST = 1000.0
 """m; no table is so large, and beyond it a picture or a pose would lose its millimetres."""
+
+
+def add_place(parser: argparse.ArgumentParser) -> None:
+    """Add `--table` and `--start`: where a simulated robot drives."""
+    parser.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
+    parser.add_argument(
+        "--start",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "DEG"),
+        default=(0.0, 0.0, 0.0),
+        help="where on the table it starts, m and degrees (0 0 0)",
+    )
 
 
 def check_seed(seed: int) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import shutil
 import stat
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
 
@@ -29,6 +32,34 @@ def near_program(name: str | Path) -> Path:
         return path
     beside = folder / path  # of an absolute path that path itself
     return beside if beside.exists() else path
+
+
+_copies: ContextVar[Path | None] = ContextVar("_copies", default=None)
+"""The folder of what programs keep just now; None: where they say."""
+
+
+@contextmanager
+def kept_apart() -> Iterator[None]:
+    """Inside, what a program keeps from run to run (`kept_file`) is a copy, which is gone afterwards."""
+    with tempfile.TemporaryDirectory(prefix="raccoon-") as folder:
+        before = _copies.set(Path(folder))
+        try:
+            yield
+        finally:
+            _copies.reset(before)
+
+
+def kept_file(name: str | Path) -> Path:
+    """A file that a program keeps from run to run, found as `near_program` finds one."""
+    path, folder = near_program(name), _copies.get()
+    if folder is None:
+        return path
+    copy = folder / hashlib.sha256(os.fsencode(path.absolute())).hexdigest()[:16] / path.name
+    if not copy.parent.exists():
+        copy.parent.mkdir()
+        if path.is_file():
+            shutil.copyfile(path, copy)
+    return copy
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:

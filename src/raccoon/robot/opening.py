@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
@@ -39,6 +40,33 @@ def no_robot_opened() -> Iterator[None]:
         yield
     finally:
         _only_read.reset(before)
+
+
+@dataclass
+class Substitute:
+    """What is opened in the place of the controller that robot.toml names.
+
+    port: makes it of a configuration and a seed. record, seed: where the run goes and of which noise it is,
+    where the program does not say; robots: that were opened so far.
+    """
+
+    port: Callable[[RobotConfig, int], Port]
+    record: Path | None = None
+    seed: int = 0
+    robots: list[Robot] = field(default_factory=list)
+
+
+_substitute: ContextVar[Substitute | None] = ContextVar("_substitute", default=None)
+
+
+@contextmanager
+def opened_instead(substitute: Substitute) -> Iterator[None]:
+    """Inside, a program that opens the robot of its robot.toml gets this one, which is a simulated one."""
+    before = _substitute.set(substitute)
+    try:
+        yield
+    finally:
+        _substitute.reset(before)
 
 
 class Opening:
@@ -116,6 +144,12 @@ def _opened(
             ', and open_robot under `if __name__ == "__main__":`'
         )
     settings = config if isinstance(config, RobotConfig) else load_robot(_located(config))
+    substitute = _substitute.get() if port is None else None
+    if substitute is not None:
+        settings = replace(settings, controller=replace(settings.controller, port="sim"))
+        record = substitute.record if record is None else record
+        seed = substitute.seed if seed is None else seed
+        port = substitute.port(settings, seed)
     if port is None and seed is None and settings.controller.port not in REAL_CONTROLLERS:
         seed = 0  # which the recording says
     opened = open_port(settings, seed=seed or 0) if port is None else port
@@ -126,6 +160,8 @@ def _opened(
             opened = _recorded(opened, record, settings, seed)
         with stopped_on_exit(opened.close):
             robot = Robot(opened, settings)
+            if substitute is not None:
+                substitute.robots.append(robot)
             with stopped_on_exit(robot.close), punctual() if real_time else nullcontext():
                 try:
                     yield robot

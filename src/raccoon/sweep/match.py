@@ -10,6 +10,7 @@ from pathlib import Path
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, HardwareError, RaccoonError
+from raccoon.core.files import kept_apart
 from raccoon.core.port import Port
 from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.robot.robot import Robot
@@ -176,7 +177,7 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     port = WatchedPort(_simulated(match, values, seed), match.seconds)
     reason = ""
     try:
-        with wall_limit(match.real_seconds), apart(seed), no_robot_opened():
+        with wall_limit(match.real_seconds), apart(seed), kept_apart(), no_robot_opened():
             mission = match.program.mission()
             reason = _drive(match, mission, port, record, seed)
     except MatchOver as over:

@@ -164,7 +164,7 @@ def test_init_writes_a_file_that_can_be_read_and_never_overwrites(
 
     path = tmp_path / "robot.toml"
     assert main(["init", str(path)]) == 0
-    assert 'port = "sim" under [controller]' in capsys.readouterr().out
+    assert "raccoon simulate PROGRAM" in capsys.readouterr().out
     assert load_robot(path).name == "robot"
     before = path.read_text(encoding="utf-8")
     assert main(["init", str(path)]) == 2

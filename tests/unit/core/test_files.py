@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from raccoon.core.files import named, write_atomically
+from raccoon.core.files import kept_apart, kept_file, named, write_atomically
 
 
 def test_text_and_bytes_arrive_as_they_are(tmp_path: Path) -> None:
@@ -138,3 +138,19 @@ def test_what_has_no_name_gets_one() -> None:
     ):  # nobody reads on: no fault of a file
         raise BrokenPipeError(32, "Broken pipe")
     assert ended.value.filename is None
+
+
+def test_what_is_kept_apart_is_a_copy_for_as_long_as_that(tmp_path: Path) -> None:
+    here, new = tmp_path / "here.json", tmp_path / "new" / "here.json"
+    here.write_text("mine")
+    with kept_apart():
+        for _ in range(2):
+            assert kept_file(here).read_text() == "mine"
+        copy = kept_file(here)
+        copy.write_text("its")
+        kept_file(new).write_text("another")
+        assert kept_file(here).read_text() == "its"
+    assert here.read_text() == "mine"
+    assert kept_file(here) == here
+    assert not copy.exists()
+    assert not new.exists()

@@ -314,6 +314,22 @@ def test_a_program_may_play_its_whole_match_in_its_mission() -> None:
     assert row["x"] == pytest.approx(0.01, abs=0.002)
 
 
+def test_a_match_has_its_light_and_leaves_no_calibration_behind(tmp_path: Path) -> None:
+    """The next one was compared with it, and a sweep of fifty threw the team's own out of their file."""
+    store = tmp_path / "tophats.json"
+    text = f"""
+from raccoon import *
+def mission(robot):
+    calibrate_tophats_by_hand(robot, store={str(store)!r})
+    load_tophats(robot, {str(store)!r})
+    run_match(robot, wait(0.1), start=wait_for_light(5))
+"""
+    robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
+    row = play(Match(Program("p.py", text, "/"), robot, (BATTERY,), seconds=10.0), 0, 5)
+    assert (row["status"], row["reason"]) == ("ok", "")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_cleans_up_in_vain_after_the_robot_was_closed_hides_no_error() -> None:
     body = "robot.run(straight(0.01))\n    robot.close()\n    raise ValueError('so')"
     row = played(f"from raccoon import *\ndef mission(robot):\n    {body}\n")

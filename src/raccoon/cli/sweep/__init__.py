@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from raccoon.cli.crew import add_crew
+from raccoon.cli.numbers import add_place
 from raccoon.sweep.limits import SECONDS, WITHIN, WITHIN_DEGREES
 
 HELP = "play a program many times on simulated robots that differ: how often it fails, and why"
@@ -46,15 +47,7 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="robot.toml's plain filter and an IMU at 200 Hz, not the RaccoonOS firmware's sensor chain",
     )
-    parser.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
-    parser.add_argument(
-        "--start",
-        type=float,
-        nargs=3,
-        metavar=("X", "Y", "DEG"),
-        default=(0.0, 0.0, 0.0),
-        help="where on the table matches start, m and degrees (0 0 0)",
-    )
+    add_place(parser)
     parser.add_argument("--within", type=float, help=f"m from the nominal robot's end ({WITHIN:g})")
     parser.add_argument("--within-angle", type=float, help=f"deg from it ({WITHIN_DEGREES:g})")
     parser.add_argument("--any-end", action="store_true", help="where a match ends does not count")

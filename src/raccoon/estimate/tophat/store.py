@@ -14,7 +14,7 @@ from raccoon.estimate.tophat.stored import StoredCalibration, parse_entry
 __all__ = ["StoredCalibration", "TophatStore"]
 
 FORMAT = 1
-KEPT = 50  # calibrations of one sensor and surface
+KEPT = 50  # calibrations of one robot's sensor and surface
 
 
 class TophatStore:
@@ -44,7 +44,7 @@ class TophatStore:
         return found[-1] if found else None
 
     def add(self, *entries: StoredCalibration) -> None:
-        """Store these, all or none; the oldest of a sensor and set go where there are more than 50.
+        """Store these, all or none; the oldest of a robot's sensor and set go where there are more than 50.
 
         Raises ConfigError for a calibration without a threshold: a failed one never replaces a good one.
         """
@@ -54,10 +54,11 @@ class TophatStore:
                     f"{entry.sensor}: a calibration that is {entry.calibration.verdict} is not stored"
                 )
         kept: list[StoredCalibration] = []
-        counts: Counter[tuple[str, str]] = Counter()
+        counts: Counter[tuple[str, str, str]] = Counter()
         for each in reversed([*self._load(), *entries]):
-            counts[each.sensor, each.set_name] += 1
-            if counts[each.sensor, each.set_name] <= KEPT:
+            whose = each.sensor, each.set_name, each.robot
+            counts[whose] += 1
+            if counts[whose] <= KEPT:
                 kept.append(each)
         self._write(kept[::-1])
 

@@ -9,8 +9,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.errors import ConfigError
-from raccoon.core.files import near_program
+from raccoon.core.files import kept_file
+from raccoon.core.port import bystander_of
 from raccoon.core.readings import Inputs
 from raccoon.robot.remarks import say
 
@@ -19,6 +21,16 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 OF_THE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full, worn, or mounted to be read only
+
+
+SIMULATED = " (simulated)"
+"""Behind the name of a simulated robot: no real one goes by what it read."""
+
+
+def name_of(robot: Robot) -> str:
+    """Whose calibrations these are."""
+    simulated = bystander_of(robot.port) is not None or robot.config.controller.port not in REAL_CONTROLLERS
+    return robot.config.name + SIMULATED if simulated else robot.config.name
 
 
 class Shelf:
@@ -31,9 +43,9 @@ class Shelf:
         self._robot, self._set_name = robot, set_name
         self._before = {name: each.calibration for name, each in robot.tophats.items()}
         # In a replay this was stored when it happened.
-        self._kept = None if store is None or hasattr(robot.port, "trace") else near_program(store)
+        self._kept = None if store is None or hasattr(robot.port, "trace") else kept_file(store)
         if self._kept is not None:
-            stored = _checked(self._kept, set_name, robot.config.name)
+            stored = _checked(self._kept, set_name, name_of(robot))
             self._before = {
                 name: stored.get(name) if each is None else each for name, each in self._before.items()
             }
@@ -111,7 +123,7 @@ def _store(robot: Robot, found: Mapping[str, TophatCalibration], store: Path, se
         ambient, generation = (known[0].ambient, known[0].generation) if len(known) == 1 else (None, None)
         entries.append(
             StoredCalibration(
-                name, set_name, now, each, robot.config.name, ambient, robot.battery_voltage, generation
+                name, set_name, now, each, name_of(robot), ambient, robot.battery_voltage, generation
             )
         )
     TophatStore(store).add(*entries)

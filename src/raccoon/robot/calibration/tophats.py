@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raccoon.core.errors import CalibrationError
-from raccoon.core.files import near_program
+from raccoon.core.files import kept_file
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import seq, wait
 from raccoon.robot.actions.limits import check_robot, check_way
 from raccoon.robot.calibration.drives import driven, watched
-from raccoon.robot.calibration.kept import Shelf, counts_of
+from raccoon.robot.calibration.kept import SIMULATED, Shelf, counts_of, name_of
 from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.pacing import at_a_wall
 from raccoon.robot.remarks import say
@@ -104,27 +104,28 @@ def load_tophats(
 
     store: a file, looked for where the program was started and then beside the program, as robot.toml is.
     Two robots may share it: this one's own go first, and another one's are used where there are none, which
-    is said.
+    is said. A simulated robot is one of its own, which may use those of the real ones, but not they its.
     Whether they fit is found out within a second of driving: see `TophatSensor.fit`, the log and the
     recording. Raises CalibrationError naming the sensors that have none, ConfigError for a damaged file.
     """
     from raccoon.estimate.tophat.store import TophatStore
 
     check_robot(robot, "load_tophats()")
-    shelf = TophatStore(near_program(store))
-    own = robot.config.name
+    shelf = TophatStore(kept_file(store))
+    own = name_of(robot)
     entries = {name: _newest(shelf.history(name, set_name), own) for name in robot.tophats}
     missing = [name for name, entry in entries.items() if entry is None]
     if missing:
         raise CalibrationError(
-            f"{store}: no calibration of {', '.join(missing)} in the set {set_name!r}; {_there_is(shelf)}"
+            f"{store}: no calibration of {', '.join(missing)} in the set {set_name!r}; "
+            f"{_there_is(shelf, own)}"
         )
     found = {name: entry.calibration for name, entry in entries.items() if entry is not None}
     for name, entry in entries.items():
         if entry is not None:
             robot.tophat(name).calibrate(entry.calibration)
             robot.note(f"tophat {name}: calibration {set_name!r} of {entry.time}")
-            if entry.robot not in ("", own):
+            if entry.robot not in ("", own, robot.config.name):
                 say(
                     robot,
                     f"tophat {name}: its calibration {set_name!r} is that of the robot {entry.robot!r}, and "
@@ -134,16 +135,20 @@ def load_tophats(
 
 
 def _newest(stored: Sequence[StoredCalibration], own: str) -> StoredCalibration | None:
-    """The newest one that may be of the robot `own`, else the newest of any; `stored`: oldest first."""
-    mine = [each for each in stored if each.robot in ("", own)]
-    return next(reversed(mine or stored), None)
+    """The newest one that may be of the robot `own`, else the newest of any that is real; `stored`: oldest
+    first."""
+    real = [each for each in stored if not each.robot.endswith(SIMULATED)]
+    named = [each for each in real if each.robot in ("", own.removesuffix(SIMULATED))]
+    simulated = [each for each in stored if own.endswith(SIMULATED) and each.robot == own]
+    return next((each[-1] for each in (simulated, named, real) if each), None)
 
 
-def _there_is(shelf: TophatStore) -> str:
-    """What a file of calibrations has, for whoever looks for something else."""
+def _there_is(shelf: TophatStore, own: str) -> str:
+    """What a file of calibrations has, for the robot `own`, which looks for something else."""
     sets: dict[str, dict[str, None]] = {}
     for each in shelf.history():
-        sets.setdefault(each.set_name, {})[each.sensor] = None
+        foreign = each.robot.endswith(SIMULATED) and not own.endswith(SIMULATED)
+        sets.setdefault(each.set_name, {})[each.sensor + (SIMULATED if foreign else "")] = None
     if not sets:
         return "there is none at all: calibrate_tophats(..., store=) writes them"
     return "there is " + "; ".join(f"{name!r} of {', '.join(sensors)}" for name, sensors in sets.items())

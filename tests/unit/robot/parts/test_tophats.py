@@ -152,6 +152,28 @@ def test_two_robots_may_share_a_file(tmp_path: Path) -> None:
         assert any("is that of the robot 'two'" in each for each in robot.drive.remarks.values()) is said
 
 
+def test_no_real_robot_goes_by_what_a_simulated_one_read(tmp_path: Path) -> None:
+    """A sweep at home was the newest calibration at the tournament."""
+    found = {
+        name: calibrate([white + n % 7 for n in range(200)] + [2800.0 + n % 7 for n in range(100)])
+        for name, white in ((CONFIG.name, 300.0), (f"{CONFIG.name} (simulated)", 600.0))
+    }
+    stored = {
+        name: [StoredCalibration(sensor, "hall", "", each, name) for sensor in ("left", "right")]
+        for name, each in found.items()
+    }
+    real, virtual = Robot(StandingPort(), CONFIG), Robot(simulated(), CONFIG)
+    mine, its, both = (TophatStore(tmp_path / f"{name}.json") for name in ("mine", "its", "both"))
+    for store, names in ((mine, [CONFIG.name]), (its, [*found][1:]), (both, [*found])):
+        store.add(*(each for name in names for each in stored[name]))
+    for robot, store, name in ((real, both, 0), (virtual, both, 1), (virtual, mine, 0), (virtual, its, 1)):
+        used = load_tophats(robot, store.path, "hall")["left"]
+        assert used.threshold == found[[*found][name]].threshold
+    with pytest.raises(CalibrationError, match=r"there is 'hall' of left \(simulated\), right"):
+        load_tophats(real, its.path, "hall")
+    assert not virtual.drive.remarks
+
+
 def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
     with (
         open_robot(CONFIG, port=simulated()) as robot,

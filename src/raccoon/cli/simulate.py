@@ -1,0 +1,135 @@
+"""`raccoon simulate PROGRAM`: a team's program as it is, on the simulated robot."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from raccoon.cli.numbers import add_place, check_seed, check_start
+
+if TYPE_CHECKING:
+    from raccoon.core.config import RobotConfig
+    from raccoon.core.port import Port
+    from raccoon.robot.opening import Substitute
+    from raccoon.robot.robot import Robot
+    from raccoon.sweep.program import Program
+
+HELP = "run a program as it is, on the simulated robot instead of the controller that its robot.toml names"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("program", type=Path, help="a Python file that opens a robot, or has mission(robot)")
+    parser.add_argument(
+        "--model", type=Path, help="model.toml of the robot that drives, while the program goes by robot.toml"
+    )
+    add_place(parser)
+    parser.add_argument("--seed", type=int, default=0, help="of the noise (%(default)s)")
+    parser.add_argument("--record", type=Path, help="where the run goes if the program does not say")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run it; 1 where it ends with an error or opens no robot, or as it exits itself."""
+    from raccoon.core.errors import RaccoonError
+    from raccoon.robot.opening import Substitute, opened_instead
+    from raccoon.sim.world.table import World
+    from raccoon.sim.world.table_file import load_world
+    from raccoon.sweep.program import Program
+
+    check_seed(args.seed)
+    check_start(args.start)
+    program = Program.read(args.program)
+    if args.model is not None:
+        args.model.open("rb").close()  # what is in it is for the robot that the program names
+    world = World.default() if args.table is None else load_world(args.table)
+    start = (args.start[0], args.start[1], math.radians(args.start[2]))
+
+    def port(config: RobotConfig, seed: int) -> Port:
+        return _simulated(config, seed, args.model, world, start)
+
+    substitute = Substitute(port, args.record, args.seed)
+    status = 0
+    try:
+        with opened_instead(substitute), _as_main(program):
+            _play(program, substitute)
+    except Exception as error:
+        if (step := _of_program(error, program)) is None and isinstance(error, RaccoonError | OSError):
+            raise
+        traceback.print_exception(error.with_traceback(step))
+        status = 1
+    finally:  # also where it was interrupted, or exits
+        for robot in substitute.robots:
+            print(f"simulated {told(robot, start)}", flush=True)
+    if not substitute.robots and not status:
+        print("raccoon simulate: the program opened no robot, and has no mission(robot)", file=sys.stderr)
+        return 1
+    return status
+
+
+def told(robot: Robot, start: tuple[float, float, float]) -> str:
+    """How long it went, and where the robot is at the end, by the simulator and by what it believes: m and
+    degrees from where it started."""
+    if robot.inputs is None or robot.inputs.truth is None:
+        return "0.00 s: it was never read"
+    truth, (x0, y0, heading0) = robot.inputs.truth, start
+    x, y, c, s = truth.x - x0, truth.y - y0, math.cos(heading0), math.sin(heading0)
+    here = _shown(c * x + s * y, c * y - s * x, truth.heading - heading0)
+    pose = robot.pose
+    return f"{robot.time:.2f} s: it is at {here}; it believes {_shown(pose.x, pose.y, pose.heading)}"
+
+
+def _shown(x: float, y: float, heading: float) -> str:
+    degrees = math.degrees(math.remainder(heading, math.tau))
+    return f"x {x:.3f} m, y {y:.3f} m, heading {degrees:.1f} deg"
+
+
+def _simulated(
+    config: RobotConfig, seed: int, model: Path | None, world: Any, start: tuple[float, float, float]
+) -> Port:
+    """The robot of robot.toml, or of a model.toml, on a table."""
+    from raccoon.sim.effects.calibrated import calibrated_robot, simulated_device
+    from raccoon.sim.effects.model_file import load_model
+    from raccoon.sim.port import SimPort
+
+    robot = calibrated_robot(config, simulated_device(config)) if model is None else load_model(model, config)
+    return SimPort(robot, world, robot=config, seed=seed, rate_hz=config.controller.rate_hz, start=start)
+
+
+def _play(program: Program, substitute: Substitute) -> None:
+    """The file as Python runs it; where that opens no robot, its mission on one."""
+    import runpy
+
+    from raccoon.robot.actions.functions import perform
+    from raccoon.robot.opening import open_robot
+
+    names = runpy.run_path(program.file, run_name="__main__")
+    if not substitute.robots and "mission" in names:
+        with open_robot("robot.toml") as robot:
+            perform(robot, names["mission"])
+
+
+@contextmanager
+def _as_main(program: Program) -> Iterator[None]:
+    """Modules and arguments as they are for `python PROGRAM`."""
+    path, argv = list(sys.path), list(sys.argv)
+    sys.path.insert(0, program.folder)
+    sys.argv[:] = [program.file]
+    try:
+        yield
+    finally:
+        sys.path[:], sys.argv[:] = path, argv
+
+
+def _of_program(error: Exception, program: Program) -> TracebackType | None:
+    """The traceback from the program on: what called it is of no interest. None where it had not begun."""
+    step = error.__traceback__
+    while step is not None and step.tb_frame.f_code.co_filename != program.file:
+        step = step.tb_next
+    return step
