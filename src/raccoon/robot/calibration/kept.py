@@ -36,10 +36,13 @@ def name_of(robot: Robot) -> str:
 class Shelf:
     """Where the calibrations of a robot's tophats go: into use, and into the file `store`, if any.
 
-    Raises ConfigError where that is damaged or cannot be written. Make it before anything moves.
+    Raises ConfigError where that is damaged or cannot be written, and where robot.toml has no tophat. Make it
+    before anything moves.
     """
 
     def __init__(self, robot: Robot, store: str | Path | None, set_name: str) -> None:
+        if not robot.tophats:
+            raise ConfigError("there is no tophat in robot.toml to calibrate: [tophat.NAME] makes one")
         self._robot, self._set_name = robot, set_name
         self._before = {name: each.calibration for name, each in robot.tophats.items()}
         # In a replay this was stored when it happened.

@@ -143,6 +143,11 @@ def test_what_cannot_be_is_said_before_anybody_is_asked(tmp_path: Path) -> None:
             calibrate_tophats_by_hand(robot, placed=port.placed, store=tmp_path)
         with pytest.raises(TypeError, match="takes a function of the what"):
             calibrate_tophats_by_hand(robot, placed=lambda: None)  # type: ignore[arg-type, misc]
+    with (
+        open_robot(replace(CONFIG, tophats={}), port=port) as robot,
+        pytest.raises(ConfigError, match="there is no tophat in"),
+    ):
+        calibrate_tophats_by_hand(robot, placed=port.placed)
     assert not port.asked
 
 
