@@ -39,16 +39,6 @@ def test_a_gyro_of_another_full_scale_is_found_and_slip_is_none() -> None:
     assert slips.value == 1.0
 
 
-def test_the_deviation_of_a_voltage_is_that_of_its_filter() -> None:
-    """y += a (x - y) leaves a / (2 - a) of the variance of a reading."""
-    battery = BatteryVoltage()
-    for cycle in range(400):
-        battery.update(0.005 * cycle, 6.8)
-    found = battery.estimate()
-    assert found.voltage == pytest.approx(6.8)
-    assert found.std == pytest.approx(0.02 * math.sqrt(0.05 / 1.95))
-
-
 def test_a_voltage_follows_a_load_with_its_time_constant() -> None:
     battery = BatteryVoltage()
     battery.update(0.0, 7.0)
