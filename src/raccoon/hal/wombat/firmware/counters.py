@@ -23,17 +23,14 @@ class Counters:
 
     def __init__(self, fastest: float) -> None:
         self._limit_rate = 2.0 * fastest
-        self._last: Sequence[int] | None = None
+        self._last: Sequence[int] = (0,) * MOTOR_PORTS
         self.totals = [0] * MOTOR_PORTS
 
     def differences(self, raw: Sequence[int]) -> Counts:
         """How far each counter has moved since the last accepted words; modular, so a wrap is no jump."""
-        last = self._last
-        if last is None:
-            return (0, 0, 0, 0)
         a, b, c, d = (
             ((new - old + 0x8000_0000) & 0xFFFF_FFFF) - 0x8000_0000
-            for new, old in zip(raw, last, strict=True)
+            for new, old in zip(raw, self._last, strict=True)
         )
         return a, b, c, d
 

@@ -72,8 +72,8 @@ class Dialect(Protocol):
         """What else answers, where it is not this firmware but a whole frame of another."""
         ...
 
-    def realign(self, link: Link, reply: bytes, /) -> bool:
-        """Try to bring shifted frames back, with nothing but zeros; False where no frame can be found."""
+    def realign(self, link: Link, reply: bytes, /) -> None:
+        """Try to bring shifted frames back, with nothing but zeros."""
         ...
 
     def read(self, reply: bytes) -> Reading:

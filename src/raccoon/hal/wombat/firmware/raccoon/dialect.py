@@ -70,14 +70,11 @@ class RaccoonDialect:
             return f"RaccoonOS answers with protocol version {reply[0]} instead of {self.version}"
         return None
 
-    def realign(self, link: Link, _reply: bytes) -> bool:
+    def realign(self, link: Link, _reply: bytes) -> None:
         stream = link.transfer(bytes(3 * self.length))
         index = wire.shift(stream, self.version)
-        if index is None:
-            return False
-        if index > 0:
+        if index:
             link.transfer(bytes(index))
-        return True
 
     def read(self, reply: bytes) -> Reading:
         words = wire.decode(reply, self.version).words

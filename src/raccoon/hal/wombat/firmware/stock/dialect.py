@@ -66,13 +66,10 @@ class StockDialect:
             return f"the stock firmware answers with version {reply[2]}; known is {wire.FIRMWARE_VERSION}"
         return None
 
-    def realign(self, link: Link, reply: bytes) -> bool:
+    def realign(self, link: Link, reply: bytes) -> None:
         index = wire.shift(reply)
-        if index is None:
-            return False
-        if index > 0:
+        if index:
             link.transfer(bytes(index))
-        return True
 
     def read(self, reply: bytes) -> Reading:
         registers = wire.decode(reply)
