@@ -307,6 +307,8 @@ def test_unplugged_and_plugged_in_again(base: Base) -> None:
     base.clock.advance(1.0)
     assert base.port.read().faults == (Fault.LINK_DEAD,)
     base.peer.plug()
+    base.port.read()
+    assert not base.line.connected  # it is looked for twice a second, not in every cycle
     base.clock.advance(1.0)
     base.port.read()
     # The base kept its last command while it was alone: the first thing it hears is to stop.
@@ -336,7 +338,8 @@ def test_a_plug_that_bounces_is_not_there_yet(base: Base, monkeypatch: pytest.Mo
 def test_a_base_that_left_its_mode_loses_commands_and_is_asked_back(base: Base) -> None:
     base.cycle(REST)
     dropped = replace(REST, mode=Mode.PASSIVE, bumps_and_wheel_drops=0b1000)
-    assert base.cycle(dropped, seconds=1.0).faults == (Fault.COMMAND_LOST,)
+    for seconds in (0.015, 1.0):  # at once, as it has obeyed before
+        assert base.cycle(dropped, seconds).faults == (Fault.COMMAND_LOST,)
     assert base.peer.heard() == b""  # a robot in somebody's hands does not start to drive
     for asked in (bytes((128, 132, 145)), b""):  # at most every half second
         inputs = base.cycle(replace(REST, mode=Mode.PASSIVE))
@@ -499,4 +502,7 @@ def test_nothing_is_written_after_closing(base: Base) -> None:
     base.port.close()
     base.peer.heard(0.2)
     base.port.write(STOP)
+    base.clock.advance(1.0)
+    base.port.read()  # which does not open the line again
+    assert not base.line.connected
     assert base.peer.heard() == b""

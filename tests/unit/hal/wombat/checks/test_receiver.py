@@ -124,7 +124,7 @@ def test_a_transfer_that_fails_costs_a_cycle_and_a_link_that_fails_for_long_is_l
         faults(120)
 
 
-def test_words_that_no_converter_gives_are_read_again_or_left_out() -> None:
+def test_words_that_no_converter_gives_are_read_again_or_left_out_and_for_long_are_a_lost_link() -> None:
     clock, analog = SteppedClock(), wire.ADC_0 + 4
 
     def damaged(count: int) -> bytes:
@@ -139,6 +139,15 @@ def test_words_that_no_converter_gives_are_read_again_or_left_out() -> None:
         clock.advance(0.005)
     torn = [Fault.TORN]
     assert seen == [(None, torn), (frame(0), []), (frame(100), torn), (None, torn), (frame(300), [])]
+    receiver = Receiver(StockDialect(), Script(frame(0), damaged(0)), clock)
+
+    def poll() -> bool:
+        receiver.collect()
+        clock.advance(0.005)
+        return receiver.poll(READ) is not None
+
+    with pytest.raises(HardwareError, match=r"is lost: its frames contradict each other for 0\.5 s"):
+        [poll() for _ in range(120)]
 
 
 @pytest.mark.parametrize("before", [True, False])

@@ -50,6 +50,7 @@ def test_inputs_of_the_worked_reply() -> None:
     readings = wire.inputs(wire.decode(REPLY, 17), 2.0)
     assert readings.time == 2.0
     assert list(readings.bemf) == [-598, 602, 0, -3]
+    assert list(readings.position) == [-121000, 119500, 0, -12]
     assert readings.battery_voltage == pytest.approx(7.400, abs=0.001)
     assert readings.digital == (True, *(False,) * 9)
     assert readings.turn_rate == pytest.approx(math.radians(45))
@@ -69,6 +70,14 @@ def test_world_vectors_of_a_tilted_robot() -> None:
     vectors = wire.body_vectors(tuple(words))
     assert vectors is not None
     assert vectors[1] == pytest.approx((-9.81, 0.0, 0.0), abs=1e-9)
+    # A third of a turn about the diagonal, by a quaternion that is not quite a unit: its axes lie along the
+    # world's next ones, forward along y, left along z, up along x.
+    words[39:43] = (0.6, 0.6, 0.6, 0.6)
+    words[19:22] = (1.0, 2.0, 3.0)
+    vectors = wire.body_vectors(tuple(words))
+    assert vectors is not None
+    assert vectors[0] == pytest.approx((2.0, 3.0, 1.0))
+    assert vectors[1] == pytest.approx((0.0, 9.81, 0.0), abs=1e-9)
 
 
 def test_a_void_quaternion_means_no_imu() -> None:

@@ -51,6 +51,8 @@ def test_inputs_of_the_worked_reply() -> None:
     # Chip z points down: 45 deg/s about it is clockwise from above, and its -1 g is +1 g up.
     assert readings.turn_rate == pytest.approx(-0.7854, abs=0.001)
     assert readings.accel is not None
+    assert readings.gyro is not None
+    assert list(readings.gyro) == [-33, 16, -738]
     assert list(readings.accel) == [-96, 64, 8192]
     assert readings.accel[2] * readings.device.accel_m_s2 == pytest.approx(9.80665)
     assert readings.extra == {"button": 0.0}
