@@ -97,6 +97,9 @@ def test_a_wheel_that_friction_holds_where_it_is_to_stand_is_not_stalled() -> No
         loop.step(WheelTarget(1.0, 4.0), 0.0, 4.0, 0.005, 6.8)
     assert loop.standing == ()
     assert loop.stalled == ("left",)
+    mirrored = make_loop()
+    mirrored.step(WheelTarget(4.0, 0.1), 4.0, 0.0, 0.005, 6.8)
+    assert mirrored.standing == ("right",)
 
 
 def known_after(loop: WheelLoop, target: WheelTarget, seconds: float = 2.0) -> tuple[bool, bool]:
