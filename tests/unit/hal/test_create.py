@@ -442,6 +442,20 @@ def test_a_killed_program_leaves_no_wheel_running(peer: SerialPeer) -> None:
     assert protocol.drive_pwm(128, 128) in heard
 
 
+def test_a_program_that_hangs_leaves_no_wheel_running(peer: SerialPeer) -> None:
+    """Its port tells the supervisor of no servos to hold: what stops at its end stops then as well."""
+    port = open_create(str(peer.path))
+    try:
+        port.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
+        heard = peer.heard()
+        while not heard.endswith(protocol.stop() * 5):
+            more = peer.heard(2.0)
+            assert more, heard
+            heard += more
+    finally:
+        port.close()
+
+
 class Watched:
     def __init__(self) -> None:
         self.beats = 0

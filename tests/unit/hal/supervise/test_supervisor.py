@@ -11,6 +11,7 @@ import pytest
 from raccoon.core.errors import HardwareError
 from raccoon.hal.supervise.supervisor import Supervisor
 from raccoon.hal.wombat.firmware.stock.commands import frame, stop
+from serial_peer import SerialPeer
 from socket_link import SocketLink
 from supervised import PROGRAM, SupervisedBench
 
@@ -105,6 +106,18 @@ def test_the_supervisor_is_small_and_idle(tmp_path: Path) -> None:
         assert seconds <= 0.05  # what starting an interpreter costs, and nothing after that
     finally:
         guard.close()
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_a_supervisor_that_is_let_go_stops_what_its_program_has_not(stopped: bool, tmp_path: Path) -> None:
+    """And nothing else: the next program may have the bus by then."""
+    peer = SerialPeer(tmp_path / "tty")
+    try:
+        guard = Supervisor(f"tty:{peer.path}:115200", [b"off"])
+        guard.close(stopped=stopped)
+        assert peer.heard() == (b"" if stopped else b"off" * 5)
+    finally:
+        peer.unplug()
 
 
 @pytest.mark.parametrize("script", ["exec sleep 60", "exit 0"], ids=["hangs", "ends"])
