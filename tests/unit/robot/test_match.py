@@ -172,7 +172,8 @@ def test_the_alarm_of_the_wall_clock_ends_code_that_never_comes_back() -> None:
 
     port = Lamp()
     with open_robot(CONFIG, port=port) as robot:
-        report = run_match(robot, timed(do(hangs), "think"), seconds=0.1, alarm=True)
+        # The first ticks of a process load the simulator, and may take longer than this match.
+        report = run_match(robot, timed(do(hangs), "think"), start=wait(0.02), seconds=0.1, alarm=True)
         assert robot.time < 0.05  # nothing was read since
     assert not report.finished
     assert port.last == STOP
@@ -197,9 +198,13 @@ def test_an_alarm_that_the_program_catches_is_one_and_comes_again(monkeypatch: p
                 caught += 1
         return "all done"
 
+    handler = signal.getsignal(signal.SIGALRM)
     with open_robot(CONFIG, port=Lamp()) as robot:
         report = run_match(robot, hangs, seconds=0.1, alarm=True)
     assert caught == 2
+    # And none after the match.
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    assert signal.getsignal(signal.SIGALRM) is handler
     assert not report.finished
     assert report.seconds == pytest.approx(0.1)
     assert "stopped by the clock" in report.table()
