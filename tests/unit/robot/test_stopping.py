@@ -216,13 +216,30 @@ def test_signal_handlers_are_put_back() -> None:
     def handler(*_: object) -> None:
         """A program's own."""
 
-    before: Callable[..., object] | int | None = signal.signal(signal.SIGTERM, handler)
+    numbers = signal.SIGTERM, signal.SIGINT
+    before = [signal.signal(number, handler) for number in numbers]
     try:
         with open_robot(RobotConfig(), port=Bench()):
             assert signal.getsignal(signal.SIGTERM) is not handler
-        assert signal.getsignal(signal.SIGTERM) is handler
+            assert signal.getsignal(signal.SIGINT) is handler  # what it does at Ctrl-C is its own affair
+        assert [signal.getsignal(number) for number in numbers] == [handler, handler]
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, old in zip(numbers, before, strict=True):
+            signal.signal(number, old)
+
+
+def test_a_robot_of_another_thread_leaves_the_signals_alone() -> None:
+    seen: list[object] = []
+
+    def program() -> None:
+        with open_robot(RobotConfig(), port=Bench()) as robot:
+            robot.tick()
+            seen.append(signal.getsignal(signal.SIGTERM))
+
+    thread = threading.Thread(target=program)
+    thread.start()
+    thread.join(10.0)
+    assert seen == [signal.getsignal(signal.SIGTERM)]
 
 
 def test_an_ignored_signal_stays_ignored() -> None:
