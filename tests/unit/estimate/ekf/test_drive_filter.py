@@ -96,14 +96,60 @@ def test_what_both_wheels_turned_alike_and_uncounted_is_way_and_no_turn() -> Non
     assert noise.together(*lost) == pytest.approx(TOGETHER * 0.02)
 
 
-def test_a_doubt_ahead_is_none_across() -> None:
-    drive = certain()
-    drive.widen_along(0.04)
+def test_a_doubt_ahead_is_none_across_and_one_aside_is_none_along() -> None:
     c, s = math.cos(0.7), math.sin(0.7)
-    np.testing.assert_allclose(
-        covariance_of(drive.flat)[POSE, POSE],
-        0.04 * np.array([[c * c, c * s, 0.0], [c * s, s * s, 0.0], [0.0, 0.0, 0.0]]),
-    )
+    ahead, aside = np.array([c, s, 0.0]), np.array([-s, c, 0.0])
+    for doubts in ((0.04, 0.0), (0.0, 0.02), (0.04, 0.02)):
+        drive = certain()
+        drive.widen_along(*doubts)
+        expected = doubts[0] * np.outer(ahead, ahead) + doubts[1] * np.outer(aside, aside)
+        np.testing.assert_allclose(covariance_of(drive.flat)[POSE, POSE], expected, atol=1e-15)
+
+
+def test_a_bias_that_is_doubted_has_turned_the_heading_the_other_way_all_the_while() -> None:
+    drive = certain()
+    drive.doubt_bias(0.02, 3.0)
+    J = np.zeros(SIZE)
+    J[State.GYRO_BIAS], J[State.HEADING] = 0.02, -0.02 * 3.0
+    np.testing.assert_allclose(covariance_of(drive.flat), np.outer(J, J), atol=1e-15)
+
+
+def some_covariance() -> Array:
+    A: Array = 1e-2 * np.random.default_rng(0).normal(size=(SIZE, SIZE))
+    return A @ A.T
+
+
+def test_a_doubt_of_the_way_leaves_what_is_known_of_the_rest_for_each_way() -> None:
+    def given_the_way(P: Array) -> Array:
+        rest: Array = P - np.outer(P[State.WAY], P[State.WAY]) / P[State.WAY, State.WAY]
+        return rest
+
+    P = some_covariance()
+    drive = DriveFilter(MEAN, P, GEOMETRY, STILL)
+    drive.doubt_way(0.05, 0.0)
+    found = covariance_of(drive.flat)
+    assert found[State.WAY, State.WAY] == pytest.approx(P[State.WAY, State.WAY] + 0.05**2)
+    np.testing.assert_allclose(given_the_way(found), given_the_way(P), atol=1e-12)
+    drive.flat = flattened(MEAN, P)
+    drive.doubt_way(0.0, 0.05)
+    more = covariance_of(drive.flat) - P
+    assert more[State.WAY, State.WAY] == pytest.approx(0.05**2)
+    assert not more[[State.WHEEL_TURN, State.GYRO_SCALE, State.GYRO_DELAY]].any()
+    drive = certain()
+    drive.doubt_way(0.05, 0.05)  # of a way that is known nothing hangs together
+    assert drive.flat == certain().flat
+
+
+def test_the_pose_of_another_belief_is_all_that_is_taken_of_it() -> None:
+    P = some_covariance()
+    drive, other = DriveFilter(MEAN, P, GEOMETRY, STILL), flattened(2.0 * MEAN, 3.0 * P)
+    drive.take_pose(other)
+    mean, found = mean_of(drive.flat), covariance_of(drive.flat)
+    pose, rest = slice(State.X, State.VELOCITY), slice(State.VELOCITY, SIZE)
+    np.testing.assert_array_equal(mean, [*2.0 * MEAN[pose], *MEAN[rest]])
+    np.testing.assert_array_equal(found[pose, pose], 3.0 * P[pose, pose])
+    np.testing.assert_array_equal(found[rest, rest], P[rest, rest])
+    assert not found[pose, rest].any()
 
 
 def test_priors_of_wheel_scales_and_track_are_those_of_the_states_that_hold_them() -> None:
