@@ -87,10 +87,18 @@ def test_reset_moves_the_pose_and_keeps_what_was_learnt() -> None:
     assert learnt == pytest.approx(0.004, abs=0.001)
 
 
-@pytest.mark.parametrize("pose", [(math.nan, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.nan)])
-def test_pose_that_is_not_finite_is_refused(pose: tuple[float, float, float]) -> None:
-    with pytest.raises(ValueError, match="must be finite"):
-        Odometry(RobotConfig()).reset(*pose)
+def test_a_pose_that_is_not_finite_and_deviations_that_are_none_are_refused() -> None:
+    odometry = Odometry(RobotConfig())
+    before = odometry.resets
+    for pose in ((math.nan, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.nan)):
+        with pytest.raises(ValueError, match="must be finite"):
+            odometry.reset(*pose)
+    for std in (-0.01, math.nan, math.inf):
+        with pytest.raises(ValueError, match=f"position_std is {std}: allowed are finite numbers from 0"):
+            odometry.reset(position_std=std)
+        with pytest.raises(ValueError, match=f"heading_std is {std}: allowed are finite numbers from 0"):
+            odometry.reset(heading_std=std)
+    assert odometry.resets == before
 
 
 def test_a_device_that_is_said_anew_is_the_same_one() -> None:

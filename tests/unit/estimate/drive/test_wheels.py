@@ -6,6 +6,7 @@ import pytest
 
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
+from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
 from raccoon.estimate.drive.wheels import WheelDecoder, lag_seconds
 from raccoon.model.bemf import counter_lag
 
@@ -85,6 +86,7 @@ def test_counter_that_moves_further_than_a_wheel_can_is_left_out_once() -> None:
     assert (jumped.left_angle, jumped.left_jumped, jumped.right_jumped) == (None, True, False)
     after = decoder.decode(inputs(0.010, (), (1e6 + 5, 10.0)))
     assert after.left_angle == pytest.approx(5 * PER_COUNT)
+    assert not after.left_jumped
 
 
 @pytest.mark.parametrize("fault", [Fault.RESET, Fault.POSITION_JUMP])
@@ -96,11 +98,14 @@ def test_counter_of_a_cycle_with_an_announced_jump_is_left_out(fault: Fault) -> 
 
 @pytest.mark.parametrize("word", [math.nan, math.inf, -math.inf])
 def test_word_that_is_not_a_number_is_left_out_and_told(word: float) -> None:
-    decoder = WheelDecoder(RobotConfig())
-    decoder.decode(inputs(0.0, (0.0, 0.0), (0.0, 0.0)))
-    reading = decoder.decode(inputs(0.005, (word, 1.0), (word, 1.0)))
-    assert (reading.left_speed, reading.left_angle, reading.not_a_number) == (None, None, True)
-    assert reading.right_speed is not None
+    for bemf, position in ((word, word), (word, 1.0), (1.0, word)):
+        decoder = WheelDecoder(RobotConfig())
+        decoder.decode(inputs(0.0, (0.0, 0.0), (0.0, 0.0)))
+        reading = decoder.decode(inputs(0.005, (bemf, 1.0), (position, 1.0)))
+        assert reading.not_a_number
+        assert (reading.left_speed is None) is (bemf is word)
+        assert (reading.left_angle is None) is (position is word)
+        assert reading.right_speed is not None
 
 
 def test_the_device_knows_its_lag_unless_robot_toml_does() -> None:
@@ -118,3 +123,47 @@ def test_a_zero_of_a_device_with_a_dead_zone_is_not_standing_still() -> None:
     reading = decoder.decode(replace(inputs(0.005, (0, 12), (0, 0)), device=board))
     assert (reading.left_blind, reading.right_blind) == (True, False)
     assert not decoder.decode(inputs(0.010, (0, 0), (0, 0))).left_blind
+
+
+def turning(lag: float = 0.02) -> WheelTrack:
+    """A wheel that has turned at 3 rad/s for a second."""
+    track = WheelTrack(lag)
+    for _ in range(200):
+        track.update(0.005, 3.0, 0.015)
+    return track
+
+
+def silent(track: WheelTrack, seconds: float) -> float:
+    """rad that it is taken to turn while nothing is read."""
+    guessed = 0.0
+    for _ in range(round(seconds / 0.005)):
+        track.update(0.005, None, None)
+        guessed += track.increment
+    return guessed
+
+
+def test_a_silent_wheel_turns_on_for_a_while_and_its_counter_makes_up_for_the_rest() -> None:
+    track = turning()
+    guessed = silent(track, 0.2)
+    assert guessed == pytest.approx(3.0 * HOLD)
+    assert (track.increment, track.speed, track.settled) == (0.0, 0.0, 0.0)
+    track.update(0.005, 2.0, 0.5)  # what it turned, and the filter that is behind by less than before
+    assert guessed + track.increment == pytest.approx(0.5 + 0.02 * (2.0 - 3.0))
+    assert (track.speed, track.lost) == (2.0, 0.0)
+
+
+def test_a_silent_wheel_without_a_counter_may_have_turned_on_all_the_while() -> None:
+    track = turning()
+    silent(track, 0.2)
+    track.update(0.005, 3.0, None)
+    assert track.increment == 0.0
+    assert track.lost == pytest.approx(3.0 * 0.205)
+
+
+def test_a_board_that_restarts_has_a_filter_that_begins_anew() -> None:
+    """What it reads then is no sudden stop, of which the filter would be behind."""
+    track = turning()
+    track.restart(0.005)
+    assert track.lost == pytest.approx(3.0 * 0.005)
+    track.update(0.005, 0.0, 0.0)
+    assert track.increment == 0.0

@@ -181,6 +181,12 @@ def test_a_taped_way_moves_the_states_along_its_slopes() -> None:
     way = Way(left=12.0, right=14.0, seconds=5.0)
     H = slopes(lambda state: way.expected(state, 0.0345), MEAN)
     np.testing.assert_allclose(way.jacobian(MEAN, 0.0345), H, rtol=1e-7, atol=1e-9)
+    # It is as sure as the tape, and as what the wheels slip on it.
+    fusion = Fusion(certain(), OdometrySettings(slip_noise=0.05))
+    fusion.way = way
+    taped = way.expected(MEAN, 0.0345)[0] - 0.02
+    seen = fusion.observe_way(taped, 0.03)
+    assert seen.mahalanobis == pytest.approx(0.02 / math.sqrt(0.03**2 + 0.05**2 * taped))
 
 
 def test_a_wheel_whose_ticks_are_all_there_is_errs_by_a_tick_at_either_end() -> None:
