@@ -19,6 +19,8 @@ def test_motors_that_stand_draw_what_their_duty_says(factor: float, inverted: bo
     drive = Drive(config)
     drive.duties(0.8, -0.4)
     sent = drive.outputs(Odometry(config).estimate, 0.005, 6.6).duty
+    sign = -factor if inverted else factor
+    assert sent == pytest.approx((0.8 * sign, -0.4 * sign, 0.0, 0.0))
     power = sum(
         (duty * 6.6) ** 2 / wheel.resistance for duty, wheel in zip(sent, drive.wheels.models, strict=False)
     )
