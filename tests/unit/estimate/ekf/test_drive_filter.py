@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.readings import SIMULATOR
 from raccoon.estimate.drive.fusion import Fusion
 from raccoon.estimate.drive.noise import TOGETHER, WheelNoise
 from raccoon.estimate.drive.observations import Way
-from raccoon.estimate.drive.prior import process_noise, scale_covariance
+from raccoon.estimate.drive.prior import process_noise, scale_covariance, scale_std
 from raccoon.estimate.drive.published import published
 from raccoon.estimate.drive.readings import DriveReadings
 from raccoon.estimate.drive.standstill import Creeping, Standstill
@@ -165,6 +165,16 @@ def test_priors_of_wheel_scales_and_track_are_those_of_the_states_that_hold_them
     np.testing.assert_allclose(scale_covariance(*deviations), H @ np.diag(deviations**2) @ H.T, rtol=1e-6)
 
 
+def test_a_motor_without_ticks_is_as_sure_as_its_wheel_and_its_magnet_and_as_such_motors_are() -> None:
+    of_radius = {"wheel_radius": {"value": 0.0345, "std": 0.03 * 0.0345}}
+    robot = parse_robot(
+        {"model": {"drive": of_radius, "motor": {"back_emf_constant": {"value": 1.08, "std": 0.04 * 1.08}}}}
+    )
+    for least, expected in ((0.01, 0.05), (0.06, 0.06)):
+        settings = OdometrySettings(uncalibrated_scale=least)
+        assert scale_std(robot, settings, "left") == pytest.approx(expected)
+
+
 def test_scales_that_are_doubted_and_that_wander_do_so_as_both_wheels_scales() -> None:
     scales = slice(State.WAY, State.GYRO_SCALE)
     drive = certain()
@@ -195,6 +205,19 @@ def test_a_wheel_whose_ticks_are_all_there_is_errs_by_a_tick_at_either_end() -> 
     tick = counts_scale(RobotConfig(), "left", SIMULATOR) * SIMULATOR.position_counts_seconds
     variance = WheelNoise(RobotConfig(), settings, SIMULATOR).variance(wheel, 0.0, 0.02)
     assert variance == pytest.approx(2.0 * (tick / 0.02) ** 2 / 12.0, rel=1e-4)
+
+
+def test_a_way_slips_by_its_square_root_and_one_nobody_reads_may_be_any() -> None:
+    """Alike in steps, as a mean speed, and in a gap, as an angle."""
+    settings, span, angle = OdometrySettings(slip_noise=0.05, timing=0.0), 0.5, -4.0
+    noise, wheel = WheelNoise(RobotConfig(), settings, SIMULATOR), WheelTrack(0.0)
+    radius = RobotConfig().model.drive.wheel_radius.value
+    slip = 0.05**2 * abs(angle * radius) / radius**2
+    assert noise.of_angle(wheel, angle, span) - noise.of_angle(wheel, 0.0, span) == pytest.approx(slip)
+    of_speed = noise.variance(wheel, angle / span, span) - noise.variance(wheel, 0.0, span)
+    assert of_speed == pytest.approx(slip / span**2)
+    wheel.silent = 1.0
+    assert noise.of_angle(wheel, angle, span) == pytest.approx(noise.variance(wheel, 0.0, span) * span**2)
 
 
 @pytest.mark.parametrize("arc", [0.5 * math.pi, math.pi])
