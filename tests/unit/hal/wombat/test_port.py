@@ -436,9 +436,10 @@ def test_the_reset_line_stops_what_no_longer_listens(bench: Bench) -> None:
         port.write(FORWARD)
     bench.emulator.faults.frozen = True
     bench.port = port
-    with pytest.raises(HardwareError, match="main loop"):
+    with pytest.raises(HardwareError, match="main loop") as hangs:
         bench.run(FORWARD, 200)
     assert not bench.emulator.motors_running
+    assert "may still run" not in str(hangs.value)
     port.close()
 
 
@@ -448,6 +449,18 @@ def test_without_a_reset_line_the_danger_is_told(bench: Bench) -> None:
     with pytest.raises(HardwareError, match="motors may still run: switch the Wombat off"):
         bench.run(FORWARD, 200)
     bench.port.close()
+
+
+def test_a_stop_that_is_lost_is_sent_until_the_controller_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench("stock")
+    bench.run(FORWARD, 50)
+    link, lost = bench.port._link, iter([True] * 4)
+    transfer = link.transfer
+    monkeypatch.setattr(
+        link, "transfer", lambda frame: transfer(bytes(len(frame)) if next(lost, False) else frame)
+    )
+    bench.port.close()
+    assert not bench.emulator.motors_running
 
 
 def test_closing_without_an_answer_is_an_error() -> None:
