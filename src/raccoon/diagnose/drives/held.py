@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.binned import bin_means, in_force, placed, runs, when
-from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log, apart, settled
+from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log
 from raccoon.diagnose.drives.sizes import full_voltage
 from raccoon.diagnose.drives.sizes import volts as volts_of
 from raccoon.diagnose.drives.slow_rows import SLOWEST_ROW
@@ -90,18 +90,14 @@ def with_free_driving(log: Log, found: Sequence[Stretch]) -> Log:
     """
     if not found:
         return log
-    held = spans(found)
-    rows = np.minimum(np.searchsorted(log.time, [end for _, end in held]), len(log.time) - 1)
-    until = [settled(log.time, log.duty, int(row)) for row in rows]
-    lost = tuple(sorted((*log.lost, *((start, end) for (start, _), end in zip(held, until, strict=True)))))
     told = tuple(_told(why, [each for each in found if each.why == why]) for why in (HELD, LIFTED))
     told = tuple(each for each in told if each)
-    left = log.seconds - sum(apart(lost))
-    if left < SHORTEST_SECONDS:
+    free = log.without(spans(found))
+    if free is None:
         raise TraceError(
             f"{'; '.join(told)}; a diagnosis needs at least {SHORTEST_SECONDS:g} s of driving freely"
         )
-    return replace(log, lost=lost, held=held, notes=(*log.notes, *told))
+    return replace(free, notes=(*log.notes, *told))
 
 
 def _told(why: str, stretches: Sequence[Stretch]) -> str:

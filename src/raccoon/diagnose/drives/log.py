@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.commands import brakes_in, commanded
 from raccoon.diagnose.drives.sample_clock import SampleClock
 from raccoon.diagnose.drives.slow_rows import OWN_RATE, said_of_rows
 from raccoon.diagnose.drives.times import check_time
@@ -122,11 +123,20 @@ class Log:
     def between(self, start: float, end: float) -> Log:
         """The part with start <= time < end."""
         keep = (self.time >= start) & (self.time < end)
-        parts = tuple(
-            Channel(each.name, each.role, each.unit, each.values[keep], each.floor) for each in self.channels
-        )
+        parts = tuple(replace(each, values=each.values[keep]) for each in self.channels)
         brake = None if self.brake is None else self.brake[keep]
         return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts, brake=brake)
+
+    def without(self, spans: Sequence[tuple[float, float]]) -> Log | None:
+        """With spans of time, s from and to, that were not driven freely: nothing is compared in them, nor
+        until the robot has settled after each. None where less than `SHORTEST_SECONDS` would be left."""
+        rows = np.minimum(np.searchsorted(self.time, [end for _, end in spans]), len(self.time) - 1)
+        until = [settled(self.time, self.duty, int(row)) for row in rows]
+        gone = ((start, end) for (start, _), end in zip(spans, until, strict=True))
+        lost = tuple(sorted((*self.lost, *gone)))
+        if self.seconds - sum(apart(lost)) < SHORTEST_SECONDS:
+            return None
+        return replace(self, lost=lost, held=tuple(sorted((*self.held, *spans))))
 
     def single(self) -> list[Log]:
         """Its recordings, each as a log of its own; itself where it is one."""
@@ -167,6 +177,17 @@ BEMF = ("bemf_left", "bemf_right")
 WHEELS = (*BEMF, "speed_left", "speed_right")
 
 
+def column_names(robot: RobotConfig) -> dict[str, str]:
+    """The column of each role, for this robot's ports."""
+    ports = {"left": robot.drive.left, "right": robot.drive.right}
+    return {role: pattern.format(**ports) for role, (pattern, _, _) in ROLES.items()}
+
+
+def is_read(columns: Mapping[str, Array], name: str) -> bool:
+    """Whether a column is there, with readings enough to be a channel."""
+    return name in columns and int(np.isfinite(columns[name]).sum()) >= FEWEST
+
+
 def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     """Arrange the columns of a recording (names of the CSV format) for this robot.
 
@@ -191,35 +212,17 @@ def arranged(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     """
     ports = {"left": robot.drive.left, "right": robot.drive.right}
     signs = {side: -1.0 if robot.motor(port).inverted else 1.0 for side, port in ports.items()}
-    duty = np.column_stack([signs[side] * _command(columns, port) for side, port in ports.items()])
+    duty = np.column_stack([signs[side] * commanded(columns, port) for side, port in ports.items()])
     channels, missing = [], []
-    for role, (pattern, unit, floor) in ROLES.items():
-        name = pattern.format(**ports)
-        values = columns.get(name)
-        if values is None or np.isfinite(values).sum() < FEWEST:
+    for role, name in column_names(robot).items():
+        if not is_read(columns, name):
             missing.append(name)
             continue
+        _, unit, floor = ROLES[role]
         sign = signs[role.rpartition("_")[2]] if role in WHEELS else 1.0
-        channels.append(Channel(name, role, unit, sign * np.asarray(values, float), floor))
-    time, brake = np.asarray(columns["t"], float), _brakes(columns, list(ports.values()))
+        channels.append(Channel(name, role, unit, sign * np.asarray(columns[name], float), floor))
+    time, brake = np.asarray(columns["t"], float), brakes_in(columns, list(ports.values()))
     return Log(time, duty, tuple(channels), tuple(missing), brake=brake)
-
-
-def _brakes(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bool_] | None:
-    """Whether each motor is shorted at duty 0, (n, 2), each valid until the next row, as the format has it: a
-    command without a word of it does not brake, and a row without either has that of before. None where no
-    row of one of them has any word."""
-    names = [f"motor.{port}.brake" for port in ports]
-    if not all(name in columns and np.isfinite(columns[name]).any() for name in names):
-        return None
-    duties = [columns[f"motor.{port}.duty"] for port in ports]
-    words = [braked(columns[name], duty) for name, duty in zip(names, duties, strict=True)]
-    return np.column_stack([each > 0.5 for each in words])
-
-
-def braked(words: Array, duty: Array) -> Array:
-    """Whether a motor is shorted at duty 0 in each row, 0 or 1. words, duty: its columns as recorded."""
-    return until_next(np.where(np.isfinite(duty), np.nan_to_num(words), words))
 
 
 def _time(columns: Mapping[str, Array]) -> Array:
@@ -276,20 +279,3 @@ def apart(lost: Sequence[tuple[float, float]]) -> list[float]:
         found.append(max(end - max(start, reached), 0.0))
         reached = max(reached, end)
     return found
-
-
-def _command(columns: Mapping[str, Array], port: int) -> Array:
-    name = f"motor.{port}.duty"
-    if name not in columns:
-        held = sorted(each for each in columns if each.endswith(".duty")) or ["no commands at all"]
-        raise TraceError(f"{name} is not in the recording: it holds {', '.join(held)}; is it this robot's?")
-    duty = np.asarray(columns[name], float)
-    if not np.isfinite(duty).any():
-        raise TraceError(f"{name} holds no numbers")
-    return until_next(duty)
-
-
-def until_next(values: Array) -> Array:
-    """Each number until the next one, 0 before the first."""
-    latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
-    return np.where(latest < 0, 0.0, values[latest])

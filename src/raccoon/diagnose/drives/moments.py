@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log, apart, settled
+from raccoon.diagnose.drives.log import Log
 
 AROUND = 0.6
 """s to either side of the worst reading of a moment that are left out."""
@@ -21,15 +19,11 @@ def without_moments(log: Log, moments: Sequence[float]) -> Log:
     """The log with what is around these times, s, among what is lost, and a note of it; the same log where
     there are none, or too little would be left."""
     spans = [(each - AROUND, each + AROUND) for each in moments]
-    rows = np.minimum(np.searchsorted(log.time, [end for _, end in spans]), len(log.time) - 1)
-    lost = [
-        (start, settled(log.time, log.duty, int(row))) for (start, _), row in zip(spans, rows, strict=True)
-    ]
-    every = tuple(sorted((*log.lost, *lost)))
-    if not lost or log.seconds - sum(apart(every)) < SHORTEST_SECONDS:
+    freely = log.without(spans) if spans else None
+    if freely is None:
         return log
     note = f"{happened(moments)} Left out, since the simulated robot drives freely"
-    return replace(log, lost=every, held=tuple(sorted((*log.held, *spans))), notes=(*log.notes, note))
+    return replace(freely, notes=(*log.notes, note))
 
 
 def happened(moments: Sequence[float]) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.binned import bin_means, in_force, placed, runs, when
-from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log, apart, settled
+from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log
 from raccoon.diagnose.drives.sizes import full_voltage, volts
 
 Array = NDArray[np.float64]
@@ -68,17 +68,13 @@ def with_what_turned(log: Log, robot: RobotConfig) -> Log:
     log = replace(log, stood=told)
     if not found:
         return log
-    held = tuple((each.start, each.end) for each in found)
-    rows = np.minimum(np.searchsorted(log.time, [end for _, end in held]), len(log.time) - 1)
-    until = [settled(log.time, log.duty, int(row)) for row in rows]
-    more = [(start, end) for (start, _), end in zip(held, until, strict=True)]
-    lost = tuple(sorted((*log.lost, *more)))
-    if log.seconds - sum(apart(lost)) < SHORTEST_SECONDS:
+    free = log.without([(each.start, each.end) for each in found])
+    if free is None:
         raise TraceError(
             f"{'; '.join(text for _, text in told)}; a diagnosis needs at least {SHORTEST_SECONDS:g} s of "
             "driving freely"
         )
-    return replace(log, lost=lost, held=tuple(sorted((*known, *held))))
+    return free
 
 
 def _covers(span: tuple[float, float], found: Standing) -> bool:

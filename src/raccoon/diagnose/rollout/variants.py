@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.log import Log, column_names
 from raccoon.diagnose.drives.ramps import Ramp
 from raccoon.diagnose.drives.sample_clock import in_force
 from raccoon.diagnose.hypotheses.coordinates import Settings
@@ -56,14 +56,6 @@ class Rollout(Protocol):
 
 
 _ZONES = [Plant._fields.index(f"dead_zone_{side}") for side in ("left", "right")]
-COLUMNS = {
-    "bemf_left": "motor.{left}.bemf",
-    "bemf_right": "motor.{right}.bemf",
-    "speed_left": "motor.{left}.speed",
-    "speed_right": "motor.{right}.speed",
-    "gyro": "imu.gyro.z",
-    "battery": "battery.voltage",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +110,10 @@ class PlantRollout:
         check_nominal(robot.model)
         cycle = _cycle(usual_step(log.time), habits.chain.cycle)
         self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
-        ports = {"left": robot.drive.left, "right": robot.drive.right}
         self._heard = {} if plain else _readings(log)
         self._silent = 0.0 if habits.firmware is None else habits.firmware.silent
-        self._names = tuple(COLUMNS[each.role].format(**ports) for each in log.channels)
+        names = column_names(robot)
+        self._names = tuple(names[each.role] for each in log.channels)
         self._roles = tuple(each.role for each in log.channels)
         self._own = tuple(own)
         self._time, self._duty = log.time, np.clip(log.duty, -1.0, 1.0)

@@ -16,12 +16,12 @@ from raccoon.core.errors import TraceError
 from raccoon.diagnose.answer import Found
 from raccoon.diagnose.diagnosis import Way, diagnose
 from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.drives.log import SETTLED, STOPPED, Log, log_from_columns
+from raccoon.diagnose.drives.log import SETTLED, STOPPED, Log, column_names, log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings import over_ways
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
-from raccoon.diagnose.rollout.variants import COLUMNS, Habits, PlantRollout
+from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 
 Array = NDArray[np.float64]
@@ -40,8 +40,7 @@ def whole() -> dict[str, Array]:
     """12 s of an exciting drive of that robot, every row of it."""
     log = planned_log(exciting(np.random.default_rng(1), 12.0))
     names = {
-        COLUMNS[each.role].format(left=0, right=1): row
-        for each, row in zip(log.channels, simulated(log), strict=True)
+        column_names(ROBOT)[each.role]: row for each, row in zip(log.channels, simulated(log), strict=True)
     }
     return {"t": log.time, "motor.0.duty": log.duty[:, 0], "motor.1.duty": log.duty[:, 1], **names}
 

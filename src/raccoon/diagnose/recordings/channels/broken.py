@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.core.sections import CYCLE_RATE
-from raccoon.diagnose.drives.log import ROLES
+from raccoon.diagnose.drives.log import column_names, is_read
 from raccoon.diagnose.findings.bent import without_bent
 from raccoon.diagnose.recordings.channels.cut_off import FEWEST, cut_off, without_ends
 from raccoon.diagnose.recordings.channels.fillers import command_of, without_fillers
@@ -20,7 +20,7 @@ from raccoon.diagnose.recordings.channels.partial import absence
 from raccoon.diagnose.recordings.channels.polled import without_held_voltage
 from raccoon.diagnose.recordings.channels.sagging import not_sagging
 from raccoon.diagnose.recordings.reference.faults import reference_faults
-from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
+from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Verdict
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -54,7 +54,7 @@ any cause, known or not, it was 0.03 at most; commands that were rounded to whol
 SAME = 1e-6
 """Part of the largest reading by which numbers are apart that are not the same one, calculated twice."""
 OTHER_ROBOT = 0.25
-"""Logarithm of a factor on both sides beyond which robot.toml is hardly this robot's."""
+"""Logarithm of a factor beyond which robot.toml is hardly this robot's."""
 OF_THE_ROBOT = (
     "motor.back_emf_constant", "motor.armature_resistance", "drive.inertia", "drive.wheel_radius",
     "drive.track_width",
@@ -79,11 +79,9 @@ class Sound:
 
 def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
     """Leave out what no simulation should be fitted to."""
-    ports = {"left": robot.drive.left, "right": robot.drive.right}
     kept, faults = dict(columns), []
-    moved = _moves(columns, ports)
-    for role, (pattern, _, _) in ROLES.items():
-        name = pattern.format(**ports)
+    moved = _moves(columns, robot)
+    for role, name in column_names(robot).items():
         if name not in kept:
             continue
         values = np.asarray(kept[name], float)
@@ -111,9 +109,10 @@ def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
     return Sound(kept, (*faults, *lost), (*about_time, *other_rate), bool(about_time))
 
 
-def _moves(columns: Columns, ports: Mapping[str, int]) -> bool:
+def _moves(columns: Columns, robot: RobotConfig) -> bool:
     """Whether different commands were given at all."""
-    duties = [columns.get(f"motor.{port}.{kind}") for port in ports.values() for kind in ("duty", "voltage")]
+    ports = (robot.drive.left, robot.drive.right)
+    duties = [columns.get(f"motor.{port}.{kind}") for port in ports for kind in ("duty", "voltage")]
     return any(each is not None and np.isfinite(each).any() and np.nanstd(each) > 0.02 for each in duties)
 
 
@@ -195,7 +194,8 @@ def judged_again(found: Diagnosis, columns: Columns, sound: Sound, robot: RobotC
     unchecked = (*_one_side(sound, robot), *_unchecked(found, sound, robot))
     lost = [each.name for each in found.channels if _lost(each.name, each.rmse_after, columns, robot)]
     if not lost:
-        return replace(found, notes=(*found.notes, *unchecked, *_other_robot(found)))
+        both = [each for each in found.causes if each.id in OF_THE_ROBOT and each.where is None]
+        return replace(found, notes=(*found.notes, *unchecked, *other_robot(both)))
     reason = f"the recorded motion does not follow the commands ({', '.join(lost)}): nothing is named"
     dropped = tuple(Rejected(each.name, reason) for each in found.causes)
     return replace(
@@ -226,22 +226,26 @@ def _surely(found: Diagnosis) -> Diagnosis:
 def _unchecked(found: Diagnosis, sound: Sound, robot: RobotConfig) -> tuple[str, ...]:
     """What a diagnosis could not judge because a whole channel is missing: that nothing is named there says
     nothing."""
-    ports = {"left": robot.drive.left, "right": robot.drive.right}
     notes = []
-    for role, (pattern, _, _) in ROLES.items():
-        name = pattern.format(**ports)
+    for role, name in column_names(robot).items():
         said = absence(name, sound.left_out)
         ids = [each.id for each in found.rejected if each.reason == f"not identifiable: {said}"]
         if ids:
             notes.append(f"not checked, since {said}: {', '.join(ids)}")
-        elif role == "battery" and found.channels and not _known(sound, name) and not _in_volts(sound, ports):
+        elif (
+            role == "battery"
+            and found.channels
+            and not is_read(sound.columns, name)
+            and not _in_volts(sound, robot)
+        ):
             notes.append(f"{said}: the battery was checked by the wheels alone")
     return tuple(notes)
 
 
-def _in_volts(sound: Sound, ports: Mapping[str, int]) -> bool:
+def _in_volts(sound: Sound, robot: RobotConfig) -> bool:
     """Whether volts were commanded, which hide the battery; that is said elsewhere."""
-    return not any(_known(sound, f"motor.{port}.duty") for port in ports.values())
+    ports = (robot.drive.left, robot.drive.right)
+    return not any(is_read(sound.columns, f"motor.{port}.duty") for port in ports)
 
 
 def _lost(name: str, error: float, columns: Columns, robot: RobotConfig) -> bool:
@@ -265,7 +269,7 @@ def _counting(values: Array) -> float:
 def _one_side(sound: Sound, robot: RobotConfig) -> tuple[str, ...]:
     """Which wheel is not measured, where only one is."""
     missing = {
-        port: not any(_known(sound, f"motor.{port}.{kind}") for kind in ("bemf", "speed"))
+        port: not any(is_read(sound.columns, f"motor.{port}.{kind}") for kind in ("bemf", "speed"))
         for port in (robot.drive.left, robot.drive.right)
     }
     if all(missing.values()) or not any(missing.values()):
@@ -275,19 +279,11 @@ def _one_side(sound: Sound, robot: RobotConfig) -> tuple[str, ...]:
     return (f"{absence(name, sound.left_out)}: what only that wheel shows is not checked",)
 
 
-def _known(sound: Sound, name: str) -> bool:
-    return name in sound.columns and bool(np.isfinite(sound.columns[name]).sum() >= 20)
-
-
-def _other_robot(found: Diagnosis) -> tuple[str, ...]:
-    far = [
-        each
-        for each in found.causes
-        if each.id in OF_THE_ROBOT
-        and each.where is None
-        and abs(math.log(max(each.parameters["factor"].value, 1e-9))) > OTHER_ROBOT
-    ]
-    if not far:
-        return ()
-    percent = 100.0 * (far[0].parameters["factor"].value - 1.0)
-    return (f"{far[0].id} is off by {percent:+.0f} %: is this robot.toml of this robot?",)
+def other_robot(causes: Sequence[CauseResult]) -> tuple[str, ...]:
+    """A question about robot.toml where a factor is so far off that it is hardly this robot's."""
+    for each in causes:
+        factor = each.parameters["factor"].value
+        if abs(math.log(max(factor, 1e-9))) > OTHER_ROBOT:
+            percent = 100.0 * (factor - 1.0)
+            return (f"{each.name} is off by {percent:+.0f} %: is this robot.toml of this robot?",)
+    return ()

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import Device
+from raccoon.diagnose.drives.log import FEWEST, is_read
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
+from raccoon.diagnose.rollout.silence import ZONE
 from raccoon.trace.recording import ports_in, usual_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-ZONE = "bemf.dead_zone"
 AVERAGED = 0.015
 """s over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a wheel that creeps has.
 What is faster than 20 ms is averaged out in any case. A counter that does not change for as long says what a
@@ -32,8 +33,6 @@ SURELY = 3.5
 robot.toml's."""
 FAR = 20.0
 """Times what a wheel turns in a row at most, by which a counter jumps that begins anew."""
-FEWEST = 20
-"""Numbers from which a column is a reading."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +87,9 @@ def with_counted(columns: Columns, robot: RobotConfig, device: Device) -> Counte
     made, used = dict(columns), []
     for port in (robot.drive.left, robot.drive.right):
         counter, reading = f"motor.{port}.position", f"motor.{port}.bemf"
-        if any(_known(columns, each) for each in (reading, f"motor.{port}.speed")):
+        if any(is_read(columns, each) for each in (reading, f"motor.{port}.speed")):
             continue
-        if _known(columns, counter):
+        if is_read(columns, counter):
             made[reading] = device.position_counts_seconds * _rate(columns["t"], columns[counter])
             used.append(counter)
     whole = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in used)
@@ -101,7 +100,7 @@ def begun_anew(columns: Columns, robot: RobotConfig) -> tuple[str, ...]:
     """A note where both wheels' counters jump once and in one row: of two drives that meet at rest no reading
     shows more. A program that clears them for each motion does it more often."""
     names = [f"motor.{port}.position" for port in (robot.drive.left, robot.drive.right)]
-    if not all(_known(columns, each) for each in names):
+    if not all(is_read(columns, each) for each in names):
         return ()
     known = np.flatnonzero(np.isfinite(columns[names[0]]) & np.isfinite(columns[names[1]]))
     if len(known) < FEWEST:
@@ -154,7 +153,3 @@ def _rate(time: Array, ticks: Array) -> Array:
 
 def _reading(counter: str) -> str:
     return f"{counter.removesuffix('position')}bemf"
-
-
-def _known(columns: Columns, name: str) -> bool:
-    return name in columns and int(np.isfinite(columns[name]).sum()) >= FEWEST

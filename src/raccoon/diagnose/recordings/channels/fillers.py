@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import ROLES, until_next
+from raccoon.diagnose.drives.commands import until_next
+from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.result import SensorFault
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import ROLES
+from raccoon.diagnose.drives.log import column_names, is_read
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 
 Array = NDArray[np.float64]
@@ -18,8 +18,6 @@ Columns = Mapping[str, Array]
 
 _NO_READING = re.compile(r"there is no (\w+(?: or \w+)*) reading in this recording")
 EVERY_GROUP = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*", "bemf.*", "imu.*")
-FEWEST = 20
-"""Numbers from which a column is a reading."""
 
 
 def with_columns_named(
@@ -27,8 +25,7 @@ def with_columns_named(
 ) -> Diagnosis:
     """Reasons that speak of a missing reading, with the column's name. left_out: columns that were recorded
     and not used, and why."""
-    ports = {"left": robot.drive.left, "right": robot.drive.right}
-    names = {role: pattern.format(**ports) for role, (pattern, _, _) in ROLES.items()}
+    names = column_names(robot)
     said = {role: absence(name, left_out) for role, name in names.items()}
     rejected = [_named(each, said) for each in found.rejected]
     if found.verdict is Verdict.NOT_IDENTIFIABLE and not found.channels:
@@ -52,7 +49,7 @@ def _named(each: Rejected, said: Mapping[str, str]) -> Rejected:
 def _unseen(columns: Columns, names: Mapping[str, str], left_out: Mapping[str, str]) -> Sequence[Rejected]:
     """Where no wheel is measured nothing can be told, of a gyro neither: it turns with the wheels."""
     wheels = [name for role, name in names.items() if role.startswith(("bemf", "speed"))]
-    if any(name in columns and np.isfinite(columns[name]).sum() >= FEWEST for name in wheels):
+    if any(is_read(columns, name) for name in wheels):
         return ()
     broken = [absence(name, left_out) for name in wheels if name in left_out]
     sides = (" or ".join(names[f"{kind}_{side}"] for kind in ("bemf", "speed")) for side in ("left", "right"))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.binned import bin_means, low_passed
-from raccoon.diagnose.drives.log import until_next
+from raccoon.diagnose.drives.commands import until_next
 from raccoon.diagnose.result import SensorFault
 from raccoon.trace.recording import usual_step
 

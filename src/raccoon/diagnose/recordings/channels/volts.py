@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import BatteryModel, Measured, RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.log import until_next
+from raccoon.diagnose.drives.commands import until_next
 from raccoon.diagnose.drives.unseen import check_has, said_of_holdout
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause

@@ -16,7 +16,7 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import OF_TURNS
-from raccoon.diagnose.recordings.channels.broken import OTHER_ROBOT
+from raccoon.diagnose.recordings.channels.broken import other_robot
 from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
 from raccoon.diagnose.recordings.geometry.fit import (
     Errors,
@@ -29,7 +29,6 @@ from raccoon.diagnose.recordings.geometry.words import RULER, geometry_cause
 from raccoon.diagnose.recordings.reference.units import check_reference
 from raccoon.diagnose.reports.manoeuvre_words import MANOEUVRES
 from raccoon.diagnose.result import (
-    CauseResult,
     ChannelResult,
     Curve,
     Diagnosis,
@@ -200,16 +199,6 @@ def _verdict(causes: bool, far: bool) -> Verdict:
     if far:
         return Verdict.PARTLY if causes else Verdict.UNKNOWN
     return Verdict.EXPLAINED if causes else Verdict.ADEQUATE
-
-
-def other_robot(causes: Sequence[CauseResult]) -> list[str]:
-    """A question about robot.toml where a length is so far off that it is hardly this robot's."""
-    far = [each for each in causes if abs(math.log(each.parameters["factor"].value)) > OTHER_ROBOT]
-    return [
-        f"{each.name} is off by {100.0 * (each.parameters['factor'].value - 1.0):+.0f} %: is this robot.toml "
-        "of this robot?"
-        for each in far[:1]
-    ]
 
 
 def _shared_how(fit: Fitted) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.log import braked, until_next
+from raccoon.diagnose.drives.commands import braked, until_next
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]

@@ -1,0 +1,47 @@
+"""What motors were told in each row of a recording, in which many rows may be blank."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+
+Array = NDArray[np.float64]
+
+
+def commanded(columns: Mapping[str, Array], port: int) -> Array:
+    """The duty of a motor, -1 to 1, in force from each row on. Raises TraceError where none is recorded."""
+    name = f"motor.{port}.duty"
+    if name not in columns:
+        held = sorted(each for each in columns if each.endswith(".duty")) or ["no commands at all"]
+        raise TraceError(f"{name} is not in the recording: it holds {', '.join(held)}; is it this robot's?")
+    duty = np.asarray(columns[name], float)
+    if not np.isfinite(duty).any():
+        raise TraceError(f"{name} holds no numbers")
+    return until_next(duty)
+
+
+def until_next(values: Array) -> Array:
+    """Each number until the next one, 0 before the first."""
+    latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
+    return np.where(latest < 0, 0.0, values[latest])
+
+
+def brakes_in(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bool_] | None:
+    """Whether each motor is shorted at duty 0, (n, 2), each valid until the next row, as the format has it: a
+    command without a word of it does not brake, and a row without either has that of before. None where no
+    row of one of them has any word."""
+    names = [f"motor.{port}.brake" for port in ports]
+    if not all(name in columns and np.isfinite(columns[name]).any() for name in names):
+        return None
+    duties = [columns[f"motor.{port}.duty"] for port in ports]
+    words = [braked(columns[name], duty) for name, duty in zip(names, duties, strict=True)]
+    return np.column_stack([each > 0.5 for each in words])
+
+
+def braked(words: Array, duty: Array) -> Array:
+    """Whether a motor is shorted at duty 0 in each row, 0 or 1. words, duty: its columns as recorded."""
+    return until_next(np.where(np.isfinite(duty), np.nan_to_num(words), words))
