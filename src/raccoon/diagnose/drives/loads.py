@@ -53,16 +53,13 @@ def with_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Lo
         left = replace(found[0], start=end, end=float(log.time[-1]) + SETTLED, sag=-found[0].sag)
     else:
         return replace(log, notes=(*log.notes, MOST_OF_IT))
-    return replace(log, notes=kept.notes, loads=tuple(sorted((left, *kept.loads), key=_start)))
+    in_order = sorted((left, *kept.loads), key=lambda each: each.start)
+    return replace(log, notes=kept.notes, loads=tuple(in_order))
 
 
 def _is_enough(load: Load, log: Log) -> bool:
     """Whether a load is there from the beginning, and its time long enough to be all that is compared."""
     return bool(load.start < log.time[0] + SETTLED and load.end > log.time[0] + ENOUGH)
-
-
-def _start(load: Load) -> float:
-    return load.start
 
 
 def loads_told(log: Log, resistance: float) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.followers import ANSWERS, FEWEST, Asked, follower, unexplained
+from raccoon.diagnose.drives.followers import ANSWERS, FEWEST, FOLLOWED, Asked, follower, unexplained
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.trace.recording import usual_step
 
@@ -18,8 +18,6 @@ Array = NDArray[np.float64]
 LESS = 0.5
 """Part of the error that is left where commands are taken to follow the readings, from which they do. Where
 they do not it is at least 1."""
-ANSWERED = 0.3
-"""Part of a reading's power up to which commands explain it at all."""
 ONLY_LATE = 1.08
 """Times the error of late commands that the opposite order has where they are late. It was 1.17 at least
 there, and 0.98 at most of drives that were turned round."""
@@ -74,9 +72,11 @@ def _answers_before(log: Log, index: int, wheel: Channel) -> bool:
     step = usual_step(log.time)
     duty, reading = log.duty[known, index], wheel.values[known]
     power = float(np.var(reading))
-    ahead = min(_left(duty, reading, step / each) for each in ANSWERS)
-    behind = min(_left(duty[::-1], reading[::-1], step / each) for each in ANSWERS)
-    return behind < LESS * ahead and behind < ANSWERED * power
+    ahead, behind = (
+        min(unexplained(follower(command, step / each), answer) for each in ANSWERS)
+        for command, answer in ((duty, reading), (duty[::-1], reading[::-1]))
+    )
+    return behind < LESS * ahead and behind < FOLLOWED * power
 
 
 def _only_late(log: Log, wheels: Sequence[Channel]) -> bool:
@@ -89,11 +89,6 @@ def _only_late(log: Log, wheels: Sequence[Channel]) -> bool:
         left.append([1.0 if one is None else one.of_one(duty).left for one, duty in asked])
     late, back = np.sum(left, axis=0)
     return bool(late * ONLY_LATE < back)
-
-
-def _left(duty: Array, reading: Array, rate: float) -> float:
-    """Mean square of a reading beyond what a wheel that follows its command explains."""
-    return unexplained(follower(duty, rate), reading)
 
 
 def _jumps(time: Array, values: Array, share: float) -> NDArray[np.bool_]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -17,6 +16,7 @@ from raccoon.diagnose.drives.followers import changes
 from raccoon.diagnose.drives.held import of_free_driving, where_held
 from raccoon.diagnose.drives.log import Channel, Log, arranged
 from raccoon.diagnose.drives.sizes import (
+    DEGREES,
     FAR,
     FEWEST,
     SHARE,
@@ -36,7 +36,7 @@ from raccoon.trace.recording import mistaken_duty, usual_step
 Array = NDArray[np.float64]
 
 
-DEGREES = (0.5 * 180.0 / math.pi, 2.0 * 180.0 / math.pi)
+IN_DEGREES = (0.5 * DEGREES, 2.0 * DEGREES)
 """How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
 2."""
 BEST = 75.0
@@ -200,7 +200,7 @@ def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
     if factor is None:
         return
     if factor > 20.0 and not native:
-        least, most = DEGREES
+        least, most = IN_DEGREES
         guess = "degrees" if factor <= most else "the sensor's own counts, milliradians or millidegrees"
         guess += "" if factor >= least else " or the sensor's own counts"
         raise TraceError(

@@ -34,7 +34,7 @@ SPEEDS: Mapping[str, float] = {
     "turns a minute": 60.0 / math.tau,
     "turns a second": 1.0 / math.tau,
 }
-GYRO_UNITS: Mapping[str, float] = {"turns a second": 1.0 / math.tau, "turns a minute": 60.0 / math.tau}
+GYRO_UNITS = {name: SPEEDS[name] for name in ("turns a second", "turns a minute")}
 """What degrees and a sensor's own counts look like is said by `quality`."""
 BEMF_UNITS: Mapping[str, float] = {"millivolts": 1000.0 * BEMF_VOLTS_PER_COUNT}
 """How many times larger than counts."""
@@ -50,7 +50,7 @@ def check_sizes(log: Log, robot: RobotConfig) -> None:
         if wheel is None or share is None or wheel.unit == "counts":
             continue
         lengths = {"metres a second": radius, "millimetres a second": 1000.0 * radius}
-        _check_factor(wheel.name, share / SHARE, {**SPEEDS, **lengths}, "its command", "rad/s")
+        _check_factor(wheel.name, share / SHARE, {**SPEEDS, **lengths}, "its command")
     _check_gyro(log, robot, list(shares.values()))
 
 
@@ -69,7 +69,7 @@ def _check_gyro(log: Log, robot: RobotConfig, shares: Sequence[float | None]) ->
             f"{names} are {factor:.3g} times too small for what {gyro.name} says, and small for their "
             "commands: are they in counts of 12 bits?"
         )
-    _check_factor(gyro.name, factor, GYRO_UNITS, "the wheels", "rad/s")
+    _check_factor(gyro.name, factor, GYRO_UNITS, "the wheels")
 
 
 def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | None]) -> None:
@@ -99,13 +99,12 @@ def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | Non
         )
 
 
-def _check_factor(name: str, factor: float, units: Mapping[str, float], than: str, right: str) -> None:
+def _check_factor(name: str, factor: float, units: Mapping[str, float], than: str) -> None:
+    """Raise TraceError where a reading is more than `FAR` times as large, or as small, as expected."""
     if 1.0 / FAR < factor < FAR:
         return
     unit = nearest_unit(factor, units)
-    guess = (
-        f"it looks like {unit}, not {right}" if unit else f"is it in {right}, and robot.toml this robot's?"
-    )
+    guess = f"it looks like {unit}, not rad/s" if unit else "is it in rad/s, and robot.toml this robot's?"
     raise TraceError(f"{name} is {factor:.3g} times what is to be expected of {than}: {guess}")
 
 
@@ -139,18 +138,25 @@ def full_voltage(log: Log, robot: RobotConfig) -> float:
     return robot.model.battery.open_circuit_voltage.value
 
 
-def turn_rate(log: Log, robot: RobotConfig) -> Array | None:
-    """rad/s that the wheels make, NaN where the commands do not turn the robot; None without both wheels."""
+def wheel_rates(log: Log, robot: RobotConfig) -> Array | None:
+    """rad/s (n, 2) by which the left and the right wheel turn the robot, as their readings say; None without
+    both."""
     left, right = log.wheel("left"), log.wheel("right")
     if left is None or right is None:
         return None
     model = robot.model
-    speeds = [
-        volts(wheel, motor) / motor.back_emf_constant.value * wheel.values
+    per_track = model.drive.wheel_radius.value / model.drive.track_width.value
+    by_left, by_right = (
+        per_track / motor.back_emf_constant.value * volts(wheel, motor) * wheel.values
         for wheel, motor in ((left, model.left), (right, model.right))
-    ]
-    rate = (speeds[1] - speeds[0]) * model.drive.wheel_radius.value / model.drive.track_width.value
-    return np.where(turning(log.duty), rate, np.nan)
+    )
+    return np.column_stack([-by_left, by_right])
+
+
+def turn_rate(log: Log, robot: RobotConfig) -> Array | None:
+    """rad/s that the wheels make, NaN where the commands do not turn the robot; None without both wheels."""
+    rates = wheel_rates(log, robot)
+    return None if rates is None else np.where(turning(log.duty), rates.sum(axis=1), np.nan)
 
 
 def turning(duty: Array) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.log import Channel, Log
-from raccoon.diagnose.drives.sizes import FEWEST, turn_rate, volts
+from raccoon.diagnose.drives.sizes import FEWEST, turn_rate, wheel_rates
 
 Array = NDArray[np.float64]
 
@@ -32,10 +32,9 @@ LARGEST_SHARE = 2.0
 def check_ways(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where one motor turns the other way, with its reading as well: its own command and
     reading agree, but what it does to the gyro does not."""
-    gyro, wheels = log.channel("gyro"), _wheels(log)
-    if gyro is None or wheels is None:
+    gyro, wheels, both = log.channel("gyro"), _wheels(log), wheel_rates(log, robot)
+    if gyro is None or wheels is None or both is None:
         return
-    both = _rates(wheels, robot)
     known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
     if known.sum() < FEWEST or float(np.ptp(both[known], axis=0).min()) == 0.0:
         return
@@ -52,10 +51,10 @@ def check_ways(log: Log, robot: RobotConfig) -> None:
 def check_signed(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where no command and no wheel's reading is ever below 0, but the gyro says that the
     wheels turned the robot against each other."""
-    gyro, wheels = log.channel("gyro"), _wheels(log)
-    if gyro is None or wheels is None or float(log.duty.min()) < 0.0:
+    gyro, wheels, rates = log.channel("gyro"), _wheels(log), wheel_rates(log, robot)
+    if gyro is None or wheels is None or rates is None or float(log.duty.min()) < 0.0:
         return
-    both = np.abs(_rates(wheels, robot))
+    both = np.abs(rates)
     known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
     if any((each.values[known] < -5.0 * each.floor).mean() > RARE for each in wheels):
         return
@@ -77,10 +76,10 @@ def check_signed(log: Log, robot: RobotConfig) -> None:
 def check_zero(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where the gyro differs from the wheels by the same all the time: of a robot that is
     turned by a hand it does not."""
-    gyro, wheels = log.channel("gyro"), _wheels(log)
-    if gyro is None or wheels is None:
+    gyro, rates = log.channel("gyro"), wheel_rates(log, robot)
+    if gyro is None or rates is None:
         return
-    off = gyro.values - _rates(wheels, robot).sum(axis=1)
+    off = gyro.values - rates.sum(axis=1)
     off = off[np.isfinite(off)]
     if len(off) < FEWEST:
         return
@@ -164,14 +163,3 @@ def _against_each_other(log: Log) -> bool:
 def _wheels(log: Log) -> tuple[Channel, Channel] | None:
     left, right = log.wheel("left"), log.wheel("right")
     return None if left is None or right is None else (left, right)
-
-
-def _rates(wheels: tuple[Channel, Channel], robot: RobotConfig) -> Array:
-    """rad/s (n, 2) by which each wheel turns the robot, as its reading says."""
-    model = robot.model
-    per_track = model.drive.wheel_radius.value / model.drive.track_width.value
-    left, right = (
-        per_track / motor.back_emf_constant.value * volts(wheel, motor) * wheel.values
-        for wheel, motor in zip(wheels, (model.left, model.right), strict=True)
-    )
-    return np.column_stack([-left, right])

@@ -31,6 +31,8 @@ EVENT = half_second(BIN)
 """Bins, half a second where they are 20 ms."""
 LARGE_EVENT = 1.2
 """Size of half a second, over its expected size, from which it counts less."""
+LAGS = 10
+"""Bins by which what is left is compared with itself, where it is asked whether it is white."""
 COMMON = 2.0
 """Size of an innovation, over its expected size, from which a bin counts less: breaking loose is no
 Gaussian affair."""
@@ -152,7 +154,7 @@ def _unmix(innovation: Array, parameters: int, least: Array) -> Array:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), float)
 
 
-def whiteness(whitened: Array, lags: int = 10) -> Array:
+def whiteness(whitened: Array) -> Array:
     """Ljung-Box p-value per channel of a whitened residual (n, c): small means structure is left in time."""
     from scipy.special import chdtrc
 
@@ -161,7 +163,7 @@ def whiteness(whitened: Array, lags: int = 10) -> Array:
     power = (centred**2).sum(axis=0)
     power = np.where(power > 0.0, power, 1.0)
     statistic = np.zeros(whitened.shape[1])
-    for lag in range(1, lags + 1):
+    for lag in range(1, LAGS + 1):
         correlation = (centred[lag:] * centred[:-lag]).sum(axis=0) / power
         statistic += correlation**2 / max(n - lag, 1)
-    return np.asarray(chdtrc(lags, n * (n + 2) * statistic), float)
+    return np.asarray(chdtrc(LAGS, n * (n + 2) * statistic), float)

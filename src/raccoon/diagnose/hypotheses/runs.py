@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 
 from raccoon.diagnose.hypotheses.coordinates import Coordinate, Setting, Settings
+from raccoon.diagnose.hypotheses.open_numbers import INSIDE
 
-INSIDE = 3.5
 RUN = "run"
 DIFFERS: dict[Setting, float] = {
     ("battery.open_circuit_voltage", None, "voltage"): 0.3,

@@ -34,8 +34,6 @@ from raccoon.diagnose.result import CauseResult, Diagnosis, Verdict
 MOST_CURVES = 6
 """Channels of which a page has a picture over time."""
 
-__all__ = ["error_figure", "page", "save_html"]
-
 
 def save_html(diagnosis: Diagnosis, path: str | Path, title: str = "a recording") -> None:
     """Write the report, atomically. title: what it is a diagnosis of. Raises ConfigError where jinja2 or

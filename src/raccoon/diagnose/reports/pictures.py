@@ -26,10 +26,11 @@ def png(figure: Any) -> str:
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def _figure(width: float, height: float) -> Any:
+def _figure(height: float) -> Any:
+    """An empty one of that height, inches, as wide as a page."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(8.0, height), layout="constrained")
 
 
 def _improved(diagnosis: Diagnosis) -> str:
@@ -49,7 +50,7 @@ def _plain(axes: Any) -> None:
 
 def error_figure(diagnosis: Diagnosis) -> Any:
     """Error before and after over each channel's noise floor."""
-    figure = _figure(8.0, 0.62 * len(diagnosis.channels) + 1.3)
+    figure = _figure(0.62 * len(diagnosis.channels) + 1.3)
     axes = figure.subplots()
     names = [each.name for each in diagnosis.channels]
     floors = [max(each.noise_floor, 1e-300) for each in diagnosis.channels]
@@ -82,7 +83,7 @@ def _times(value: float) -> str:
 def cause_figure(diagnosis: Diagnosis) -> Any:
     """For each cause: error on unseen data without it and with all."""
     causes = diagnosis.causes
-    figure = _figure(8.0, 0.5 * len(causes) + 1.2)
+    figure = _figure(0.5 * len(causes) + 1.2)
     axes = figure.subplots()
     rows = np.arange(len(causes))
     without = [each.gain.heldout_rmse_before for each in causes]
@@ -102,7 +103,7 @@ def cause_figure(diagnosis: Diagnosis) -> Any:
 
 def shape_figure(shape: Shape) -> Any:
     """What no cause describes, over what it depends on, with two standard deviations."""
-    figure = _figure(8.0, 2.6)
+    figure = _figure(2.6)
     axes = figure.subplots()
     low, high = shape.values - 2.0 * shape.stds, shape.values + 2.0 * shape.stds
     axes.fill_between(shape.over, low, high, color=AFTER, alpha=0.2, linewidth=0.0)
@@ -123,7 +124,7 @@ def curve_figure(curve: Curve, diagnosis: Diagnosis) -> Any:
     )
     simulated = bool(np.isfinite(before).any())
     compared = simulated and bool(np.nan_to_num(measured).any())
-    figure = _figure(8.0, 3.9 if compared else 2.3)
+    figure = _figure(3.9 if compared else 2.3)
     panels = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1)) if compared else [figure.subplots()]
     top, bottom = panels[0], panels[-1]
     if compared or not simulated:

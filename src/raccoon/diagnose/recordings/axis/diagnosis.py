@@ -67,9 +67,7 @@ class Place:
     words: str
 
 
-def diagnose_axis(
-    columns: Columns, port: int, place: Place, holdout: Columns | None = None
-) -> tuple[Diagnosis, JudgedAxis]:
+def diagnose_axis(columns: Columns, port: int, place: Place, holdout: Columns | None = None) -> Diagnosis:
     """Name what is wrong with the model of the axis at motor `port`.
 
     Raises TraceError where the recording does not hold what drives it and how it moves, or is too short, and
@@ -81,8 +79,7 @@ def diagnose_axis(
     if holdout is not None:
         with said_of_holdout():
             other = like(log, axis_log(holdout, port))
-    judged = judge_axis(log, other)
-    return _diagnosis(judged, place, begin), judged
+    return _diagnosis(judge_axis(log, other), place, begin)
 
 
 def _diagnosis(judged: JudgedAxis, place: Place, begin: float) -> Diagnosis:
@@ -282,6 +279,3 @@ def _curves(judged: JudgedAxis) -> tuple[Curve, ...]:
             measured + after,
         ),
     )  # fmt: skip
-
-
-__all__ = ["AxisLog", "Place", "diagnose_axis"]

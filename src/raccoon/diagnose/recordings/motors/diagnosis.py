@@ -85,7 +85,7 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
         notes += checked.notes
         try:
             other = None if holdout is None else _check(dict(holdout), port).columns
-            found.append(diagnose_axis(clean, port, _place(robot, port, ports), other)[0])
+            found.append(diagnose_axis(clean, port, _place(robot, port, ports), other))
             done.append(port)
         except HoldoutError:
             raise
@@ -200,7 +200,7 @@ def _supply(columns: Columns, ports: list[int]) -> tuple[Supply | None, tuple[st
     power, missing = power_of(columns, ports)
     if power is None:
         return None, missing
-    return judge_supply(columns["t"], columns[BATTERY], power, assumed=0.0), ()
+    return judge_supply(columns["t"], columns[BATTERY], power), ()
 
 
 def _joined(

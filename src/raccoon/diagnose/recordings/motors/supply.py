@@ -36,8 +36,8 @@ class Supply:
     resistance: ParameterResult
 
 
-def judge_supply(time: Array, voltage: Array, power: Array, assumed: float) -> Supply | None:
-    """voltage: V of the battery. power: W that the motors take. assumed: ohm of the model so far.
+def judge_supply(time: Array, voltage: Array, power: Array) -> Supply | None:
+    """voltage: V of the battery, which is taken to have no resistance so far. power: W that the motors take.
 
     The current is power over voltage, the model V = V0 - R I, fitted before the split that the command steps
     give and judged after it. None where too little is known, or one of both never changes.
@@ -57,7 +57,7 @@ def judge_supply(time: Array, voltage: Array, power: Array, assumed: float) -> S
         for each in CONSTANTS
     )
     noise = float(np.std(np.diff(voltage)) / np.sqrt(2.0))
-    resistance = ParameterResult(float(found[1]), spread, "ohm", assumed)
+    resistance = ParameterResult(float(found[1]), spread, "ohm", 0.0)
     least, deviations = (LITTLE_GAIN, CLEARLY) if found[1] > CLEARLY * spread else (LEAST_GAIN, 3.0)
     helps = with_sag < (1.0 - least) * plain and found[1] > deviations * spread
     channel = ChannelResult("battery.voltage", "V", plain, with_sag if helps else plain, noise)

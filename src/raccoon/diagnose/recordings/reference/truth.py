@@ -10,7 +10,7 @@ import numpy as np
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.extend import named_origin, rebased
-from raccoon.diagnose.findings.known_together import TURN_READS
+from raccoon.diagnose.findings.known_together import K_E, TURN_READS
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference.compared import Factor, Reference
 from raccoon.diagnose.recordings.reference.rescaled import GYRO_COLUMN, Rescaled
@@ -28,7 +28,6 @@ from raccoon.diagnose.result import (
 )
 from raccoon.sim.effects.parameters import SIDES, Parameters
 
-K_E = "motor.back_emf_constant"
 SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb")
 """Where these are wrong as well, a K_E that is off by as much as the radius does the same, beside others of
 them."""

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from raccoon.diagnose.recordings.tophats.checks import FEWER_BITS, Scale
-from raccoon.diagnose.recordings.tophats.fit import FITS, OLDER, WIDTHS, LevelFit, Nominal, level_fits
+from raccoon.diagnose.recordings.tophats.checks import FEWER_BITS, Scale, scale_of
+from raccoon.diagnose.recordings.tophats.fit import FITS, OLDER, WIDTHS, LevelFit, Nominal
 from raccoon.diagnose.recordings.tophats.levels import Levels
 from raccoon.diagnose.recordings.tophats.words import HEIGHT, bits_note, older_too_note
 
@@ -50,13 +48,8 @@ def also_so(
 
 def _fewer_bits(levels: Levels, nominal: Nominal, best: LevelFit) -> Scale | None:
     """Counts of fewer bits, of which one cause explains the levels at less cost than what is named does."""
-    if levels.cut != (0, 0):
-        return None
-    table = levels.both(np.ones(len(levels.time), np.bool_))
-    for each in FEWER_BITS:
-        if levels.counts.max() > each.most:
-            continue
-        found = level_fits(table * np.array([1.0, each.counts, each.counts]), nominal)
-        if any(one.numbers < 2 and one.misfit <= FITS and one.cost < best.cost for one in found):
-            return each
-    return None
+
+    def better(found: list[LevelFit]) -> bool:
+        return any(one.numbers < 2 and one.misfit <= FITS and one.cost < best.cost for one in found)
+
+    return scale_of(levels, nominal, FEWER_BITS, better)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.recordings.tophats.fit import FITS, Nominal, level_fits
+from raccoon.diagnose.recordings.tophats.fit import FITS, LevelFit, Nominal, level_fits
 from raccoon.diagnose.recordings.tophats.levels import Levels, levels_of
 from raccoon.diagnose.result import SensorFault
 from raccoon.model.reflectance import FULL_SCALE
@@ -74,8 +75,11 @@ def other_unit(counts: Array, levels: Levels | str, nominal: Nominal) -> str:
             f"it reaches {float(known.max()):.3g}, in parts: it looks like volts or shares of the largest "
             "reading, not counts of 12 bits (0..4095)"
         )
-    scale = None if isinstance(levels, str) else _scale(levels, nominal)
-    if scale is None or isinstance(levels, str):
+    if isinstance(levels, str):
+        return ""
+    # Of fewer bits as assumed are the levels of KIPR's analog10() and analog8().
+    scale = scale_of(levels, nominal, SCALES, lambda found: found[0].misfit <= FITS)
+    if scale is None:
         return ""
     return (
         f"white ({levels.usual[0]:.0f}) and black ({levels.usual[1]:.0f}) are the usual counts over "
@@ -83,15 +87,15 @@ def other_unit(counts: Array, levels: Levels | str, nominal: Nominal) -> str:
     )
 
 
-def _scale(levels: Levels, nominal: Nominal) -> Scale | None:
-    """The scale on which the levels are as assumed: of fewer bits are those of KIPR's analog10() and
-    analog8()."""
+def scale_of(
+    levels: Levels, nominal: Nominal, scales: Sequence[Scale], fits: Callable[[list[LevelFit]], bool]
+) -> Scale | None:
+    """The first of these scales on which the levels may be. fits: whether what is fitted on one is good."""
     if levels.cut != (0, 0):
         return None
     table = levels.both(np.ones(len(levels.time), np.bool_))
-    for each in SCALES:
-        if levels.counts.max() > each.most:
-            continue
-        if level_fits(table * np.array([1.0, each.counts, each.counts]), nominal)[0].misfit <= FITS:
+    for each in scales:
+        counted = table * np.array([1.0, each.counts, each.counts])
+        if levels.counts.max() <= each.most and fits(level_fits(counted, nominal)):
             return each
     return None

@@ -20,7 +20,7 @@ from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.recordings.tophats.fit import Nominal
 from raccoon.diagnose.recordings.tophats.judge import SensorResult, judge_tophat
-from raccoon.diagnose.recordings.tophats.words import AMBIENT, GAIN, HEIGHT, NOISE
+from raccoon.diagnose.recordings.tophats.words import HEIGHT, NAMES
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
@@ -109,11 +109,10 @@ def _missing(columns: Columns, robot: RobotConfig, of_a_drive: bool) -> list[Rej
     """What cannot be told of tophats that the robot has and the recording has not."""
     recorded = _recorded(columns)
     ports = [] if of_a_drive else sorted({each.analog for each in robot.tophats.values()} - set(recorded))
-    ids = (AMBIENT, GAIN, HEIGHT, NOISE)
     return [
         Rejected(f"{id_}@{port}", f"not identifiable: analog.{port} is missing")
         for port in ports
-        for id_ in ids
+        for id_ in NAMES
     ]
 
 
@@ -134,7 +133,6 @@ def _verdict(seen: bool, causes: bool, unknown: bool) -> Verdict:
 
 
 def _nominal(model: Parameters | None, port: int) -> Nominal:
-    names = {AMBIENT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
     if model is None:
         return Nominal(height=float(effect(HEIGHT).parameters[0].neutral or 0.007))
-    return Nominal(*(model.value(id_, name, str(port)) for id_, name in names.items()))
+    return Nominal(*(model.value(id_, name, str(port)) for id_, name in NAMES.items()))

@@ -56,9 +56,9 @@ class Nominal:
     height: float = 0.007
     sd: float = 0.0
 
-    def level(self, black: bool | float, offset: float, factor: float, height: float) -> float:
-        """Counts over a surface with changes of the three on top."""
-        return float(np.clip(self.uncut(black, offset, factor, height), 0.0, FULL_SCALE))
+    def level(self, black: float) -> float:
+        """Counts over a surface, 1 black, 0 white."""
+        return float(np.clip(self.uncut(black, 0.0, 1.0, 0.0), 0.0, FULL_SCALE))
 
     def uncut(
         self,
@@ -69,7 +69,8 @@ class Nominal:
         light: float = 0.0,
         generation: str = GENERATION,
     ) -> float:
-        """The same before the converter cuts it off. light: share of direct sun."""
+        """The same with changes of the three on top, before the converter cuts it off. light: share of direct
+        sun."""
         at = _inside(self.height + height)
         return self.factor * factor * counts(float(black), generation, at, light) + self.offset + offset
 

@@ -149,7 +149,7 @@ def _joined(first: Curve, second: Curve) -> Curve:
 def _drifting(levels: Levels, port: int, nominal: Nominal, moved: tuple[float, float, float]) -> SensorResult:
     """Levels that move more than they are wrong have no one cause; else the one of their mean is named."""
     size, lowest, highest = moved
-    wrong = max(abs(levels.usual[side] - nominal.level(side, 0, 1, 0)) for side in (0, 1))
+    wrong = max(abs(levels.usual[side] - nominal.level(side)) for side in (0, 1))
     found = _standing(levels, port, nominal, (() if size > LITTLE_MOVE * wrong else None))
     note = (
         f"analog.{port} moves by {size:.0f} counts on the same surface: lowest around {lowest:.1f} s, "
@@ -257,9 +257,7 @@ def _cut(levels: Levels, port: int, fits: Sequence[LevelFit]) -> tuple[SensorFau
 
 def _identified(levels: Levels, port: int, nominal: Nominal) -> dict[str, ParameterResult]:
     return {
-        f"analog.{port} over {name}": ParameterResult(
-            level, levels.noise, "counts", nominal.level(side, 0, 1, 0)
-        )
+        f"analog.{port} over {name}": ParameterResult(level, levels.noise, "counts", nominal.level(side))
         for side, (name, level) in enumerate(zip(("white", "black"), levels.usual, strict=True))
     }
 

@@ -13,6 +13,7 @@ USUAL_NOISE = 5.0
 MILLIVOLTS, NEAR = 3300.0 / FULL_SCALE, 0.008
 """Of a count: what a converter of 3.3 V makes of it, and how near a gain is to be told to be it."""
 NAMES = {AMBIENT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
+"""The parameter of each, as the catalogue calls it."""
 
 
 def tophat_cause(

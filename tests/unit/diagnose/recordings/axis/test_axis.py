@@ -23,7 +23,7 @@ HERE = Place(None, "the axis")
 
 
 def named(columns: Columns) -> Diagnosis:
-    return diagnose_axis(columns, 0, HERE)[0]
+    return diagnose_axis(columns, 0, HERE)
 
 
 def test_a_sound_carriage_has_no_cause() -> None:

@@ -143,7 +143,7 @@ def test_a_battery_that_never_changes_tells_nothing_and_that_is_said(monkeypatch
     columns = pair(5, (0.008, 0.0))
     power = columns["motor.0.voltage"] * columns["motor.0.current"]
     for volts in np.arange(60, 130) / 10.0:
-        assert judge_supply(columns["t"], np.full(len(power), volts), power, 0.0) is None
+        assert judge_supply(columns["t"], np.full(len(power), volts), power) is None
     columns["battery.voltage"][:] = 11.5
 
     def not_asked(*_: object) -> None:
@@ -170,7 +170,7 @@ def test_a_battery_of_0_volts_is_none() -> None:
 def test_a_stiff_battery_gets_no_resistance() -> None:
     rng = np.random.default_rng(2)
     time = np.arange(0.0, 1.0, 0.001)
-    found = judge_supply(time, 11.5 + 0.01 * rng.standard_normal(1000), 5.0 * rng.random(1000), 0.0)
+    found = judge_supply(time, 11.5 + 0.01 * rng.standard_normal(1000), 5.0 * rng.random(1000))
     assert found is not None
     assert found.cause is None
     assert {each.id for each in found.rejected} >= {"battery.internal_resistance"}
@@ -180,7 +180,7 @@ def test_a_small_resistance_is_named_where_it_is_certain() -> None:
     rng = np.random.default_rng(2)
     power = 2.0 * np.abs(np.repeat(rng.standard_normal(100), 100))
     voltage = 8.0 - 0.03 * power / 8.0 + 0.01 * rng.standard_normal(len(power))
-    found = judge_supply(0.002 * np.arange(len(power), dtype=np.float64), voltage, power, 0.0)
+    found = judge_supply(0.002 * np.arange(len(power), dtype=np.float64), voltage, power)
     assert found is not None
     assert found.cause is not None
     assert found.channel.rmse_after > 0.9 * found.channel.rmse_before
