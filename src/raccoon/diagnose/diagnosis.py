@@ -18,7 +18,6 @@ from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.moments import without_moments
 from raccoon.diagnose.drives.quality import moves
 from raccoon.diagnose.drives.unseen import said_of_holdout, with_channels_of
-from raccoon.diagnose.findings.anew import may_rub_anew
 from raccoon.diagnose.findings.batteries import (
     differ,
     judged_apart,
@@ -50,6 +49,7 @@ from raccoon.diagnose.rollout.silence import asked_for
 from raccoon.diagnose.rollout.understood import understood
 from raccoon.diagnose.unknown.changes import name_of
 from raccoon.diagnose.unknown.probes import RUBS_ANEW
+from raccoon.diagnose.unknown.rubbing import may_rub_anew
 from raccoon.diagnose.unknown.sensors import PREFIX
 from raccoon.sim.effects.parameters import Parameters
 

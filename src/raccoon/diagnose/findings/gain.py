@@ -15,13 +15,16 @@ from raccoon.diagnose.fit.noise import event_means
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.wander import FLOOR_SECONDS
 from raccoon.diagnose.fit.whitener import Whitener
+from raccoon.diagnose.select.moves import rows_without
 from raccoon.diagnose.select.outlook import Search, steadied
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 
 FITTED_PART = 0.7
+"""Of a recording, from its beginning, that is fitted where the rest is to judge."""
 MOST_OF_EVENT = 4.0
+"""Times a usual half second that any may count at most, in mean squares."""
 FAR_FROM_NOISE = 0.2
 """Error on unseen data beyond what is expected of it, as a part of that, from which a model that nothing
 improves is wrong, where that data is as long as `USUAL_SECONDS`."""
@@ -153,19 +156,16 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     problem = search.problem
     fitted = first_parts(problem.features) if other is None else np.ones(len(problem.features.time), bool)
     seen = steadied(search).of_bins(fitted)
-    full = _refitted(problem, seen, search.fit.point)
-    bare = _refitted(problem, seen, Point(np.zeros(len(problem.base))))
+    full, bare = (fit_point(problem, seen, start, 3) for start in (search.fit.point, problem.nominal()))
     names = list(search.fit.point.active)
     less = [_dropped(problem, seen, full, search, name) for name in names]
     points = [bare.point, full.point, *(each.point for each in less)]
-    judged = problem if other is None else other
-    residual = judged.features.measured - judged.predict(points)
-    kept = residual[:, ~fitted] if other is None else residual
+    judged, own = (problem, ~fitted) if other is None else (other, fitted)  # own: bins that tell the noise
+    features = judged.features
+    judging = own if other is None else np.ones(len(features.time), bool)
+    kept = (features.measured - judged.predict(points))[:, judging]
     rms = np.sqrt((kept[:2] ** 2).mean(axis=1))
-    rest = search.whitener.rest[~fitted] if other is None else search.whitener.rest
-    floor = _floor(problem, rest)
-    judging = ~fitted if other is None else np.ones(len(judged.features.time), bool)
-    event = judged.features.event
+    floor, event = _floor(problem, search.whitener.rest[own]), features.event
     sizes = [size_of(each, floor, event) for each in kept]
     return HeldOut(
         rms[0],
@@ -174,10 +174,10 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
         sizes[0],
         sizes[1],
         dict(zip(names, sizes[2:], strict=True)),
-        judged.features.time[judging],
-        judged.features.measured[judging],
+        features.time[judging],
+        features.measured[judging],
         kept[:2],
-        np.sqrt(floor**2 + _spread(search, fitted)[~fitted if other is None else fitted].mean(axis=0)),
+        np.sqrt(floor**2 + _spread(search, fitted)[own].mean(axis=0)),
         event,
     )
 
@@ -230,11 +230,6 @@ def _spread(search: Search, fitted: NDArray[np.bool_]) -> Array:
     return np.asarray(search.whitener.spread + uncertain, float)
 
 
-def _refitted(problem: Problem, seen: Whitener, start: Point) -> Fit:
-    return fit_point(problem, seen, start, 3)
-
-
 def _dropped(problem: Problem, seen: Whitener, full: Fit, search: Search, name: str) -> Fit:
-    gone = search.table.active[name]
-    rows = [row for row in range(len(full.jacobian)) if row not in gone]
-    return fit_many(problem, seen, [full.point.without_cause(name)], full.jacobian[rows], 3)[0]
+    columns = full.jacobian[rows_without(search, name)]
+    return fit_many(problem, seen, [full.point.without_cause(name)], columns, 3)[0]

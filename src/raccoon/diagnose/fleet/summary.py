@@ -27,7 +27,8 @@ class FleetCause:
     cannot tell not at all. rivals: what at least half of the recordings that name it do not tell it from.
     telling: how many can tell. robots: those of which most recordings that can tell name it, also since it
     last changed, and as much too small or too large. alike: how many of these robots agree in that.
-    of_robots: how many have one that can tell. standing: how it stands since it last changed. instead: the
+    of_robots: how many have one that can tell. standing: how it stands since it last changed. refitted: the
+    number in recordings that can tell and do not name it (for pictures; not part of the JSON). instead: the
     cause of at least as many recordings in the place of which it is named: they do not tell it from that."""
 
     name: str
@@ -44,6 +45,7 @@ class FleetCause:
     alike: int
     of_robots: int
     standing: Standing
+    refitted: Mapping[str, float]
     instead: str = ""
 
     @property
@@ -132,12 +134,8 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
     # Where a current is missing a friction is in volts: it counts, and is not compared.
     alike = _of_usual_unit(found)
     first = next(iter(alike.values()))
-    series = series_of(
-        _beside_each_other(name, alike),
-        robots,
-        silent | (found.keys() - alike.keys()),
-        refits_of(name, results),
-    )
+    refits, unsaid = refits_of(name, results), silent | (found.keys() - alike.keys())
+    series = series_of(_beside_each_other(name, alike), robots, unsaid, refits)
     sides = sides_of_robots(found, robots, silent, series)
     return FleetCause(
         name,
@@ -154,6 +152,7 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
         max(map([*sides.values()].count, sides.values()), default=0),
         len(set(able)),
         standing_of(alike, robots, silent, series),
+        {key: value for key, (value, _) in refits.items() if key not in found and key not in silent},
     )
 
 
@@ -202,7 +201,7 @@ def _numbers(results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> lis
 def _plain(each: FleetCause | FleetNumber) -> dict[str, Any]:
     """With the parts of its series as its own, and the names of recordings for their rows."""
     table = asdict(each)
-    series = table.pop("series")
+    series, _ = table.pop("series"), table.pop("refitted", None)
     courses = [_course(course) for course in each.series.courses]
     return {**table, **series, "courses": courses}
 

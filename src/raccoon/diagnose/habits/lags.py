@@ -62,8 +62,7 @@ def with_readings_that_lag(
         return search, habits
     smooth = replace(habits, low_pass=True)
     free = _by_its_own_clock(search, smooth, under)
-    seen = [each for each in late if each.startswith(OF_THE_GYRO)]
-    starts = starts_with_a_chip(search, seen, late)
+    starts = starts_with_a_chip(search, _of_the_gyro(search), late)
     others = len(point.active.keys() - late)
     alone = others == 0 or (others <= FEW and by is whole and not search.unknown)
     wanted = {smooth: SMOOTH if alone else DOUBT, free: -DOUBT}
@@ -114,7 +113,7 @@ def as_lags_of_the_robot(
     if lead(problem, settled, fit) < wanted:
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
         found = by(seen_from(search, problem, fit.point))
-        if any(each.startswith(OF_THE_GYRO) for each in found.fit.point.active) or clock:
+        if _of_the_gyro(found) or clock:
             under.left.add(habits)
             return found, other
     return search, habits
@@ -128,7 +127,7 @@ def _with_lags_instead(search: Search, problem: Problem) -> list[Point]:
     settings = search.problem.settings(point)
     seconds = settings[SMOOTHS, None, "time_constant"] + settings[LATE_GYRO, None, "seconds"]
     seconds += 0.5 * sum(settings[SLIP, side, "time"] for side in SIDES)
-    less = without(point, [each for each in point.active if each.startswith(OF_THE_GYRO)])
+    less = without(point, _of_the_gyro(search))
 
     def as_cause(name: str, late: float) -> dict[str, Array]:
         """A lag of so many seconds, where the catalogue has it."""

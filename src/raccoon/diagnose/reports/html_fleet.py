@@ -13,9 +13,7 @@ import numpy as np
 
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.fleet.model import Foreseen
-from raccoon.diagnose.fleet.refits import refits_of
-from raccoon.diagnose.fleet.summary import Fleet, FleetCause
-from raccoon.diagnose.fleet.telling import is_silent
+from raccoon.diagnose.fleet.summary import Fleet
 from raccoon.diagnose.reports.fleet_text import (
     change_lines,
     count_text,
@@ -122,10 +120,8 @@ def fleet_figure(fleet: Fleet) -> Any:
                 axes.plot(ends, (piece.start, piece.end), color=AFTER, linewidth=1.0, alpha=0.6, zorder=0)
         axes.errorbar(rows, cause.values, stds, fmt="none", ecolor="0.6", elinewidth=1.2, zorder=1)
         axes.scatter(rows, cause.values, 22, color=colors, zorder=2)
-        silently = _refitted(cause, fleet)
-        axes.scatter(
-            [names.index(each) for each in silently], silently.values(), 14, "none", edgecolors=AFTER
-        )
+        refitted = [names.index(each) for each in cause.refitted]
+        axes.scatter(refitted, cause.refitted.values(), 14, "none", edgecolors=AFTER)
         axes.axhline(cause.nominal, color="0.6", linewidth=0.8, linestyle="--")
         axes.set_title(f"{cause.name}{f', {cause.unit}' if cause.unit else ''}", fontsize=9, loc="left")
         axes.set_xlim(-0.5, len(names) - 0.5)
@@ -138,15 +134,6 @@ def fleet_figure(fleet: Fleet) -> Any:
     labels = [_label(each) for each in names[::step]]
     panels[-1].set_xticks(range(0, len(names), step), labels, rotation=90, fontsize=8)
     return figure
-
-
-def _refitted(cause: FleetCause, fleet: Fleet) -> dict[str, float]:
-    """Its number in the recordings that can tell and do not name it, as they refitted it."""
-    return {
-        name: value
-        for name, (value, _) in refits_of(cause.name, fleet.results).items()
-        if name not in cause.recordings and not is_silent(cause.name, fleet.results[name])
-    }
 
 
 def _label(name: str) -> str:

@@ -113,7 +113,7 @@ class Fusion:
         slip, time = self.slip, reading.time
         innovation, variance = innovations[4], innovations[5]
         if not slip.disagrees(innovation, variance):
-            spins = slip.slipped or reading.held > 0.0 or reading.aside > 0.0
+            spins = slip.slipped or reading.slides
             if spins or slip.is_unsure(innovation, variance, reading.of_gyro):
                 # The gyro tells the turn, and nothing is learnt of scales and delays.
                 self.drive.flat = before
@@ -169,7 +169,7 @@ class Fusion:
         if reading.now is not None:
             self._bridge(reading, reading.now)
             return ()
-        if reading.held > 0.0 or reading.aside > 0.0:
+        if reading.slides:
             self.drive.widen_along(reading.held, reading.aside)
         found = self.drive.step(span, values, variances, reading.swing, reading.wobble)
         if reading.undated > 0.0:

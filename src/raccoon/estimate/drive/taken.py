@@ -73,6 +73,11 @@ class Reading:
         """(rad/s)^2 by which the mean turn rate is in doubt, that of the gyro and that of when it changed."""
         return self.variances[2] + (self.undated / self.span) ** 2
 
+    @property
+    def slides(self) -> bool:
+        """Whether the robot may have moved otherwise than its wheels turned."""
+        return self.held > 0.0 or self.aside > 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class Step:

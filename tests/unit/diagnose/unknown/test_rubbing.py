@@ -7,14 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnoses import cause, diagnosis
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.linear import coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.select.gates import CROWDED
 from raccoon.diagnose.select.outlook import Search, look_around, start_search
 from raccoon.diagnose.unknown.probes import probes_for
-from raccoon.diagnose.unknown.rubbing import HEAT, clearly_hot
+from raccoon.diagnose.unknown.rubbing import HEAT, clearly_hot, may_rub_anew
 
 ASKED = (HEAT, "friction.coulomb", "friction.coulomb@left", "friction.coulomb@right")
 
@@ -56,3 +58,10 @@ def test_where_no_motor_is_hot_friction_may_have_changed(problem: Problem) -> No
     search = _hot(problem, 0.0, 0.0)
     bare = replace(search, fit=replace(search.fit, point=search.fit.point.without_cause(HEAT)))
     assert not clearly_hot(bare)
+
+
+@pytest.mark.parametrize(("others", "asked"), [(0, True), (CROWDED - 2, True), (CROWDED - 1, False)])
+def test_beside_a_crowd_of_causes_no_change_of_friction_is_asked_for(others: int, asked: bool) -> None:
+    """Beside twelve, on 36 s, the question took longer than all before it."""
+    beside = [cause(f"own.{number}", said="") for number in range(others)]
+    assert may_rub_anew(diagnosis(cause(HEAT, said=""), *beside), lambda: False) is asked
