@@ -57,7 +57,7 @@ def plain_whitener(problem: Problem) -> Whitener:
 def search_at(problem: Problem, point: Point) -> Search:
     whitener = plain_whitener(problem)
     linear = linearise(problem, point, [])
-    table, plain = tabulate(linear, [], whitener, len(problem.base))
+    table, plain = tabulate(linear, [], whitener)
     return Search(
         problem, probes_for(problem), fit_at(problem, whitener, point), whitener, linear, table, plain
     )  # fmt: skip

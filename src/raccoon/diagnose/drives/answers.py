@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.binned import low_passed
 from raccoon.diagnose.drives.followers import (
     ANSWERS,
     FARTHEST,
@@ -23,7 +24,6 @@ from raccoon.diagnose.drives.followers import (
     Answer,
     Asked,
     answer_of,
-    follower,
     least_unexplained,
     unexplained,
 )
@@ -278,7 +278,7 @@ def ramp_of(time: Array, duty: Array, channel: Channel) -> float | None:
     reading = channel.values[known]
 
     def least(commands: Array) -> float:
-        speeds = (follower(commands, step / each) for each in ANSWERS[:3])
+        speeds = (low_passed(commands, step, each) for each in ANSWERS[:3])
         rows = [known - round(delay / step) for delay in STEP * np.arange(6)]
         return min(unexplained(each[row], reading) for each in speeds for row in rows)
 

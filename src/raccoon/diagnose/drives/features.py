@@ -3,7 +3,7 @@
 Measured and simulated samples pass the same linear map, so what the map loses is lost on both sides. Where
 commands swing (`quality.swing`) a bin is a whole swing: commands answer what disturbs the robot sooner than
 the wheels' filtered readings show it, and within a swing that looks like other wheels. Where a loop holds the
-wheels' speeds a bin is no longer than the loop takes to answer a reading (`answered`).
+wheels' speeds a bin is no longer than the loop takes to answer a reading (`bin_width`).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def half_second(width: float) -> int:
     return max(round(EVENT_SECONDS / width), 1)
 
 
-def answered(log: Log) -> float:
+def bin_width(log: Log) -> float:
     """s of a bin, `BIN` or less, within which no command answers what a reading of the same bin is off by.
 
     Means of a bin hold such an answer and its reading's noise together, so noise looks as if it were what the

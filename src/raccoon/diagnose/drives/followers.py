@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.binned import low_passed
 from raccoon.diagnose.drives.log import Channel
 from raccoon.trace.recording import usual_step
 
@@ -96,16 +97,6 @@ class Family:
         return found
 
 
-def follower(duty: Array, rate: float) -> Array:
-    """A low-pass of a command. rate: rows over its time constant."""
-    keep, speed, speeds = float(np.exp(-rate)), 0.0, []
-    gain = 1.0 - keep
-    for each in duty.tolist():  # scipy's filter would bring 25 MB along
-        speed = gain * each + keep * speed
-        speeds.append(speed)
-    return np.array(speeds)
-
-
 def unexplained(follows: Array, reading: Array) -> float:
     """Mean square of a reading beyond what such a wheel explains, with a dry friction and an offset."""
     columns = np.stack([follows, np.sign(follows), np.ones_like(follows)])
@@ -153,7 +144,7 @@ class Asked:
 
     def of_one(self, duty: Array, latest: float = 0.0) -> Answer:
         """As the simplest wheel answers a command."""
-        simple = [follower(duty, self.step / each) for each in ANSWERS]
+        simple = [low_passed(duty, self.step, each) for each in ANSWERS]
         return self.answer(lambda rows: min(unexplained(each[rows], self.reading) for each in simple), latest)
 
     def of_many(self, duties: Sequence[Array], latest: float) -> Answer:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.followers import ANSWERS, FEWEST, FOLLOWED, Asked, follower, unexplained
+from raccoon.diagnose.drives.binned import low_passed
+from raccoon.diagnose.drives.followers import ANSWERS, FEWEST, FOLLOWED, Asked, unexplained
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.trace.recording import usual_step
 
@@ -73,7 +74,7 @@ def _answers_before(log: Log, index: int, wheel: Channel) -> bool:
     duty, reading = log.duty[known, index], wheel.values[known]
     power = float(np.var(reading))
     ahead, behind = (
-        min(unexplained(follower(command, step / each), answer) for each in ANSWERS)
+        min(unexplained(low_passed(command, step, each), answer) for each in ANSWERS)
         for command, answer in ((duty, reading), (duty[::-1], reading[::-1]))
     )
     return behind < LESS * ahead and behind < FOLLOWED * power

@@ -72,6 +72,21 @@ class SampleClock:
         moments = first + cycle * np.ceil((time - first) / cycle)
         return np.asarray(np.maximum.accumulate(moments), float)
 
+    def in_force(self, time: Array, duty: Array, closed: Array) -> tuple[Array, Array]:
+        """duty and closed (rows,) as they are in force from row to row.
+
+        A command that comes into force within a row has the rest of it, so a row has the mean of its
+        commands: duty while the motor is connected, and the part of the time in which it is.
+        """
+        moments = self.taken_up(time)
+        edges = np.append(moments, moments[-1] + (time[-1] - time[-2]))
+        spans = np.append(time, time[-1] + (time[-1] - time[-2]))
+        powered = _means(edges, duty * closed, spans)
+        connected = np.clip(_means(edges, closed, spans), 0.0, 1.0)
+        connected = np.where(connected < CLOSE, 0.0, np.where(connected > 1.0 - CLOSE, 1.0, connected))
+        mean = np.divide(powered, connected, out=np.zeros_like(powered), where=connected > 0.0)
+        return np.clip(mean, -1.0, 1.0), connected
+
     def _phase(self, time: Array) -> Array:
         return np.interp(time, self.knots, self.phases)
 
@@ -214,22 +229,6 @@ def _between(
     silent |= moments[after] - moments[after - 1] > FAR * clock.period
     even = np.where(np.isfinite(channel), np.interp(at, moments, values), np.nan)
     return np.asarray(even, float), np.asarray(silent)
-
-
-def in_force(clock: SampleClock, time: Array, duty: Array, closed: Array) -> tuple[Array, Array]:
-    """duty and closed (rows,) as they are in force from row to row.
-
-    A command that comes into force within a row has the rest of it, so a row has the mean of its commands:
-    duty while the motor is connected, and the part of the time in which it is.
-    """
-    moments = clock.taken_up(time)
-    edges = np.append(moments, moments[-1] + (time[-1] - time[-2]))
-    spans = np.append(time, time[-1] + (time[-1] - time[-2]))
-    powered = _means(edges, duty * closed, spans)
-    connected = np.clip(_means(edges, closed, spans), 0.0, 1.0)
-    connected = np.where(connected < CLOSE, 0.0, np.where(connected > 1.0 - CLOSE, 1.0, connected))
-    mean = np.divide(powered, connected, out=np.zeros_like(powered), where=connected > 0.0)
-    return np.clip(mean, -1.0, 1.0), connected
 
 
 def _means(edges: Array, values: Array, spans: Array) -> Array:

@@ -100,10 +100,10 @@ class Gram:
 
     def solve(self) -> tuple[Array, float, Array]:
         """Posterior mean, log evidence relative to no columns, posterior covariance."""
-        size = len(self.projection)
-        covariance: Array = np.asarray(np.linalg.inv(np.eye(size) + self.matrix), float)
+        inner = np.eye(len(self.projection)) + self.matrix
+        covariance: Array = np.asarray(np.linalg.inv(inner), float)
         mean = covariance @ self.projection
-        sign, logdet = np.linalg.slogdet(np.eye(size) + self.matrix)
+        sign, logdet = np.linalg.slogdet(inner)
         if sign <= 0:
             return mean, -np.inf, covariance
         return mean, float(0.5 * self.projection @ mean - 0.5 * logdet), covariance
@@ -141,23 +141,22 @@ class Gram:
         log det of all = log det of the first + log det of what the span has beside them (Schur).
         """
         count = len(low)
-        own = list(range(count))
-        first, before = self.take(own)._least(low, high, None)
-        inverse = np.linalg.inv(np.eye(count) + self.matrix[:count, :count])
+        own, inner = list(range(count)), Gram(np.eye(len(self.matrix)) + self.matrix, self.projection)
+        first, before = inner.take(own)._least(low, high, None)
+        inverse = np.linalg.inv(inner.matrix[:count, :count])
         for span in spans:
             far, none = np.full(len(span), np.inf), np.zeros(len(span))
-            whole = self.take([*own, *span])
+            whole = inner.take([*own, *span])
             limits = np.concatenate([low, -far]), np.concatenate([high, far])
             mean, cost = whole._least(*limits, np.concatenate([first, none]))
             cross = whole.matrix[count:, :count]
-            left = np.eye(len(span)) + whole.matrix[count:, count:] - cross @ inverse @ cross.T
+            left = whole.matrix[count:, count:] - cross @ inverse @ cross.T
             yield mean[count:], -0.5 * (cost - before + float(np.linalg.slogdet(left)[1]))
 
     def _least(self, low: Array, high: Array, near: Array | None) -> tuple[Array, float]:
-        """Most likely coordinates inside bounds, and what they cost."""
-        inner = np.eye(len(self.projection)) + self.matrix
-        mean = bounded_least(inner, self.projection, low, high, near)
-        return mean, float(mean @ inner @ mean - 2.0 * self.projection @ mean)
+        """Most likely coordinates inside bounds, and what they cost, where the priors are in the matrix."""
+        mean = bounded_least(self.matrix, self.projection, low, high, near)
+        return mean, float(mean @ self.matrix @ mean - 2.0 * self.projection @ mean)
 
 
 def parts_of(rows: int, count: int) -> list[slice]:

@@ -146,8 +146,8 @@ def coulomb_response(problem: Problem, linear: Linear, side: str) -> Array | Non
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """The whitened columns' Gram numbers, and which columns belong to what. off: what may come in, of which
-    probes are bare."""
+    """The whitened columns' Gram numbers, and which columns belong to what. base: how many base coordinates
+    come first. off: what may come in, of which probes are bare."""
 
     whole: Gram
     base: int
@@ -165,7 +165,7 @@ class Table:
         return replace(self, off=tuple(off))
 
 
-def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: int) -> tuple[Table, Table]:
+def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener) -> tuple[Table, Table]:
     """Whiten everything once and keep its inner products: under the whole noise, and without slow
     friction."""
     every = [*linear.groups, *extra]
@@ -175,10 +175,10 @@ def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: i
     del columns
     products = plain @ plain.T
     whole = products - whitener.taken(plain)
-    return _table(linear, groups, whole, base), _table(linear, groups, products, base)
+    return _table(linear, groups, whole), _table(linear, groups, products)
 
 
-def _table(linear: Linear, groups: Sequence[Group], gram: Array, base: int) -> Table:
+def _table(linear: Linear, groups: Sequence[Group], gram: Array) -> Table:
     """gram: inner products of all columns, the target last."""
     whole = Gram(gram[:-1, :-1], gram[:-1, -1])
     active = {name: list(span) for name, span in linear.point.spans().items()}
@@ -187,4 +187,4 @@ def _table(linear: Linear, groups: Sequence[Group], gram: Array, base: int) -> T
         size = len(group.columns)
         off.append((group, list(range(position, position + size))))
         position += size
-    return Table(whole, base, active, tuple(off))
+    return Table(whole, len(linear.point.base), active, tuple(off))

@@ -13,7 +13,7 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.features import Features, answered
+from raccoon.diagnose.drives.features import Features, bin_width
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.stops import brakes
 from raccoon.diagnose.fit.problem import Creep, Point, Problem
@@ -90,7 +90,7 @@ def drive_problem(
         *run_coordinates(len(log.runs), battery),
     )
     return Problem(
-        Features.kept(log, habits.swing or answered(log)),
+        Features.kept(log, habits.swing or bin_width(log)),
         rollout_of(log, robot, habits, own),
         robot,
         settings,

@@ -9,7 +9,7 @@ from raccoon.core.doing import tell
 from raccoon.diagnose.habits.chains import FINE_CYCLE, reads_back_emf, slowed_by_pauses
 from raccoon.diagnose.habits.controller import with_cycle
 from raccoon.diagnose.habits.lags import seen_from
-from raccoon.diagnose.habits.others import AGAIN, DOUBT, Under, Way, best_of, first_ahead
+from raccoon.diagnose.habits.others import AGAIN, DOUBT, Onward, Under, best_of, first_ahead
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.rivals import net_lead
@@ -18,7 +18,7 @@ from raccoon.sim.effects.chain import Chain
 
 
 def as_rows_are_made(
-    search: Search, habits: Habits, under: Under, by_row: float, by: Way = whole
+    search: Search, habits: Habits, under: Under, by_row: float, by: Onward = whole
 ) -> tuple[Search, Habits]:
     """The search with motors that are sampled once a row, or once a cycle, where that explains more.
 
@@ -30,7 +30,7 @@ def as_rows_are_made(
 
 
 def as_the_filter_runs(
-    search: Search, habits: Habits, under: Under, by: Way = whole
+    search: Search, habits: Habits, under: Under, by: Onward = whole
 ) -> tuple[Search, Habits]:
     """The search with a filter of the wheels' readings that runs all the time, where that explains more.
 
@@ -43,7 +43,7 @@ def as_the_filter_runs(
 
 
 def as_pauses_slow_the_wheels(
-    search: Search, habits: Habits, under: Under, by: Way = whole
+    search: Search, habits: Habits, under: Under, by: Onward = whole
 ) -> tuple[Search, Habits]:
     """The search with wheels that are slower when they are sampled than on average, or that are not, where
     that explains more.

@@ -10,7 +10,7 @@ import numpy as np
 from raccoon.diagnose.fit.fits import costs_at, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem, carried
-from raccoon.diagnose.habits.others import DOUBT, Under, Way, first_ahead, started, without
+from raccoon.diagnose.habits.others import DOUBT, Onward, Under, first_ahead, started, without
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, look_around
@@ -30,7 +30,7 @@ ENDS = ((False, False), (True, False), (False, True))
 
 
 def with_whole_currents(
-    search: Search, habits: Habits, under: Under, by: Way = whole
+    search: Search, habits: Habits, under: Under, by: Onward = whole
 ) -> tuple[Search, Habits]:
     """The search with a battery that carries all of each motor's current, where that explains more.
 
@@ -44,7 +44,7 @@ def with_whole_currents(
 
 
 def as_a_deadband_ends(
-    search: Search, habits: Habits, under: Under, by: Way = whole
+    search: Search, habits: Habits, under: Under, by: Onward = whole
 ) -> tuple[Search, Habits]:
     """The search with a deadband beyond which commands do all that they say, or so much less, where that
     explains more: one of 0.1 that ends at once was one of 0.015, beside three frictions.

@@ -14,7 +14,7 @@ from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, as_it_pauses, with_driver_of
 from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, with_battery
-from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
+from raccoon.diagnose.habits.others import DOUBT, LATE, Onward, Under, best_of, by_the_battery, without
 from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.gates import gate
@@ -46,7 +46,7 @@ and more it led by 1 to 4, once by 11, of wheels that slip, and by 3 to 24 where
 
 
 def with_readings_that_lag(
-    search: Search, habits: Habits, under: Under, by: Way = whole
+    search: Search, habits: Habits, under: Under, by: Onward = whole
 ) -> tuple[Search, Habits]:
     """The search with a gyro whose chip smooths, or a controller by its own clock as well, where something
     lags as such readings do and that explains it better.
@@ -85,7 +85,7 @@ def with_readings_that_lag(
 
 
 def as_lags_of_the_robot(
-    search: Search, habits: Habits, under: Under, by: Way = gone_on
+    search: Search, habits: Habits, under: Under, by: Onward = gone_on
 ) -> tuple[Search, Habits]:
     """The search without a gyro that smooths and a clock of the controller's own, where more turned out to be
     wrong than when these were taken, lags of the catalogue explain about as much, and one of the gyro has the

@@ -31,7 +31,7 @@ from raccoon.diagnose.unknown.probes import probes_for
 
 Array = NDArray[np.float64]
 Asked = tuple[frozenset[str], frozenset[str], Habits, Habits]
-Way = Callable[[Search], Search]
+Onward = Callable[[Search], Search]
 """How far to go on with a search: all the way, its first part (`grown_on`), or the beginning (`begun`)."""
 LATE, SAG = "actuation.latency", "battery.internal_resistance"
 DOUBT = 10.0
@@ -148,7 +148,7 @@ def if_ahead(
     starts: Sequence[Point],
     far: float = DOUBT,
     wanted: float = DOUBT,
-    by: Way = whole,
+    by: Onward = whole,
 ) -> tuple[Search, Habits]:
     """The search under other habits, whose problem this is, where one of these starts is ahead by `far` there
     and then what was found by `wanted`; else the search as it is.
@@ -178,7 +178,7 @@ def sound(search: Search) -> bool:
     return not (search.fit.point.active or search.unknown)
 
 
-def _gone_on_unless_behind(first: Search, search: Search, wanted: float, by: Way) -> Search | None:
+def _gone_on_unless_behind(first: Search, search: Search, wanted: float, by: Onward) -> Search | None:
     """A search that has begun, as far as one goes; None where it is behind another on the way."""
     tell(AGAIN)
     if by is begun:
@@ -214,7 +214,7 @@ def first_ahead(
     habits: Habits,
     others: Sequence[Habits],
     under: Under,
-    by: Way = whole,
+    by: Onward = whole,
     far: float = DOUBT,
 ) -> tuple[Search, Habits]:
     """The search under the nearest of other habits that explains more, or as it is. far: see `if_ahead`."""
@@ -228,7 +228,7 @@ def first_ahead(
     return search, habits
 
 
-def as_wheels_give(search: Search, habits: Habits, under: Under, by: Way = whole) -> tuple[Search, Habits]:
+def as_wheels_give(search: Search, habits: Habits, under: Under, by: Onward = whole) -> tuple[Search, Habits]:
     """The search with wheels that slide in another way, where that explains more.
 
     Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
@@ -239,7 +239,7 @@ def as_wheels_give(search: Search, habits: Habits, under: Under, by: Way = whole
 
 
 def with_a_slow_battery(
-    search: Search, habits: Habits, under: Under, by: Way = whole
+    search: Search, habits: Habits, under: Under, by: Onward = whole
 ) -> tuple[Search, Habits]:
     """The search with another filter of the battery's readings, where that explains more.
 

@@ -48,8 +48,8 @@ from raccoon.diagnose.habits.lags import (
 from raccoon.diagnose.habits.others import (
     DOUBT,
     LATE,
+    Onward,
     Under,
-    Way,
     again,
     as_wheels_give,
     first_ahead,
@@ -163,7 +163,7 @@ def _braking(search: Search, habits: Habits, under: Under) -> tuple[Search, Habi
 
 
 def _under_another_filter(
-    search: Search, habits: Habits, under: Under, by: Way = whole
+    search: Search, habits: Habits, under: Under, by: Onward = whole
 ) -> tuple[Search, Habits]:
     """The search under another filter, where that explains more.
 
@@ -200,7 +200,7 @@ def _under_another_filter(
     return _median_and_chip(search, habits, under, by) if read else (search, habits)
 
 
-def _median_and_chip(search: Search, habits: Habits, under: Under, by: Way) -> tuple[Search, Habits]:
+def _median_and_chip(search: Search, habits: Habits, under: Under, by: Onward) -> tuple[Search, Habits]:
     """The search with a median and a gyro that smooths at once, where late commands were named without both
     and that is as likely: each by itself leaves the other half of what they delay unexplained."""
     if habits.chain.median or habits.low_pass or LATE not in search.fit.point.active:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log, column_names
 from raccoon.diagnose.drives.ramps import Ramp
-from raccoon.diagnose.drives.sample_clock import in_force
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
@@ -168,7 +167,7 @@ class PlantRollout:
         given = Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._brake)
         wheels = ((given.left, given.closed_left), (given.right, given.closed_right))
         (left, closed_left), (right, closed_right) = (
-            each if clock is None else in_force(clock, self._time, *each)
+            each if clock is None else clock.in_force(self._time, *each)
             for clock, each in zip(self._clocks, wheels, strict=True)
         )
         return Commands(self._time, left, right, closed_left, closed_right)

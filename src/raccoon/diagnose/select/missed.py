@@ -34,7 +34,7 @@ def with_missed(search: Search) -> Search | None:
     tell(f"asking what was missed beside {', '.join(search.fit.point.active)}")
     problem = search.problem
     extra = search.probes(search.linear)
-    table, plain = tabulate(search.linear, extra, search.whitener, len(problem.base))
+    table, plain = tabulate(search.linear, extra, search.whitener)
     seen = replace(search, table=table, plain=plain)
     settled = fit_point(problem, search.whitener, search.fit.point, ITERATIONS)
     refits = refits_afresh(seen, refit_candidates(seen))

@@ -128,7 +128,7 @@ def look_around(
     linear = linearise(problem, point, list(problem.causes))
     extra = probes(linear)
     whitener = whitener_for(problem, linear, extra, before, tuple(unknown or ()))
-    table, plain = tabulate(linear, extra, whitener, len(problem.base))
+    table, plain = tabulate(linear, extra, whitener)
     fit = _fit_of(problem, linear, whitener)
     return Search(problem, probes, fit, whitener, linear, table, plain, unknown=dict(unknown or {}))
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.features import BIN, SETTLING, Features, answered, with_readings
+from raccoon.diagnose.drives.features import BIN, SETTLING, Features, bin_width, with_readings
 from raccoon.diagnose.drives.log import Channel, Log
 
 Array = NDArray[np.float64]
@@ -99,8 +99,8 @@ def test_bins_are_usual_where_no_loop_answers() -> None:
     duty = np.where(TIME < 5.0, 0.4, -0.3)
     duty[:200] = 0.0
     duty[200:300] = np.linspace(0.0, 0.4, 100)  # a ramp says nothing of a loop
-    assert answered(commanded(duty)) == BIN
-    assert answered(commanded(np.zeros(len(TIME)))) == BIN
+    assert bin_width(commanded(duty)) == BIN
+    assert bin_width(commanded(np.zeros(len(TIME)))) == BIN
 
 
 @pytest.mark.parametrize(("rows", "seconds"), [(1, 0.005), (2, 0.01), (8, BIN)])
@@ -109,4 +109,4 @@ def test_bins_are_no_longer_than_a_loop_takes_to_answer(rows: int, seconds: floa
     duty = np.repeat(steady[::rows], rows)[: len(TIME)]
     duty[:600] = 0.0  # before and after it the robot stands
     duty[-600:] = 0.0
-    assert answered(commanded(duty)) == pytest.approx(seconds)
+    assert bin_width(commanded(duty)) == pytest.approx(seconds)

@@ -14,7 +14,6 @@ from raccoon.diagnose.drives.sample_clock import (
     SampleClock,
     arrivals,
     counted,
-    in_force,
     of_one_age,
     sample_clock,
     wheel_of_one_age,
@@ -130,7 +129,7 @@ CLOCK = SampleClock(0.005, np.array([0.0, 1.0]), np.array([0.002, 0.002]), lead=
 def test_a_command_has_what_its_row_leaves_it() -> None:
     time = rows_of(6)
     duty = np.array([0.0, 0.0, 0.8, 0.8, 0.8, 0.8])
-    mean, closed = in_force(CLOCK, time, duty, np.ones(6))
+    mean, closed = CLOCK.in_force(time, duty, np.ones(6))
     assert mean == pytest.approx([0.0, 0.0, 0.8 * 0.8, 0.8, 0.8, 0.8])
     assert closed == pytest.approx(np.ones(6))
 
@@ -138,7 +137,7 @@ def test_a_command_has_what_its_row_leaves_it() -> None:
 def test_a_row_in_part_of_which_a_motor_coasts_is_driven_in_the_rest() -> None:
     time = rows_of(6)
     duty = np.array([0.5, 0.5, 0.0, 0.0, -0.6, -0.6])
-    mean, closed = in_force(CLOCK, time, duty, (duty != 0.0).astype(float))
+    mean, closed = CLOCK.in_force(time, duty, (duty != 0.0).astype(float))
     assert closed == pytest.approx([1.0, 1.0, 0.2, 0.0, 0.8, 1.0])
     assert mean == pytest.approx([0.5, 0.5, 0.5, 0.0, -0.6, -0.6])
 
@@ -159,7 +158,7 @@ def test_no_command_is_lost_or_added(levels: list[int], phase: float, period: fl
     duty = np.array([*levels, 0, 0, 0, 0], float) / 4.0
     time = rows_of(len(duty))
     clock = SampleClock(period, time[[0, -1]], np.array([phase, phase]))
-    mean, closed = in_force(clock, time, duty, np.ones(len(duty)))
+    mean, closed = clock.in_force(time, duty, np.ones(len(duty)))
     moments = clock.taken_up(time)
     given_out = np.diff(np.append(moments, moments[-1] + ROW)) @ duty
     early = duty[0] * (moments[0] - time[0])

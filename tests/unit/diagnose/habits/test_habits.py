@@ -31,8 +31,8 @@ from raccoon.diagnose.habits.others import (
     DOUBT,
     LOST,
     MOST_KEPT,
+    Onward,
     Under,
-    Way,
     _ended_behind,
     _grown_behind,
     as_wheels_give,
@@ -219,7 +219,9 @@ def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
 
 
 @pytest.mark.parametrize("by", [grown_on, whole])
-def test_habits_are_asked_for_before_a_search_takes_longest(by: Way, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_habits_are_asked_for_before_a_search_takes_longest(
+    by: Onward, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Its rest was done under each that was replaced: of a drive with five causes three times."""
     search, under = standing(recorded(Parameters(ROBOT, {}), 3.0), FIRMWARE, {"friction.viscous": 0.5})
     creeps, rests = replace(FIRMWARE, wheels=Wheels.CREEPING), []
@@ -246,7 +248,7 @@ def test_beside_several_causes_habits_are_asked_for_once_more(
     point = SimpleNamespace(active=dict.fromkeys(("friction.viscous", "imu.latency")[:count]))
     search = cast(Search, SimpleNamespace(fit=SimpleNamespace(point=point)))
 
-    def note(search: Search, habits: Habits, under: Under, *by: Way) -> tuple[Search, Habits]:
+    def note(search: Search, habits: Habits, under: Under, *by: Onward) -> tuple[Search, Habits]:
         asked.extend(by)
         return search, habits
 

@@ -95,7 +95,7 @@ def test_a_row_that_is_put_in_makes_no_other_bins(monkeypatch: pytest.MonkeyPatc
     columns = drive(4.0)
     log = log_from_columns(without(columns, [4 * EVERY]), ROBOT)
     monkeypatch.setattr(
-        controller, "answered", lambda each: 0.01 if len(each.time) == len(log.time) else 0.011
+        controller, "bin_width", lambda each: 0.01 if len(each.time) == len(log.time) else 0.011
     )
     found = put_back(log)
     assert found.time[4 * EVERY] == pytest.approx(columns["t"][4 * EVERY], abs=1e-9)

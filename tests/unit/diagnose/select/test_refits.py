@@ -52,7 +52,7 @@ def test_a_small_deadband_is_found_beside_others_that_are_on(problem: Problem) -
     problem = replace(problem, features=replace(features, measured=measured))
     search = search_at(problem, others)
     linear = linearise(problem, others, ["actuation.deadband", "friction.load_dependent", "drive.turn_scrub"])
-    table, _ = tabulate(linear, [], search.whitener, len(problem.base))
+    table, _ = tabulate(linear, [], search.whitener)
     found = dict(refits_afresh(replace(search, table=table), []))
     assert len(found) <= MOST_AFRESH
     assert max(found, key=lambda name: found[name].evidence).startswith("actuation.deadband")
@@ -72,7 +72,7 @@ def test_what_went_astray_is_tried_from_little(problem: Problem) -> None:
     astray = fit_at(problem, search.whitener, others.with_cause("drive.backlash", np.array([0.3, 0.6])))
     assert astray.evidence < search.fit.evidence - ASTRAY
     before = [("imu.gyro_bias", fit_at(problem, search.whitener, others))] * AFRESH
-    table, _ = tabulate(linearise(problem, others, []), [], search.whitener, len(problem.base))
+    table, _ = tabulate(linearise(problem, others, []), [], search.whitener)
     found = dict(refits_afresh(replace(search, table=table), [*before, ("drive.backlash", astray)]))
     angle, coasting = found["drive.backlash"].point.active["drive.backlash"]
     assert angle == pytest.approx(0.03, abs=0.005)

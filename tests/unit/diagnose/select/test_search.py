@@ -163,7 +163,7 @@ def test_two_causes_that_one_stands_for_are_proposed_at_its_place(problem: Probl
     search = search_at(problem, point)
     search = replace(search, fit=fit_point(problem, search.whitener, point.with_cause(names[2], np.zeros(1))))
     linear = linearise(problem, search.fit.point, names)
-    table, plain = tabulate(linear, [], search.whitener, len(problem.base))
+    table, plain = tabulate(linear, [], search.whitener)
     search = replace(search, linear=linear, table=table, plain=plain)
     proposed = [set(each.active) for each in _nearby(search)]
     assert set(names[:2]) in proposed
@@ -177,7 +177,7 @@ def test_beside_what_takes_its_burden_a_number_leaves_its_bound(problem: Problem
     problem = replace(problem, features=replace(problem.features, measured=measured))
     search = search_at(problem, problem.nominal())
     linear = linearise(problem, problem.nominal(), ["friction.coulomb", "imu.latency"])
-    table, _ = tabulate(linear, [], search.whitener, len(problem.base))
+    table, _ = tabulate(linear, [], search.whitener)
     search = replace(search, table=table)
     place = next(i for i, each in enumerate(problem.base) if each.name == "friction.coulomb.torque")
     held = np.ones(len(problem.base), bool)
