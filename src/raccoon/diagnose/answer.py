@@ -18,7 +18,7 @@ from raccoon.diagnose.findings.bent import bent_notes
 from raccoon.diagnose.findings.extend import extended
 from raccoon.diagnose.findings.gain import HeldOut
 from raccoon.diagnose.findings.known_together import unmeasured_note
-from raccoon.diagnose.findings.naming import named_causes, rejections, suggestions
+from raccoon.diagnose.findings.naming import named_causes, rejections, seen_in, suggestions
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.noise import whiteness
 from raccoon.diagnose.fit.scan import play_of
@@ -72,21 +72,21 @@ def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     depends_on += (DEPENDS_ON,) if bursts.told else ()
     left = judged.left if judged.is_far or depends_on else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
-    resistance = search.problem.settings(search.fit.point)[RESISTANCE]
+    settings, seen = search.problem.settings(search.fit.point), seen_in(search, log)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     found = Diagnosis(
         verdict,
         _channels(log, judged, whiteness(white)),
         causes,
-        rejections(search, log),
+        rejections(search, log, seen),
         Unexplained(left, depends_on),
-        suggestions(search, causes, log),
+        suggestions(search, causes, log, seen),
         time.perf_counter() - begin,
         extended(search.problem, spread, causes, habits.chain),
         (
             *log.notes,
-            *batteries_told(search.problem.settings(search.fit.point), log),
-            *loads_told(log, resistance),
+            *batteries_told(settings, log),
+            *loads_told(log, settings[RESISTANCE]),
             *bursts.told,
             *((happened(bursts.moments),) if bursts.moments else ()),
             *notes_of(habits, causes, spread),

@@ -21,6 +21,7 @@ from raccoon.trace.recording import usual_step
 Array = NDArray[np.float64]
 
 SHORTEST_SECONDS = 2.0
+"""s of driving that a diagnosis needs at least."""
 GAP = 0.1
 """s between rows from which nobody knows what was commanded; what shorter losses hide is found out
 (`habits/lost.py`)."""
@@ -29,6 +30,7 @@ SETTLED = 0.3
 STOPPED = 1.0
 """s in which a robot that is not driven has come to rest."""
 GAPS_SAID = 3
+"""Gaps whose times are said."""
 FEWEST = 20
 """Readings from which a channel is one."""
 

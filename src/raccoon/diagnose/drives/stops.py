@@ -10,6 +10,7 @@ import numpy as np
 from raccoon.diagnose.drives.log import Log
 
 BRAKING_SECONDS = 0.1
+"""s after a release at which it is asked how much of the speed is left."""
 BRAKES = 0.4
 """Part of its speed that a motor has left after that, below which it brakes."""
 SURELY, SURELY_NOT = 0.25, 0.5

@@ -181,11 +181,10 @@ def deviations(effect: Effect, values: Mapping[str, ParameterResult]) -> float:
     )
 
 
-def rejections(search: Search, log: Log) -> tuple[Rejected, ...]:
-    """Why each other effect of the catalogue is not named; sides are not listed apart."""
+def rejections(search: Search, log: Log, seen: Mapping[str, float]) -> tuple[Rejected, ...]:
+    """Why each other effect of the catalogue is not named; sides are not listed apart. seen: `seen_in`."""
     active = {search.problem.causes[name].id for name in search.fit.point.active}
-    seen, stands_for = _seen(search, log), _stands_for(search)
-    found = []
+    stands_for, found = _stands_for(search), []
     for id_ in dict.fromkeys(each.id for each in search.problem.causes.values()):
         if id_ in active:
             continue
@@ -207,9 +206,9 @@ def _stands_for(search: Search) -> dict[str, str]:
     return found
 
 
-def _seen(search: Search, log: Log) -> dict[str, float]:
-    """How visible each effect is, of a wheel's reading where there is one: what a side without it shows,
-    which is nothing, says nothing of the other."""
+def seen_in(search: Search, log: Log) -> dict[str, float]:
+    """How visible each effect is, by id, of a wheel's reading where there is one: what a side without it
+    shows, which is nothing, says nothing of the other."""
     silent = _silent(log)
     if not silent:
         return visibility(search)
@@ -261,13 +260,14 @@ def _usual_reason(search: Search, id_: str, visible: float) -> str:
     return f"too little to be told from chance: {bent}" if bent else f"{NOTHING}{shows}"
 
 
-def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tuple[str, ...]:
-    """Manoeuvres that separate what is confounded and show what this recording could not."""
+def suggestions(
+    search: Search, causes: tuple[CauseResult, ...], log: Log, seen: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Manoeuvres that separate what is confounded and show what this recording could not. seen: `seen_in`."""
     commands = [_telling(search, each.name, each.confounded_with) for each in causes]
     alike = [each for each in causes if _one_scale(each)]
     commands += [ON_THE_BENCH for _ in alike]
     wanted = [each.id for each in causes if each.confounded_with and each not in alike]
-    seen = _seen(search, log)
     hidden = sorted((power, id_) for id_, power in seen.items() if power < VISIBLE)
     gone = {id_ for id_ in seen if id_.startswith(READING) and len(_silent(log)) == len(SIDES)}
     gone |= {id_ for role, ids in NEEDS.items() if log.channel(role) is None for id_ in ids}

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 LATE = "actuation.latency"
 STEP = 1e-4
+"""Units of a coordinate over which it is taken how settings follow it."""
 STAIRCASE = 0.05
 """Steps of coordinates whose misfit, seen closely, is a staircase: a gap that is crossed between two samples
 of the gyro may be a little wider, and no reading changes."""

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 Key = tuple[float, ...]
 
 BASE_STEP = 0.005
+"""Standard deviations over which a base number's column is taken."""
 REMEMBERED = 8e6
 """Bytes of the latest simulations that are kept: of some 120 robots on 40 s. Several problems keep theirs."""
 

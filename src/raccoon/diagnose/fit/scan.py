@@ -32,6 +32,7 @@ larger or smaller cost 20 and 90 more than none."""
 SCANNED = 3
 """Best places of a scan from which everything is fitted."""
 SCANS = 4
+"""Most scans of one play, each from the best of the last."""
 
 
 def play_of(point: Point) -> list[str]:

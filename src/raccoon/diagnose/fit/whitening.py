@@ -69,6 +69,7 @@ of anything to foresee it from: on a leg there and back it is up to 5."""
 SMALLER = (0.3, 0.1, 0.03)
 """Parts of their usual size in which all directions but the model's own are tried then."""
 FLOOR_SHARES = (0.0, 0.02, 0.04, 0.07)
+"""Of Coulomb friction, by which a floor may let it wander: those that are compared."""
 
 
 def whitener_for(

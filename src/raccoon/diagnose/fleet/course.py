@@ -20,13 +20,16 @@ Array = NDArray[np.float64]
 FEWEST = 5
 """Numbers in which a change is looked for: a jump leaves `LEAST_FREEDOM` of them over."""
 LEAST_SIDE = 2
+"""Numbers in a piece at least."""
 MOST_JUMPS = 3
+"""That are looked for in one series."""
 LEAST_FREEDOM = 3
 """Numbers that must be left over, from which the scatter is learnt."""
 CLEAR_STEP = 6.0
 """Deviations of the difference of the two means. The best of all places is taken, so it must be more than the
 usual 3."""
 CLEAR_TREND = 5.0
+"""Deviations of the rate at which it creeps."""
 CHANCE = 0.005
 """Share of steady series that may seem to jump, and as many to creep, or to do two things at once. A
 deviation that is learnt from five numbers is often far too small, so they must be further apart than the

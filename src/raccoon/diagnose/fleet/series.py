@@ -16,6 +16,7 @@ from raccoon.diagnose.result import ParameterResult
 Array = NDArray[np.float64]
 
 FAR = 4.0
+"""Deviations beyond which a number is far from the others."""
 SPREAD = 1.4826
 """Standard deviation of normal numbers over their median distance from the middle."""
 FEWEST_FOR_OUTLIERS = 4

@@ -14,7 +14,7 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import Features, bin_width
-from raccoon.diagnose.drives.log import WHEELS, Log
+from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.stops import brakes
 from raccoon.diagnose.fit.problem import Creep, Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, reads_back_emf, slowed_by_pauses
@@ -144,8 +144,6 @@ def controller_of(
     found: what is nearest, where that is known.
     """
     found = found or nearest(log, robot, causes, model, firmware)
-    if found is None:
-        return log, _first(log, firmware)
 
     return restored(log, loose_problem_of(robot, causes, found.habits, model), found.point), found.habits
 
@@ -175,15 +173,13 @@ def nearest(
     causes: Sequence[Cause],
     model: Parameters | None,
     firmware: Firmware | None = None,
-) -> Fitted | None:
-    """The controller's habits that come nearest to the wheels' readings; None where there are none.
+) -> Fitted:
+    """The controller's habits that come nearest to the wheels' readings, of which a drive has one at least.
 
     Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
     what the wheels were driven with. firmware: of which nothing needs to be found out but, where the
     recording itself does not name it, what else filters the battery.
     """
-    if not any(each.role in WHEELS for each in log.channels):
-        return None
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
     first, reads = _first(log, firmware), reads_back_emf(each.role for each in log.channels)
 

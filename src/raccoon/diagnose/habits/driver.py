@@ -25,6 +25,7 @@ SIZES = (0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.15, 0.2)
 AROUND = (0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25)
 """Parts of the best of them that are tried then."""
 ROUNDS = 2
+"""How often a deadband is looked for around the last best one."""
 ENDS = ((False, False), (True, False), (False, True))
 """Whether commands beyond it do all that they say, and whether so much less; else all at full power."""
 

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 FILTER, LATENCY = "bemf.filter_lag", "actuation.latency"
 FAR = 60.0
+"""Standard deviations that base numbers may move here."""
 STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
 """Coordinates of causes from which one of a fit for the habits starts; the first changes next to nothing."""
 LONGER = 1.5

@@ -100,9 +100,7 @@ def as_commanded(
     if log.runs or cycle_by_row(log) == Chain().cycle or several:
         return log, None
 
-    def placed_by(found: Fitted | None, together: float) -> Log | None:
-        if found is None:
-            return None
+    def placed_by(found: Fitted, together: float) -> Log | None:
         return placed(log, loose_problem_of(robot, causes, found.habits, model), found.point, together)
 
     found = nearest(log, robot, causes, model)

@@ -10,6 +10,7 @@ import math
 from raccoon.diagnose.hypotheses.coordinates import by_name
 
 _USUAL_SHARE = 0.07
+"""Of a deviation, see `form_error`."""
 _SHARES = {
     "imu.gyro_bias": 0.0, "battery.open_circuit_voltage": 0.0, "bemf.filter_lag": 0.001,
     "actuation.latency": 0.003, "drive.wheel_eccentricity": 0.003, "imu.gyro_drift": 0.003,
@@ -22,6 +23,7 @@ _SHARES = {
     "drive.wheel_radius": 0.1, "motor.current_limit": 0.1,
 }  # fmt: skip
 _USUAL_LEAST = 0.004
+"""Of a cause's width, see `least_error`."""
 _LEAST = {"bemf.dead_zone": 0.015, "actuation.deadband": 0.01, "drive.backlash": 0.0025}
 _FACTORS = {
     "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,

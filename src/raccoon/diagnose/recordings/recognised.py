@@ -66,5 +66,4 @@ def _misfit(columns: Columns, robot: RobotConfig, zone: Firmware, device: Device
     if any(each is not None for each in log.clocks):
         return CLOCKED
     causes = zone.asked_for(drive_causes(), filters=firmware is not None)
-    found = nearest(log, robot, causes, zone.start(robot, None), firmware) if moves(log) else None
-    return np.inf if found is None else found.misfit
+    return nearest(log, robot, causes, zone.start(robot, None), firmware).misfit if moves(log) else np.inf

@@ -9,6 +9,7 @@ from functools import cache
 from raccoon.diagnose.hypotheses.coordinates import by_name
 
 EVIDENCE_GATE = 8.0
+"""For most causes."""
 LONE_GATE = 6.0
 """Where nothing else is named, whose form could be wrong, and chance does not imitate it: on 445 clean robots
 a motor or the IMU got 5.4 at most."""

@@ -25,6 +25,7 @@ from raccoon.diagnose.select.sets import Chosen, Member, Sets, apart
 from raccoon.diagnose.select.twins import fitted_twins
 
 PROPOSED = 3
+"""Sets that each look at the linear model proposes."""
 POLISHED = 3
 """Of all proposals, those that are fitted with every column simulated anew."""
 SAME = 1.0
@@ -34,10 +35,12 @@ HOPE = 60.0
 ALIKE = 0.3
 """Cosine from which another cause is tried in the place of one."""
 MOST_ALIKE = 5
+"""Such causes."""
 LEAST = 0.002
 """Where a one-sided cause starts in a fit of everything: off its bound, and yet too little to do anything. At
 ten times that, latencies that are not there had raised the misfit by 240, and no step led back."""
 GUESS = 0.4
+"""Widths at which one begins by itself."""
 STRAIGHT = (
     "motor.armature_resistance@left", "motor.armature_resistance@right", "motor.back_emf_constant@left",
     "motor.back_emf_constant@right", "bemf.scale@left", "bemf.scale@right", "drive.wheel_radius@left",

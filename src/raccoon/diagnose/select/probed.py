@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 NEARLY = 0.7
 """Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
 PROBES_TRIED = 3
+"""Those with most evidence, that are looked at closely."""
 LEAST_OF_PROBE = 10.0
 """Log evidence of the linear model from which a probe is looked at closely."""
 

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 REFITS = 5
 PLAIN_REFITS = 3
+"""Causes that are truly refitted for their evidence under the whole noise, and without what wanders."""
 SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb", "friction.viscous")
 """Without a current reading these share one scale, which only robot.toml's standard deviations fix."""
 TURN = ("imu.gyro_scale", "motor.back_emf_constant")
@@ -31,6 +32,7 @@ SMOOTHS = "imu.low_pass"
 LAGS = (("imu.latency", "drive.wheel_slip", SMOOTHS), ("actuation.latency", "bemf.filter_lag"))
 """Causes that delay the same readings; the parameter of each is a time."""
 RELATIVES_STARTS = (-0.6, 0.6)
+"""Widths at which relatives begin."""
 STRAINED = 1.5
 """Standard deviations of robot.toml by which a base number is bent where something large is missing."""
 FAR_BENT = 2.5
@@ -38,6 +40,7 @@ FAR_BENT = 2.5
 SEVERAL = 2
 """Causes from which others may have gone unseen beside them."""
 POLISHED = 3
+"""Refits that are refined at most."""
 WORTH_POLISHING = 8.0
 """Log evidence that a refit must add to be refined."""
 OVERWHELMING = 300.0

@@ -33,6 +33,7 @@ FARTHEST = 30.0
 shows a cause, as without a gyro a wheel's radius, its column of next to nothing is like any other, and
 thousands of its widths took the places of those that act."""
 MOST_RIVALS = 4
+"""Of either kind, in the place of one cause."""
 FEWEST_RIVALS = 2
 """Most alike ones that are truly fitted however little alike they are: in a creeping drive friction that
 differs between the directions was as likely as the slope that was named, and its cosine was 0.38."""

@@ -31,6 +31,7 @@ from raccoon.diagnose.select.replacements import merged, rearranged, simplified
 from raccoon.diagnose.select.rivals import as_likely, compared
 
 HELD_OUT_GATE = 2.0
+"""Log predictive score that a cause must add on blocks left out."""
 SURE = 30.0
 """Log evidence, no event counting for much, from which a cause need not help on blocks left out."""
 FORGIVEN = 0.4

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 Chosen = frozenset[int]
 
 STEPS = 12
+"""Most steps of one climb."""
 
 
 @dataclass(frozen=True, slots=True)

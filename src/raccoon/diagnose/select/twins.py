@@ -33,6 +33,7 @@ from raccoon.diagnose.select.symmetry import (
 HOPE = 20.0
 """Log evidence, less the gates, that one may lack before it is fitted: one lacked 12 and led by 15 then."""
 MOST_TWINS = 4
+"""That are fitted, of those that are the same drive."""
 GEAR = "friction.load_dependent"
 _BY_CURRENT = ("motor.armature_resistance", "battery.", "motor.heating", "motor.current_limit")
 LOADED: Line = {key: -power for key, power in LINES[1].items() if not key[0].startswith(_BY_CURRENT)}

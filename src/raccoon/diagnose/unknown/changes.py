@@ -39,6 +39,7 @@ KNOWN = 14.0
 """Log evidence that counts for a change while causes are sought beside it, as for the least that is taken."""
 GYRO_ZERO = "gyro"
 PERCENT = 0.01
+"""A unit of what a wheel's radius changes by."""
 AS_A_CURVE = 0.97
 """Part of what a free curve over time explains that it must explain: a zero that creeps is no step."""
 

@@ -36,6 +36,7 @@ PLACE = "position"
 INERTIA = "drive.inertia"
 INERTIA_SHARE = "growth of inertia"
 TORQUE = 0.03
+"""N m, the usual size of a torque over a place, a heading, a speed or time."""
 WAVE = 0.0075
 """N m of a wave: so many are free that with four times as much causes had a tenth less evidence on 8 s."""
 LEAST_WAVE, SMALL_WAVE, SMALL_RUB, LARGE_WAVE = 60.0, 0.05, 0.08, 14.0

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 PREFIX = "unknown: "
 GYRO, BATTERY = 0.02, 0.02
+"""rad/s and V, the usual sizes of what a sensor is off by."""
 RATE = "rad/s of the wheels"
 
 

@@ -20,6 +20,7 @@ from raccoon.diagnose.unknown.sensors import PREFIX, Probe
 Array = NDArray[np.float64]
 
 POINTS = 48
+"""Of a curve as it is said."""
 FREED = 10.0
 """Times their usual size that waves may well have whose size is asked for."""
 MOST_LARGER = 2.0

@@ -11,7 +11,9 @@ from raccoon.diagnose.recordings.axis.log import AxisLog
 from raccoon.diagnose.recordings.axis.start import Rough
 
 SHARE = 0.95
+"""Of friction, by which it may differ by direction at most."""
 LATEST = 0.25
+"""s by which a command may be late at most."""
 LATENCIES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 DEAD = (0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0)
 """u that are tried before a fit."""

@@ -46,7 +46,9 @@ FAR = 3.0
 """Noise floors that a speed or current may be off by before what is left is large. A position's error grows
 with every push, so there only the share counts."""
 SAME_DIRECTION = 0.95
+"""Cosine of what two causes change from which they are the same to the data."""
 AS_GOOD = 1.1
+"""Times the error on unseen data up to which another cause foresees it as well."""
 TWINS = {
     "drive.slope": "friction.direction_dependent",
     "friction.direction_dependent": "drive.slope",

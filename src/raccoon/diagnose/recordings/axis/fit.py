@@ -32,10 +32,13 @@ ROUNDS, ENOUGH = 20, 1e-5
 NEAR_END = 1.02
 """Times a bound, up to which a number is said to be at it."""
 ROWS_OF_POSITION, ROWS_OF_SPEED = 100, 8000
+"""Of a stretch, that are compared at most."""
 FEWEST_STRETCHES = 10
+"""Of a position, that a recording is cut into at least."""
 RUN_CONSTANTS, RUN_SECONDS = 20.0, 60.0
 """A speed is run on freely for the longer of the two."""
 LARGEST_WAY = 200.0
+"""Most by which the logarithm of a number may change."""
 NO_NUMBER = 1e60
 """Times the noise, of which squares can still be added up."""
 

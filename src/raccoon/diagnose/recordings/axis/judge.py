@@ -25,7 +25,9 @@ LEAST_SIZE = 0.1
 MUCH = 0.3
 """Share of the error on unseen data from which a cause is named however small it is."""
 OVERLAP = 2
+"""Stretches that are fitted over any instant."""
 TINY = 1e-12
+"""In the place of an error, or a friction, of 0 that is divided by."""
 SHORTEST = 4.0
 """Time constants that a recording must last."""
 

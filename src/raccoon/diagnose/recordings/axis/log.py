@@ -15,6 +15,7 @@ from raccoon.trace.recording import mistaken_step
 Array = NDArray[np.float64]
 
 FEWEST_SAMPLES = 100
+"""Numbers from which a column is one."""
 EFFORTS = {"force": "N", "torque": "N m", "voltage": "V"}
 """What may drive an axis, and its unit; the first one that the recording holds is taken."""
 MOTIONS = {"travel": "m", "angle": "rad", "speed": "rad/s"}

@@ -21,7 +21,9 @@ LEAST_EVIDENCE, LEAST_LEFT_OUT = 10.0, 6.0
 MOST_CAUSES = 4
 """That are named of one axis."""
 TIE = 3.0
+"""Evidence within which two causes are alike, and the plainer one is taken."""
 CRUDE = 0.05
+"""Of the spread of a channel, for its noise before anything is fitted."""
 LOST = 0.5
 """Share of the squared residual of every candidate at once below which the search must have found more."""
 

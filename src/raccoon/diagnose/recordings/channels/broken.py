@@ -41,6 +41,7 @@ LEFT_OUT = {
 }
 """Faults for which a whole channel is left out, and how that is said."""
 JITTER = 0.5
+"""Of the usual step, by which steps differ to either side of it where a time is uneven."""
 SURE_WHEN_UNEVEN = 1.0
 """Change of a reading, in units of its noise, from which a cause is believed where the time is uneven. Stamps
 that are off by up to 2 ms made a gear that loses 2 % of a clean drive, by 0.34."""

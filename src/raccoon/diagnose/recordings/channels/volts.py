@@ -24,6 +24,7 @@ VOLTS = (
     "not identifiable: motor.N.voltage is recorded instead of motor.N.duty, so the driver hides the battery"
 )
 MOST_VOLTS = 30.0
+"""V that a motor is given at most."""
 FEWEST = 20
 """Readings of a battery that tell what it has."""
 BY_READING = (

@@ -25,6 +25,7 @@ FOLLOWS = {
 KIPR_VOLTS_PER_COUNT = 0.009175
 """V, of the C library's own curve of the charge."""
 OF_KIPR = 0.01
+"""Part by which a scale may be off from that curve to be of it."""
 
 
 def with_battery_reading(found: Diagnosis, robot: RobotConfig) -> Diagnosis:

@@ -29,6 +29,7 @@ FARTHEST = 1e6
 SPIKE = 3
 """Rows that may be off in a row; more is another zero, as of a counter that was reset."""
 LEAST_ROWS = 50
+"""Numbers of a column in which spikes are looked for."""
 WINDOW = 0.5
 """s over which the turns of the wheels are compared with those of the reference."""
 LEAST_TURN = 0.5

@@ -47,12 +47,14 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 LEAST_GAIN = 0.03
+"""Share of the error on unseen runs that a cause must save."""
 FAR = 3.0
 """Times the error of what was fitted from which that of unseen runs is more than wheels, whatever their size,
 make of it."""
 LARGEST_FACTOR = 2.5
 """By which wheels and track may be off, as in a drive with commands (`doubts/implausible.py`)."""
 SHARE_FITTED = 0.7
+"""Of a single run; the rest is there to judge on."""
 SLOWEST = 0.9
 """s a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""
 POSITION, HEADING = "truth position", "truth.heading"

@@ -35,6 +35,7 @@ AT_REST = 0.02
 UNRELATED = 0.3
 """R2 of the current over voltage and speed below which it is no current of this motor."""
 FEWEST = 50
+"""Samples from which something is said of them."""
 SLOWEST_STEP = 0.9
 """s between samples. An axis may be slow, but not so slow."""
 MOST_VOLTS = 100.0

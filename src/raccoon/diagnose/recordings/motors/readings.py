@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 STALE_RATIO = 0.5
+"""Of the one before, below which a sample is of a leftover that decays."""
 MOVING_SHARE = 0.1
+"""Of the usual reading later, from which a motor moves."""
 
 
 @dataclass(frozen=True, slots=True)

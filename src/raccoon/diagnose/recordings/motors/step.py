@@ -28,7 +28,9 @@ Columns = Mapping[str, Array]
 SLOWEST_STEP = 0.9
 """s between samples."""
 FEWEST = 10
+"""Numbers from which a column is a reading."""
 MANY_REPEATS = 0.02
+"""Share of samples that repeat the one before, from which that is said."""
 STALE_SPEED = 0.4
 """rad/s; a smaller leftover is less than one count a sample."""
 SHARED = (

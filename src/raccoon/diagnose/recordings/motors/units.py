@@ -16,6 +16,7 @@ Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
 FEWEST = 50
+"""Samples from which something is said of them."""
 LEAST_BATTERY = 3.0
 """V, of which no experiment gives a motor less than 1 V all the time."""
 BEYOND = 1.3

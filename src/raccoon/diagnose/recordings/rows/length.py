@@ -20,6 +20,7 @@ other, and nothing is compared: after a day of it there would be no memory left.
 MOST_SECONDS = 240.0
 """s of one recording that are diagnosed, of which 1 GB of memory is needed. A match has 120."""
 PAUSES_SAID = 3
+"""Pauses whose times are said."""
 REST = 10.0
 """s before the first command and after the last one that are looked at: of a robot that stands there is no
 more to see, and each takes as long as one of driving. A minute may pass until the light starts a match."""

@@ -10,6 +10,7 @@ from raccoon.diagnose.recordings.tophats.levels import Levels
 from raccoon.diagnose.recordings.tophats.words import HEIGHT, bits_note, older_too_note
 
 TIE = 3.0
+"""Cost by which another fit may be above the best one and do about as well."""
 MOUNTED = (0.003, 0.025)
 """m above the floor between which sensors are mounted."""
 

@@ -38,6 +38,7 @@ PENALTY = 6.0
 NEAREST = 0.005
 """m below which what is not known of black grows no more: it would explain any level."""
 ROUNDS = 40
+"""Most steps of a fit."""
 FITS = 9.0
 """Misfit up to which levels count as explained."""
 MOST_OF_TWO = 0.8

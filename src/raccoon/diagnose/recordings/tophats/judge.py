@@ -54,6 +54,7 @@ from raccoon.sim.tophats import GENERATION
 Array = NDArray[np.float64]
 
 FITTED = 0.7
+"""Part of the time that is fitted; the rest is there to judge on."""
 LITTLE_MOVE = 0.25
 """Share of what is wrong with the levels by which they may move and still be judged as one."""
 

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 PIECES = 10
+"""Of time, in which the levels may differ."""
 NOISY = 50.0
 """Counts from reading to reading that no floor makes: `pattern_of` is 20 at the most."""
 CUT = 0.1

@@ -16,6 +16,7 @@ Flags = NDArray[np.bool_]
 CLEAR = 5.0
 """Deviations by which a level must move to have moved."""
 FEWEST_PIECES = 3
+"""Pieces of time with a level, from which it may have moved."""
 MOMENTS = 40
 """Parts of a recording between which a step is looked for at first."""
 NEARER = 0.5

@@ -11,6 +11,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_CONTRAST = 12.0
+"""Counts between white and black at least."""
 MOST_BLANKS = 3.0
 """Times the usual distance of two labels beyond which the surface between them may have been another."""
 CLEAR = 5.0
