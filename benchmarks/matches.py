@@ -12,9 +12,8 @@ squares up to the wall behind it, and goes on until the clock ends it. Errors ar
 against the pose that it believes.
 
 Before that as many robots as --walls says square up to a wall 21 cm away, from 4 degrees askew (one standard
-deviation), at three speeds, as put together and never calibrated. As many as --lines says follow a line of
-two bends of 0.12 to 0.4 m, at 0.05 to 0.20 m/s, with a tophat 5 to 13 cm ahead whose floor and line read up
-to 150 counts off its calibration.
+deviation), at three speeds, as put together and never calibrated. As many as --lines says follow the lines of
+match_lines.py, with one tophat and with two.
 """
 
 from __future__ import annotations
@@ -24,15 +23,12 @@ import logging
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from raccoon import (
-    Action,
     Robot,
     after_distance,
     align_on_line,
@@ -60,15 +56,13 @@ from raccoon import (
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import RaccoonError
 from raccoon.core.sections import ServoConfig, TophatConfig
-from raccoon.estimate.tophat import calibrate
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
 from blind.table import HEADING, LEFT, RIGHT, Eye, Floor, Numbers, TableRobot, X, Y, curve, drawn  # noqa: E402
+from match_lines import HALF, follow_lines, watching  # noqa: E402
 
-HALF = 0.025
-"""m, half a line's width."""
 BACK, FRONT_WALL = -0.12, 2.10
 BEND = 0.3
 LINES = (
@@ -189,17 +183,6 @@ def beside_main_line(x: float, y: float) -> float:
     return x - 1.5 - HALF
 
 
-def watching(action: Action[object], see: Callable[[], None]) -> Action[object]:
-    """The action, and `see` in each of its cycles."""
-
-    def steps(robot: Robot) -> Iterator[None]:
-        for _ in action.start(robot):
-            see()
-            yield
-
-    return Action(action.name, steps, action.check)  # type: ignore[arg-type]
-
-
 def program(robot: Robot, referee: Referee, match: Match, speed: float) -> None:
     """The match. It ends in a drive that the clock ends."""
     match.light = robot.time
@@ -212,7 +195,7 @@ def program(robot: Robot, referee: Referee, match: Match, speed: float) -> None:
     settled: list[float] = []
     begin = robot.estimate.distance
 
-    def see() -> None:
+    def see(robot: Robot) -> None:
         if robot.estimate.distance - begin > 0.2:
             settled.append(beside_main_line(*referee.sensor()))
 
@@ -304,70 +287,6 @@ def squared(seed: int, speed: float) -> bool:
     return abs(heading) < deg(1.0) and abs(abs(x) - 0.21) < 0.003
 
 
-def followed(seed: int) -> tuple[list[float], list[str]]:
-    """A line of two bends: m of the tophat beside its edge, and what was said."""
-    rng = np.random.default_rng((seed, 2))
-    radius, speed = float(rng.uniform(0.12, 0.4)), float(rng.choice([0.05, 0.10, 0.15, 0.20]))
-    forward, left = float(rng.uniform(0.05, 0.13)), float(rng.uniform(-0.03, 0.03))
-    side: Literal["left", "right"] = "left" if rng.random() < 0.5 else "right"
-    white, black = float(rng.uniform(180.0, 1300.0)), float(rng.uniform(2700.0, 3800.0))
-    noise, wander = float(rng.uniform(2.0, 12.0)), float(rng.uniform(0.0, 150.0))
-    eye = Eye(0, forward, left, white, black, noise, wander)
-    first = curve(0.5, radius, radius, -math.pi / 2, -math.pi / 2 + 1.2, HALF)
-    x, y = first[-1][2:4]
-    centre = x + radius * math.sin(1.2), y - radius * math.cos(1.2)
-    second = curve(*centre, radius, math.pi / 2 + 1.2, math.pi / 2, HALF)
-    x, y = second[-1][2:4]
-    strips = [[-0.2, 0.0, 0.5, 0.0, HALF], *first, *second, [x, y, x + 0.4, y, HALF]]
-    port = TableRobot(drawn(rng), Floor(strips, patches=((0.2, -0.2, 0.4, 0.2, 0.33),)), [eye], seed)
-    start = (HALF if side == "left" else -HALF) - left
-    port.place(0.0, start + float(rng.normal(0.0, 0.004)), float(rng.normal(0.0, deg(3.0))))
-    beside: list[float] = []
-    with open_robot(
-        replace(RobotConfig(), tophats={"front": TophatConfig(0, forward, left)}), port=port
-    ) as robot:
-        robot.run(wait(1.0))
-        levels = rng.normal(0.0, noise, 200)
-        robot.tophat("front").calibrate(calibrate([*(white + levels), *(black + levels)]))
-
-        def see() -> None:
-            if robot.estimate.distance > 0.1:
-                beside.append(to_line(strips, *port.eye_at(eye)) - HALF)
-
-        way = after_distance(0.7 + 2.4 * radius)
-        try:
-            robot.run(watching(follow_line("front", side, speed).until(way), see))
-        except RaccoonError as error:
-            return beside, [str(error)]
-        return beside, list(robot.drive.remarks.values())
-
-
-def to_line(strips: list[list[float]], x: float, y: float) -> float:
-    """m to the middle of the nearest strip."""
-    nearest = math.inf
-    for x0, y0, x1, y1, _ in strips:
-        ax, ay, bx, by = x1 - x0, y1 - y0, x - x0, y - y0
-        share = min(max((ax * bx + ay * by) / (ax * ax + ay * ay), 0.0), 1.0)
-        nearest = min(nearest, math.hypot(bx - share * ax, by - share * ay))
-    return nearest
-
-
-def follow_lines(seeds: range) -> None:
-    """Follow the lines and print."""
-    all_beside: list[float] = []
-    for seed in seeds:
-        beside, said = followed(seed)
-        all_beside += beside
-        for what in said:
-            print(f"line {seed}: {what}")
-    off = 1e3 * np.abs(all_beside)
-    print(
-        f"{len(seeds)} lines of two bends: beside the edge {np.sqrt(np.mean(off**2)):.1f} mm rms, "
-        f"{off.max():.1f} mm at the most",
-        flush=True,
-    )
-
-
 def table(matches: list[Match]) -> None:
     """Everything for people."""
     good = sum(not each.wrong for each in matches)
@@ -409,7 +328,7 @@ def main() -> None:
         good = sum(squared(asked.seed + number, speed) for number in range(asked.walls))
         print(f"{good} of {asked.walls} squared up to a wall at {speed:g} m/s", flush=True)
     if asked.lines:
-        follow_lines(range(asked.seed, asked.seed + asked.lines))
+        follow_lines(range(asked.seed, asked.seed + asked.lines), show=asked.show)
     matches = [played(asked.seed + number) for number in range(asked.trials)]
     for each in matches:
         for what in each.wrong:

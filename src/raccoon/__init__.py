@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from raccoon.robot.calibration.tophats import calibrate_tophats, load_tophats
     from raccoon.robot.calibration.wheels import calibrate_drive
     from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
+    from raccoon.robot.motions.crossings import at_crossing
     from raccoon.robot.motions.driving import drive, motors
     from raccoon.robot.motions.following import follow_line
     from raccoon.robot.motions.goals import MotionResult, arc, pivot, straight, turn, turn_to
@@ -142,6 +143,7 @@ _HOMES = {
     "raccoon.robot.motions.lines": ("align_on_line",),
     "raccoon.robot.motions.walls": ("align_on_wall",),
     "raccoon.robot.motions.following": ("follow_line",),
+    "raccoon.robot.motions.crossings": ("at_crossing",),
     "raccoon.robot.actions.functions": ("do",),
     "raccoon.robot.calibration.battery_check": ("check_battery",),
     "raccoon.robot.match": (
@@ -185,6 +187,7 @@ __all__ = [
     "analog_above",
     "analog_below",
     "arc",
+    "at_crossing",
     "background",
     "blocked",
     "bumped",

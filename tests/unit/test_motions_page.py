@@ -15,6 +15,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DRIVING = tuple(f"motions.{each}" for each in ("goals", "driving", "paths", "lines", "walls", "following"))
 HOMES = (
     *DRIVING,
+    "motions.crossings",
     "actions.actions",
     "actions.condition",
     "actions.conditions",

@@ -141,7 +141,10 @@ def loose(value: object) -> Any:
         (lambda: drive_to(0.4, 0.2, 90), r"heading is 90: .*deg\(90\)"),
         (lambda: follow_path([(0.1, 0.2), (0.3, 45)]), r"y of points\[1\] is 45: "),
         (lambda: follow_path([]), "points is empty"),
-        (lambda: follow_line("front", loose("middle")), "side is 'middle': allowed are 'left' and 'right'"),
+        (
+            lambda: follow_line("front", loose("rear")),
+            r"'rear': allowed are 'left' and 'right'; with two tophats write follow_line\(left=..., right=",
+        ),
         (lambda: follow_line("front", speed=15), "speed is 15: .*20 cm/s are 0.20"),
         (lambda: follow_line("front", speed=-0.1), "speed is -0.1: it must be above 0"),
         (lambda: align_on_line("left", "right", reach=50), "reach is 50: .*30 cm are 0.30"),
@@ -287,6 +290,8 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         ),
         (lambda: follow_path([(0.1, False)]), r"y of points\[0\] is False: it must be a number"),
         (lambda: servo("claw", True), "to is True: it must be a number, a pulse in us, or a name"),
+        (lambda: loose(follow_line)("left", left="left", right="right"), "one tophat and its edge, or two"),
+        (lambda: loose(follow_line)(), "takes the name of a tophat, or two of them"),
         (
             lambda: follow_path([loose((0.1, 0.0, 0.0))]),
             r"points\[0\] is \(0\.1, 0\.0, 0\.0\): it must be \(x, y\)",

@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from raccoon.robot.motions.sight import MOST_OFF
+
 if TYPE_CHECKING:
+    from raccoon.robot.motions.sight import Sight
     from raccoon.robot.robot import Robot
 
 SHORT_EDGE = 0.03
 """m of an edge below which the sensor only went across it."""
-STEADY, ALIKE, HALF, MOST_OFF = 0.05, 0.04, 0.02, 0.4
-"""m of the way, and shares of the sensor's spot: what differs by less is alike, and half, and what is further
-off from half is as good as a surface."""
+STEADY, HALF = 0.05, 0.02
+"""m of the way, and off from half of the sensor's spot: what is nearer is half."""
 LOST_TIME, LOST_WAY, NONE_YET_TIME = 1.0, 0.15, 0.5
 """s and m without an edge under the sensor after which the line is lost; s where there was none yet."""
+PLAY_TIME, PLAY_WAY = 60.0, 5.0
+"""s and m more a m across that the line may move unseen."""
 SEARCH_APART = 0.05
 """m of the way that one search for the line is from the next, or both are for the same place."""
 
@@ -23,20 +27,21 @@ class LastEdge:
     """Where the sensor was on an edge of the line the last time.
 
     place: m of the way. time: s. heading: rad of the line, as far as known. pointing: rad of the robot there,
-    None before the first edge. to_black: whether it came from the edge to black first (then the line turned
-    to that side, or another one crosses it), None while it keeps to one. doubtful: whether it reads the
-    same for a while, and not half an edge: one in a bend does, and so does the floor in other light. other:
-    the tophat that was on an edge at the start, where the one that follows was on none.
+    None before the first edge. way: where the line was when it was left (1 to the left, where it turned to or
+    another one crosses it, -1 to the right), 0 while it is kept to. doubtful: whether the same is read for a
+    while, and not half an edge: one in a bend does, and so does the floor in other light. other: the tophat
+    that was on an edge at the start, where what follows was on none.
     """
 
-    def __init__(self, robot: Robot, other: str = "") -> None:
+    def __init__(self, robot: Robot, play: float = 0.0, other: str = "") -> None:
         self._robot, self.other = robot, other
+        self._more, self._way = PLAY_TIME * play, LOST_WAY + PLAY_WAY * play
         self.heading = robot.estimate.heading
         self.pointing: float | None = None
-        self.to_black: bool | None = None
+        self.way = 0.0
         self._level, self._since, self._believed = 0.5, 0.0, False
         self._straight = self.heading  # when it last read half an edge, as where the line goes straight on
-        self._patience, self._searched, self._searches = NONE_YET_TIME, -math.inf, 0
+        self._patience, self._searched, self._searches = NONE_YET_TIME + self._more, -math.inf, 0
         self._begin()
 
     def _begin(self) -> None:
@@ -49,7 +54,7 @@ class LastEdge:
     def lost(self) -> bool:
         """Whether there was no edge for too long, or on too long a way."""
         here = self._robot
-        return here.time - self.time > self._patience or here.estimate.distance - self.place > LOST_WAY
+        return here.time - self.time > self._patience or here.estimate.distance - self.place > self._way
 
     def searches(self) -> int:
         """Count a search for the line that begins: how many there were here by then, with this one."""
@@ -59,7 +64,7 @@ class LastEdge:
     def found(self) -> None:
         """A search ended on the line."""
         self._begin()
-        self._searched, self._patience = self.place, LOST_TIME
+        self._searched, self._patience = self.place, LOST_TIME + self._more
 
     @property
     def _apart(self) -> float:
@@ -75,7 +80,7 @@ class LastEdge:
     def doubtful(self) -> bool:
         """See the class."""
         steady = self.place - self._since > STEADY
-        return steady and not self._believed and HALF < abs(self._level - 0.5) < MOST_OFF
+        return steady and self._on and not self._believed and HALF < abs(self._level - 0.5) < MOST_OFF
 
     def believe(self, edge: bool) -> None:
         """It was found out whether it is an edge; where it is none, the line goes as it did before."""
@@ -83,23 +88,23 @@ class LastEdge:
         if not edge:
             self.heading = self._straight
 
-    def see(self, coverage: float) -> bool:
-        """Take the sensor's coverage of this cycle; whether it is on an edge."""
-        here, on = self._robot.estimate, abs(coverage - 0.5) < MOST_OFF
-        if abs(coverage - self._level) > ALIKE:
-            self._level, self._since, self._believed = coverage, here.distance, False
-        if abs(coverage - 0.5) < HALF:
+    def see(self, sight: Sight) -> bool:
+        """Take what is seen in this cycle; whether it is an edge."""
+        here, on, level = self._robot.estimate, sight.on, sight.level
+        if sight.plain or abs(level - self._level) > sight.alike:
+            self._level, self._since, self._believed = level, here.distance, sight.plain
+        if abs(sight.off) < HALF:
             self._straight = here.heading
         if on:
             if not self._on:
-                self._met = here.distance
+                self._met = self._since = here.distance
             self.place, self.pointing, self.time = here.distance, here.heading, self._robot.time
-            self._patience = LOST_TIME
+            self._patience = LOST_TIME + self._more
             if self._apart > SEARCH_APART:  # before, it may still come across the line
                 self.heading = here.heading
             if self.kept:
-                self.to_black = None
-        elif self.to_black is None:
-            self.to_black = coverage > 0.5
+                self.way = 0.0
+        elif self.way == 0.0:
+            self.way = sight.way
         self._on = on
         return on

@@ -87,7 +87,7 @@ def align_on_line(
         )
 
     return Action(
-        f"align on a line with {left} and {right}", steps, lambda robot: _check_sides(robot, left, right)
+        f"align on a line with {left} and {right}", steps, lambda robot: check_sides(robot, left, right)
     )
 
 
@@ -164,7 +164,7 @@ def _exchanged(robot: Robot, left: str, right: str, angle: float) -> tuple[str, 
     return (said,)
 
 
-def _check_sides(robot: Robot, left: str, right: str) -> None:
+def check_sides(robot: Robot, left: str, right: str) -> None:
     """Raise ConfigError where robot.toml lacks one of the tophats, or has them the other way round."""
     if robot.tophat(left).config.left <= robot.tophat(right).config.left:
         raise ConfigError(f"tophat {left} is not to the left of {right} in robot.toml")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from raccoon.robot.motions.last_edge import MOST_OFF
+from raccoon.robot.motions.sight import MOST_OFF
 
 if TYPE_CHECKING:
+    from raccoon.robot.motions.sight import Sight
     from raccoon.robot.robot import Robot
 
 LINE_GAIN = 1.5
@@ -19,14 +20,17 @@ BEND_GAIN, OVER_GAIN = 4.0, 8.0
 it is forgotten where it is over."""
 TIGHTEST, SLOW = 1.0 / 0.06, 0.05
 """rad a metre of the tightest bend that is learnt, and m/s below which it is learnt as at that speed."""
+FORGETS = 0.05
+"""m of the way on which a bend is forgotten where no edge tells of it."""
+SEEKS = 100.0
+"""rad a metre, a metre of the way and a unit of coverage, by which the robot then turns more and more: the
+line may bend as it does."""
 SEEN = 0.48
 """Off from half of the spot on black, up to which the sensor sees the edge."""
-ABRUPT, CROSSING = 0.008, 0.08
-"""m of the way in which the sensor comes from the edge to black, at the most, where another line crosses
-within 50 degrees of square, and m on that line, at the most."""
-WELL, KEPT = 0.15, 0.03
-"""Off from half, at the most, of a sensor that keeps to its edge well; and m that it did so before a line
-that crosses."""
+CROSSING, KEPT = 0.08, 0.03
+"""m on a line that crosses, at the most, and m that the robot kept to its edge well before it."""
+STRAIGHT_GAIN = 3.0
+"""rad/s a rad off the way that it came, over a line that crosses."""
 CALM, LEAST_SPEED = 0.25, 0.03
 """Off from half up to which a bend is taken at full speed, and m/s of one that is not seen any more."""
 STRAIGHT = 3.0
@@ -38,16 +42,16 @@ class Steering:
     """What keeps a sensor on an edge: a turn rate in proportion to how far off it is, and that of the bend.
 
     The bend is what the robot turned there lately, so that the sensor need not be off the edge to turn: a
-    bend that asks for more than half of its spot could give is followed all the same. reach: m that the
-    sensor is ahead of the axis. side: 1 on the left edge of the line, -1 on the right one.
+    bend that asks for more than half of its spot could give is followed all the same.
     """
 
-    def __init__(self, robot: Robot, reach: float, side: float) -> None:
-        self._robot, self._side = robot, side
-        self._gain = LINE_GAIN * USUAL_REACH / reach
+    def __init__(self, robot: Robot, sight: Sight) -> None:
+        self._robot, self._sight = robot, sight
+        self._gain = LINE_GAIN * USUAL_REACH / sight.reach
         self._bend = 0.0  # rad a metre, left positive
         self._steady = 0.0  # what that was while the sensor kept to the edge well
         self._edge = self._began = -math.inf  # m of the way, up to where and from where it did so
+        self._heading = 0.0  # rad, of the robot where it kept to the edge well
         self._well = self._black = False
         self.crosses = False
         """Whether the sensor is on a line that crosses the one that it follows."""
@@ -57,47 +61,51 @@ class Steering:
         self._bend, self._well = 0.0, False
         self._black, self.crosses = True, False
 
-    def turn_rate(self, coverage: float, velocity: float) -> float:
+    def turn_rate(self, velocity: float) -> float:
         """rad/s for this cycle. velocity: m/s asked for."""
-        black = coverage - 0.5
-        off = self._side * black  # on the left edge black is to the right: too much of it means too far right
-        if self._is_crossing(black):
-            return self._bend * velocity
+        off = self._sight.off
+        if self._is_crossing():
+            here = self._robot.estimate
+            ahead = self._heading + self._bend * (here.distance - self._edge)
+            return self._bend * velocity + STRAIGHT_GAIN * (ahead - here.heading)
         over = off * self._bend < 0.0
         if over and not -MOST_OFF < off < MOST_OFF:
             self._bend = 0.0
-        if -SEEN < off < SEEN:
+        if not self._sight.learns:
+            way = velocity * self._robot.dt
+            self._bend += SEEKS * off * way - (self._bend * way / FORGETS if over else 0.0)
+        elif -SEEN < off < SEEN:
             learnt = (OVER_GAIN if over else BEND_GAIN) * self._gain * off * self._robot.dt
             bend = self._bend + learnt / (velocity if velocity > SLOW else SLOW)
             self._bend = -TIGHTEST if bend < -TIGHTEST else TIGHTEST if bend > TIGHTEST else bend
         return self._gain * off + self._bend * velocity
 
-    def _is_crossing(self, black: float) -> bool:
+    def _is_crossing(self) -> bool:
         """Whether another line crosses here: then the robot goes on as it went."""
-        here = self._robot.estimate.distance
-        if -WELL < black < WELL:
+        here, sight = self._robot.estimate.distance, self._sight
+        if sight.well:
             if not self._well:
                 self._well, self._began = True, here
-            self._edge, self._steady = here, self._bend
+            self._edge, self._steady, self._heading = here, self._bend, self._robot.estimate.heading
         else:
             self._well = False
-        if black < MOST_OFF:
+        if not sight.black and not (self.crosses and sight.leaves):
             self._black = self.crosses = False
             return False
         way = here - self._edge
         if not self._black:
             kept = self._edge - self._began > KEPT and abs(self._steady) < STRAIGHT
-            self._black, self.crosses = True, kept and way < ABRUPT
+            self._black, self.crosses = True, kept and way < sight.abrupt
             if self.crosses:
                 self._bend = self._steady
-        elif way > CROSSING:
+        elif way > CROSSING + sight.abrupt:
             self.crosses = False
         return self.crosses
 
-    def limit(self, coverage: float, top: float) -> float:
+    def limit(self, top: float) -> float:
         """m/s, at the most `top`: less in a bend that takes the sensor to the end of the edge all the same,
         as one tighter than the sensor is ahead: around that the robot turns nearly on the spot."""
-        off = self._side * (coverage - 0.5)
+        off = self._sight.off
         further = (off if self._bend > 0.0 else -off) - CALM
         if further < 0.0 or -STRAIGHT < self._bend < STRAIGHT or self.crosses or top < LEAST_SPEED:
             return top

@@ -8,13 +8,30 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from raccoon import Action, MotionTimeout, Robot, after_distance, after_time, deg, open_robot, wait, when
+from raccoon import (
+    Action,
+    Condition,
+    ConfigError,
+    MotionTimeout,
+    Robot,
+    after_distance,
+    after_time,
+    at_crossing,
+    deg,
+    open_robot,
+    wait,
+    wait_for,
+    when,
+)
+from raccoon.core.config import TophatConfig
 from raccoon.core.readings import Inputs
 from raccoon.estimate.tophat import TophatCalibration, calibrate
 from raccoon.model.reflectance import fit
 from raccoon.robot.actions.steps import Steps
-from raccoon.robot.motions.following import SEARCH_TIME, _Search, follow_line
+from raccoon.robot.motions.following import follow_line
 from raccoon.robot.motions.last_edge import LastEdge
+from raccoon.robot.motions.line_search import SEARCH_TIME, LineSearch
+from raccoon.robot.motions.sight import OneEdge
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Box, Light, Line, World
 from robots import CONFIG, Between, simulated
@@ -190,7 +207,7 @@ def test_a_robot_that_stands_drives_on_into_another_light_too() -> None:
     def learns(robot: Robot) -> Steps[None]:
         sensor = robot.tophat("left")
         sensor.follow_light(False)
-        yield from _Search(robot, sensor, 1.0, LastEdge(robot), 0.0).in_other_light()
+        yield from LineSearch(robot, OneEdge(sensor, 1.0), LastEdge(robot), 0.0).in_other_light()
 
     with open_robot(CONFIG, port=simulated(world=world, start=(0.0, HALF - 0.03, 0.0))) as robot:
         robot.tophat("left").calibrate(calibration(0.0))
@@ -220,7 +237,6 @@ def test_a_robot_beside_the_line_that_steers_away_from_it_finds_it(
         ("left", 135, 0.2),
         ("right", -60, 0.2),
         ("right", 90, 0.2),
-        ("left", 75, 0.1),
         ("left", -135, 0.05),
         ("right", -110, 0.05),
         ("right", 110, 0.1),
@@ -308,3 +324,82 @@ def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
     x, _, heading = port._robot.pose
     assert x < 0.4
     assert abs(heading) < deg(110)  # the sensor sits 15 degrees to the left
+
+
+def between(lines: tuple[Line, ...], until: Condition, apart: float) -> tuple[Robot, SimPort, float]:
+    """Follow with two tophats around the first line; also m that their middle was off it, at the most."""
+    sides = (("left", 0, 0.5), ("right", 1, -0.5))
+    config = replace(CONFIG, tophats={name: TophatConfig(port, 0.11, at * apart) for name, port, at in sides})
+    port = simulated(world=World(lines=lines), config=config)
+    first, off = World(lines=lines[:1]), [0.0]
+
+    def see(_: Robot) -> bool:
+        x, y, heading = port._robot.pose
+        off.append(HALF + first.nearest_line(x + 0.11 * math.cos(heading), y + 0.11 * math.sin(heading))[0])
+        return False
+
+    with open_robot(config, port=port) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(calibration(0.0))
+        robot.run(wait(0.3))
+        robot.run(follow_line(left="left", right="right", speed=0.15).until(when(see) | until))
+    return robot, port, max(off)
+
+
+@pytest.mark.parametrize(("apart", "most"), [(0.05, 0.003), (0.08, 0.016)])
+def test_two_tophats_keep_a_line_between_them_around_a_bend(apart: float, most: float) -> None:
+    """8 cm apart leave the line 1 cm of play to either side."""
+    bend = [(0.2 + 0.2 * math.sin(0.05 * k), 0.2 - 0.2 * math.cos(0.05 * k)) for k in range(25)]
+    line = Line(((-0.5, 0.0), *bend, (0.2 + 0.19 + 0.1, 0.127 + 0.3)))
+    robot, port, off = between((line,), after_distance(0.5), apart)
+    assert off < most
+    assert port._robot.pose[2] > deg(60)
+    assert robot.drive.remarks == {}
+
+
+def test_two_tophats_go_over_a_crossing_and_stop_at_one() -> None:
+    """The second line lies 25 degrees off square, so the left tophat comes to it first."""
+    lines = (STRAIGHT, Line(((0.25, 0.2), (0.25, -0.2))), Line(((0.45, 0.2), (0.636, -0.2))))
+    robot, port, off = between(lines, after_distance(0.35) & at_crossing("left", "right"), 0.05)
+    x, y, heading = port._robot.pose
+    right = x + 0.11 * math.cos(heading) + 0.025 * math.sin(heading), y - 0.025 * math.cos(heading)
+    assert off < 0.003
+    assert World(lines=lines[2:]).nearest_line(*right)[0] == pytest.approx(0.0, abs=0.012)
+    assert robot.drive.remarks == {}
+
+
+def test_two_tophats_find_a_line_that_turned_off() -> None:
+    corner = Line(((-0.5, 0.0), (0.15, 0.0), (0.15, 2.0)))
+    _, port, _ = between((corner,), when(lambda robot: robot.pose.y > 0.05) | after_time(15.0), 0.06)
+    x, y, heading = port._robot.pose
+    middle = x + 0.11 * math.cos(heading), y + 0.11 * math.sin(heading)
+    assert middle[0] == pytest.approx(0.15, abs=0.012)
+    assert y > 0.05
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "said"),
+    [
+        ((0.11, -0.03), (0.11, 0.03), "tophat left is not to the left of right"),
+        ((0.11, 0.06), (0.11, -0.06), "left and right are 0.12 m apart .* 0.01 to 0.1 m"),
+        ((0.11, 0.03), (0.06, -0.03), "left and right are 0.11 and 0.06 m ahead .* beside each other"),
+        ((0.11, 0.03), (0.01, -0.03), "tophat.right.forward = 0.01"),
+    ],
+)
+def test_two_tophats_that_are_no_pair_are_refused(
+    left: tuple[float, float], right: tuple[float, float], said: str
+) -> None:
+    tophats = {"left": TophatConfig(0, *left), "right": TophatConfig(1, *right)}
+    with open_robot(replace(CONFIG, tophats=tophats), port=simulated()) as robot:
+        for action in (follow_line(left="left", right="right"), wait_for(at_crossing("left", "right"))):
+            with pytest.raises(ConfigError, match=said):
+                robot.run(action)
+
+
+def test_two_tophats_that_fit_on_the_line_see_no_crossing() -> None:
+    tophats = {"left": TophatConfig(0, 0.11, 0.02), "right": TophatConfig(1, 0.11, -0.02)}
+    with (
+        open_robot(replace(CONFIG, tophats=tophats), port=simulated()) as robot,
+        pytest.raises(ConfigError, match=r"0\.04 m apart .* see no crossing"),
+    ):
+        robot.run(wait_for(at_crossing("left", "right")))

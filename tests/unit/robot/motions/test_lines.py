@@ -120,7 +120,14 @@ def test_no_line_within_reach_is_said() -> None:
         on_table(World.empty(), (0.0, 0.0, 0.0), align_on_line("left", "right", reach=0.1))
 
 
-@pytest.mark.parametrize("motion", [align_on_line("left", "right", reach=0.2), follow_line("left", "left")])
+@pytest.mark.parametrize(
+    "motion",
+    [
+        align_on_line("left", "right", reach=0.2),
+        follow_line("left", "left"),
+        follow_line(left="left", right="right"),
+    ],
+)
 def test_a_tophat_that_was_unplugged_is_named_where_no_line_is_found(motion: Action[Any]) -> None:
     full = Between(simulated(), seen=lambda inputs: replace(inputs, analog=(4095,) * 6))
     with open_robot(CONFIG, port=full) as robot:

@@ -1,0 +1,203 @@
+"""Looking for a line on the spot, where a robot that follows it slid off or its light changed."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING, NoReturn
+
+from raccoon.control.motion import slewed
+from raccoon.core.errors import MotionTimeout
+from raccoon.robot.actions.actions import Steps
+from raccoon.robot.motions.last_edge import LOST_TIME, LOST_WAY, LastEdge
+from raccoon.robot.motions.pacing import STALL_PATIENCE, at_rest, reason
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.robot.motions.sight import Sight
+    from raccoon.robot.parts.tophats import TophatSensor
+    from raccoon.robot.robot import Robot
+
+SEARCH_ANGLE = math.radians(90.0)
+"""rad to either side of the line's direction in which it is looked for, of the sensor about the axis' middle:
+one that sits aside would look less far to its other side by what the robot turns."""
+SEARCH_SPEED, SEARCH_TIME = 0.08, 12.0
+"""m/s of the sensor meanwhile, and s that it takes at the most."""
+SIGHT_TIME = 1.0
+"""s until a loose plug that moves no more, or a controller that restarts, is read again, or is not."""
+BACK_SPEED = 0.1
+"""m/s at which the robot goes back to where the line was."""
+CATCH_SPEED = 0.03
+"""m/s until it keeps to an edge that it found: that may lie across, and is as wide as the sensor's spot."""
+ON_BLACK = 0.98
+"""Share of the sensor's spot that is all of it, but for noise."""
+NEAR = 1e-3
+"""m that is as good as there."""
+INTO_LIGHT, ASIDE = 0.03, 0.03
+"""m that the robot drives on into another light, and that its sensor then turns to both sides of the edge."""
+LIGHT_SPEED, LIGHT_GAIN = 0.1, 3.0
+"""m/s at the most and rad/s a rad off the line's direction on that way."""
+SURFACE_READINGS = 4
+"""in a row, whose mean is what a surface reads."""
+
+
+class LineSearch:
+    """Looks for an edge of a line by turning on the spot, and takes down what both surfaces read meanwhile.
+
+    Of two sensors the one looks that sits to the side where the line was. velocity: m/s that the robot comes
+    with.
+    """
+
+    def __init__(self, robot: Robot, sight: Sight, line: LastEdge, velocity: float) -> None:
+        self._robot, self._sight, self._line = robot, sight, line
+        self._way = line.way or sight.way
+        self._sensor, self._side = sight.edge(self._way)
+        self._heading, self._velocity = line.heading, velocity
+        self._end = robot.time + SEARCH_TIME
+        self._surfaces = [_Surfaces(each) for each in sight.sensors]
+
+    def beside(self) -> Steps[None]:
+        """On both sides of where it was last. Ends on the edge, or on the line from beyond it."""
+        name, other = self._sight.name, self._line.other
+        say(self._robot, f"{name} lost the line and looks for it")
+        if self._line.pointing is None and other:
+            say(self._robot, f"{name} came to no edge, {other} began on one: are their plugs exchanged?")
+        yield from self._stop()
+        yield from self._see()
+        yield from self._back()
+        first = self._way or 1.0
+        for way in (first, -first):
+            if (yield from self._turn(way)) or self._sensor.black:
+                return
+        yield from self._learn_and_return(first)
+
+    def in_other_light(self) -> Steps[None]:
+        """Drive on into it, turn over both surfaces there, the floor first, and back to the edge."""
+        robot, sensor = self._robot, self._sensor
+        say(robot, f"{self._sight.name} comes into another light on the line, and learns it")
+        begin, acceleration = robot.estimate.distance, robot.config.motion.acceleration
+        speed = max(min(self._velocity, LIGHT_SPEED), CATCH_SPEED)  # after a search, or at first, it stands
+        while robot.estimate.distance - begin < INTO_LIGHT and robot.time < self._end:
+            self._velocity = slewed(self._velocity, speed, acceleration * robot.dt)
+            robot.drive.follow(self._velocity, LIGHT_GAIN * (self._heading - robot.estimate.heading))
+            yield
+        yield from self._stop()
+        aside = ASIDE / sensor.config.forward
+        yield from self._turn(self._side, aside, to_edge=False)
+        yield from self._turn(-self._side, aside, to_edge=False)
+        if not self._learn():
+            yield from self._turn(-self._side, to_edge=False)
+        yield from self._learn_and_return(self._side)
+
+    def _learn(self) -> bool:
+        learnt = [each.learn() for each in self._surfaces]  # every one
+        return all(learnt)
+
+    def _learn_and_return(self, way: float) -> Steps[None]:
+        if not self._learn() or not (yield from self._turn(way)):
+            self._give_up()
+
+    def _give_up(self) -> NoReturn:
+        raise MotionTimeout(lost(self._robot, self._sight))
+
+    def _stop(self) -> Steps[None]:
+        robot = self._robot
+        while not at_rest(robot) and robot.time < self._end:
+            self._velocity = slewed(self._velocity, 0.0, robot.config.motion.acceleration * robot.dt)
+            robot.drive.follow(self._velocity)
+            yield
+
+    def _see(self) -> Steps[None]:
+        """Stand until the sensors see a floor: without it no line is found."""
+        robot, begin = self._robot, self._robot.time
+        while blind := [each for each in self._sight.sensors if not each.sees]:
+            if robot.time - begin > SIGHT_TIME:
+                names = " and ".join(each.name for each in blind)
+                raise MotionTimeout(f"{names} lost the line and sees no floor; {reason(robot, *blind)}")
+            robot.drive.follow(0.0)
+            yield
+
+    def _back(self) -> Steps[None]:
+        """Backwards along the arc that it came, to where it was on an edge the last time, or to black before:
+        a line that turned off is beside that place, and not beside where it was missed.
+        """
+        robot, line, acceleration = self._robot, self._line, self._robot.config.motion.acceleration
+        if line.pointing is None:
+            return
+        bend = robot.estimate.heading - line.pointing
+        way, silent = robot.estimate.distance - line.place, 0.0
+        while (left := robot.estimate.distance - line.place) > NEAR and not self._sensor.black:
+            silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
+            if silent > STALL_PATIENCE or robot.time > self._end:
+                self._give_up()
+            speed = min(BACK_SPEED, math.sqrt(acceleration * left))
+            self._velocity = slewed(self._velocity, -speed, acceleration * robot.dt)
+            off = line.pointing + bend * left / way - robot.estimate.heading
+            robot.drive.follow(self._velocity, self._velocity * bend / way + LIGHT_GAIN * off)
+            yield
+        yield from self._stop()
+
+    def _turn(self, way: float, angle: float = math.inf, *, to_edge: bool = True) -> Steps[bool]:
+        """Turn until `angle` rad beside the line's direction, at the most as far as a line is looked for, or
+        to its edge; whether it came to that.
+
+        way: 1 to the left, -1 to the right.
+        """
+        robot, sensor, motion = self._robot, self._sensor, self._robot.config.motion
+        angle = min(angle, SEARCH_ANGLE - way * math.atan2(sensor.config.left, sensor.config.forward))
+        wanted = min(motion.turn_rate, SEARCH_SPEED / sensor.config.forward)
+        top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
+        rate = silent = 0.0
+        wanted_to_black = way * self._side < 0.0
+        across = wanted_to_black  # who comes from the border of black may leave it there: by another edge
+        sensor.forget_edge()
+        while way * (robot.estimate.heading - self._heading) < angle:
+            for each in self._surfaces:
+                each.read()
+            # To the left of the left edge and to the right of the right one is white.
+            edge = sensor.edge
+            if to_edge and across and edge is not None and edge.to_black is wanted_to_black:
+                return True
+            if not across and (sensor.coverage or 0.0) > ON_BLACK:
+                across = True
+                sensor.forget_edge()
+            wrong = robot.drive.wheels.stalled or robot.odometry.wiring.suspects
+            silent = silent + robot.dt if wrong else 0.0
+            if silent > STALL_PATIENCE or robot.time > self._end:
+                self._give_up()
+            if robot.paused:
+                rate = robot.estimate.turn_rate
+            rate = slewed(rate, way * top, acceleration * robot.dt)
+            robot.drive.follow(0.0, rate)
+            yield
+        return False
+
+
+class _Surfaces:
+    """The lowest and the highest mean that a sensor read: floor and line, where it went over both."""
+
+    def __init__(self, sensor: TophatSensor) -> None:
+        self._sensor = sensor
+        self._last: deque[float] = deque(maxlen=SURFACE_READINGS)
+        self._white, self._black = math.inf, -math.inf
+
+    def read(self) -> None:
+        """Take the reading of this cycle."""
+        last, counts = self._last, self._sensor.counts
+        if counts is not None and self._sensor.sees:
+            last.append(counts)
+        if len(last) == SURFACE_READINGS:
+            mean = sum(last) / SURFACE_READINGS
+            self._white, self._black = min(self._white, mean), max(self._black, mean)
+
+    def learn(self) -> bool:
+        """Let the sensor take them; whether it did, as they are two surfaces."""
+        return self._sensor.relearn(self._white, self._black)
+
+
+def lost(robot: Robot, sight: Sight) -> str:
+    """What is said where the line is given up."""
+    return (
+        f"{sight.name} lost the line: no edge for {LOST_TIME:g} s or {LOST_WAY:g} m, and none found "
+        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side; {reason(robot, *sight.sensors)}"
+    )
