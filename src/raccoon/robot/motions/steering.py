@@ -51,6 +51,7 @@ class Steering:
         self._bend = 0.0  # rad a metre, left positive
         self._steady = 0.0  # what that was while the sensor kept to the edge well
         self._edge = self._began = -math.inf  # m of the way, up to where and from where it did so
+        self._came = 0.0  # the side on which it came to another line first
         self._heading = 0.0  # rad, of the robot where it kept to the edge well
         self._well = self._black = False
         self.crosses = False
@@ -89,13 +90,15 @@ class Steering:
             self._edge, self._steady, self._heading = here, self._bend, self._robot.estimate.heading
         else:
             self._well = False
-        if not sight.black and not (self.crosses and sight.leaves):
+        # The sensor that came to it first leaves it first; in a bend the other one leaves the line.
+        bends = sight.plain and sight.way == self._came
+        if not sight.black and not (self.crosses and sight.leaves and not bends):
             self._black = self.crosses = False
             return False
         way = here - self._edge
         if not self._black:
             kept = self._edge - self._began > KEPT and abs(self._steady) < STRAIGHT
-            self._black, self.crosses = True, kept and way < sight.abrupt
+            self._black, self.crosses, self._came = True, kept and way < sight.abrupt, sight.way
             if self.crosses:
                 self._bend = self._steady
         elif way > CROSSING + sight.abrupt:
