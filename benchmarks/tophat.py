@@ -31,6 +31,7 @@ from raccoon.model.paper import TOPHAT_READINGS
 from tophat_methods import METHODS, RunningMidpoint
 from tophat_places import by_hand, white_only
 from tophat_start import start_light
+from tophat_tables import tables
 
 Array = NDArray[np.float64]
 RATE = 200.0
@@ -220,11 +221,13 @@ def main() -> int:
     """Print every table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--draws", type=int, default=200)
-    parser.add_argument("--workers", type=int, default=1, help="processes for the changing light")
+    parser.add_argument(
+        "--workers", type=int, default=1, help="processes for the changing light and the tables"
+    )
     parser.add_argument("--speed", type=float, default=0.24, help="m/s, in the changing light")
     parser.add_argument("--seed", type=int, default=None, help="the same draws again; else fresh ones")
     parser.add_argument("--pictures", type=Path, help="also draw the clusters of the eight conditions there")
-    names = ("conditions", "quality", "bare", "rare", "light", "start", "cost", "white", "hand")
+    names = ("conditions", "quality", "bare", "rare", "light", "start", "cost", "white", "hand", "tables")
     parser.add_argument("--only", choices=names)
     args = parser.parse_args()
     seed = np.random.SeedSequence(args.seed).entropy
@@ -240,6 +243,7 @@ def main() -> int:
         "cost": lambda: cost(rng),
         "white": lambda: white_only(rng, args.draws),
         "hand": lambda: by_hand(rng, args.draws),
+        "tables": lambda: tables(rng, args.draws, args.workers),
     }
     for name, part in parts.items():
         if args.only in (None, name):

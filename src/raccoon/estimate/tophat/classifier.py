@@ -16,7 +16,7 @@ from raccoon.model.reflectance import FULL_SCALE, light_of
 
 LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
 SPIKE = 4.0  # times as far from the reading after it as that is from the one before
-SPIKES_APART, EDGES_APART = 20, 4  # readings after one, or after an edge; lamps that flicker come sooner
+SPIKES_APART, EDGES_APART = 20, 4  # readings after two, or after an edge; lamps that flicker come sooner
 LAMPS_LAST = 200  # readings after which lamps that were not seen any more are out, and not hidden by edges
 BEYOND_READINGS = 4  # in a row beyond both surfaces, which is no edge
 
@@ -75,7 +75,8 @@ class Tophat:
         self._last_time = self._last_counts = self._last_coverage = 0.0
         self._before = 0.0  # the last reading that the levels were told of
         self._held: tuple[float, float | None] | None = None  # one that waits, and its way
-        self._wait = 0  # readings until another may wait
+        self._wait = 0  # readings until another may wait, after an edge or lamps that flickered
+        self._spikes = 0  # readings, `SPIKES_APART` for each spike, until there were none for long
         self._beyond = 0  # readings in a row that are lighter than white or darker than black
         self._edge_time = 0.0  # the last passage through half coverage
         self._seen_jumps = 0
@@ -187,12 +188,16 @@ class Tophat:
             first, gone = held
             self._wait = EDGES_APART
             if abs(counts - first) > SPIKE * abs(counts - before):
-                first, self._wait = before, SPIKES_APART
+                first, self._wait = before, -1
+                self._spikes += SPIKES_APART
             levels.update(0.5 * (before + first), others_lost, gone)
             before = first
         spread = GATE * (levels.sd_black if before >= levels.threshold else levels.sd_white)
         self._wait -= 1
-        if self._wait < 0 and not -spread <= counts - before <= spread:
+        if self._spikes:
+            self._spikes -= 1
+        waits = self._wait < 0 and self._spikes < SPIKES_APART
+        if waits and not -spread <= counts - before <= spread:
             self._held, self._before = (counts, way), before
             return
         levels.update(0.5 * (before + counts), others_lost, way)

@@ -30,7 +30,6 @@ from raccoon.estimate.tophat.stories import (
     OTHER,
     PHASES,
     STAGES,
-    STANDS,
     STEPS,
     STORIES,
     SUNLIGHT,
@@ -50,6 +49,7 @@ MISTAKEN = 1e-4  # probability that the surface was taken for the other one befo
 ON_EDGE = 1e-4  # probability of each stage of an edge at the start
 OTHER_FLOOR = 1.2, 0.6  # of u, mean and sd of that of another floor: boards are darker, glare is brighter
 LEAST_FLOOR = 0.5  # of u, that another floor sends back; boards have 0.65 and more
+UNEVEN_FLOOR = 0.03  # of its light, sd by which the floor that comes back differs from what it was
 LEAK = 0.03  # light that a sensor gets whatever is below it
 
 
@@ -75,6 +75,11 @@ class Sensor(NamedTuple):
     spot: float
     pattern: float
     noise: float
+
+    def higher(self, least: float) -> Sensor:
+        """The same where white may send back as little as `least` of its own light, and black its share."""
+        share = min(least / self.floor, 1.0)
+        return self._replace(floor=share * self.floor, least_dark=share * self.least_dark)
 
 
 class Hypotheses:
@@ -210,7 +215,7 @@ class Hypotheses:
         _, light, dark, _, _, uv, vv, _, vp, _ = leaving
         mean, sd = OTHER_FLOOR
         dark[:2], vv[:2] = mean * light[:2], (sd * light[:2]) ** 2
-        dark[2], vv[2] = home.light, home.light_var + (STANDS * home.light) ** 2
+        dark[2], vv[2] = home.light, home.light_var + (UNEVEN_FLOOR * home.light) ** 2
         uv[:] = vp[:] = 0.0
         return np.concatenate([stories, arriving, leaving], axis=1)
 

@@ -25,6 +25,7 @@ BEGINS, ENDS = (1.0 / 1500, 1.0 / 4000, 1.0 / 4000), 1.0 / 30  # chance in one r
 UNEVEN = 0.15  # of the pace, sd by which it changes from one reading to the next
 WITH_OTHERS = {None: 1.0, True: 8.0, False: 0.5}  # times likelier, by whether other sensors are at a loss
 BETWEEN_LINES, LINE_WIDTH = 0.2, 0.05  # m, on the average
+NARROW = 0.1  # of what is begun like a line, that is narrower than the spot: seams, scratches
 LIGHTS = 2  # standing, moving
 FLOORS = (2.0, 0.3)  # m between borders of the floor, on the average: to any other, and back to the first
 STEPS = 2 + 2 * STAGES
@@ -62,6 +63,8 @@ class Moves(NamedTuple):
     floor: Index
     stepping: NDArray[np.bool_]
     on_edge: NDArray[np.bool_]
+    entering: NDArray[np.bool_]
+    turns: NDArray[np.bool_]
     moves_on: Array
     part: Array
     uneven: Array
@@ -98,7 +101,7 @@ def moves_of_stories() -> Moves:
     )
     from_white, floor = (source == 0) | (source == OTHER), floors >= 0
     before, _, wander, pace, sun, part, uneven = np.array(_CHANGES).T
-    dark = DARKNESS[target]
+    dark, entering = DARKNESS[target], (source >= 2) & (source < 2 + STAGES)
     return Moves(
         source=np.where(
             floor, _on_floors(source, target, floors), source * LIGHTS + before[change].astype(np.intp)
@@ -114,6 +117,8 @@ def moves_of_stories() -> Moves:
         floor=floors,
         stepping=(target >= STEPS) & (target < OTHER),
         on_edge=~from_white & (source > 1),
+        entering=entering,
+        turns=entering & ((target == 0) | (target >= 2 + STAGES)),
         moves_on=after[change].astype(float),
         part=part[change],
         uneven=uneven[change],
@@ -131,6 +136,7 @@ def _ways() -> list[tuple[int, int, int, int, int]]:
     steps = [(phase, phase, -1) for phase in (0, 1, OTHER)] + [(OTHER, 0, -1)]
     steps += [*_over_edge((0, OTHER), 2, 1), *_over_edge((1,), 2 + STAGES, 0)]
     ways = [(*step, change, -1) for step in steps for change in range(len(_CHANGES))]
+    ways += [(*step, 0, -1) for step in _over_narrow()]
     for floor, (begins, end) in enumerate((((0, OTHER), OTHER), ((OTHER,), 0))):
         first = STEPS + floor * STAGES
         ways += [(*step, 0, floor) for step in _over_edge(begins, first, end)]  # under a light that stands
@@ -144,6 +150,15 @@ def _over_edge(begins: tuple[int, ...], first: int, end: int) -> Iterator[tuple[
     for stage in range(STAGES):
         for k in range(FASTEST + 1):
             yield first + stage, first + stage + k if stage + k < STAGES else end, k
+
+
+def _over_narrow() -> Iterator[tuple[int, int, int]]:
+    """From the stages of an edge to black to those of one from black, where the spot is on as much of it:
+    what is narrower than the spot ends before that is all on it."""
+    for stage in range(STAGES):
+        for k in range(FASTEST + 1):
+            left = STAGES - 1 - stage + k
+            yield 2 + stage, 2 + STAGES + left if left < STAGES else 0, k
 
 
 def _on_floors(source: Index, target: Index, floors: Index) -> Index:
@@ -173,6 +188,8 @@ def chances(pace_tenths: int, spot_microns: int, others_lost: bool | None, known
     entering = begun * along / (1.0 - advance[0])
     stays = 1.0 - rate - moves.from_white * borders[0] - moves.on_other * 2.0 * borders[1]
     stays = np.where(moves.settles, borders[1], stays)  # and is the floor
+    turning = NARROW * min(pace / STAGES, 1.0)
+    along = along * np.where(moves.turns, turning, np.where(moves.entering, 1.0 - turning, 1.0))
     chance = np.where(moves.stages < 0, stays, np.where(moves.on_edge, along, entering))
     begins = WITH_OTHERS[others_lost] * np.array(BEGINS)
     changes = np.array([1.0 - begins.sum(), *begins, 1.0 - ENDS, ENDS])

@@ -208,6 +208,8 @@ class LightTracker(Levels):
             self._stray_first, self._stray_way = way, 0.0
             self._outside = 0
         self._recent = NOTHING
+        if not self._fitted:
+            self.status = Status.UNCERTAIN
         self.stray += 1
         self._stray_way += way
         self._outside = self._outside + 1 if counts < self.white or counts > self.black else 0
@@ -230,7 +232,7 @@ class LightTracker(Levels):
     def _begin(self) -> None:
         sensor = self._sensor
         if not self._fitted:  # somebody may have put the sensor higher than it was calibrated
-            sensor = sensor._replace(floor=min(sensor.floor, self._farthest))
+            sensor = sensor.higher(self._farthest)
         self._bank = Hypotheses(sensor, self._start, self._home)
         self._done = self._calm = 0
         self.status = Status.UNCERTAIN
@@ -273,9 +275,10 @@ class LightTracker(Levels):
         was_black = counts >= self.threshold
         self.light, self.dark, self._light_var, self._cross, self._dark_var, self._on_black = belief
         self._light_anchor, self._dark_anchor = self.light, self.dark
-        self._refresh()
         if not self._fitted:
-            self._sensor = self._sensor._replace(floor=min(self._sensor.floor, DARKEST * self.light))
+            self._sensor = self._sensor.higher(DARKEST * self.light)
+            self._own_dark = self._sensor.least_dark
+        self._refresh()
         if was_black is not (counts >= self.threshold):
             self.jumps += 1
 

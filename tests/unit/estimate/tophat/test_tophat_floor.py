@@ -6,9 +6,12 @@ from numpy.typing import NDArray
 
 from raccoon.estimate.tophat import Tophat, TophatCalibration, calibrate
 from raccoon.estimate.tophat.calibration import Surface
+from raccoon.estimate.tophat.hypotheses import Hypotheses
 from raccoon.estimate.tophat.levels import Levels
+from raccoon.estimate.tophat.tracker import LightTracker
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
+from raccoon.model.reflectance import light_of
 
 RATE, WAY, LENGTH = 200.0, 0.0012, 1.2
 SENSORS = TOPHAT_READINGS[::2]
@@ -65,6 +68,36 @@ def test_the_floor_after_glare_is_white_again(condition: TophatReading, width: f
     tophat = Tophat(calibration)
     black = [tophat.update(i / RATE, float(each), None, WAY).black for i, each in enumerate(counts)]
     assert wrong(np.array(black, dtype=float), dark) < 0.01
+
+
+@pytest.mark.parametrize("condition", SENSORS, ids=name)
+@pytest.mark.parametrize("seam", [(0.83, 0.68, 0.87), (0.9, 0.6, 0.6, 0.9), (0.6, 0.3, 0.6)])
+def test_the_floor_after_a_seam_is_white_again(condition: TophatReading, seam: tuple[float, ...]) -> None:
+    """It begins as a line does and never covers the spot. For who knows of lines alone the floor after it is
+    black in more light."""
+    tracker = LightTracker(
+        Surface(condition.white, 0.015 * condition.white, 300), Surface(condition.black, 6.0, 9)
+    )
+    bank = Hypotheses(tracker._sensor, tracker._belief()._replace(on_black=False))
+    for times in (*[1.0] * 10, *seam, *[1.0] * 20):
+        bank.update(4095.0 / (1.0 + times * light_of(condition.white)), WAY)
+    assert bank.black < 0.01
+
+
+@pytest.mark.parametrize("condition", SENSORS[:2], ids=name)
+def test_the_floor_that_comes_back_after_glare_is_another_place_of_it(condition: TophatReading) -> None:
+    """Which sends back 4 % more than the one before, as floors do."""
+    tracker = LightTracker(
+        Surface(condition.white, 0.015 * condition.white, 300), Surface(condition.black, 6.0, 9)
+    )
+    home = tracker._belief()._replace(on_black=False)
+    more = 0.5 * tracker._sensor.share * 1.4 * home.light  # black knows half of it
+    start = home._replace(light=2.4 * home.light, dark=home.dark + more, dark_var=home.dark_var + more * more)
+    bank = Hypotheses(tracker._sensor, start, home)
+    position, radius = np.arange(-0.03, 0.03, WAY), reflectance.spot_radius(condition.height)
+    for there in reflectance.edge_coverage(-position, radius):
+        bank.update(4095.0 / (1.0 + home.light * (2.4 - 1.36 * there)), WAY)
+    assert bank.black < 0.1
 
 
 @pytest.mark.parametrize("condition", SENSORS, ids=name)
