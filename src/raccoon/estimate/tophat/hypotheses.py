@@ -15,7 +15,6 @@ ratio of the two allows.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -158,20 +157,21 @@ class Hypotheses:
         seen = light_of(counts)
         share = sensor.share
         stories = self._with_floors().take(moves.source, axis=1)
-        weight, light, dark, pace, uu, uv, vv, up, vp, pp = stories
-        before = light
+        weight, before, dark, pace, uu, uv, vv, up, vp, pp = stories
         # Predict: light moves u by its pace and v by the share of that, which is known to its sd alone.
         part = moves.part
-        scale = light * light
+        scale = before * before
         pp = part * part * pp + moves.sun + moves.pace * scale + moves.uneven * pace * pace
         up, vp, pace = part * up, part * vp, part * pace
         wander = moves.wander * scale
         uu = uu + 2.0 * up + pp + wander
         uv = uv + share * (up + pp + wander) + vp
         vv = vv + share * (2.0 * vp + share * (pp + wander))
-        gone = light - self._start
+        gone = before - self._start
         vv += np.maximum(sensor.share_sd**2 * pace * (2.0 * gone + pace), 0.0)
-        light, dark = light + pace, dark + share * pace
+        means, covariance = np.empty((3, len(pace))), np.empty((6, len(pace)))
+        light = np.add(before, pace, out=means[0])
+        dark = np.add(dark, share * pace, out=means[1])
         on = moves.moves_on
         pace, pp, up, vp = on * pace, on * pp, on * (up + pp), on * (vp + share * pp)
         # Update: the reading is what white and black send back, each of its part of the spot.
@@ -185,14 +185,13 @@ class Hypotheses:
         density = np.exp(-0.5 * miss * miss * variance) / np.sqrt(variance) + STRAY / sensor.floor
         light += to_u * miss
         dark += to_v * miss
-        pace += to_p * miss
+        np.add(pace, to_p * miss, out=means[2])
         inverse = 1.0 / variance
-        uu -= to_u * to_u * inverse
-        uv -= to_u * to_v * inverse
-        vv -= to_v * to_v * inverse
-        rest = up - to_u * to_p * inverse, vp - to_v * to_p * inverse, pp - to_p * to_p * inverse
-        light, dark, possible = self._possible(before, light, dark, uu, uv, vv)
-        self._join(weight * chance * density * possible, (light, dark, pace), (uu, uv, vv, *rest))
+        gains = (to_u, to_u), (to_u, to_v), (to_v, to_v), (to_u, to_p), (to_v, to_p), (to_p, to_p)
+        for row, was, (one, other) in zip(covariance, (uu, uv, vv, up, vp, pp), gains, strict=True):
+            np.subtract(was, one * other * inverse, out=row)
+        possible = self._possible(before, means, covariance)
+        self._join(weight * chance * density * possible, means, covariance)
 
     def _with_floors(self) -> Array:
         """The stories, and behind them those that reach another floor or leave for it (`stories.Moves`): the
@@ -219,27 +218,28 @@ class Hypotheses:
         uv[:] = vp[:] = 0.0
         return np.concatenate([stories, arriving, leaving], axis=1)
 
-    def _possible(
-        self, before: Array, light: Array, dark: Array, uu: Array, uv: Array, vv: Array
-    ) -> tuple[Array, Array, Array]:
-        """u and v within what is possible, and how likely it is that they were.
+    def _possible(self, before: Array, means: Array, covariance: Array) -> Array:
+        """Put u and v within what is possible, and say how likely it is that they were.
 
         No less light than the sensor's own. Black sends back its share of any light, or less: where a story
         says more, it is as likely as it can be wrong by so much, and goes on from where it is not.
         """
-        sensor = self._sensor
-        short, was = (np.minimum(each / sensor.floor - 1.0, 0.0) for each in (light, before))
+        sensor, moves = self._sensor, moves_of_stories()
+        (light, dark, _), (uu, uv, vv, *_) = means, covariance
         most = sensor.share + 2.0 * sensor.share_sd
-        stepping = moves_of_stories().stepping
-        over = np.where(stepping, 0.0, np.maximum(dark - most * light - LEAK, 0.0))
+        over = moves.not_stepping * np.maximum(dark - most * light - LEAK, 0.0)
         to_light, to_dark = uv - most * uu, vv - most * uv
         by = over / (to_dark - most * to_light + 1e-4 * light * light)
-        light = np.maximum(light - to_light * by, 0.5 * sensor.floor)
-        darkest = np.where(stepping, np.inf, 0.97 * light)
-        dark = np.clip(dark - to_dark * by, sensor.least_dark, darkest)
-        return light, dark, np.exp(-50.0 * np.maximum(short * short - was * was, 0.0) - 0.5 * over * by)
+        unlikely = 0.5 * over * by
+        if light.min() < sensor.floor:
+            short, was = (np.minimum(each / sensor.floor - 1.0, 0.0) for each in (light, before))
+            unlikely += 50.0 * np.maximum(short * short - was * was, 0.0)
+        np.maximum(light - to_light * by, 0.5 * sensor.floor, out=light)
+        darkest = 0.97 * light + moves.brighter
+        np.minimum(np.maximum(dark - to_dark * by, sensor.least_dark), darkest, out=dark)
+        return np.asarray(np.exp(-unlikely))
 
-    def _join(self, weight: Array, means: Sequence[Array], covariance: Sequence[Array]) -> None:
+    def _join(self, weight: Array, means: Array, covariance: Array) -> None:
         """One Gaussian a story, with the moments of all that arrive at it."""
         moves = moves_of_stories()
         weight /= weight.sum()
@@ -250,10 +250,10 @@ class Hypotheses:
         mean = np.add.reduceat(weight * means, moves.starts, axis=1) / total
         joined[1:4, moves.reached] = mean
         u, v, p = means - mean.take(moves.place, axis=1)
-        moments = np.stack(covariance)
-        moments += (u * u, u * v, v * v, u * p, v * p, p * p)
-        moments *= weight
-        joined[4:, moves.reached] = np.add.reduceat(moments, moves.starts, axis=1) / total
+        for row, spread in zip(covariance, (u * u, u * v, v * v, u * p, v * p, p * p), strict=True):
+            row += spread
+        covariance *= weight
+        joined[4:, moves.reached] = np.add.reduceat(covariance, moves.starts, axis=1) / total
         self._stories = joined
         by_phase = joined[0].reshape(PHASES, LIGHTS)
         phases = by_phase.sum(axis=1)

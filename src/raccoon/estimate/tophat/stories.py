@@ -48,7 +48,8 @@ class Moves(NamedTuple):
 
     In the order of their targets: those of `reached[place]` begin at `starts`.
     source: the story, or from `STORIES` on one that comes to another floor or leaves for it
-    (`Hypotheses._with_floors`). floor: which of `FLOORS` it leads to, -1 of none.
+    (`Hypotheses._with_floors`). floor: which of `FLOORS` it leads to, -1 of none. not_stepping: 1, but 0
+    on the way there. brighter: by how much the light in black's place may be above u: any, on that way.
     """
 
     source: Index
@@ -61,7 +62,8 @@ class Moves(NamedTuple):
     on_other: NDArray[np.bool_]
     settles: NDArray[np.bool_]
     floor: Index
-    stepping: NDArray[np.bool_]
+    not_stepping: Array
+    brighter: Array
     on_edge: NDArray[np.bool_]
     entering: NDArray[np.bool_]
     turns: NDArray[np.bool_]
@@ -102,6 +104,7 @@ def moves_of_stories() -> Moves:
     from_white, floor = (source == 0) | (source == OTHER), floors >= 0
     before, _, wander, pace, sun, part, uneven = np.array(_CHANGES).T
     dark, entering = DARKNESS[target], (source >= 2) & (source < 2 + STAGES)
+    stepping = (target >= STEPS) & (target < OTHER)
     return Moves(
         source=np.where(
             floor, _on_floors(source, target, floors), source * LIGHTS + before[change].astype(np.intp)
@@ -115,7 +118,8 @@ def moves_of_stories() -> Moves:
         on_other=source == OTHER,
         settles=(source == OTHER) & (target == 0),
         floor=floors,
-        stepping=(target >= STEPS) & (target < OTHER),
+        not_stepping=(~stepping).astype(float),
+        brighter=np.where(stepping, np.inf, 0.0),
         on_edge=~from_white & (source > 1),
         entering=entering,
         turns=entering & ((target == 0) | (target >= 2 + STAGES)),
