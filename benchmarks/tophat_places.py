@@ -44,7 +44,8 @@ def white_only(rng: np.random.Generator, draws: int) -> None:
             condition, ambient = sensors[draw % len(sensors)]
             radius = reflectance.spot_radius(condition.height)
             times = floor(np.arange(0.0, LENGTH, WAY_A_READING), radius)
-            verdicts[calibrate(_readings(rng, condition, np.zeros_like(times), ambient, times)).verdict] += 1
+            counts = _readings(rng, condition, np.zeros_like(times), ambient, times)
+            verdicts[calibrate(counts, np.full(len(counts), WAY_A_READING)).verdict] += 1
         print(f"  {name:48}" + ", ".join(f"{each} {count}" for each, count in verdicts.most_common()))
 
 

@@ -16,7 +16,7 @@ from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface, TophatCalibration, Verdict, believed
 from raccoon.estimate.tophat.flicker import UNEVEN, demodulated, lamps
 from raccoon.estimate.tophat.mixture import best_mixture, single_surface_bic
-from raccoon.estimate.tophat.quality import checked, refusal, wanders
+from raccoon.estimate.tophat.quality import checked, nothing, refusal, wide_enough
 from raccoon.estimate.tophat.sensor import not_black
 from raccoon.estimate.tophat.sequence import (
     changes_quickly,
@@ -46,16 +46,23 @@ SOME_EVIDENCE, EVIDENCE = 2.0, 10.0
 "very strong" a sure one (Kass and Raftery 1995, Bayes factors)."""
 
 
-def calibrate(samples: ArrayLike) -> TophatCalibration:
+def calibrate(samples: ArrayLike, ways: ArrayLike | None = None) -> TophatCalibration:
     """Find white and black in the readings of a drive.
 
     samples: counts 0..4095, shape (n,), in order of time where there is one: edges, spikes and drift are then
     told from surfaces. The threshold takes black to be as likely as white, whatever the share in the samples:
-    a line is rarely driven over but always meant.
+    a line is rarely driven over but always meant. ways: m that the sensor went to each reading, shape (n,),
+    where that is known: what is narrower than any line is a seam then, as dark as it may be.
 
-    Raises ConfigError for anything that is not 1-D finite numbers in 0..4095.
+    Raises ConfigError for anything that is not 1-D finite numbers in 0..4095, or another number of ways.
     """
     counts = checked(samples)
+    found = _whatever_width(counts)
+    return found if ways is None else wide_enough(found, counts, ways)
+
+
+def _whatever_width(counts: Array) -> TophatCalibration:
+    """The calibration, of a line or of a seam."""
     refused = refusal(counts)
     if refused is not None:
         return refused
@@ -138,7 +145,7 @@ def _in_no_order(counts: Array, found: Clusters) -> TophatCalibration:
     """The calibration of a shuffled sample, or of one surface. Readings in rows had their chance before."""
     evidence = found.evidence
     if evidence < SOME_EVIDENCE:
-        return _nothing(counts)
+        return nothing(counts)
     white, black = _two_sides(found.surfaces)
     middle = _middle(white, black)
     if in_runs(counts, middle):
@@ -240,16 +247,6 @@ def _judged(white: Surface, black: Surface) -> TophatCalibration:
     elif wrong:
         verdict, reason = Verdict.WEAK, wrong
     return believed(verdict, reason, _shrunk(white, black), _shrunk(black, white), share)
-
-
-def _nothing(counts: Array) -> TophatCalibration:
-    if wanders(counts):
-        return TophatCalibration(Verdict.FLOATING, "the readings jump about as an open input does")
-    return TophatCalibration(
-        Verdict.ONE_SURFACE,
-        f"one surface at {counts.mean():.0f} counts; drive over white and black",
-        white=Surface.of(counts),
-    )
 
 
 def _two_sides(found: list[Surface]) -> tuple[Surface, Surface]:

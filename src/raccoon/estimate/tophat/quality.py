@@ -7,8 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
-from raccoon.estimate.tophat.calibration import TophatCalibration, Verdict
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.flicker import lamps
+from raccoon.estimate.tophat.sequence import longest_above
 from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
@@ -19,6 +20,7 @@ MAINS = 10  # readings averaged: whole periods of lamps on mains of 50 and of 60
 APART = 6  # readings between such means
 RESTLESS = 10.0  # counts by which they change at random under a robot that stands: plugged in, below 5
 LEFT = 0.5  # of the readings' spread under lamps, which such means may have where words come unevenly
+NARROWEST = 0.010  # m; tapes are 12 mm and wider, and a spot sees any seam as 9 mm at the most
 WANDERING = 250.0  # counts between successive readings: no floor under a sensor does that
 
 
@@ -59,9 +61,36 @@ def refusal(counts: Array) -> TophatCalibration | None:
     return None
 
 
-def wanders(counts: Array) -> bool:
-    """True where readings jump about as an open input does. Ask only where no two surfaces were found."""
-    return float(np.median(np.abs(np.diff(counts)))) > WANDERING
+def nothing(counts: Array) -> TophatCalibration:
+    """The calibration where no two surfaces were found. Readings that jump about are of an open input."""
+    if float(np.median(np.abs(np.diff(counts)))) > WANDERING:
+        return TophatCalibration(Verdict.FLOATING, "the readings jump about as an open input does")
+    return TophatCalibration(
+        Verdict.ONE_SURFACE,
+        f"one surface at {counts.mean():.0f} counts; drive over white and black",
+        white=Surface.of(counts),
+    )
+
+
+def wide_enough(found: TophatCalibration, counts: Array, ways: ArrayLike) -> TophatCalibration:
+    """The calibration, or its refusal where nothing dark is as wide as a line. ways: see `cluster.calibrate`.
+
+    Raises ConfigError for another number of ways than of counts.
+    """
+    steps = np.asarray(ways, dtype=float)
+    if steps.shape != counts.shape:
+        raise ConfigError(
+            f"ways have the shape {steps.shape}: allowed is that of the samples, {counts.shape}"
+        )
+    if found.threshold is None:
+        return found
+    width = longest_above(counts, found.threshold, steps)
+    if width >= NARROWEST:
+        return found
+    told = f"what is darker is {1000.0 * width:.0f} mm wide at the most, and lines are wider than"
+    return TophatCalibration(
+        Verdict.ONE_SURFACE, f"{told} {1000.0 * NARROWEST:.0f} mm: a seam, and no line", white=found.white
+    )
 
 
 def restless(standing: ArrayLike) -> bool:

@@ -105,3 +105,12 @@ def trend(counts: Array) -> tuple[Array, slice]:
     centres = np.linspace(half, n - 1 - half, TREND_POINTS).astype(int)
     medians = [float(np.median(counts[centre - half : centre + half + 1])) for centre in centres]
     return np.interp(np.arange(n), centres, medians), slice(half, n - half)
+
+
+def longest_above(counts: Array, cut: float, ways: Array) -> float:
+    """m: the longest way over which the readings stay at `cut` or above. ways: m of each, shape (n,)."""
+    above = counts >= cut
+    if not above.any():
+        return 0.0
+    starts = np.flatnonzero(above & ~np.concatenate([[False], above[:-1]]))
+    return float(np.add.reduceat(np.where(above, ways, 0.0), starts).max())

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from raccoon.core.errors import CalibrationError
 from raccoon.core.files import kept_file
 from raccoon.core.readings import Inputs
-from raccoon.robot.actions.actions import seq, wait
+from raccoon.robot.actions.actions import Action, seq, wait
+from raccoon.robot.actions.functions import looking
 from raccoon.robot.actions.limits import check_robot, check_way
 from raccoon.robot.calibration.drives import driven, watched
 from raccoon.robot.calibration.kept import SIMULATED, Shelf, counts_of, name_of
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration
     from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
     from raccoon.robot.robot import Robot
+
+T = TypeVar("T")
 
 STANDING = 0.4  # s of standing before a drive, in which a tophat that is unplugged wanders
 SETTLING = 0.2  # s in which a robot comes to stand
@@ -56,15 +59,16 @@ def calibrate_tophats(
     searching = search(velocity, abs(distance))
     shelf = Shelf(robot, store, set_name)
     begin: list[Inputs] = []
-    readings: list[Inputs] = []
+    readings: list[tuple[Inputs, float]] = []
     end: list[Inputs] = []
     standing = wait(STANDING)
     stands = seq(
-        watched(standing, begin), watched(searching, readings), wait(SETTLING), watched(standing, end)
+        watched(standing, begin), _with_speed(searching, readings), wait(SETTLING), watched(standing, end)
     )
     held = driven(robot, stands)[1]
     found = {
-        name: calibrate(counts_of(readings, sensor.config.analog)) for name, sensor in robot.tophats.items()
+        name: calibrate(*_counts_and_ways(readings, sensor.config.analog))
+        for name, sensor in robot.tophats.items()
     }
     useless = _useless(robot, found, (begin, end))
     if useless:
@@ -72,6 +76,31 @@ def calibrate_tophats(
         raise CalibrationError(f"after {distance:g} m: {reasons}{at_a_wall(held)}")
     shelf.take(found)
     return found
+
+
+def _with_speed(action: Action[T], log: list[tuple[Inputs, float]]) -> Action[T]:
+    """The action, with every reading of its ticks and how fast the robot went then (m/s) put into `log`."""
+
+    def look(robot: Robot) -> None:
+        if robot.inputs is not None:
+            log.append((robot.inputs, abs(robot.odometry.estimate.velocity)))
+
+    return looking(action, look, f"watched {action.name}")
+
+
+def _counts_and_ways(log: Sequence[tuple[Inputs, float]], port: int) -> tuple[list[float], list[float]]:
+    """What an analog port read, and the way (m) that the robot went to each of those readings."""
+    counts, ways, way = [], [], 0.0
+    before = log[0][0].time if log else 0.0
+    for inputs, speed in log:
+        way += speed * (inputs.time - before)
+        before = inputs.time
+        read = inputs.analog[port]
+        if read is not None:
+            counts.append(read)
+            ways.append(way)
+            way = 0.0
+    return counts, ways
 
 
 _ASKED = {

@@ -12,6 +12,8 @@ from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
 from raccoon.estimate.tophat.calibration import Surface, believed, best_threshold
 from raccoon.estimate.tophat.mixture import best_mixture
 from raccoon.estimate.tophat.quality import restless
+from raccoon.model.paper import TOPHAT_READINGS, TophatReading
+from raccoon.model.reflectance import LINE_WIDTH, WAY_A_READING, fit, line_coverage, read, spot_radius
 
 PAPER = [(180, 2930), (50, 170), (1270, 3800), (140, 250), (1830, 3810), (50, 130), (3440, 4030), (130, 220)]
 
@@ -300,3 +302,22 @@ def test_beginnings_of_edges_hide_no_narrow_line(seed: int) -> None:
     white, black = calibrate(counts).surfaces()
     assert white.mean == pytest.approx(1262.0, abs=5.0)
     assert black.mean == pytest.approx(3796.0, abs=60.0)
+
+
+@pytest.mark.parametrize(
+    "condition", TOPHAT_READINGS[::2], ids=lambda each: f"{each.generation}-{each.height}"
+)
+def test_what_is_narrower_than_any_line_is_a_seam_where_the_way_is_known(condition: TophatReading) -> None:
+    """However dark: a spot of 5 to 10 mm sees 3 mm of nothing as 9 mm at the most, and a tape as wide as it
+    is."""
+    rng = np.random.default_rng(5)
+    optics, radius = fit(condition.generation).at(condition.height), spot_radius(condition.height)
+    position = np.arange(0.0, 0.6, WAY_A_READING)
+    ways = np.full(len(position), WAY_A_READING)
+    seam = read(rng, 0.95 * line_coverage(position, 0.3, 0.003, radius), optics)
+    tape = read(rng, line_coverage(position, 0.3, LINE_WIDTH, radius), optics)
+    assert calibrate(seam, ways).verdict is Verdict.ONE_SURFACE
+    assert calibrate(tape, ways) == calibrate(tape)
+    assert calibrate(tape, ways).usable
+    with pytest.raises(ConfigError, match="ways have the shape"):
+        calibrate(tape, ways[1:])
