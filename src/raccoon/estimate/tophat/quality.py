@@ -20,6 +20,7 @@ MAINS = 10  # readings averaged: whole periods of lamps on mains of 50 and of 60
 APART = 6  # readings between such means
 RESTLESS = 10.0  # counts by which they change at random under a robot that stands: plugged in, below 5
 LEFT = 0.5  # of the readings' spread under lamps, which such means may have where words come unevenly
+NO_LIGHT, DROWNED = 3900.0, 30.0  # counts: a white at 23 mm reads less than that, in the sun more than this
 NARROWEST = 0.010  # m; tapes are 12 mm and wider, and a spot sees any seam as 9 mm at the most
 WANDERING = 250.0  # counts between successive readings: no floor under a sensor does that
 
@@ -65,10 +66,13 @@ def nothing(counts: Array) -> TophatCalibration:
     """The calibration where no two surfaces were found. Readings that jump about are of an open input."""
     if float(np.median(np.abs(np.diff(counts)))) > WANDERING:
         return TophatCalibration(Verdict.FLOATING, "the readings jump about as an open input does")
+    mean, ask = float(counts.mean()), "drive over white and black"
+    if mean > NO_LIGHT:
+        ask = "over black alone, or too high above the floor to see it"
+    elif mean < DROWNED:
+        ask = "it is in more light than it can tell: shade it"
     return TophatCalibration(
-        Verdict.ONE_SURFACE,
-        f"one surface at {counts.mean():.0f} counts; drive over white and black",
-        white=Surface.of(counts),
+        Verdict.ONE_SURFACE, f"one surface at {mean:.0f} counts; {ask}", white=Surface.of(counts)
     )
 
 
@@ -87,10 +91,9 @@ def wide_enough(found: TophatCalibration, counts: Array, ways: ArrayLike) -> Top
     width = longest_above(counts, found.threshold, steps)
     if width >= NARROWEST:
         return found
-    told = f"what is darker is {1000.0 * width:.0f} mm wide at the most, and lines are wider than"
-    return TophatCalibration(
-        Verdict.ONE_SURFACE, f"{told} {1000.0 * NARROWEST:.0f} mm: a seam, and no line", white=found.white
-    )
+    told = f"the robot went {1000.0 * width:.0f} mm over what is darker, and lines are wider than"
+    reason = f"{told} {1000.0 * NARROWEST:.0f} mm: a seam, or the light changed"
+    return TophatCalibration(Verdict.ONE_SURFACE, reason, white=found.white)
 
 
 def restless(standing: ArrayLike) -> bool:

@@ -12,9 +12,10 @@ from raccoon.estimate.tophat.cluster import SURE, calibrate_two_phase
 from raccoon.estimate.tophat.levels import PATTERN
 from raccoon.estimate.tophat.quality import checked
 from raccoon.estimate.tophat.sequence import noise_sd
-from raccoon.model.reflectance import FULL_SCALE
+from raccoon.model.reflectance import FULL_SCALE, light_of
 
 PIECE = 20  # readings: 0.1 s at 200 Hz, whole periods of lamps on mains of 50 and of 60 Hz
+HALF = 0.42  # of white's light, that black sends back in nothing but the sun, or one half beside the line
 MOVED = 0.15  # of its light, by which a sensor that is held, or shaded by a hand, changes
 BY_NOISE = 6.0  # standard deviations of such a mean
 
@@ -49,6 +50,10 @@ def calibrate_standing(white: ArrayLike, black: ArrayLike) -> TophatCalibration:
     told = f"white reads {bright.mean:.0f} and black {dark.mean:.0f}"
     if wide.separation < SURE:
         return replace(wide, verdict=Verdict.WEAK, reason=f"{told}, which is close")
+    sent = light_of(dark.mean) / light_of(bright.mean)
+    if sent > HALF:
+        told = f"{told}, {sent:.0%} of its light: that is black in the sun, or a sensor half beside the line"
+        return replace(wide, verdict=Verdict.WEAK, reason=told)
     return wide if wide.verdict is Verdict.WEAK else replace(wide, reason=told)
 
 

@@ -12,6 +12,7 @@ from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
 from raccoon.estimate.tophat.calibration import Surface, believed, best_threshold
 from raccoon.estimate.tophat.mixture import best_mixture
 from raccoon.estimate.tophat.quality import restless
+from raccoon.estimate.tophat.standing import calibrate_standing
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
 from raccoon.model.reflectance import LINE_WIDTH, WAY_A_READING, fit, line_coverage, read, spot_radius
 
@@ -321,3 +322,26 @@ def test_what_is_narrower_than_any_line_is_a_seam_where_the_way_is_known(conditi
     assert calibrate(tape, ways).usable
     with pytest.raises(ConfigError, match="ways have the shape"):
         calibrate(tape, ways[1:])
+
+
+@pytest.mark.parametrize(
+    ("level", "said"),
+    [
+        (8.0, "in more light than it can tell"),
+        (1270.0, "drive over white and black"),
+        (4040.0, "too high above"),
+    ],
+)
+def test_who_saw_one_surface_is_told_what_it_may_be(level: float, said: str) -> None:
+    """White reads 1270 at 7 mm, 8 in sunlight that is twenty times the paper's, and 4040 at 50 mm."""
+    counts = np.round(np.random.default_rng(2).normal(level, 3.0, 400))
+    assert said in calibrate(counts).reason
+
+
+@pytest.mark.parametrize(("covered", "verdict"), [(0.5, Verdict.WEAK), (1.0, Verdict.OK)])
+def test_a_sensor_that_was_half_beside_the_line_is_weak(covered: float, verdict: Verdict) -> None:
+    noise, optics = np.random.default_rng(3).normal(0.0, 3.0, 200), fit("new").at(0.007)
+    white, black = (np.round(optics.counts(each) + noise) for each in (0.0, covered))
+    found = calibrate_standing(white, black)
+    assert found.verdict is verdict
+    assert ("half beside the line" in found.reason) is (verdict is Verdict.WEAK)
