@@ -22,6 +22,8 @@ from raccoon.core.schema import (
 
 REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
 """Those whose seconds are the wall's."""
+SIMULATED_ONE = " (simulated)"
+"""Behind the name of a simulated robot where what it measured is kept: no real one goes by that."""
 CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
 _INSTEAD = {
     "replay": "a recording is played by raccoon.replay(recording, program), or raccoon replay RECORDING"

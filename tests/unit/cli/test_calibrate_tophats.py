@@ -5,6 +5,7 @@ import pytest
 
 from raccoon import open_robot, seq, straight, wait
 from raccoon.cli import main
+from raccoon.estimate.tophat.store import TophatStore
 
 ROBOT = "[tophat.left]\nanalog = 0\n[tophat.right]\nanalog = 1\n"
 
@@ -84,6 +85,8 @@ def test_what_a_simulated_robot_read_is_told_to_be_that(
         said = capsys.readouterr().out.splitlines()
         assert said[-2].startswith("wrote ")
         assert said[-1].startswith("these are the simulated robot's values: measure again on the real one")
+    (stored,) = TophatStore(folder / "t.json").history()
+    assert stored.robot == "robot (simulated)"
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from raccoon.cli.doing import doing_shown
 from raccoon.cli.measured import SIMULATED, recorded_in_simulation
 from raccoon.core.config import load_robot
 from raccoon.core.errors import ConfigError
+from raccoon.core.sections import SIMULATED_ONE
 from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
 from raccoon.estimate.tophat.sensor import Explanation, explanations
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
@@ -76,9 +77,11 @@ def calibrate_recordings(
     layout = Layout.of(robot.tophats, [set_name])
     print(layout.header)
     failed, usable = 0, []
+    simulated = recorded_in_simulation(runs)
+    whose = robot.name + SIMULATED_ONE if simulated else robot.name
     for name, sensor in robot.tophats.items():
         found = calibrate(readings.get(sensor.analog, []))
-        entry = _entry(name, set_name, now, found, robot.name, voltage)
+        entry = _entry(name, set_name, now, found, whose, voltage)
         print(_row(entry, layout))
         failed += not found.usable
         if found.usable:
@@ -89,7 +92,7 @@ def calibrate_recordings(
         print(f"{store} is as it was: say --write to store these")
     elif failed < len(robot.tophats):
         print(f"wrote {store}, set {set_name}")
-        if recorded_in_simulation(runs):
+        if simulated:
             print(SIMULATED)
     return 1 if failed else 0
 

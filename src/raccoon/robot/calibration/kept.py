@@ -14,6 +14,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.files import kept_file
 from raccoon.core.port import bystander_of
 from raccoon.core.readings import Inputs
+from raccoon.core.sections import SIMULATED_ONE
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -23,14 +24,10 @@ if TYPE_CHECKING:
 OF_THE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full, worn, or mounted to be read only
 
 
-SIMULATED = " (simulated)"
-"""Behind the name of a simulated robot: no real one goes by what it read."""
-
-
 def name_of(robot: Robot) -> str:
     """Whose calibrations these are."""
     simulated = bystander_of(robot.port) is not None or robot.config.controller.port not in REAL_CONTROLLERS
-    return robot.config.name + SIMULATED if simulated else robot.config.name
+    return robot.config.name + SIMULATED_ONE if simulated else robot.config.name
 
 
 class Shelf:

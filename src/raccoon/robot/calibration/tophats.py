@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, TypeVar
 from raccoon.core.errors import CalibrationError
 from raccoon.core.files import kept_file
 from raccoon.core.readings import Inputs
+from raccoon.core.sections import SIMULATED_ONE
 from raccoon.robot.actions.actions import Action, seq, wait
 from raccoon.robot.actions.functions import looking
 from raccoon.robot.actions.limits import check_robot, check_way
 from raccoon.robot.calibration.drives import driven, watched
-from raccoon.robot.calibration.kept import SIMULATED, Shelf, counts_of, name_of
+from raccoon.robot.calibration.kept import Shelf, counts_of, name_of
 from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.pacing import at_a_wall
 from raccoon.robot.remarks import say
@@ -166,9 +167,9 @@ def load_tophats(
 def _newest(stored: Sequence[StoredCalibration], own: str) -> StoredCalibration | None:
     """The newest one that may be of the robot `own`, else the newest of any that is real; `stored`: oldest
     first."""
-    real = [each for each in stored if not each.robot.endswith(SIMULATED)]
-    named = [each for each in real if each.robot in ("", own.removesuffix(SIMULATED))]
-    simulated = [each for each in stored if own.endswith(SIMULATED) and each.robot == own]
+    real = [each for each in stored if not each.robot.endswith(SIMULATED_ONE)]
+    named = [each for each in real if each.robot in ("", own.removesuffix(SIMULATED_ONE))]
+    simulated = [each for each in stored if own.endswith(SIMULATED_ONE) and each.robot == own]
     return next((each[-1] for each in (simulated, named, real) if each), None)
 
 
@@ -176,8 +177,8 @@ def _there_is(shelf: TophatStore, own: str) -> str:
     """What a file of calibrations has, for the robot `own`, which looks for something else."""
     sets: dict[str, dict[str, None]] = {}
     for each in shelf.history():
-        foreign = each.robot.endswith(SIMULATED) and not own.endswith(SIMULATED)
-        sets.setdefault(each.set_name, {})[each.sensor + (SIMULATED if foreign else "")] = None
+        foreign = each.robot.endswith(SIMULATED_ONE) and not own.endswith(SIMULATED_ONE)
+        sets.setdefault(each.set_name, {})[each.sensor + (SIMULATED_ONE if foreign else "")] = None
     if not sets:
         return "there is none at all: calibrate_tophats(..., store=) writes them"
     return "there is " + "; ".join(f"{name!r} of {', '.join(sensors)}" for name, sensors in sets.items())
