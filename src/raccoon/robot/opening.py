@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
-from raccoon.core.files import near_program, program_folder
+from raccoon.core.files import kept_apart, near_program, program_folder
 from raccoon.core.port import Port, in_real_time
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
@@ -250,7 +250,7 @@ def replay(
     of the first that differs (tolerance: relative; 0 is exact, 1e-9 suits a recording of another machine).
     When the program has ended nothing moves any more, so it differs where something does in the recording.
     check=False ignores them. config: the recording's own where None. The program must use the robot alone,
-    no clock and no random numbers.
+    no clock and no random numbers. What it stores of its tophats it finds again, and nobody else.
     """
     from raccoon.trace.format import Trace
     from raccoon.trace.replay import ReplayPort
@@ -263,7 +263,7 @@ def replay(
     settings = config or port.trace.header.config
     if settings is None:
         raise TraceError("the recording does not say its robot.toml: pass config=")
-    with Robot(port, settings) as robot:
+    with kept_apart(), Robot(port, settings) as robot:
         result = perform(robot, program)
         port.finish()
         return result

@@ -18,7 +18,7 @@ from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError, MotionTimeout
 from raccoon.core.readings import BEMF_FROZEN_SECONDS, SIMULATOR, Fault, Inputs, Outputs
 from raccoon.model.bemf import counts_scale
-from raccoon.robot.opening import open_robot
+from raccoon.robot.opening import open_robot, replay
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -325,9 +325,11 @@ def mission(robot):
     run_match(robot, wait(0.1), start=wait_for_light(5))
 """
     robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
-    row = play(Match(Program("p.py", text, "/"), robot, (BATTERY,), seconds=10.0), 0, 5)
+    program, run = Program("p.py", text, "/"), tmp_path / "run.jsonl.gz"
+    row = play(Match(program, robot, (BATTERY,), seconds=10.0), 0, 5, record=run)
     assert (row["status"], row["reason"]) == ("ok", "")
-    assert list(tmp_path.iterdir()) == []
+    replay(run, program.mission())  # which finds what it stored in its own run
+    assert list(tmp_path.iterdir()) == [run]
 
 
 def test_what_cleans_up_in_vain_after_the_robot_was_closed_hides_no_error() -> None:

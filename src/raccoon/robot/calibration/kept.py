@@ -42,8 +42,7 @@ class Shelf:
             raise ConfigError("there is no tophat in robot.toml to calibrate: [tophat.NAME] makes one")
         self._robot, self._set_name = robot, set_name
         self._before = {name: each.calibration for name, each in robot.tophats.items()}
-        # In a replay this was stored when it happened.
-        self._kept = None if store is None or hasattr(robot.port, "trace") else kept_file(store)
+        self._kept = None if store is None else kept_file(store)
         if self._kept is not None:
             stored = _checked(self._kept, set_name, name_of(robot))
             self._before = {
