@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from raccoon.cli.numbers import add_place, check_seed, check_start
 
@@ -39,7 +39,8 @@ def run(args: argparse.Namespace) -> int:
     """Run it; 1 where it ends with an error or opens no robot, or as it exits itself."""
     from raccoon.core.errors import RaccoonError
     from raccoon.robot.opening import Substitute, opened_instead
-    from raccoon.sim.world.table import World
+    from raccoon.sim.effects.model_file import load_model
+    from raccoon.sim.port import open_simulated
     from raccoon.sim.world.table_file import load_world
     from raccoon.sweep.program import Program
 
@@ -48,11 +49,12 @@ def run(args: argparse.Namespace) -> int:
     program = Program.read(args.program)
     if args.model is not None:
         args.model.open("rb").close()  # what is in it is for the robot that the program names
-    world = World.default() if args.table is None else load_world(args.table)
+    world = None if args.table is None else load_world(args.table)
     start = (args.start[0], args.start[1], math.radians(args.start[2]))
 
     def port(config: RobotConfig, seed: int) -> Port:
-        return _simulated(config, seed, args.model, world, start)
+        robot = None if args.model is None else load_model(args.model, config)
+        return open_simulated(config, seed=seed, world=world, start=start, robot=robot)
 
     substitute = Substitute(port, args.record, args.seed)
     status = 0
@@ -88,18 +90,6 @@ def told(robot: Robot, start: tuple[float, float, float]) -> str:
 def _shown(x: float, y: float, heading: float) -> str:
     degrees = math.degrees(math.remainder(heading, math.tau))
     return f"x {x:.3f} m, y {y:.3f} m, heading {degrees:.1f} deg"
-
-
-def _simulated(
-    config: RobotConfig, seed: int, model: Path | None, world: Any, start: tuple[float, float, float]
-) -> Port:
-    """The robot of robot.toml, or of a model.toml, on a table."""
-    from raccoon.sim.effects.calibrated import calibrated_robot, simulated_device
-    from raccoon.sim.effects.model_file import load_model
-    from raccoon.sim.port import SimPort
-
-    robot = calibrated_robot(config, simulated_device(config)) if model is None else load_model(model, config)
-    return SimPort(robot, world, robot=config, seed=seed, rate_hz=config.controller.rate_hz, start=start)
 
 
 def _play(program: Program, substitute: Substitute) -> None:

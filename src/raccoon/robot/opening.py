@@ -206,11 +206,9 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
     """
     kind = config.controller.port
     if kind == "sim":
-        from raccoon.sim.effects.calibrated import calibrated_robot, simulated_device
-        from raccoon.sim.port import SimPort
+        from raccoon.sim.port import open_simulated
 
-        simulated = calibrated_robot(config, simulated_device(config))
-        return SimPort(simulated, robot=config, seed=seed, rate_hz=config.controller.rate_hz)
+        return open_simulated(config, seed=seed)
     if kind in ("wombat", "wombat-raccoon"):
         from raccoon.hal.wombat.link.spi import SPI_DEVICE
         from raccoon.hal.wombat.port import open_wombat

@@ -22,7 +22,7 @@ from raccoon.core.readings import (
 )
 from raccoon.model.bemf import counter_lag
 from raccoon.sim.bystander import SimulatedBystander
-from raccoon.sim.effects.calibrated import simulated_device
+from raccoon.sim.effects.calibrated import calibrated_robot, simulated_device
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import SIDES, Parameters
 from raccoon.sim.effects.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
@@ -177,6 +177,23 @@ class SimPort:
             bemf[port], counted = motor.words
             position[port] = int(counted / self._tick)
         return tuple(bemf), tuple(position)
+
+
+def open_simulated(
+    config: RobotConfig,
+    *,
+    seed: int = 0,
+    world: World | None = None,
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    robot: Parameters | None = None,
+) -> SimPort:
+    """The simulated robot of a robot.toml.
+
+    robot: the plant, by default that with the motors that `config` has calibrated; the rest as of `SimPort`.
+    """
+    if robot is None:
+        robot = calibrated_robot(config, simulated_device(config))
+    return SimPort(robot, world, robot=config, seed=seed, rate_hz=config.controller.rate_hz, start=start)
 
 
 def _wired(parameters: Parameters, config: RobotConfig) -> Parameters:
