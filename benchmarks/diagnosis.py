@@ -27,6 +27,7 @@ import numpy as np
 from diagnosis_cases import ROWS, Case, cases, drawn
 from diagnosis_table import print_table
 from diagnosis_trial import run, shown
+from options import several
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.reports.pictures import error_figure
@@ -43,7 +44,7 @@ def main() -> None:
     done = {each["key"]: each for each in known if "key" in each}
     if args.results is not None and not known:
         _keep(args.results, {"seed": seed})
-    wanted = [each for each in cases(args.cases.split(","), args.trials) if each.key not in done]
+    wanted = [each for each in cases(args.cases, args.trials) if each.key not in done]
     if args.picture is not None:
         folder = Path(args.picture[1]).parent
         if not folder.is_dir():
@@ -69,7 +70,9 @@ def _arguments() -> argparse.Namespace:
         "--trials", type=int, default=2, help="recordings for each cause (10 times that clean)"
     )
     parser.add_argument("--seed", type=int, default=None)
-    parser.add_argument("--cases", default=",".join(ROWS), help="rows of the table, comma separated")
+    parser.add_argument(
+        "--cases", type=several(ROWS), default=list(ROWS), help="rows of the table, comma separated"
+    )
     parser.add_argument("--results", type=Path, default=None, help="file to append to and to go on from")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=1e6, help="begin no trial after this time")

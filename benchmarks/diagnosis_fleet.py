@@ -26,6 +26,7 @@ import numpy as np
 from blind.generator import make
 from blind.hidden import CAUSES, Hidden, draw
 from blind.plant import NEUTRAL
+from options import several
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet.course import Piece
@@ -60,14 +61,14 @@ def main() -> int:
     parser.add_argument("--days", type=int, default=8)
     parser.add_argument("--seconds", type=float, default=25.0)
     parser.add_argument("--seed", type=int, default=None)
-    parser.add_argument("--kinds", default=",".join(KINDS))
+    parser.add_argument("--kinds", type=several(KINDS), default=list(KINDS))
     parser.add_argument("--processes", type=int, default=1)
     args = parser.parse_args()
     seed = int(np.random.default_rng().integers(2**31)) if args.seed is None else args.seed
     print(f"seed {seed}", flush=True)
     wrong, shares = 0, []
     with ProcessPoolExecutor(args.processes, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for kind in args.kinds.split(","):
+        for kind in args.kinds:
             for trial in range(args.trials):
                 week, fleet, seen = _fleet(pool, kind, [seed, [*KINDS].index(kind), trial], args)
                 faults = _faults(week, fleet)

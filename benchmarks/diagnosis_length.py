@@ -22,7 +22,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 import numpy as np
 
 from blind.generator import make
+from blind.hidden import CAUSES as HIDEABLE
 from blind.hidden import draw
+from options import several
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 
@@ -36,17 +38,16 @@ def main() -> int:
     """A line for each length and robot, then how a second of the longest compares with one of 40 s."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", default="20,40,80,120,160,240")
-    parser.add_argument("--causes", default=",".join(CAUSES))
+    parser.add_argument("--causes", type=several((SOUND, *HIDEABLE)), default=list(CAUSES))
     parser.add_argument("--seed", type=int, default=None)
     args = parser.parse_args()
     seed = int(np.random.default_rng().integers(2**31)) if args.seed is None else args.seed
     lengths = [float(each) for each in args.seconds.split(",")]
-    causes = args.causes.split(",")
     print(f"seed {seed}", flush=True)
     took = dict.fromkeys(lengths, 0.0)
     context = multiprocessing.get_context("spawn")
     for seconds in lengths:
-        for number, cause in enumerate(causes):
+        for number, cause in enumerate(args.causes):
             with ProcessPoolExecutor(1, mp_context=context) as alone:
                 cpu, megabytes, said = alone.submit(_measured, cause, seconds, [seed, number]).result()
             took[seconds] += cpu

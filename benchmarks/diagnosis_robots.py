@@ -25,6 +25,7 @@ from blind.robots import ROBOTS, fitting, noise_of, other_robot
 from diagnosis_cases import Case
 from diagnosis_table import exactly, first_right, percent
 from diagnosis_trial import said_of
+from options import several
 from raccoon.diagnose.diagnosis import diagnose
 
 FIRST, CLEAN = 0.99, 0.01
@@ -34,14 +35,19 @@ def main() -> int:
     """A line for what went wrong, then one for each robot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=None)
-    parser.add_argument("--rows", default="single,clean", help="rows of the table, of one cause or none")
-    parser.add_argument("--robots", default=",".join(ROBOTS))
+    parser.add_argument(
+        "--rows",
+        type=several(diagnosis_cases.ROWS),
+        default="single,clean",
+        help="rows of the table, of one cause or none",
+    )
+    parser.add_argument("--robots", type=several(ROBOTS), default=list(ROBOTS))
     parser.add_argument("--processes", type=int, default=1)
     args = parser.parse_args()
     seed = int(np.random.default_rng().integers(2**31)) if args.seed is None else args.seed
     print(f"seed {seed}", flush=True)
-    asked = list(diagnosis_cases.cases(args.rows.split(","), 1))
-    wanted = [(name, case, seed) for name in args.robots.split(",") for case in asked]
+    asked = list(diagnosis_cases.cases(args.rows, 1))
+    wanted = [(name, case, seed) for name in args.robots for case in asked]
     said = []
     with ProcessPoolExecutor(args.processes, mp_context=multiprocessing.get_context("spawn")) as pool:
         for each in pool.map(_said, *zip(*wanted, strict=True)):

@@ -27,6 +27,7 @@ from blind.generator import make
 from blind.hidden import CAUSES, Hidden, draw
 from diagnosis_table import exactly, first_right, percent
 from diagnosis_trial import said_of
+from options import several
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.findings.over_ways import OF_EACH, OVER_WAYS
@@ -46,13 +47,13 @@ def main() -> int:
     parser.add_argument("--size", type=float, default=1.0, help="of the hidden causes")
     parser.add_argument("--drive", default="exciting", help="exciting or contest")
     parser.add_argument("--clean", type=int, default=12, help="robots without a cause")
-    parser.add_argument("--causes", default=",".join(HIDDEN))
+    parser.add_argument("--causes", type=several(HIDDEN), default=list(HIDDEN))
     parser.add_argument("--alone", action="store_true", help="also each drive alone")
     parser.add_argument("--processes", type=int, default=1)
     args = parser.parse_args()
     seed = int(np.random.default_rng().integers(2**31)) if args.seed is None else args.seed
     print(f"seed {seed}", flush=True)
-    wanted = [(each, 0) for each in filter(None, args.causes.split(","))]
+    wanted = [(each, 0) for each in args.causes]
     wanted += [(CLEAN, number) for number in range(args.clean)]
     said = []
     with ProcessPoolExecutor(args.processes, mp_context=multiprocessing.get_context("spawn")) as pool:
