@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
-from raccoon.diagnose.recordings.ends import ends_of
+from raccoon.diagnose.recordings.reference.stretches import ends_of
 from raccoon.diagnose.result import SensorFault
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.model.bemf import counts_scale

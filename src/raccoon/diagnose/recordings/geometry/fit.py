@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import cause_name
-from raccoon.diagnose.recordings.ends import ends_of
+from raccoon.diagnose.recordings.reference.stretches import ends_of
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.estimate.drive_calibration.paths import off_shape, off_truth
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
-from raccoon.diagnose.recordings.ends import ends_of
 from raccoon.estimate.drive_calibration.columns import manoeuvre
 
 Array = NDArray[np.float64]
@@ -134,3 +133,9 @@ def _way(
         askew = cmath.phase(complex(wheels[0].mean(axis=1) @ steps))
         steps = steps * cmath.exp(-1j * askew) if abs(askew) < MOST_ASKEW else steps
     return np.asarray(steps.real, float)
+
+
+def ends_of(time: Array, first: float, last: float, seconds: float) -> NDArray[np.intp]:
+    """Rows of `time` at which stretches of so many seconds begin, from `first` to before `last`."""
+    begins = np.arange(first, last, seconds)
+    return np.searchsorted(time, begins[begins < last])  # arange may go a rounding beyond its end

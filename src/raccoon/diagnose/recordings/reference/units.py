@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device
-from raccoon.diagnose.recordings.ends import ends_of
 from raccoon.diagnose.recordings.reference.stretches import (
     FEWEST,
     LEAST_TURN,
@@ -22,6 +21,7 @@ from raccoon.diagnose.recordings.reference.stretches import (
     STRETCH,
     Columns,
     Stretches,
+    ends_of,
     heading_at,
     place_at,
     stretches_of,

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from raccoon.diagnose.recordings.ends import ends_of
+from raccoon.diagnose.recordings.reference.stretches import ends_of
 
 
 def test_no_stretch_begins_beyond_the_last_row() -> None:
