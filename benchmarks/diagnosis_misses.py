@@ -37,12 +37,12 @@ from numpy.typing import NDArray
 from diagnosis_cases import Case, drawn
 from diagnosis_table import exactly, found_of, relevant_of
 from diagnosis_trial import shown, true_coordinate, true_settings
+from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fits import fit_afresh, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
 from raccoon.diagnose.select.gates import gate
@@ -119,7 +119,7 @@ def _searched(key: str, seed: int) -> tuple[Blind, Search]:
 def _started(key: str, seed: int) -> tuple[Blind, Search]:
     case = Case.of(key)
     blind = drawn(case, seed)
-    problem, _ = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
+    problem = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
     return blind, start_search(problem, probes_for(problem))
 
 

@@ -35,7 +35,7 @@ from raccoon.diagnose.findings.over_ways import (
     tried_of_several,
 )
 from raccoon.diagnose.findings.proving import proven
-from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
+from raccoon.diagnose.habits.problems import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause

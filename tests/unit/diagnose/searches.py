@@ -14,8 +14,8 @@ from raccoon.diagnose.fit.linear import linearise, tabulate
 from raccoon.diagnose.fit.noise import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.habits.others import Under, started
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search, look_around, start_search

@@ -20,7 +20,7 @@ from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fleet.summary import fleet_of
-from raccoon.diagnose.habits.controller import drive_problem
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import PRESLIDING, base_coordinates

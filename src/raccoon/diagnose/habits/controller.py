@@ -12,24 +12,17 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.features import Features, bin_width
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.stops import brakes
-from raccoon.diagnose.fit.problem import Creep, Point, Problem
+from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, reads_back_emf, slowed_by_pauses
-from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
+from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
+from raccoon.diagnose.habits.problems import loose_problem_of
 from raccoon.diagnose.habits.ramps import behind_a_ramp
-from raccoon.diagnose.hypotheses.candidates import counted_from
-from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import Wheels, base_coordinates
-from raccoon.diagnose.hypotheses.runs import run_coordinates, run_settings
-from raccoon.diagnose.rollout.ages import age_coordinates, age_settings
-from raccoon.diagnose.rollout.encoders import encoder_coordinates, encoder_settings
+from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.joined import rollout_of
-from raccoon.diagnose.rollout.silence import told
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -57,78 +50,6 @@ LESS_OFF = 0.85
 """Part of the battery's error that is left with another filter of its readings, up to which it is taken at
 once. With the firmware's own filter none left less than 0.9; RaccoonOS's further one of 0.1 s leaves 0.3 to
 0.85."""
-HELD = Creep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)
-"""A battery's reading that is held between two edges is off by a count or so, until its load changes: by 0.6
-to 1.1 counts beside a mean of 0.5 to 1.5, for a second, in six drives of sound robots behind the emulated
-stock firmware. Of a count for ten seconds, 9 s had a battery's resistance beside a scrub, a reading's scale
-in the place of viscous friction, and something unknown on one of three sound robots."""
-
-
-def drive_problem(
-    log: Log, robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
-) -> Problem:
-    """The problem of a drive under a controller's habits."""
-    own = [each.own for each in causes if each.own is not None]
-    battery = robot.model.battery.internal_resistance.value if log.own_batteries else 0.0
-    settings = starting_settings(robot, model) | encoder_settings(log)
-    settings |= run_settings(len(log.runs), battery)
-    settings |= age_settings() if habits.any_moment else {}
-    for each in own:
-        settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
-    by_name = counted_from(causes, settings)
-    base = (
-        *base_coordinates(
-            robot,
-            wheels=habits.wheels,
-            low_pass=habits.low_pass,
-            free_running=habits.chain.free_running,
-            wombat=habits.wombat,
-            any_moment=habits.any_moment,
-        ),
-        *encoder_coordinates(log),
-        *(age_coordinates() if habits.any_moment else ()),
-        *run_coordinates(len(log.runs), battery),
-    )
-    return Problem(
-        Features.kept(log, habits.swing or bin_width(log)),
-        rollout_of(log, robot, habits, own),
-        robot,
-        settings,
-        tuple(each.beside(settings) for each in base),
-        by_name,
-        told(by_name, log),
-        HELD if habits.chain.battery_held else Creep(),
-        habits.chain.coast_share,
-        log.rubs_anew,
-        log.change,
-    )
-
-
-def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
-    """The simulation's settings before any diagnosis; a model's inertias count from robot.toml's."""
-    settings = neutral_settings(robot)
-    if model is None:
-        return settings
-    for id_, place, name in settings:
-        if id_ != "inertia":
-            settings[(id_, place, name)] = model.value(id_, name, place)
-    own, given = robot.model.drive, model.robot.model.drive
-    straight = given.inertia_straight.value / own.inertia_straight.value
-    settings[("inertia", None, "straight")] = straight
-    settings[("inertia", None, "turn")] = given.inertia_turn.value / own.inertia_turn.value
-    return settings
-
-
-def problem_of(
-    log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None = None
-) -> tuple[Problem, Habits]:
-    """The problem under the controller's habits that fit the recording best after a base fit.
-
-    The firmware's filter is left only for a clearly better one. Wheels that stop at once may also be slow
-    ones that rub: both are tried then.
-    """
-    restored_log, habits = controller_of(log, robot, causes, model)
-    return drive_problem(restored_log, robot, causes, habits, model), habits
 
 
 def controller_of(
@@ -144,15 +65,7 @@ def controller_of(
     found: what is nearest, where that is known.
     """
     found = found or nearest(log, robot, causes, model, firmware)
-
     return restored(log, loose_problem_of(robot, causes, found.habits, model), found.point), found.habits
-
-
-def loose_problem_of(
-    robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
-) -> Callable[[Log], Problem]:
-    """The problem of a log under habits, with all base numbers free: see `loosened`."""
-    return lambda log: loosened(drive_problem(log, robot, causes, habits, model), habits.wheels)
 
 
 def _first(log: Log, firmware: Firmware | None) -> Habits:
@@ -271,16 +184,3 @@ def battery_off(problem: Problem, starts: Sequence[Point]) -> float:
         factors, *_ = np.linalg.lstsq(columns, measured, rcond=None)
         sizes.append(float(np.abs(measured - columns @ factors).mean()))
     return min(sizes)
-
-
-def with_lost_changes(
-    log: Log,
-    robot: RobotConfig,
-    causes: Sequence[Cause],
-    habits: Habits,
-    model: Parameters | None,
-    point: Point,
-) -> Log:
-    """The log with changes of commands in rows that it lost, when they suit the simulation of `point`."""
-    habits = replace(habits, swing=0.0)  # a wheel answers within one
-    return restored(log, lambda each: drive_problem(each, robot, causes, habits, model), point)

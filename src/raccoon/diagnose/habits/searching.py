@@ -27,7 +27,7 @@ from raccoon.diagnose.habits.chains import (
     usual_chain,
     with_driver_of,
 )
-from raccoon.diagnose.habits.controller import controller_of, cycle_by_row, drive_problem, with_lost_changes
+from raccoon.diagnose.habits.controller import controller_of, cycle_by_row
 from raccoon.diagnose.habits.cycles import (
     as_pauses_slow_the_wheels,
     as_pauses_slow_the_wheels_beside,
@@ -60,6 +60,7 @@ from raccoon.diagnose.habits.others import (
     with_a_slow_battery,
     without,
 )
+from raccoon.diagnose.habits.problems import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.within_rows import as_commanded
 from raccoon.diagnose.hypotheses.coordinates import FORMS, Cause
 from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS

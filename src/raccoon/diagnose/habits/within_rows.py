@@ -18,9 +18,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import SETTLING
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.controller import cycle_by_row, loose_problem_of, nearest
+from raccoon.diagnose.habits.controller import cycle_by_row, nearest
 from raccoon.diagnose.habits.loose import Fitted
 from raccoon.diagnose.habits.lost import ANSWER, in_bins_of
+from raccoon.diagnose.habits.problems import loose_problem_of
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from blind.generator import make
+from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import BIN, half_second
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.gain import HeldOut, _spread, contributions, first_parts, size_of
 from raccoon.diagnose.fit.noise import EVENT
 from raccoon.diagnose.fit.problem import Point
-from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.recordings.reference.rescaled import Rescaled
 from raccoon.diagnose.result import ChannelResult, Curve
@@ -111,7 +111,7 @@ def test_the_size_of_an_error_is_its_root_mean_square_where_no_moment_stands_out
 def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
     """A change of inertia within robot.toml's deviations is theirs; a latency is next to nobody else's."""
     log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
-    real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    real = problem_of(log, ROBOT, tuple(CAUSES.values()))
     search = start_search(real, probes_for(real))
     both = {"drive.inertia": np.array([0.05]), "actuation.latency": np.array([1.0])}
     point = Point(np.zeros(len(real.base)), both)

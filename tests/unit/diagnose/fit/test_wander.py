@@ -26,7 +26,7 @@ from raccoon.diagnose.fit.wander import (
     slow_friction,
     summed,
 )
-from raccoon.diagnose.habits.controller import drive_problem
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain

@@ -24,7 +24,7 @@ from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.descent import ROUGH
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
 from raccoon.diagnose.habits.chains import FREE_RUNNING, PAUSING
-from raccoon.diagnose.habits.controller import controller_of, drive_problem, problem_of
+from raccoon.diagnose.habits.controller import controller_of
 from raccoon.diagnose.habits.lags import with_readings_that_lag
 from raccoon.diagnose.habits.notes import PAST, notes_of
 from raccoon.diagnose.habits.others import (
@@ -42,6 +42,7 @@ from raccoon.diagnose.habits.others import (
     started,
     with_a_slow_battery,
 )
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.searching import _as_logged, _grown, _sooner, _under_another_filter, searched
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
@@ -76,7 +77,7 @@ def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None
         draw(each, np.random.default_rng(3)) for each in ("battery.open_circuit_voltage", "imu.latency")
     ]
     log = log_from_columns(make(3, hidden, seconds=10.0).columns, ROBOT)
-    _, habits = problem_of(log, ROBOT, CAUSES)
+    _, habits = controller_of(log, ROBOT, CAUSES, None)
     assert habits.chain == Chain.firmware()
 
 
@@ -86,7 +87,7 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     robot = Parameters(
         ROBOT, {("friction.stiction", "left"): sticky, ("friction.stiction", "right"): sticky}, chain
     )
-    _, habits = problem_of(log_from_columns(recorded(robot, 10.0), ROBOT), ROBOT, CAUSES)
+    _, habits = controller_of(log_from_columns(recorded(robot, 10.0), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
@@ -96,7 +97,7 @@ def test_the_filter_of_a_gentle_drive_is_the_one_under_which_robot_toml_is_right
     asked of it, but the firmware's would need another time constant, which was named."""
     robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], chain)
     columns = recorded(robot, 8.0, softened=80, noise={"motor.0.bemf": 20.0, "motor.1.bemf": 20.0})
-    _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, CAUSES)
+    _, habits = controller_of(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
@@ -105,7 +106,7 @@ def test_a_slow_filter_of_the_battery_is_seen_before_any_cause_is_known(seconds:
     """Beside a deadband one of 0.1 s was taken for 0.05, once a wrong scale and friction were named."""
     chain = replace(Chain.firmware(), battery_time_constant=seconds)
     robot = Parameters(ROBOT, SLIDING[Wheels.GIVING] | {("actuation.deadband", None): {"duty": 0.05}}, chain)
-    _, habits = problem_of(log_from_columns(recorded(robot, 8.0), ROBOT), ROBOT, CAUSES)
+    _, habits = controller_of(log_from_columns(recorded(robot, 8.0), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
@@ -135,7 +136,7 @@ def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str)
     wrong = Parameters.from_robot(ROBOT).with_effect(
         id_, "left" if id_ == "bemf.scale" else None, **HIDING[id_]
     )
-    _, habits = problem_of(log_from_columns(recorded(wrong, 20.0, seed=1), ROBOT), ROBOT, CAUSES)
+    _, habits = controller_of(log_from_columns(recorded(wrong, 20.0, seed=1), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == Chain()
 
 
@@ -335,7 +336,7 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
 @pytest.mark.parametrize("wheels", [Wheels.RIGID, Wheels.GIVING])
 def test_whether_wheels_give_before_they_slide_is_found_out(wheels: Wheels) -> None:
     robot = Parameters(ROBOT, SLIDING[wheels], Chain.firmware())
-    _, habits = problem_of(log_from_columns(recorded(robot, 12.0), ROBOT), ROBOT, CAUSES)
+    _, habits = controller_of(log_from_columns(recorded(robot, 12.0), ROBOT), ROBOT, CAUSES, None)
     assert habits == Habits(Chain.firmware(), False, wheels=wheels)
 
 

@@ -12,9 +12,9 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.habits import controller
-from raccoon.diagnose.habits.controller import drive_problem
+from raccoon.diagnose.habits import problems
 from raccoon.diagnose.habits.lost import changed_at, lost_changes, restored
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain
@@ -95,7 +95,7 @@ def test_a_row_that_is_put_in_makes_no_other_bins(monkeypatch: pytest.MonkeyPatc
     columns = drive(4.0)
     log = log_from_columns(without(columns, [4 * EVERY]), ROBOT)
     monkeypatch.setattr(
-        controller, "bin_width", lambda each: 0.01 if len(each.time) == len(log.time) else 0.011
+        problems, "bin_width", lambda each: 0.01 if len(each.time) == len(log.time) else 0.011
     )
     found = put_back(log)
     assert found.time[4 * EVERY] == pytest.approx(columns["t"][4 * EVERY], abs=1e-9)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.habits.controller import drive_problem
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.within_rows import as_commanded, begun_before
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits

@@ -11,7 +11,7 @@ from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.controller import drive_problem, starting_settings
+from raccoon.diagnose.habits.problems import drive_problem, starting_settings
 from raccoon.diagnose.hypotheses.candidates import counted_from, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, cause_name, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, LOOP_LATENCY, base_coordinates

@@ -24,7 +24,7 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Point
-from raccoon.diagnose.habits.controller import drive_problem
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect, Simulated, load_own
 from raccoon.diagnose.recordings.kinds import diagnose_recording

@@ -12,7 +12,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.habits.chains import FREE_RUNNING
-from raccoon.diagnose.habits.controller import controller_of, drive_problem
+from raccoon.diagnose.habits.controller import controller_of
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.ages import AGE, age_coordinates, aged
 from raccoon.diagnose.rollout.firmware import FIRMWARES

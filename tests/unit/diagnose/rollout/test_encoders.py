@@ -11,8 +11,8 @@ from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.advice import planned_log
-from raccoon.diagnose.habits.controller import drive_problem, loose_problem_of
 from raccoon.diagnose.habits.loose import start_of
+from raccoon.diagnose.habits.problems import drive_problem, loose_problem_of
 from raccoon.diagnose.rollout.encoders import WINDOW, counted, encoder_coordinates, encoder_settings
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain

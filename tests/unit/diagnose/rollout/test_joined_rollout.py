@@ -9,7 +9,7 @@ from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.joined import joined
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.habits.controller import starting_settings
+from raccoon.diagnose.habits.problems import starting_settings
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.runs import DIFFERS, RUN, run_coordinates, run_settings
 from raccoon.diagnose.rollout.joined import rollout_of

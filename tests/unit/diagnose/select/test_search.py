@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from blind.generator import make
+from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.drives.log import log_from_columns
@@ -23,7 +24,6 @@ from raccoon.diagnose.fit.noise import EVENT, white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.wander import slow_friction
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
 from raccoon.diagnose.hypotheses.forms import form_error, form_weight
@@ -285,7 +285,7 @@ def test_no_size_is_said_that_no_robot_has() -> None:
 
 def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
-    real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    real = problem_of(log, ROBOT, tuple(CAUSES.values()))
     search = start_search(real, probes_for(real))
     last = estimated(search)
     every, less = search.whitener.wandering[0], last.whitener.wandering[0]

@@ -9,6 +9,7 @@ import pytest
 
 from blind.generator import make
 from blind.hidden import Hidden, draw
+from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import BIN
@@ -17,7 +18,6 @@ from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import slow_friction
-from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.select.outlook import look_around, start_search
 from raccoon.diagnose.select.probed import best_probe
@@ -33,7 +33,7 @@ def test_what_was_called_unknown_is_not_where_a_cause_explains_it_after_all() ->
     """Once it is, a small cause beside it need not have a third of what the unknown seemed to be."""
     hidden = draw("actuation.latency", np.random.default_rng(5))
     log = log_from_columns(make(5, [hidden], seconds=10.0).columns, ROBOT)
-    real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    real = problem_of(log, ROBOT, tuple(CAUSES.values()))
     start = start_search(real, probes_for(real))
     seemed = {"unknown: time (inertia)": 300.0}
     empty = look_around(real, start.probes, start.fit.point, start.whitener, seemed)
@@ -51,7 +51,7 @@ def test_what_was_called_unknown_is_not_where_a_cause_explains_it_after_all() ->
 
 def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
     columns = make(2, seconds=6.0).columns
-    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     linear = linearise(real, real.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
     group = next(each for each in probes_for(real)(linear) if each.name.endswith("gyro over time"))
     channel = real.features.roles.index("gyro")
@@ -158,7 +158,7 @@ def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong() 
     noise."""
     hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
     columns = make(10, [hidden], seconds=40.0).columns
-    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = best_probe(start_search(real, probes_for(real)))
     assert found.name == "unknown: wheel angle left"
     assert found.lead > 10.0 * PROBE_ALONE
@@ -170,7 +170,7 @@ def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has(size: float, 
     does as well, and to nobody's harm."""
     hidden = Hidden("unknown", None, {}, {"cogging_l": size})
     columns = make(12, [hidden], seconds=25.0).columns
-    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = best_probe(start_search(real, probes_for(real)))
     assert found.name == "unknown: wheel angle left"
     assert found.lead > PROBE_ALONE
