@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 LIGHT = "light.ambient"
 """Light over the whole table, 0 indoors to 1 direct sun. It and the faults are no effects of the robot."""
+USUAL_CONSTANT = 0.03
+"""Standard deviation of motors' K_E, over its mean."""
 USUAL_OFFSET = 42.0
 """Counts, root mean square of what six motors read at rest behind RaccoonOS."""
 PLAIN_TICKS = OdometrySettings().calibrated_scale
@@ -131,7 +133,7 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
     ]
     for side in _SIDES:
         factors += [
-            _normal("motor.back_emf_constant", "factor", *_known_ticks(robot, side, 0.03), side),
+            _normal("motor.back_emf_constant", "factor", *_known_ticks(robot, side), side),
             _normal("motor.armature_resistance", "factor", 1.0, 0.09, side),
             Factor("friction.coulomb", "torque", 0.16, 0.26, where=side),
             # A calibration knows K_E and radius only as their product, which is K_E's here.
@@ -148,11 +150,11 @@ def _calibrated(robot: RobotConfig, side: str) -> bool:
     return known and believable(_factor(robot, side))
 
 
-def _known_ticks(robot: RobotConfig, side: str, usual: float) -> tuple[float, float]:
-    """Mean and standard deviation of a motor's K_E over that of `[model]`; usual: without a calibration."""
+def _known_ticks(robot: RobotConfig, side: str) -> tuple[float, float]:
+    """Mean and standard deviation of a motor's K_E over that of `[model]`."""
     ticks = robot.wheel_motor(side).radians_per_tick
     if ticks is None or not _calibrated(robot, side):
-        return 1.0, usual
+        return 1.0, USUAL_CONSTANT
     mean = _factor(robot, side)
     return mean, mean * (ticks.std / ticks.value or PLAIN_TICKS)
 

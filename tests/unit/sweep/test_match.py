@@ -398,6 +398,17 @@ def test_everything_that_varies_by_default_can_be_simulated() -> None:
     assert all(row[kind] == 1.0 for kind in KINDS)
 
 
+def test_what_varies_by_default_varies_around_the_robot_of_robot_toml() -> None:
+    robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
+    nominal = Parameters.from_robot(robot)
+    for each in default_factors(robot):
+        assert each.low < each.high, each.name
+        if each.is_of_robot:
+            value = nominal.value(each.effect, each.parameter, each.where)
+            assert each.low <= value <= each.high, each.name
+            assert not each.normal or value == pytest.approx(0.5 * (each.low + each.high)), each.name
+
+
 def test_a_calibrated_robot_differs_by_what_its_calibration_does_not_know() -> None:
     """It failed in 18 of 30 matches where the same robot without a calibration failed in none."""
     plain = RobotConfig()

@@ -63,12 +63,16 @@ def test_it_names_what_failures_depend_on_also_at_both_ends() -> None:
     def fails(values: dict[str, float], random: np.random.Generator) -> bool:
         return bool(random.uniform() < 0.02 + 0.5 * (abs(values["both_ends"]) > 0.7) + 0.3 * values["switch"])
 
-    found = summary(rows_of(600, fails), NAMES)
+    rows = rows_of(600, fails)
+    found = summary(rows, NAMES)
     assert found.of == "failure"
     assert {each.name for each in found.sensitivities[:2]} == {"both_ends", "switch"}
     assert all(each.is_clear for each in found.sensitivities[:2])
     assert not any(each.is_clear for each in found.sensitivities[2:])
     assert {each.name for each in found.sensitivities} == {"left", "both_ends", "switch", "nothing"}
+    (switch,) = (each for each in found.sensitivities if each.name == "switch")
+    of_both = [[row["status"] == "failed" for row in rows if row["switch"] == on] for on in (0.0, 1.0)]
+    assert switch.groups == tuple((on, on, np.mean(each)) for on, each in enumerate(of_both))
     assert found.reasons[0][0] == "ZeroDivisionError"
 
 
@@ -98,8 +102,11 @@ def test_the_chance_of_groups_of_unlike_sizes_is_counted_and_not_guessed() -> No
     """Of 100 matches 3, 1 and 1 failed in groups of 80, 18 and 2. Dealt out at random, groups explain as much
     or more in 10.1 % of all ways (counted one by one); the F test says 1.1 %."""
     values = [0.0] * 80 + [1.0] * 18 + [2.0] * 2
-    found = summary(few(values, [0, 1, 2, 80, 98]), ["a"] * 4).sensitivities[0]
+    failed = [0, 1, 2, 80, 98]
+    found = summary(few(values, failed), ["a"] * 4).sensitivities[0]
     assert found.chance == pytest.approx(4 * 0.101, abs=0.12)
+    others = [run for run in range(100) if run not in failed]  # what they depend on is the same
+    assert summary(few(values, others), ["a"] * 4).sensitivities[0].chance == pytest.approx(found.chance)
 
 
 def test_chance_is_not_taken_for_a_cause() -> None:
