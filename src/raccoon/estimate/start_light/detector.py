@@ -71,10 +71,10 @@ class StartLight:
     """Detector of one start light. Feed it every reading until it fires.
 
     calibration: lamp levels; without one the fall must be at least 35 % of the reading. The light must come
-    within 30 ms and stay for 38 ms (0.1 s without calibration) and three readings. A calibrated lamp may also
-    warm up slower than that (time constant of up to 0.2 s), and fires 0.3 s after it is near its level. A
-    bulb that takes up to two seconds, calibrated or not, fires when it is warm if it is ten times as bright
-    as the light before. rehearsal: fire again each time the lamp comes on (test mode).
+    within 30 ms and stay for 38 ms (0.1 s without calibration) and three readings. A lamp may also warm up
+    slower than that (time constant of up to 0.2 s; 0.1 s without calibration), and fires 0.3 s after it is
+    near its level. A bulb that takes up to two seconds, calibrated or not, fires when it is warm if it is ten
+    times as bright as the light before. rehearsal: fire again each time the lamp comes on (test mode).
     """
 
     def __init__(self, calibration: StartLightCalibration | None = None, *, rehearsal: bool = False) -> None:

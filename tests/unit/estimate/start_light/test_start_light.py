@@ -80,11 +80,13 @@ def test_rehearsal_counts_every_lamp() -> None:
     assert light.fires == 3
 
 
-def test_nothing_fires_before_the_ambient_light_is_known() -> None:
+@pytest.mark.parametrize("begin", [0.0, 100.0])
+def test_nothing_fires_before_the_ambient_light_is_known(begin: float) -> None:
     light = StartLight()
-    assert light.update(0.0, 3000.0).status is Status.INVALID
-    assert not light.update(0.01, 100.0).fired
-    assert not light.update(0.2, None).fired
+    for index, reading in enumerate([3000.0] * 20 + [100.0] * 40):
+        told = light.update(begin + index / RATE, reading)
+        assert (told.status, told.fired) == (Status.INVALID, False)
+    assert not light.update(begin + 0.31, None).fired
 
 
 def test_leaving_shadow_is_no_lamp() -> None:
@@ -137,6 +139,24 @@ def test_calibrated_lamp_may_warm_up_at_any_rate(rate: int, time_constant: float
             found = delay(time, level(off, on, bulb(time, time_constant)), light)
             assert found is not None, (off, on, phase)
             assert 0.03 <= found <= 0.55 + 2.0 / rate
+
+
+@pytest.mark.parametrize("rate", [50, 200])
+@pytest.mark.parametrize("time_constant", [0.02, 0.05, 0.1])
+def test_lamp_that_was_not_shown_may_warm_up_for_a_tenth_of_a_second(rate: int, time_constant: float) -> None:
+    time = times(rate)
+    for off, on in LEVELS[:4]:  # brighter than what is asked of an unknown lamp
+        found = delay(time, level(off, on, bulb(time, time_constant)), StartLight())
+        assert found is not None, (off, on)
+        assert 0.03 <= found <= 0.5
+
+
+@pytest.mark.parametrize("share", [0.2, 0.4])
+def test_light_far_less_than_that_of_the_lamp_that_was_shown_is_none(share: float) -> None:
+    time = times(RATE)
+    for time_constant in (0.05, 0.15):
+        readings = level(3000.0, 500.0, share * bulb(time, time_constant))
+        assert delay(time, readings, StartLight(StartLightCalibration(3000.0, 500.0))) is None
 
 
 @pytest.mark.parametrize("rate", [10, 25, 50, 200, 1000])
