@@ -13,10 +13,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.answer import Found, answered, faults_of
+from raccoon.diagnose.drives.driven import moves
 from raccoon.diagnose.drives.features import Features, with_readings
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.moments import without_moments
-from raccoon.diagnose.drives.quality import moves
 from raccoon.diagnose.drives.unseen import said_of_holdout, with_channels_of
 from raccoon.diagnose.findings.batteries import (
     differ,

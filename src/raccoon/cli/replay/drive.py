@@ -14,7 +14,7 @@ from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.diagnose.drives.gravity import strange_acceleration
-from raccoon.diagnose.drives.quality import strange_units
+from raccoon.diagnose.drives.units import strange_units
 from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of

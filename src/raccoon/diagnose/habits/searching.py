@@ -14,8 +14,8 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
+from raccoon.diagnose.drives.driven import swing
 from raccoon.diagnose.drives.log import Log
-from raccoon.diagnose.drives.quality import swing
 from raccoon.diagnose.habits.chains import (
     AT_ITS_END,
     PAUSING,

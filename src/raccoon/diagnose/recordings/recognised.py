@@ -16,7 +16,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device
-from raccoon.diagnose.drives.quality import moves
+from raccoon.diagnose.drives.driven import moves
 from raccoon.diagnose.habits.controller import nearest
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.recordings.channels.broken import without_broken

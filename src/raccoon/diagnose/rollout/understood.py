@@ -17,9 +17,9 @@ from raccoon.diagnose.drives.joined import joined, said_of_recording
 from raccoon.diagnose.drives.loads import with_loads
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
-from raccoon.diagnose.drives.quality import check_units, check_wheel_signs, driven_freely
 from raccoon.diagnose.drives.standing import with_what_turned
 from raccoon.diagnose.drives.stops import with_stops
+from raccoon.diagnose.drives.units import check_units, check_wheel_signs, driven_freely
 from raccoon.diagnose.drives.ways import check_signed, check_ways, check_zero
 from raccoon.diagnose.rollout.firmware import Firmware
 

@@ -14,10 +14,10 @@ from blind.hidden import draw
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.answers import EARLY, EARLY_GYRO, LOST, LOST_GYRO, check_answers, check_signs
+from raccoon.diagnose.drives.driven import moves
 from raccoon.diagnose.drives.followers import answer_of
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
-from raccoon.diagnose.drives.quality import moves
 from raccoon.diagnose.drives.ways import check_signed
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings

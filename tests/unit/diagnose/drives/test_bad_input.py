@@ -13,8 +13,8 @@ from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.drives.quality import check_units
 from raccoon.diagnose.drives.times import check_time
+from raccoon.diagnose.drives.units import check_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Problem

@@ -16,7 +16,7 @@ from raccoon.core.readings import MOTOR_PORTS, Outputs
 from raccoon.diagnose.drives.held import not_free, of_free_driving, with_free_driving
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.moments import without_moments
-from raccoon.diagnose.drives.quality import check_units, strange_units
+from raccoon.diagnose.drives.units import check_units, strange_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Verdict

@@ -15,8 +15,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.drives.quality import strange_units
 from raccoon.diagnose.drives.standing import standing, with_what_turned
+from raccoon.diagnose.drives.units import strange_units
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Verdict

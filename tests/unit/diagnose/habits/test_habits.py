@@ -17,8 +17,8 @@ from blind.generator import make
 from blind.hidden import Hidden, draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.driven import swing
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.drives.quality import swing
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.descent import ROUGH

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import arranged
-from raccoon.diagnose.drives.quality import driven_freely
 from raccoon.diagnose.drives.speed_loop import SpeedLoop, speed_loop
+from raccoon.diagnose.drives.units import driven_freely
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.recordings.doubts.rounded import with_rounded
 from raccoon.diagnose.result import (

@@ -9,9 +9,10 @@ import pytest
 
 from blind.drives import contest, exciting
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.driven import moves, swing
 from raccoon.diagnose.drives.log import Log
-from raccoon.diagnose.drives.quality import driven_freely, moves, swing
 from raccoon.diagnose.drives.sizes import slope
+from raccoon.diagnose.drives.units import driven_freely
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, manoeuvre
 
@@ -96,9 +97,9 @@ def test_a_drive_moves_where_commands_change_and_a_wheel_answers(
 def test_a_time_in_microseconds_is_not_looked_through_for_months(monkeypatch: pytest.MonkeyPatch) -> None:
     """Forty seconds of one were gigabytes of bins of 50 ms, before anybody said what it is."""
     for name in ("where_held", "standing"):
-        asked = f"raccoon.diagnose.drives.quality.{name}"
+        asked = f"raccoon.diagnose.drives.units.{name}"
         monkeypatch.setattr(asked, lambda *_: pytest.fail("looked through"))
-    monkeypatch.setattr("raccoon.diagnose.drives.quality._always_small", lambda *_: False)
+    monkeypatch.setattr("raccoon.diagnose.drives.units._always_small", lambda *_: False)
     log = steered(np.zeros(2000))
     log = replace(log, time=1e6 * log.time)
     assert driven_freely(log, RobotConfig()) is log

@@ -1,4 +1,4 @@
-"""Recordings that would mislead: wrong units, another robot's file, nothing commanded."""
+"""Whether the numbers of a drive are what their names promise: units, signs, and whose plug is whose."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.answers import check_signs
-from raccoon.diagnose.drives.followers import changes
 from raccoon.diagnose.drives.held import of_free_driving, where_held
 from raccoon.diagnose.drives.log import Channel, Log, arranged
 from raccoon.diagnose.drives.sizes import (
@@ -35,12 +34,22 @@ from raccoon.trace.recording import mistaken_duty, usual_step
 
 Array = NDArray[np.float64]
 
-
 IN_DEGREES = (0.5 * DEGREES, 2.0 * DEGREES)
 """How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
 2."""
 BEST = 75.0
 """Percentile of what a wheel reads over its command with which it follows that best."""
+LEAST_SHARE = 0.2
+"""Part of its command's voltage that the back-EMF of every motor has which turns freely."""
+HALF_AS_FAR = 0.5
+"""Error with which a wheel follows the other's command, of that with which it follows its own, up to which
+the two are swapped."""
+FOLLOWED = 0.8
+"""Correlation of a wheel with the command that it follows, where it is steady."""
+MOST_ALIKE = 0.9
+"""Correlation of the commands from which nobody can tell which of them a wheel follows."""
+CLEAR = 0.5
+"""By how much better than its own a wheel follows the other one's command, where columns are swapped."""
 
 
 def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: bool = False) -> str:
@@ -211,63 +220,3 @@ def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
             f"{gyro.name} turns against the wheels: left and right are swapped, the gyro's axis points down, "
             "or both motors turn the other way than robot.toml's inverted says"
         )
-
-
-LEAST_SHARE = 0.2
-"""Part of its command's voltage that the back-EMF of every motor has which turns freely."""
-HALF_AS_FAR = 0.5
-"""Error with which a wheel follows the other's command, of that with which it follows its own, up to which
-the two are swapped."""
-FOLLOWED = 0.8
-"""Correlation of a wheel with the command that it follows, where it is steady."""
-MOST_ALIKE = 0.9
-"""Correlation of the commands from which nobody can tell which of them a wheel follows."""
-CLEAR = 0.5
-"""By how much better than its own a wheel follows the other one's command, where columns are swapped."""
-
-
-def moves(log: Log) -> bool:
-    """Whether the commands change and the wheels answer: without that nothing can be told."""
-    commanded = any(changes(each) and float(np.ptp(each)) > 0.05 for each in log.duty.T)
-    answers = [
-        float(np.nanstd(each.values)) > 5.0 * each.floor
-        for each in log.channels
-        if each.role.startswith(("bemf", "speed"))
-    ]
-    return commanded and any(answers)
-
-
-SLOWEST_SWING, FASTEST_SWING = 4.0, 15.0
-"""1/s. In slower ones the wheels' readings, 30 ms late, show what commands answer as in any drive."""
-BAND = 1.25
-"""Band of a swing: this factor to either side of its frequency."""
-SWINGS = 0.4
-"""Part of the commands' power that is in such a band, where they swing: 0.6 to 0.8 of robots that were
-steered by bang-bang, 0.18 at most of 250 other drives."""
-LINES, REGULAR = 6, 0.75
-"""So many lines of a spectrum hold so much of the band where a clock has made the swing: a program that
-wiggles on purpose, which says all about a robot."""
-
-
-def swing(log: Log) -> float:
-    """s in which commands swing, where nearly all that they do is that: a line that is followed by bang-bang.
-    0 where they do not."""
-    row = usual_step(log.time)
-    even = np.arange(log.time[0], log.time[-1], row)
-    duty = log.duty[np.searchsorted(log.time, even, side="right") - 1]
-    frequency = np.fft.rfftfreq(len(even), row)
-    low, high = (np.searchsorted(frequency, each * frequency) for each in (1.0 / BAND, BAND))
-    asked = (frequency >= SLOWEST_SWING) & (frequency <= FASTEST_SWING)
-    for commands in (duty[:, 1] - duty[:, 0], duty.sum(axis=1)):
-        power = np.abs(np.fft.rfft(commands - commands.mean())) ** 2
-        total = np.concatenate([[0.0], np.cumsum(power)])
-        shares = np.where(asked, total[np.minimum(high, len(power))] - total[low], 0.0)
-        if not shares.max() > SWINGS * total[-1]:
-            continue
-        best = int(np.argmax(shares))
-        inside = slice(low[best], high[best])
-        band = power[inside]
-        middle = float(frequency[inside] @ band / band.sum())
-        if middle >= SLOWEST_SWING and np.sort(band)[-LINES:].sum() < REGULAR * band.sum():
-            return 1.0 / middle
-    return 0.0
