@@ -14,6 +14,8 @@ from raccoon.estimate.start_light import (
     calibrate_start_light,
 )
 from raccoon.estimate.start_light.bulb import SlowBulb
+from raccoon.estimate.start_light.history import History
+from raccoon.model.reflectance import light_of
 
 RATE = 200
 LAMP_ON = 1.5  # s, in the tests with a lamp over steady ambient light
@@ -424,3 +426,10 @@ def test_levels_that_are_exchanged_or_no_counts_are_refused(off: float, on: floa
         ConfigError, match=f"off is {off}, on is {on}: allowed are .* 0 to 4095, on below off"
     ):
         StartLightCalibration(off, on)
+
+
+def test_what_was_long_before_is_forgotten() -> None:
+    seen = History()
+    for index in range(1400):
+        seen.add(index / RATE, 3000.0 if index < 1000 else 1000.0)
+    assert seen.least_light(0.0) == seen.light_at(0.0) == light_of(1000.0)
