@@ -146,6 +146,9 @@ HARD: dict[str, Case] = {
     "a hill": lambda w: [
         w.run(1.5, (4.0, 4.0), (each, each)) for each in (0.0, TEN_DEGREES, -TEN_DEGREES, TEN_DEGREES)
     ],
+    "a hill on a carpet": lambda w: [
+        w.run(2.0, (4.0, 4.0), (each, each)) for each in (0.0, CARPET, CARPET + TEN_DEGREES)
+    ],
     "an object of 0.3 kg": lambda w: [w.run(2.0, (3.0, 3.0), (each, each)) for each in (0.0, 0.03)],
     "full power at once": lambda w: [
         w.run(0.6, (each, each), (0.0, 0.0)) for each in (2.0, 6.5, -6.5, 6.5, 1.0, 6.5)
