@@ -103,7 +103,7 @@ class LoadWatch:
     def __init__(self, robot: RobotConfig, device: Device) -> None:
         self._robot = robot
         self._radius = robot.model.drive.wheel_radius.value
-        self._rolls = self._free = _static_voltage(robot, "left"), _static_voltage(robot, "right")
+        self._rolls = self._free = (0.0, 0.0)  # V; all of the first step is learnt
         self.held = False
         self._known = self._battery = self._time = 0.0
         self.configure(device)
@@ -241,12 +241,3 @@ def _side(robot: RobotConfig, side: str, device: Device) -> _Side:
         inertia = motor.acceleration_voltage.value
     sign = -1.0 if motor.inverted else 1.0
     return _Side(port, sign, device.driven_share, per_speed, viscous, inertia)
-
-
-def _static_voltage(robot: RobotConfig, side: str) -> float:
-    """V that dry friction takes, by robot.toml."""
-    motor, model = robot.wheel_motor(side), getattr(robot.model, side)
-    if motor.static_voltage is not None:
-        return motor.static_voltage.value
-    friction: float = robot.model.friction.coulomb.value
-    return float(model.armature_resistance.value * friction / model.back_emf_constant.value)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, SIMULATOR, STOP, Inputs, Outputs
 from raccoon.estimate.drive.load import LoadWatch
 
@@ -21,8 +21,8 @@ Two = tuple[float, float]
 class Wheels:
     """Two motors on their equation, watched. torque: N m against each wheel beyond its nominal friction."""
 
-    def __init__(self, *, share: float = 1.0, inertia: float = 1.0) -> None:
-        self.watch = LoadWatch(CONFIG, replace(SIMULATOR, driven_share=share))
+    def __init__(self, *, share: float = 1.0, inertia: float = 1.0, robot: RobotConfig = CONFIG) -> None:
+        self.watch = LoadWatch(robot, replace(SIMULATOR, driven_share=share))
         self.time = self.doubted = 0.0
         self.battery_reads = 6.5
         self._share, self._inertia = share, inertia * MODEL.drive.inertia_straight.value
@@ -168,6 +168,27 @@ def test_a_hard_way_is_no_wall(case: Case, inertia: float, share: float) -> None
     wheels.run(1.0, (4.0, 4.0), (0.0, 0.0))
     assert not any(case(wheels))
     assert wheels.doubted == 0.0
+
+
+def test_identified_motors_are_watched_as_the_same_ones_of_the_model() -> None:
+    """By the motor equation in volts: U = R c / K + (K + R v / K) w + R J / K dw/dt."""
+    constant, resistance = MODEL.left.back_emf_constant.value, MODEL.left.armature_resistance.value
+    volts = resistance / constant
+    motor = MotorConfig(
+        static_voltage=Measured(volts * MODEL.friction.coulomb.value),
+        speed_voltage=Measured(constant + volts * MODEL.friction.viscous.value),
+        acceleration_voltage=Measured(volts * MODEL.drive.inertia_straight.value),
+    )
+    told = []
+    for robot in (CONFIG, replace(CONFIG, motors={0: motor, 1: motor})):
+        wheels = Wheels(robot=robot)
+        held = [wheels.run(0.4, (each, each), (0.0, 0.0)) for each in (1.5, 6.5, 2.5)]
+        held += [wheels.run(0.6, (4.0, 4.0), (each, each)) for each in (CARPET, GRIP)]
+        told.append([*held, wheels.doubted, wheels.watch.held_way])
+    (*held, doubted, way), told_of_volts = told
+    assert held[:-1] == [None] * 4
+    assert held[-1] is not None
+    assert told_of_volts == [*held, pytest.approx(doubted), pytest.approx(way)]
 
 
 def test_a_robot_that_begins_on_heavy_ground_is_not_held() -> None:
