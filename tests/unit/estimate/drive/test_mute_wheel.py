@@ -17,20 +17,20 @@ ARM_DUTY = 0.5
 
 
 def driven(
-    velocity: float, turn_rate: float, *, faulty: bool = True, dead: int | None = None, arm: float = 0.0
+    velocity: float, turn_rate: float, *, faulty: bool = True, dead: tuple[int, ...] = (), arm: float = 0.0
 ) -> tuple[DriveEstimate, Inputs]:
     """The end of a drive in which, from `AT` on, the port tells of a motor at fault.
 
-    dead: the motor port that reads nothing from then on, while its wheel turns. arm: duty of a third motor.
+    dead: the motor ports that read nothing from then on, while their wheels turn. arm: duty of a third motor.
     """
-    odometry, kept = Odometry(RobotConfig()), 0.0
+    odometry, kept = Odometry(RobotConfig()), [0.0, 0.0]
     for inputs, given in drive([(1.5, 0.0, 0.0), (2.5, velocity, turn_rate), (1.0, 0.0, 0.0)]):
-        if dead is not None:
-            bemf, position = list(inputs.bemf), list(inputs.position)
+        bemf, position = list(inputs.bemf), list(inputs.position)
+        for port in dead:
             if inputs.time >= AT:
-                bemf[dead], position[dead] = 0.0, kept
-            kept = position[dead] or 0.0
-            inputs = replace(inputs, bemf=tuple(bemf), position=tuple(position))
+                bemf[port], position[port] = 0.0, kept[port]
+            kept[port] = position[port] or 0.0
+        inputs = replace(inputs, bemf=tuple(bemf), position=tuple(position))
         if faulty and inputs.time >= NOTICED and any(given.duty):
             inputs = replace(inputs, faults=(Fault.MOTOR_FAULT,))
         estimate = odometry.update(inputs, replace(given, duty=(*given.duty[:2], arm, 0.0)))
@@ -44,7 +44,7 @@ def driven(
 def test_a_converter_that_dies_while_its_motor_runs_on_costs_centimetres_and_is_said(
     dead: int, velocity: float, turn_rate: float
 ) -> None:
-    estimate, inputs = driven(velocity, turn_rate, dead=dead)
+    estimate, inputs = driven(velocity, turn_rate, dead=(dead,))
     truth = inputs.truth
     assert truth is not None
     assert abs(estimate.x - truth.x) < 0.02
@@ -53,6 +53,13 @@ def test_a_converter_that_dies_while_its_motor_runs_on_costs_centimetres_and_is_
     # Nobody knows whether the other wheel span: that stays after the motor is off.
     assert estimate.status is Status.UNCERTAIN
     assert max(estimate.x_std, estimate.y_std) > 0.1
+
+
+def test_two_wheels_that_read_nothing_stand_or_have_rolled_out() -> None:
+    """Two motors that die at once are a robot that something blocks, or one that rolls on for a moment."""
+    estimate, _ = driven(0.18, 0.0, dead=(0, 1))
+    assert 0.18 * 0.2 < estimate.x_std < 0.18 * 0.4 + 0.02
+    assert estimate.y_std < 0.02
 
 
 def test_a_wheel_that_is_blocked_and_turned_about_is_no_doubt_of_the_way() -> None:
