@@ -19,8 +19,8 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fleet.summary import fleet_of
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
-from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.html import save_html
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
 from raccoon.diagnose.reports.pictures import curve_figure

@@ -30,7 +30,7 @@ from blind.hidden import CAUSES, Hidden, draw
 from emulated_drives import recorded
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import SI_WORDS
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Diagnosis
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.sim.effects.parameters import Parameters

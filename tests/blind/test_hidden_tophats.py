@@ -11,7 +11,7 @@ from blind.generator import make
 from blind.tophats import tophat
 from raccoon.core.config import parse_robot
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
 
 ROBOT = parse_robot({"tophat": {"front": {"analog": 2}}})

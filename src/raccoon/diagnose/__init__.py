@@ -2,7 +2,7 @@
 
 From Python::
 
-    from raccoon.diagnose.recordings.kinds import diagnose_recording
+    from raccoon.diagnose.recordings.diagnosis import diagnose_recording
     from raccoon.trace.loading import load_run
 
     run = load_run("run.jsonl.gz")  # a trace, CSV, MCAP or EMPS file

@@ -20,7 +20,6 @@ from raccoon.cli.diagnose.many import Progress, Work, _each_once
 from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, load_robot, parse_robot
-from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.columns import trace_of
@@ -408,7 +407,7 @@ def test_a_recording_to_judge_on_of_another_controller_is_said(
         asked[:] = problems
         return Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.0)
 
-    monkeypatch.setattr(kinds, "diagnose_recording", answer)
+    monkeypatch.setattr("raccoon.diagnose.recordings.diagnosis.diagnose_recording", answer)
     for holdout, said in ((trace, True), (one, False)):
         diagnose_job(Job(one, None, None, holdout, truth_free=False))
         told = f"--holdout {holdout}: it is of the controller simulator, and judged as if it were of no"

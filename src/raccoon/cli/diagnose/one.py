@@ -99,7 +99,7 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
     from raccoon.cli.diagnose.behind import as_robot_toml_has_it
     from raccoon.core.errors import HoldoutError, TraceError
     from raccoon.diagnose.own import load_own
-    from raccoon.diagnose.recordings.kinds import diagnose_recording
+    from raccoon.diagnose.recordings.diagnosis import diagnose_recording
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.trace.loading import load_run
 

@@ -18,7 +18,7 @@ from raccoon.diagnose.drives.units import check_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.rows.repeated import without_repeated
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.unknown.probes import probes_for

@@ -18,7 +18,7 @@ from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.moments import without_moments
 from raccoon.diagnose.drives.units import check_units, strange_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort

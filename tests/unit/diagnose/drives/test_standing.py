@@ -17,7 +17,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.standing import standing, with_what_turned
 from raccoon.diagnose.drives.units import strange_units
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Verdict
 

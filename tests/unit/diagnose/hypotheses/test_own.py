@@ -27,7 +27,7 @@ from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect, Simulated, load_own
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import Parameter

@@ -9,7 +9,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, TraceError
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Verdict
 from raccoon.trace.loading import Run
 from raccoon.trace.recording import Recording

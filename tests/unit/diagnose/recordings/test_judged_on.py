@@ -10,7 +10,7 @@ from blind.tophats import tophat
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError
 from raccoon.diagnose.recordings.channels.volts import as_duty
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from unit.diagnose.axes import motor
 
 Columns = dict[str, np.ndarray]

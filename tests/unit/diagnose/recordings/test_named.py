@@ -17,7 +17,7 @@ from emulated_drives import recorded
 from raccoon.cli.diagnose.one import Job, diagnose_job
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.named import BY_PORT, Zone, named, zone_of
 from raccoon.diagnose.recordings.recognised import recognised
 from raccoon.diagnose.result import Verdict
@@ -112,7 +112,7 @@ def test_robot_toml_says_it_where_the_line_is_written(
 ) -> None:
     said: list[str | None] = []
     monkeypatch.setattr(
-        "raccoon.diagnose.recordings.kinds.diagnose_recording", lambda *_, port, **__: said.append(port)
+        "raccoon.diagnose.recordings.diagnosis.diagnose_recording", lambda *_, port, **__: said.append(port)
     )
     write_csv(Recording(stock.columns, [], SI_WORDS, []), tmp_path / "run.csv")
     robot = tmp_path / "robot.toml"

@@ -7,7 +7,7 @@ from typing import Any
 
 from raccoon import Action, deg, open_robot, seq, straight, turn, wait
 from raccoon.core.config import ControllerConfig, RobotConfig
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort

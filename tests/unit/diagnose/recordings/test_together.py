@@ -10,7 +10,7 @@ from diagnoses import diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
-from raccoon.diagnose.recordings import kinds
+from raccoon.diagnose.recordings import diagnosis as recordings
 from raccoon.diagnose.recordings.together import check_drives
 from raccoon.diagnose.result import Diagnosis
 
@@ -26,7 +26,7 @@ def drive() -> Columns:
 def test_a_recording_with_a_sample_written_twice_is_the_same_still(drive: Columns) -> None:
     twice = {name: np.insert(each, 100, each[100]) for name, each in drive.items()}
     with pytest.raises(TraceError, match="recording 2: its samples are those of recording 1"):
-        kinds.diagnose_recording(drive, ROBOT, more=[twice])
+        recordings.diagnose_recording(drive, ROBOT, more=[twice])
 
 
 def test_recordings_that_share_no_column_are_not_the_same(drive: Columns) -> None:
@@ -42,7 +42,7 @@ def test_one_that_is_empty_is_said_by_its_number(drive: Columns) -> None:
 def test_an_uneven_time_of_another_recording_is_said_as_of_the_first(drive: Columns) -> None:
     rows = np.arange(len(drive["t"]))
     late = {**drive, "t": 0.005 * rows + np.random.default_rng(1).uniform(-0.002, 0.002, len(rows))}
-    _, _, said = kinds._others(late, [late], ROBOT, SI_WORDS)
+    _, _, said = recordings._others(late, [late], ROBOT, SI_WORDS)
     assert [each.partition(": steps")[0] for each in said] == [
         "the other recording: t is uneven",
         "recording 2: t is uneven",
@@ -58,7 +58,7 @@ def test_truth_free_uses_no_reference_of_any_recording(which: str, monkeypatch: 
         asked.extend((columns, other, *more))
         return diagnosis()
 
-    monkeypatch.setattr(kinds, "_driven", driven)
+    monkeypatch.setattr(recordings, "_driven", driven)
     drives = {
         name: dict(make(seed, seconds=3.0).columns)
         for seed, name in enumerate(("the first", "holdout", "more"), start=4)
@@ -68,6 +68,6 @@ def test_truth_free_uses_no_reference_of_any_recording(which: str, monkeypatch: 
         drives[name] = {column: it for column, it in each.items() if column in bare[0] or name == which}
     drives[which]["truth.x"] = drives[which]["t"]
     first, holdout, more = drives.values()
-    found = kinds.diagnose_recording(first, ROBOT, holdout=holdout, more=[more], truth_free=True)
+    found = recordings.diagnose_recording(first, ROBOT, holdout=holdout, more=[more], truth_free=True)
     assert [set(each) for each in asked] == bare
-    assert kinds.NO_TRUTH not in found.notes
+    assert recordings.NO_TRUTH not in found.notes

@@ -14,7 +14,7 @@ from diagnoses import diagnosis
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.fleet.model import common_model
 from raccoon.diagnose.fleet.summary import fleet_of
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.reports import html_fleet
 from raccoon.diagnose.reports.fleet_text import fleet_report, note_lines, told
 from raccoon.diagnose.reports.html_fleet import save_fleet_html

@@ -13,7 +13,7 @@ from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.fit import cut, nice_stretch
 from raccoon.diagnose.recordings.axis.log import axis_log, held_back, like
 from raccoon.diagnose.recordings.axis.model import NEUTRAL, Stretches, simulated
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.trace.loading import load_run
 from shared_data import data_path

@@ -8,8 +8,8 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis.fit import Number
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.kind import Kind, kind_of
-from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.units import speed_cut_off
 from raccoon.diagnose.recordings.tophats.diagnosis import tophat_ports

@@ -11,10 +11,10 @@ from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
-from raccoon.diagnose.recordings import kinds
+from raccoon.diagnose.recordings import diagnosis as recordings
 from raccoon.diagnose.recordings.channels.counters import Counted, said_of_counters, with_counted
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.kind import Kind, kind_of
-from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult, Verdict
 
 ROBOT = RobotConfig()
@@ -177,7 +177,7 @@ def test_numbers_without_std_are_said_in_one_note(
         asked.append(robot)
         return read
 
-    monkeypatch.setattr(kinds, "diagnose", said)
+    monkeypatch.setattr(recordings, "diagnose", said)
     found = diagnose_recording(weak_right, robot)
     assert asked == [with_usual_stds(robot)[0]]
     notes = [each for each in found.notes if "no std" in each]

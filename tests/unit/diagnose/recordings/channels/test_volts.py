@@ -12,9 +12,9 @@ from blind.generator import make
 from blind.hidden import draw
 from diagnoses import cause, diagnosis
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings import kinds
+from raccoon.diagnose.recordings import diagnosis as recordings
 from raccoon.diagnose.recordings.channels.volts import BY_READING, explains_better, over_reading
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import ChannelResult, Diagnosis, Verdict
 from raccoon.sim.effects.parameters import Parameters
 
@@ -74,7 +74,7 @@ def test_what_is_judged_on_a_drive_by_duty_is_taken_by_its_readings_alone(
         asked.append(columns)
         return told(Verdict.PARTLY, 8.0)
 
-    monkeypatch.setattr(kinds, "_drive", partly)
+    monkeypatch.setattr(recordings, "_drive", partly)
     found = diagnose_recording(
         in_volts(drive, read_last(drive)), ROBOT, holdout=dict(make(5, seconds=4.0).columns)
     )
@@ -85,10 +85,10 @@ def test_what_is_judged_on_a_drive_by_duty_is_taken_by_its_readings_alone(
 def test_a_model_that_volts_leave_unused_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     drive = in_volts(dict(make(3, [], seconds=4.0).columns), 6.8)
     del drive["battery.voltage"]
-    monkeypatch.setattr(kinds, "diagnose", lambda *_, **__: told(WHOLE, 8.0))
+    monkeypatch.setattr(recordings, "diagnose", lambda *_, **__: told(WHOLE, 8.0))
     model = Parameters.from_robot(ROBOT)
-    assert kinds.NO_MODEL in diagnose_recording(drive, ROBOT, model=model).notes
-    assert kinds.NO_MODEL not in diagnose_recording(drive, ROBOT).notes
+    assert recordings.NO_MODEL in diagnose_recording(drive, ROBOT, model=model).notes
+    assert recordings.NO_MODEL not in diagnose_recording(drive, ROBOT).notes
 
 
 def told(verdict: Verdict, error: float, *names: str) -> Diagnosis:

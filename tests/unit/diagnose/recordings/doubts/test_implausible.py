@@ -13,9 +13,9 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.speed_loop import speed_loop
-from raccoon.diagnose.recordings import kinds
+from raccoon.diagnose.recordings import diagnosis as recordings
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.doubts.implausible import speeds_told, with_doubts
-from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
@@ -72,7 +72,7 @@ def test_a_duty_of_a_robot_that_rubs_less_is_no_speed() -> None:
 
 def test_commands_that_are_clearly_speeds_are_told_before_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """40 s of them took some minutes of searching, after which nothing was named."""
-    monkeypatch.setattr(kinds, "diagnose", None)
+    monkeypatch.setattr(recordings, "diagnose", None)
     found = diagnose_recording(slowly(driven(0.02)), ROBOT)
     assert (found.verdict, found.causes, found.model) == (Verdict.NOT_IDENTIFIABLE, (), None)
     assert any("hold a speed, not a duty" in each.text for each in found.sensor_faults)

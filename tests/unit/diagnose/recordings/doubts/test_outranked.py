@@ -7,7 +7,7 @@ import pytest
 from blind.generator import make
 from diagnoses import cause, diagnosis
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
-from raccoon.diagnose.recordings import kinds
+from raccoon.diagnose.recordings import diagnosis as recordings
 from raccoon.diagnose.recordings.doubts.outranked import outranked
 
 TICKS = Measured(0.00305, 0.00001)
@@ -44,9 +44,9 @@ def test_inertia_is_that_of_driving_straight() -> None:
 
 def test_a_diagnosis_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     named = diagnosis(cause("friction.coulomb", said=""))
-    monkeypatch.setattr(kinds, "diagnose", lambda *_, **__: named)
+    monkeypatch.setattr(recordings, "diagnose", lambda *_, **__: named)
     robot = RobotConfig(motors={0: MotorConfig(static_voltage=Measured(0.3, 0.01))})
-    found = kinds.diagnose_recording(dict(make(3, seconds=4.0).columns), robot)
+    found = recordings.diagnose_recording(dict(make(3, seconds=4.0).columns), robot)
     assert any("motor.0.static_voltage, by which programs go" in note for note in found.notes)
     plain = replace(robot, motors={})
     assert not any("by which programs go" in note for note in outranked(found.causes, plain))

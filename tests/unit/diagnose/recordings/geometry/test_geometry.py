@@ -13,8 +13,8 @@ from csv_files import written
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
-from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Verdict
 from raccoon.trace.loading import Run, load_runs

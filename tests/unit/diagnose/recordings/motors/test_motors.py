@@ -10,7 +10,7 @@ from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis.diagnosis import Place, _diagnosis
 from raccoon.diagnose.recordings.axis.judge import judge_axis
 from raccoon.diagnose.recordings.axis.log import axis_log
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.motors import diagnosis as motors
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.supply import judge_supply

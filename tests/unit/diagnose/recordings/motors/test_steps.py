@@ -5,8 +5,8 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.kind import Kind, kind_of
-from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.trace.loading import load_run
 from shared_data import data_path

@@ -17,8 +17,8 @@ from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.findings.extend import rebased, within_bounds
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
-from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.recordings.reference.compared import Reference, reference_of
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference

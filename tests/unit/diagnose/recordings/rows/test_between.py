@@ -8,7 +8,7 @@ import pytest
 from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.rows.between import check_recorded
 
 Columns = dict[str, np.ndarray]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig, parse_robot
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.kind import Kind, kind_of
-from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Verdict
 from raccoon.model.paper import tophat_reading
 from raccoon.model.reflectance import counts

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from raccoon.core.config import parse_robot
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.tophats.fit import Nominal
 from raccoon.diagnose.recordings.tophats.judge import _number
 from raccoon.diagnose.recordings.tophats.words import GAIN
