@@ -35,15 +35,15 @@ from raccoon.diagnose.recordings.doubts.encoder_reading import with_encoder_read
 from raccoon.diagnose.recordings.doubts.implausible import speeds_told, with_doubts
 from raccoon.diagnose.recordings.doubts.outranked import outranked
 from raccoon.diagnose.recordings.doubts.reference_scale import with_reference_scale
-from raccoon.diagnose.recordings.filtered import with_lag_of
+from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
+from raccoon.diagnose.recordings.firmware.named import Named, named
+from raccoon.diagnose.recordings.firmware.recognised import recognised
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.judged_on import not_judged_on
 from raccoon.diagnose.recordings.kind import Kind, check_robot, columns_given, kind_of
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
-from raccoon.diagnose.recordings.named import Named, named
 from raccoon.diagnose.recordings.nothing import nothing_to_compare
-from raccoon.diagnose.recordings.recognised import recognised
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.reference.units import strange_reference

@@ -20,7 +20,7 @@ from raccoon.diagnose.habits.lags import _open_instead
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
-from raccoon.diagnose.recordings.filtered import with_lag_of
+from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout.firmware import FIRMWARES, LAG, firmware_of
 from raccoon.diagnose.rollout.silence import ZONE

@@ -11,7 +11,7 @@ from blind.drives import exciting
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import SI_WORDS, SIMULATOR
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
-from raccoon.diagnose.recordings.filtered import with_lag_of
+from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
 from raccoon.diagnose.result import Verdict
 from raccoon.model.bemf import counter_lag
 from raccoon.sim.effects.chain import Chain

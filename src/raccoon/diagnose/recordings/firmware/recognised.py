@@ -22,8 +22,8 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.recordings.channels.broken import without_broken
 from raccoon.diagnose.recordings.channels.counters import with_counted
 from raccoon.diagnose.recordings.channels.volts import commands_volts
-from raccoon.diagnose.recordings.filtered import with_lag_of
-from raccoon.diagnose.recordings.named import Named
+from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
+from raccoon.diagnose.recordings.firmware.named import Named
 from raccoon.diagnose.rollout.firmware import Firmware, firmware_of
 from raccoon.diagnose.rollout.understood import understood
 

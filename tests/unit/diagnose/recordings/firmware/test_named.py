@@ -18,8 +18,8 @@ from raccoon.cli.diagnose.one import Job, diagnose_job
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
-from raccoon.diagnose.recordings.named import BY_PORT, Zone, named, zone_of
-from raccoon.diagnose.recordings.recognised import recognised
+from raccoon.diagnose.recordings.firmware.named import BY_PORT, Zone, named, zone_of
+from raccoon.diagnose.recordings.firmware.recognised import recognised
 from raccoon.diagnose.result import Verdict
 from raccoon.hal.wombat.firmware.devices import STOCK
 from raccoon.sim.effects.parameters import Parameters
