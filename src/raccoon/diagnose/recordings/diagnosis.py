@@ -93,7 +93,7 @@ def diagnose_recording(
     is worth, and how late its back-EMF is, where robot.toml has only the default. problems: what the reader
     of the recording had to leave out; it is noted. own: effects of your own to consider in a
     drive beside the catalogue. port: controller.port of whatever made a recording that does not say so itself
-    (see `named.py`). Raises TraceError as `diagnose`, and
+    (see `firmware/named.py`). Raises TraceError as `diagnose`, and
     CalibrationError where a reference cannot be used; HoldoutError for a holdout of another kind or the same
     samples.
     """

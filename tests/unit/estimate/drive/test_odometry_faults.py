@@ -14,6 +14,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Fault, Inputs, Outputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
+from raccoon.estimate.drive.slip import slipping_wheel
 from raccoon.estimate.ekf.state import OdometrySettings
 
 CURVE: list[Segment] = [(1.5, 0.0, 0.0), (3.0, 0.15, 0.3), (1.0, 0.0, 0.0)]
@@ -225,6 +226,18 @@ def test_a_slipping_wheel_is_named_within_a_fifth_of_a_second(side: str, velocit
     assert math.degrees(heading) < 0.3
     # Dead reckoning is off by the heading the slip leaves, 16 degrees, over the rest of the way: 0.08 m.
     assert place < 0.02
+
+
+@pytest.mark.parametrize("ahead", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("left", "right"), [(9.0, 9.0), (9.0, 4.0), (4.0, 9.0), (-5.0, 5.0), (5.0, -5.0), (0.0, 8.0), (8.0, 0.0)]
+)
+def test_the_wheel_that_slips_reads_more_than_it_rolls(left: float, right: float, ahead: float) -> None:
+    rolls = ahead * left, ahead * right
+    for side, name in enumerate(("left", "right")):
+        reads = [1.3 * rolled if each == side else rolled for each, rolled in enumerate(rolls)]
+        unexplained = (rolls[1] - rolls[0]) - (reads[1] - reads[0])
+        assert not unexplained or slipping_wheel(unexplained, *reads) == name
 
 
 def test_a_calm_drive_raises_no_alarm() -> None:
