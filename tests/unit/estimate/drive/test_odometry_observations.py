@@ -11,9 +11,9 @@ import pytest
 from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Truth
-from raccoon.estimate.drive.observations import heading_seen, line_seen, pose_seen
+from raccoon.estimate.drive.observations import Way, heading_seen, line_seen, pose_seen
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.estimate.ekf.state import OdometrySettings, State
+from raccoon.estimate.ekf.state import SIZE, OdometrySettings, State
 
 OUT: list[Segment] = [(1.0, 0.0, 0.0), (3.0, 0.2, 0.0), (1.0, 0.0, 1.0), (2.0, 0.2, 0.0), (1.0, 0.0, 0.0)]
 WRONG = Errors(scale=(1.04, 1.04), gyro_bias=0.003)
@@ -277,6 +277,15 @@ def test_jacobians_are_slopes(seen: object) -> None:
     expected, jacobian = seen.expected, seen.jacobian  # type: ignore[attr-defined]
     slopes = [(expected(at + h) - expected(at - h)) / (2 * step) for h in step * np.eye(3)]
     np.testing.assert_allclose(jacobian(at), np.array(slopes).T, atol=1e-8)
+
+
+def test_the_jacobian_of_a_taped_way_is_its_slope() -> None:
+    way, at, step = Way(left=7.0, right=9.0, seconds=2.0), np.zeros(SIZE), 1e-6
+    at[[State.WAY, State.BALANCE, State.LEFT_OFFSET, State.RIGHT_OFFSET]] = 1.03, 0.02, 0.1, -0.2
+    slopes = [
+        (way.expected(at + h, 0.03) - way.expected(at - h, 0.03)) / (2 * step) for h in step * np.eye(SIZE)
+    ]
+    np.testing.assert_allclose(way.jacobian(at, 0.03), np.array(slopes).T, atol=1e-8)
 
 
 def test_a_late_gyro_is_set_against_the_wheels_of_its_time() -> None:
