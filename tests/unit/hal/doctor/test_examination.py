@@ -120,6 +120,15 @@ def test_what_can_be_wrong_with_a_motor(switches: dict[str, Any], verdict: Verdi
     assert finding.remedy
 
 
+def test_each_wheel_is_compared_with_the_model_of_its_own_motor() -> None:
+    model = ROBOT.model
+    resistance = model.right.armature_resistance
+    right = replace(model.right, armature_resistance=replace(resistance, value=4.0 * resistance.value))
+    config = replace(ROBOT, model=replace(model, right=right))
+    assert examined("motor 0", config).verdict is Verdict.OK
+    assert "much faster" in examined("motor 1", config).problem
+
+
 def test_a_healthy_motor_is_measured() -> None:
     values = examined("motor 1").values
     assert values["bemf_forward_counts"] == pytest.approx(525.0, abs=10.0)
