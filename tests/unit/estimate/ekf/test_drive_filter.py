@@ -233,12 +233,13 @@ def test_wheels_that_are_not_round_err_by_the_mean_of_their_runout_over_the_arc(
     assert of_angle == pytest.approx(0.25 * 2.0 * of_wheel, rel=0.15)
 
 
-def said(delay: float) -> tuple[Array, float, float, float, float]:
+def said(delay: float, held: bool = False) -> tuple[Array, float, float, float, float]:
     """Covariance of the filter, and x, y, heading and deviation of the speed that are published of it."""
     A = 1e-2 * np.random.default_rng(1).normal(size=(SIZE, SIZE))
     mean = MEAN.copy()
     mean[State.HEADING], mean[State.GYRO_DELAY] = 0.0, delay
     fusion = Fusion(DriveFilter(mean, A @ A.T, GEOMETRY, STILL), OdometrySettings())
+    fusion.held = held
     found = published(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
     return A @ A.T, found.x, found.y, found.heading, found.velocity_std
 
@@ -272,7 +273,10 @@ def test_the_speed_is_as_unsure_as_way_and_wheels_together() -> None:
     P, *_, deviation = said(0.0)
     two = [State.VELOCITY, State.WAY]
     slope = np.array([1.05, 0.15])
-    assert deviation**2 == pytest.approx(slope @ P[np.ix_(two, two)] @ slope)
+    variance = slope @ P[np.ix_(two, two)] @ slope
+    assert deviation**2 == pytest.approx(variance)
+    *_, deviation = said(0.0, held=True)  # all of it may be wheels that spin
+    assert deviation**2 == pytest.approx(variance + (1.05 * 0.15) ** 2)
 
 
 def test_a_robot_stands_when_all_is_quiet_for_longer_than_it_coasts() -> None:
