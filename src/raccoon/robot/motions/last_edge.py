@@ -15,6 +15,8 @@ SHORT_EDGE = 0.03
 """m of an edge below which the sensor only went across it."""
 STEADY, HALF = 0.05, 0.02
 """m of the way, and off from half of the sensor's spot: what is nearer is half."""
+SURELY = 0.05
+"""Nearer to half than `MOST_OFF`, from which on it is an edge again: a floor that reads just so is none."""
 LOST_TIME, LOST_WAY, NONE_YET_TIME = 1.0, 0.15, 0.5
 """s and m without an edge under the sensor after which the line is lost; s where there was none yet."""
 PLAY_TIME, PLAY_WAY = 60.0, 5.0
@@ -90,7 +92,8 @@ class LastEdge:
 
     def see(self, sight: Sight) -> bool:
         """Take what is seen in this cycle; whether it is an edge."""
-        here, on, level = self._robot.estimate, sight.on, sight.level
+        here, level = self._robot.estimate, sight.level
+        on = sight.on and (self._on or sight.plain or abs(level - 0.5) < MOST_OFF - SURELY)
         if sight.plain or abs(level - self._level) > sight.alike:
             self._level, self._since, self._believed = level, here.distance, sight.plain
         if abs(sight.off) < HALF:

@@ -45,7 +45,7 @@ class Sight(ABC):
     the spots on black. way: 1 where the line is to the left of what was seen last, -1 to the right. sees:
     whether a floor is seen at all. on: whether an edge of the line is. well: whether the robot keeps to it
     well. black: whether nothing but black is seen. plain: whether no light could make a floor read so.
-    learns: whether `off` tells of a bend. leaves: whether one of two may still be on a line that crosses.
+    learns: whether `off` tells of a bend. leaves: whether it may still be, in part, on a line that crosses.
     """
 
     alike: float
@@ -96,6 +96,7 @@ class OneEdge(Sight):
         self.on = self.sees and -MOST_OFF < level - 0.5 < MOST_OFF
         self.well = -WELL < level - 0.5 < WELL
         self.black = level - 0.5 >= MOST_OFF
+        self.leaves = level - 0.5 >= WELL
         self.way = self._side if level > 0.5 else -self._side
 
     def edge(self, way: float) -> tuple[TophatSensor, float]:  # noqa: ARG002

@@ -31,6 +31,11 @@ CROSSING, KEPT = 0.08, 0.03
 """m on a line that crosses, at the most, and m that the robot kept to its edge well before it."""
 STRAIGHT_GAIN = 3.0
 """rad/s a rad off the way that it came, over a line that crosses."""
+FLICKER, SETTLED = 0.005, 0.02
+"""m of the way on which what is seen may be otherwise, by noise; and on which a steady bend is known."""
+LEAST_ASIDE, STEEP = 0.005, 0.7
+"""m that the sensor went aside along another edge, at the least, and how much of the way that is: in a bend
+of 6 cm it is less than half, along an edge that lies 35 degrees off it is this."""
 CALM, LEAST_SPEED = 0.25, 0.03
 """Off from half up to which a bend is taken at full speed, and m/s of one that is not seen any more."""
 STRAIGHT = 3.0
@@ -53,13 +58,13 @@ class Steering:
         self._edge = self._began = -math.inf  # m of the way, up to where and from where it did so
         self._came = 0.0  # the side on which it came to another line first
         self._heading = 0.0  # rad, of the robot where it kept to the edge well
-        self._well = self._black = False
+        self._black, self._last_black = False, 0.0  # whether it came to black, and m of the way where it was
         self.crosses = False
         """Whether the sensor is on a line that crosses the one that it follows."""
 
     def restart(self) -> None:
         """Know of no bend, as after a search."""
-        self._bend, self._well = 0.0, False
+        self._bend, self._edge = 0.0, -math.inf
         self._black, self.crosses = True, False
 
     def turn_rate(self, velocity: float) -> float:
@@ -84,26 +89,45 @@ class Steering:
     def _is_crossing(self) -> bool:
         """Whether another line crosses here: then the robot goes on as it went."""
         here, sight = self._robot.estimate.distance, self._sight
-        if sight.well:
-            if not self._well:
-                self._well, self._began = True, here
-            self._edge, self._steady, self._heading = here, self._bend, self._robot.estimate.heading
-        else:
-            self._well = False
+        if sight.well and not self.crosses:
+            self._keep(here)
+        way = here - self._edge
+        if not self.crosses:
+            came, self._black = sight.black and not self._black, sight.black
+            if self._meets_another(came, way):
+                self.crosses = True
+                self._came, self._bend, self._last_black = sight.way, self._steady, here
+            return self.crosses
+        if sight.black:
+            self._black, self._last_black = True, here
         # The sensor that came to it first leaves it first; in a bend the other one leaves the line.
         bends = sight.plain and sight.way == self._came
-        if not sight.black and not (self.crosses and sight.leaves and not bends):
-            self._black = self.crosses = False
-            return False
-        way = here - self._edge
-        if not self._black:
-            kept = self._edge - self._began > KEPT and abs(self._steady) < STRAIGHT
-            self._black, self.crosses, self._came = True, kept and way < sight.abrupt, sight.way
-            if self.crosses:
-                self._bend = self._steady
-        elif way > CROSSING + sight.abrupt:
-            self.crosses = False
+        leaves = sight.leaves and not bends
+        over = self._black and here - self._last_black > (sight.abrupt if leaves else FLICKER)
+        self.crosses = not over and way < CROSSING + sight.abrupt
         return self.crosses
+
+    def _meets_another(self, came: bool, way: float) -> bool:
+        """Whether an edge lies across what was straight up to `way` m ago. came: whether all is black now.
+
+        A robot that is slow follows the edge of the line that crosses before it is on it: where it turned
+        aside more steeply than in any bend, that edge is another line's.
+        """
+        turned = self._robot.estimate.heading - self._heading
+        aside = self._sight.reach * max(turned if self._sight.off > 0.0 else -turned, 0.0)
+        abrupt = came and way < self._sight.abrupt
+        steep = aside > max(STEEP * way, LEAST_ASIDE)
+        kept = self._edge - self._began > KEPT and abs(self._steady) < STRAIGHT
+        return kept and way < CROSSING and (abrupt or steep)
+
+    def _keep(self, here: float) -> None:
+        """The robot keeps to the edge well, `here` m of the way."""
+        way = here - self._edge
+        if way > FLICKER:
+            self._began, self._steady = here, self._bend
+        elif way > 0.0:
+            self._steady += way / SETTLED * (self._bend - self._steady)
+        self._edge, self._heading = here, self._robot.estimate.heading
 
     def limit(self, top: float) -> float:
         """m/s, at the most `top`: less in a bend that takes the sensor to the end of the edge all the same,

@@ -115,10 +115,14 @@ def test_a_tight_bend_is_followed_without_losing_it(way: float, most: float) -> 
     assert robot.drive.remarks == {}
 
 
-@pytest.mark.parametrize(("speed", "side"), [(0.1, "left"), (0.1, "right"), (0.2, "left")])
-def test_a_line_is_followed_straight_over_one_that_crosses_it(speed: float, side: str) -> None:
-    """It turned off where it was slow: for as long as the sensor was all on black it turned to its side."""
-    world = World(lines=(STRAIGHT, Line(((0.35, -1.0), (0.35, 1.0)))))
+@pytest.mark.parametrize(
+    ("speed", "side", "askew"),
+    [(0.1, "right", 0.0), (0.2, "left", 0.0), (0.05, "left", -30.0), (0.04, "left", -20.0)],
+)
+def test_a_line_is_followed_straight_over_one_that_crosses_it(speed: float, side: str, askew: float) -> None:
+    """It turned off where it was slow: it had turned along the other line's edge before it was on it."""
+    lean = math.tan(deg(askew))
+    world = World(lines=(STRAIGHT, Line(((0.35 + lean, -1.0), (0.35 - lean, 1.0)))))
     robot, port = follow(world, side, way=0.45, speed=speed)
     x, y = sensor_at(port)
     assert x > 0.53
