@@ -11,7 +11,7 @@ from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.condition import Check
 from raccoon.robot.actions.limits import check_name, check_pace
 from raccoon.robot.motions.last_edge import LastEdge
-from raccoon.robot.motions.line_search import CATCH_SPEED, LineSearch, lost
+from raccoon.robot.motions.line_search import CATCH_SPEED, OTHER_LIGHT, LineSearch, lost
 from raccoon.robot.motions.lines import tophat_ahead
 from raccoon.robot.motions.pacing import check_wiring
 from raccoon.robot.motions.sight import BothEdges, OneEdge, check_both, other_on_edge
@@ -116,7 +116,7 @@ def _following(
                 other_light = sight.other_light or not answers
                 if (line.lost and not steering.crosses) or other_light:
                     if line.searches() > MOST_SEARCHES:
-                        raise MotionTimeout(lost(robot, sight))
+                        raise MotionTimeout(lost(robot, sight, OTHER_LIGHT if other_light else line.missed))
                     search = LineSearch(robot, sight, line, velocity)
                     yield from search.in_other_light() if other_light else search.beside()
                     line.found()

@@ -58,6 +58,11 @@ class LastEdge:
         here = self._robot
         return here.time - self.time > self._patience or here.estimate.distance - self.place > self._way
 
+    @property
+    def missed(self) -> str:
+        """After how long, and on how long a way, a line without an edge is lost here."""
+        return f"no edge for {self._patience:.3g} s or {self._way:.2g} m"
+
     def searches(self) -> int:
         """Count a search for the line that begins: how many there were here by then, with this one."""
         self._searches = self._searches + 1 if self._apart < SEARCH_APART else 1

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 from raccoon.control.motion import slewed
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.actions import Steps
-from raccoon.robot.motions.last_edge import LOST_TIME, LOST_WAY, LastEdge
+from raccoon.robot.motions.last_edge import LastEdge
 from raccoon.robot.motions.pacing import STALL_PATIENCE, at_rest, reason
 from raccoon.robot.remarks import say
 
@@ -37,6 +37,7 @@ INTO_LIGHT, ASIDE = 0.03, 0.03
 """m that the robot drives on into another light, and that its sensor then turns to both sides of the edge."""
 LIGHT_SPEED, LIGHT_GAIN = 0.1, 3.0
 """m/s at the most and rad/s a rad off the line's direction on that way."""
+OTHER_LIGHT = "it came into another light"
 SURFACE_READINGS = 4
 """in a row, whose mean is what a surface reads."""
 
@@ -55,6 +56,7 @@ class LineSearch:
         self._heading, self._velocity = line.heading, velocity
         self._end = robot.time + SEARCH_TIME
         self._surfaces = [_Surfaces(each) for each in sight.sensors]
+        self._why = line.missed
 
     def beside(self) -> Steps[None]:
         """On both sides of where it was last. Ends on the edge, or on the line from beyond it."""
@@ -73,7 +75,7 @@ class LineSearch:
 
     def in_other_light(self) -> Steps[None]:
         """Drive on into it, turn over both surfaces there, the floor first, and back to the edge."""
-        robot, sensor = self._robot, self._sensor
+        robot, sensor, self._why = self._robot, self._sensor, OTHER_LIGHT
         say(robot, f"{self._sight.name} comes into another light on the line, and learns it")
         begin, acceleration = robot.estimate.distance, robot.config.motion.acceleration
         speed = max(min(self._velocity, LIGHT_SPEED), CATCH_SPEED)  # after a search, or at first, it stands
@@ -98,7 +100,7 @@ class LineSearch:
             self._give_up()
 
     def _give_up(self) -> NoReturn:
-        raise MotionTimeout(lost(self._robot, self._sight))
+        raise MotionTimeout(lost(self._robot, self._sight, self._why))
 
     def _stop(self) -> Steps[None]:
         robot = self._robot
@@ -195,9 +197,9 @@ class _Surfaces:
         return self._sensor.relearn(self._white, self._black)
 
 
-def lost(robot: Robot, sight: Sight) -> str:
-    """What is said where the line is given up."""
+def lost(robot: Robot, sight: Sight, why: str) -> str:
+    """What is said where the line is given up. why: it was looked for."""
     return (
-        f"{sight.name} lost the line: no edge for {LOST_TIME:g} s or {LOST_WAY:g} m, and none found "
+        f"{sight.name} lost the line: {why}, and none found "
         f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side; {reason(robot, *sight.sensors)}"
     )

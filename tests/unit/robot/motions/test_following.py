@@ -320,8 +320,10 @@ def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
             sensor.calibrate(calibration(0.0))
         robot.run(wait(0.5))
         begin = robot.time
-        with pytest.raises(MotionTimeout, match=r"left lost the line: .* 90 degrees to either side"):
+        said = r"left lost the line: no edge for 1 s or 0.15 m, and none found 90 degrees to either side"
+        with pytest.raises(MotionTimeout, match=said):
             robot.run(follow_line("left", "left", 0.1))
+        assert LastEdge(robot, play=0.04).missed == "no edge for 2.9 s or 0.35 m"  # 0.5 s where none was yet
         assert robot.time - begin < 2.0 * SEARCH_TIME
         robot.run(wait(0.2))
         assert port._robot.state.speed_left == pytest.approx(0.0, abs=0.01)
