@@ -30,6 +30,8 @@ LEAST_TURN, LEAST_WAY = math.pi, 0.3
 """rad and m that a recording must turn and drive to be judged."""
 SPEED_OVER = 0.02
 """s to either side over which a wheel's speed is taken: single ticks say little."""
+TICK = 0.02
+"""Share by which a tick may be worth something else than its device says, as by a firmware's clock."""
 MOST_ASKEW = 0.35
 """rad between where a reference moves and where it says that the robot points; less is how a marker sits."""
 
@@ -73,12 +75,10 @@ def heading_at(time: Array, heading: Array, period: float) -> Array:
 
 
 def _gyro_turns(columns: Columns, time: Array, ends: NDArray[np.intp]) -> tuple[Array, Array] | None:
-    rate = columns.get("imu.gyro.z")
-    if rate is None or np.isfinite(rate).sum() < FEWEST:
+    rates = _at_every_row(columns, "imu.gyro.z", time)
+    if rates is None:
         return None
-    known = np.isfinite(rate)
-    rates = np.interp(time, time[known], rate[known])
-    turned = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time))])
+    turned = _summed(time, rates)
     return np.diff(turned[ends]), np.diff(_speed(time, turned)[ends])
 
 
@@ -86,11 +86,14 @@ def wheel_ways(
     columns: Columns, robot: RobotConfig, device: Device, time: Array, ends: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
     """Where back-EMF is recorded, at robot.toml's K_E as the simulation has it, whatever a tick was
-    calibrated to be worth."""
+    calibrated to be worth; and whatever the device says of it, where the readings say otherwise."""
     motors = {
         port: replace(each, radians_per_tick=None) if f"motor.{port}.bemf" in columns else each
         for port, each in robot.motors.items()
     }
+    tick = _tick(columns, robot, time, ends)
+    if tick is not None and abs(tick / device.position_counts_seconds - 1.0) > TICK:
+        device = replace(device, position_counts_seconds=tick)
     try:
         driven = manoeuvre(columns, replace(robot, motors=motors), device=device)
     except CalibrationError:
@@ -99,6 +102,36 @@ def wheel_ways(
     speeds = [_speed(time, each) for each in ways]
     both = [np.diff(np.column_stack(each)[ends], axis=0) for each in (ways, speeds)]
     return both[0], both[1]
+
+
+def _tick(columns: Columns, robot: RobotConfig, time: Array, ends: NDArray[np.intp]) -> float | None:
+    """Counts times seconds of back-EMF in a tick of the counters, by what both say of the faster stretches;
+    None without both. A CSV's counters are those of any firmware, and one's tick is 181 of another's."""
+    ticks = []
+    for port in (robot.drive.left, robot.drive.right):
+        counts = _at_every_row(columns, f"motor.{port}.bemf", time)
+        position = _at_every_row(columns, f"motor.{port}.position", time)
+        if counts is None or position is None:
+            continue
+        moved, advance = np.diff(_summed(time, counts)[ends]), np.diff(position[ends])
+        fast = (np.abs(moved) >= np.median(np.abs(moved))) & (advance != 0.0)
+        ticks.extend(moved[fast] / advance[fast])
+    found = float(np.median(ticks)) if ticks else 0.0
+    return found if found > 0.0 else None
+
+
+def _at_every_row(columns: Columns, name: str, time: Array) -> Array | None:
+    """A column without blanks; None where it has too few numbers."""
+    values = columns.get(name)
+    if values is None or np.isfinite(values).sum() < FEWEST:
+        return None
+    known = np.isfinite(values)
+    return np.interp(time, time[known], values[known])
+
+
+def _summed(time: Array, rates: Array) -> Array:
+    """Integral of a rate from the first row to each."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time))])
 
 
 def _speed(time: Array, along: Array) -> Array:

@@ -77,6 +77,17 @@ def test_gyro_track_and_wheels_are_each_told() -> None:
     assert values(said(spinning(track=1.07))) == pytest.approx([1.0, 1.07, 1.0, 1.0], abs=0.004)
 
 
+@pytest.mark.parametrize("tick", [1.0, 1.0 / 181.0, 250.0 / 262.0])
+def test_counters_of_any_firmware_tell_the_same_ways(tick: float) -> None:
+    """A CSV does not say whose they are. A tick that was taken for 181 made the wheels as many times larger,
+    and the gyro an error of its unit."""
+    columns = spinning()
+    for port in (0, 1):
+        columns[f"motor.{port}.position"] = np.trunc(np.cumsum(0.01 * columns[f"motor.{port}.bemf"]) / tick)
+    columns["motor.1.position"][1000:] -= 5000.0  # set anew by a program
+    assert values(said(columns)) == pytest.approx([1.0, 1.0, 1.0, 1.0], abs=0.006)
+
+
 def test_a_wheel_by_itself_is_told_from_the_other() -> None:
     columns = spinning()
     columns["motor.1.bemf"] = columns["motor.1.bemf"] / 1.03
