@@ -19,6 +19,7 @@ from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, reads_bac
 from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.habits.problems import loose_problem_of
+from raccoon.diagnose.habits.ramps import CLEARLY as A_RAMP
 from raccoon.diagnose.habits.ramps import behind_a_ramp
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
@@ -122,6 +123,8 @@ def nearest(
         found = fit_of(with_battery(first, slow))
     if log.brake is None and brakes(log):
         found = fit_of(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
+        if found.habits.ramp is not None:  # without brakes, one made the stops of a robot that has them
+            found = fit_of(replace(found.habits, ramp=None, brake=True)).instead_of(found, -A_RAMP)
     if firmware is None:
         by_row = cycle_by_row(log)
         if reads and not found.as_told and by_row == Chain().cycle:

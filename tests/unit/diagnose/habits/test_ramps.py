@@ -21,6 +21,9 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
@@ -71,6 +74,23 @@ def test_a_ramp_that_no_column_tells_of_is_found_out(rate: float, soft: bool) ->
 
 def test_a_limit_of_the_current_is_no_ramp() -> None:
     assert seen_behind(1000.0, False, draw("motor.current_limit", np.random.default_rng(4))) is None
+
+
+def test_motors_that_brake_at_their_few_stops_are_behind_no_ramp() -> None:
+    """Coasting ones stop as these behind a ramp, and in smooth driving nothing else tells."""
+    time = 0.005 * np.arange(1600)
+    arcs = np.column_stack([0.6 - 0.3 * np.sin(0.7 * time), 0.6 + 0.3 * np.sin(0.7 * time)])
+    drive = np.where(((time > 0.5) & (time < 4.0))[:, None], arcs, 0.0)
+    drive[(time > 5.0) & (time < 7.5)] = -arcs[(time > 5.0) & (time < 7.5)]
+    commands = Commands.of_wheels(time, drive[:, 0], drive[:, 1], True)
+    names = tuple(f"motor.{port}.bemf" for port in (0, 1))
+    run = rollout([Parameters.from_robot(ROBOT)], commands, channels=names, longest_step=0.001)
+    rng = np.random.default_rng(4)
+    columns = {"t": time, **{f"motor.{port}.duty": drive[:, port] for port in (0, 1)}}
+    columns |= {name: run[name][0] + 2.0 * rng.standard_normal(len(time)) for name in names}
+    habits = controller_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)[1]
+    assert habits.ramp is None
+    assert habits.brake
 
 
 def test_a_ramp_is_said() -> None:
