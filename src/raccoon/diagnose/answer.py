@@ -36,7 +36,8 @@ from raccoon.diagnose.result import (
 )
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
+from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, bursting
+from raccoon.diagnose.unknown.one_sided import one_sided
 from raccoon.diagnose.unknown.probes import change_in
 from raccoon.diagnose.unknown.rubbing import clearly_hot
 from raccoon.diagnose.unknown.sensors import PREFIX
@@ -65,11 +66,10 @@ def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     """What a search found, judged on data that it did not fit. begin: when the diagnosis began, s."""
     spread = Spread.of(search)
     causes = less_sure(named_causes(search, judged, spread), habits)
-    depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
     bursts = bursting(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
-    depends_on += (DEPENDS_ON,) if bursts.told else ()
+    depends_on, unknown_notes = _unknown(search, bursts)
     left = judged.left if judged.is_far or depends_on else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
     settings, seen = search.problem.settings(search.fit.point), seen_in(search, log)
@@ -87,7 +87,7 @@ def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
             *log.notes,
             *batteries_told(settings, log),
             *loads_told(log, settings[RESISTANCE]),
-            *bursts.told,
+            *unknown_notes,
             *((happened(bursts.moments),) if bursts.moments else ()),
             *notes_of(habits, causes, spread),
             *bent_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
@@ -100,6 +100,19 @@ def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     )
     changed = None if log.runs else change_in(search.problem, search.linear)
     return Found(found, bursts.moments, changed, partial(clearly_hot, search))
+
+
+def _unknown(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What depends on what, of which no cause is named, and what is said of it where no curve is drawn."""
+    over = tuple(each.removeprefix(PREFIX) for each in search.unknown)
+    if bursts.told:
+        return (*over, DEPENDS_ON), bursts.told
+    features = search.problem.features
+    alone = one_sided(features.roles, features.measured, search.linear.residual, features.event)
+    if over or alone is None:
+        return over, ()
+    wheel, said = alone
+    return (wheel,), (said,)
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from raccoon.diagnose.result import Shape
 MOSTLY = 0.6
 """Part of a curve's power from which one wave is said to be all of it."""
 _ANGLE = re.compile(r"wheel angle (left|right)")
+_ALONE = re.compile(r"^(left|right) wheel alone$")
 FRICTION, TIME = " (friction)", "time ("
 LOOK = {
     "position": "is the floor rough, dirty or taped there?",
@@ -32,7 +33,8 @@ LOOK = {
 
 def depends_text(depends_on: Sequence[str]) -> str:
     """What something unknown depends on, in words."""
-    return ", ".join(_ANGLE.sub(r"the angle of the \1 wheel", each) for each in depends_on)
+    named = (_ANGLE.sub(r"the angle of the \1 wheel", each) for each in depends_on)
+    return ", ".join(_ALONE.sub(r"the \1 wheel alone", each) for each in named)
 
 
 def shape_text(shape: Shape) -> str:
