@@ -181,9 +181,9 @@ def _bursts(rest: _Rest, play: bool) -> tuple[_Burst, ...]:
             continue
         if there[index] > max(least, TIMES * elsewhere[index]):
             told = (
-                f"what is left of {name} comes where wheels speed up or brake: {_size(there[index])} {unit} "
-                f"there, {_size(elsewhere[index])} in steady driving; the tyres "
-                f"spin or skid, or something {LOOSE}{UNLOGGED}"
+                f"what is left of {name} comes where wheels speed up or brake: "
+                f"{size_text(there[index])} {unit} there, {size_text(elsewhere[index])} in steady driving; "
+                f"the tyres spin or skid, or something {LOOSE}{UNLOGGED}"
             )
             said.append(_Burst(index, told))
     if said or play:
@@ -191,7 +191,7 @@ def _bursts(rest: _Rest, play: bool) -> tuple[_Burst, ...]:
     return _of_the_gyro_alone(rest)
 
 
-def _size(number: float) -> str:
+def size_text(number: float) -> str:
     """Two digits, and never a power of ten."""
     return f"{number:.0f}" if number >= 10.0 else f"{number:.2g}"
 

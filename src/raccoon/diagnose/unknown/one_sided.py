@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.unknown.bursts import size_text
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
@@ -45,10 +46,10 @@ def one_sided(roles: Sequence[str], measured: Array, residual: Array, event: int
         if size > max(RATIO * other, SHARE * float(np.abs(measured[:, pair]).max())):
             side, like = SIDES[worse], SIDES[1 - worse]
             return f"{side} wheel alone", (
-                f"what is left of the {side} wheel is {size:.2g} {unit} all the time, and {other:.2g} of the "
-                f"{like} one: something of that wheel alone skips, catches or drags as no cause of the "
-                "catalogue does: turn it by hand, and look at its motor's plug, its gears and what pulls at "
-                "the robot on that side"
+                f"what is left of the {side} wheel is {size_text(size)} {unit} all the time, and "
+                f"{size_text(other)} of the {like} one: something of that wheel alone skips, catches or "
+                "drags as no cause of the catalogue does: turn it by hand, and look at its motor's plug, its "
+                "gears and what pulls at the robot on that side"
             )
     return None
 

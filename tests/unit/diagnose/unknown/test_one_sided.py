@@ -35,7 +35,12 @@ def said_of(left: Array, speed: Array = FAST, roles: tuple[str, ...] = ROLES) ->
 
 def test_a_wheel_that_is_several_times_as_far_off_is_unknown() -> None:
     assert said_of(left_of((8.0, 40.0))) == "right wheel alone"
-    assert said_of(left_of((40.0, 8.0))) == "left wheel alone"
+    assert said_of(left_of((150.0, 8.0))) == "left wheel alone"
+    found = one_sided(ROLES, np.full((1000, 3), FAST), np.full((1000, 3), [150.0, 8.0, 0.01]), EVENT)
+    assert found is not None
+    assert found[1].startswith(
+        "what is left of the left wheel is 150 counts all the time, and 8 of the right one"
+    )
     assert depends_text(["left wheel alone"]) == "the left wheel alone"
 
 
