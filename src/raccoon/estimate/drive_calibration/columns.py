@@ -162,7 +162,7 @@ def _wheel(
         summed = (held - held[0]) * device.position_counts_seconds
     else:
         held = _held(np.asarray(bemf, dtype=float))
-        summed = np.concatenate([[0.0], np.cumsum(0.5 * (held[1:] + held[:-1]) * np.diff(t))])
+        summed = integral(t, held)
     return scale * (summed - counts * (t - t[0])), offset
 
 
@@ -177,6 +177,11 @@ def _gyro(columns: Mapping[str, Array], robot: RobotConfig, t: Array, rest: int)
     known = np.isfinite(values)
     # gyro = scale * turn rate + bias, as the odometry has it
     rate = (np.interp(t, t[known], values[known]) - resting.mean()) / robot.model.imu.gyro_scale.value
+    return integral(t, rate)
+
+
+def integral(t: Array, rate: Array) -> Array:
+    """Of a rate, from the first of the times t (s) to each, by the trapezoidal rule."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
-from raccoon.estimate.drive_calibration.columns import manoeuvre
+from raccoon.estimate.drive_calibration.columns import integral, manoeuvre
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -78,7 +78,7 @@ def _gyro_turns(columns: Columns, time: Array, ends: NDArray[np.intp]) -> tuple[
     rates = _at_every_row(columns, "imu.gyro.z", time)
     if rates is None:
         return None
-    turned = _summed(time, rates)
+    turned = integral(time, rates)
     return np.diff(turned[ends]), np.diff(_speed(time, turned)[ends])
 
 
@@ -113,7 +113,7 @@ def _tick(columns: Columns, robot: RobotConfig, time: Array, ends: NDArray[np.in
         position = _at_every_row(columns, f"motor.{port}.position", time)
         if counts is None or position is None:
             continue
-        moved, advance = np.diff(_summed(time, counts)[ends]), np.diff(position[ends])
+        moved, advance = np.diff(integral(time, counts)[ends]), np.diff(position[ends])
         fast = (np.abs(moved) >= np.median(np.abs(moved))) & (advance != 0.0)
         ticks.extend(moved[fast] / advance[fast])
     found = float(np.median(ticks)) if ticks else 0.0
@@ -127,11 +127,6 @@ def _at_every_row(columns: Columns, name: str, time: Array) -> Array | None:
         return None
     known = np.isfinite(values)
     return np.interp(time, time[known], values[known])
-
-
-def _summed(time: Array, rates: Array) -> Array:
-    """Integral of a rate from the first row to each."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time))])
 
 
 def _speed(time: Array, along: Array) -> Array:
