@@ -40,15 +40,15 @@ from diagnosis_trial import shown, true_coordinate, true_settings
 from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.fit.fits import fit_afresh, fit_point
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_afresh, fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search, estimated, lead, look_around, start_search
 from raccoon.diagnose.select.rivals import BETTER, net_lead
 from raccoon.diagnose.select.search import whole
+from raccoon.diagnose.select.state import Search, estimated, lead, look_around, start_search
 from raccoon.diagnose.unknown.probes import probes_for
 
 if TYPE_CHECKING:

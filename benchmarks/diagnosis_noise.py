@@ -23,12 +23,12 @@ from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.gain import held_out
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.select.gates import FLOOR_GATE, gate
-from raccoon.diagnose.select.outlook import Search, estimated, lead, start_search
-from raccoon.diagnose.select.probed import best_probe
+from raccoon.diagnose.select.probe_scores import best_probe
 from raccoon.diagnose.select.refits import refit_candidates
+from raccoon.diagnose.select.state import Search, estimated, lead, start_search
 from raccoon.diagnose.unknown.probes import probes_for
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from diagnosis_trial import POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment.advice import DECIDES
 from raccoon.diagnose.findings.naming import TWINS
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
-from raccoon.diagnose.hypotheses.open_numbers import INSIDE, base_coordinates
 from raccoon.diagnose.result import LITTLE
 from raccoon.diagnose.select.refits import SCALE, delay_alike
 from raccoon.sim.effects.effect import effect

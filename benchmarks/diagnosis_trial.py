@@ -25,12 +25,12 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.experiment.advice import advise
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
-from raccoon.diagnose.fit.noise import EVENT
+from raccoon.diagnose.fit.noise_model import EVENT
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Coordinate, Settings, neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import INSIDE, base_coordinates
 from raccoon.diagnose.reports.as_much import as_much
 from raccoon.diagnose.result import Diagnosis
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import SIDES, Parameters

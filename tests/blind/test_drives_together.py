@@ -15,7 +15,7 @@ from csv_files import written
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 

@@ -12,14 +12,14 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
-from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.fit.fitting import fit_point
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.result import Diagnosis, Verdict
-from raccoon.diagnose.select.outlook import estimated, look_around, start_search
-from raccoon.diagnose.select.probed import best_probe
+from raccoon.diagnose.select.probe_scores import best_probe
 from raccoon.diagnose.select.refits import SCALE
 from raccoon.diagnose.select.replacements import rearranged
 from raccoon.diagnose.select.search import PROBE_GATE, _with_unknown, grown
+from raccoon.diagnose.select.state import estimated, look_around, start_search
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.unknown.shapes import shapes_of
 

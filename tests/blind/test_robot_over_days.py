@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet.model import common_model, foreseen
 from raccoon.diagnose.fleet.summary import fleet_of
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 
 WEAK = Hidden("motor.back_emf_constant", "right", {"factor": 0.9}, {"ke_r": 0.9 * NEUTRAL["ke_r"]})
 ASKED = [each for each in drive_causes() if each.id.startswith(("motor.", "battery.internal"))]

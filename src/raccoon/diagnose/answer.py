@@ -20,10 +20,10 @@ from raccoon.diagnose.findings.gain import HeldOut
 from raccoon.diagnose.findings.known_together import unmeasured_note
 from raccoon.diagnose.findings.naming import named_causes, rejections, seen_in, suggestions
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.fit.noise import whiteness
-from raccoon.diagnose.fit.scan import play_of
+from raccoon.diagnose.fit.backlash_scan import play_of
+from raccoon.diagnose.fit.noise_model import whiteness
 from raccoon.diagnose.habits.notes import less_sure, notes_of
-from raccoon.diagnose.hypotheses.runs import RESISTANCE
+from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
 from raccoon.diagnose.result import (
     LARGE_REST,
     STOOD,
@@ -34,8 +34,8 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.diagnose.rollout.variants import Habits
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, bursting
 from raccoon.diagnose.unknown.one_sided import one_sided
 from raccoon.diagnose.unknown.probes import change_in

@@ -37,16 +37,16 @@ from raccoon.diagnose.findings.over_ways import (
 from raccoon.diagnose.findings.proving import proven
 from raccoon.diagnose.habits.problems import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.searching import searched
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import (
     Diagnosis,
     Unexplained,
     Verdict,
 )
+from raccoon.diagnose.rollout.dead_zone_evidence import asked_for
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.silence import asked_for
-from raccoon.diagnose.rollout.understood import understood
+from raccoon.diagnose.rollout.log_building import understood
 from raccoon.diagnose.unknown.changes import name_of
 from raccoon.diagnose.unknown.probes import RUBS_ANEW
 from raccoon.diagnose.unknown.rubbing import may_rub_anew

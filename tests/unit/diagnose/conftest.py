@@ -13,10 +13,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 
 Array = NDArray[np.float64]

@@ -9,16 +9,16 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.fit.fits import fit_at, fit_point
-from raccoon.diagnose.fit.linear import linearise, tabulate
-from raccoon.diagnose.fit.noise import white_noise
+from raccoon.diagnose.fit.fitting import fit_at, fit_point
+from raccoon.diagnose.fit.linear_model import linearise, tabulate
+from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.habits.others import Under, started
 from raccoon.diagnose.habits.problems import drive_problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.rollout.variants import Habits
-from raccoon.diagnose.select.outlook import Search, look_around, start_search
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.state import Search, look_around, start_search
 from raccoon.diagnose.unknown.probes import probes_for
 
 

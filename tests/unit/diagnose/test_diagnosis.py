@@ -21,16 +21,16 @@ from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.habits.problems import drive_problem
-from raccoon.diagnose.hypotheses.candidates import NO_CAUSE, drive_causes
+from raccoon.diagnose.hypotheses.base_coordinates import PRESLIDING, base_coordinates
+from raccoon.diagnose.hypotheses.cause_catalogue import NO_CAUSE, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import PRESLIDING, base_coordinates
 from raccoon.diagnose.reports.fleet_text import fleet_report
 from raccoon.diagnose.reports.manoeuvre_words import manoeuvre_for
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
-from raccoon.diagnose.rollout.robots import parameters_of
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.rollout.simulated_robot import parameters_of
 from raccoon.diagnose.unknown.probes import RUBS_ANEW
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect

@@ -28,18 +28,18 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE
 from raccoon.diagnose.findings.naming import ONE_CLASS
-from raccoon.diagnose.fit.linear import Group, linearise
-from raccoon.diagnose.fit.noise import CHANGING, EVENT, white_noise
+from raccoon.diagnose.fit.linear_model import Group, linearise
+from raccoon.diagnose.fit.noise_estimation import faint_parts, regimes_of
+from raccoon.diagnose.fit.noise_model import CHANGING, EVENT, white_noise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import slow_battery, slow_friction
-from raccoon.diagnose.fit.whitening import faint_parts, regimes_of
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates, with_usual_stds
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import base_coordinates, with_usual_stds
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
+from raccoon.diagnose.select.detection_limits import VISIBLE, shows_from
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import MOST_OF_EVENT
-from raccoon.diagnose.select.visible import VISIBLE, shows_from
+from raccoon.diagnose.select.state import MOST_OF_EVENT
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
 

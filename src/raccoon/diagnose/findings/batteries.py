@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings
-from raccoon.diagnose.hypotheses.runs import RESISTANCE, resistances
+from raccoon.diagnose.hypotheses.per_recording import RESISTANCE, resistances
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 
 DIFFER, DIFFER_OHM = 1.4, 0.015

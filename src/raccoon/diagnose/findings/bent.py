@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.symmetry import id_of, is_own
 from raccoon.sim.effects.effect import effect
 

@@ -10,10 +10,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.hypotheses.candidates import NO_CAUSE
+from raccoon.diagnose.hypotheses.cause_catalogue import NO_CAUSE
 from raccoon.diagnose.hypotheses.coordinates import Settings, neutral_settings, places
 from raccoon.diagnose.result import CauseResult
-from raccoon.diagnose.rollout.robots import parameters_of
+from raccoon.diagnose.rollout.simulated_robot import parameters_of
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Key, Parameters

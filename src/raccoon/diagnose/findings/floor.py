@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.linear import speed_of
+from raccoon.diagnose.fit.linear_model import speed_of
+from raccoon.diagnose.fit.noise_estimation import STANDSTILL
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.wander import FLOOR_SECONDS, summed
-from raccoon.diagnose.fit.whitening import STANDSTILL
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]

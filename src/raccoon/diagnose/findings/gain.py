@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.features import EVENT_SECONDS, Features
-from raccoon.diagnose.fit.fits import fit_many, fit_point
-from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.noise import event_means
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_many, fit_point
+from raccoon.diagnose.fit.noise_model import event_means
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.wander import FLOOR_SECONDS
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.select.moves import rows_without
-from raccoon.diagnose.select.outlook import Search, steadied
+from raccoon.diagnose.select.state import Search, steadied
+from raccoon.diagnose.select.transitions import rows_without
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]

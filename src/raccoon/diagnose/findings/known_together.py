@@ -8,7 +8,7 @@ from raccoon.core.config import NominalModel
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.select.gates import MANY
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.symmetry import BACK_EMF
 from raccoon.sim.effects.parameters import SIDES
 

@@ -12,18 +12,18 @@ from raccoon.diagnose.findings.gain import HeldOut, contributions
 from raccoon.diagnose.findings.known_together import together_told
 from raccoon.diagnose.findings.spread import Spread, number_in
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.hypotheses.candidates import OF_TURNS
+from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
 from raccoon.diagnose.hypotheses.coordinates import FORMS, WIDTH_FACTOR, Cause
-from raccoon.diagnose.hypotheses.forms import form_error, least_error
+from raccoon.diagnose.hypotheses.form_errors import form_error, least_error
 from raccoon.diagnose.reports.manoeuvre_words import manoeuvre_for
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
+from raccoon.diagnose.select.detection_limits import VISIBLE, visibility, would_show
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import LAGS, SCALE, SMOOTHS, delay_alike
 from raccoon.diagnose.select.rivals import CLOSE, odds, of_a_fault, only_beside
 from raccoon.diagnose.select.search import NOTHING
-from raccoon.diagnose.select.visible import VISIBLE, visibility, would_show
+from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.effect import Effect
 from raccoon.sim.effects.parameters import SIDES
 

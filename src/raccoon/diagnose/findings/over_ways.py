@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.hypotheses.runs import DIFFERS
+from raccoon.diagnose.hypotheses.per_recording import DIFFERS
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
 
 LONG_PART = 12.0

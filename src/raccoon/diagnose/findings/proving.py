@@ -9,12 +9,12 @@ from raccoon.diagnose.findings.gain import HeldOut, held_out
 from raccoon.diagnose.findings.naming import deviations, parameters
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.select.missed import with_missed
-from raccoon.diagnose.select.moves import BETTER_TOGETHER
-from raccoon.diagnose.select.needed import spare
-from raccoon.diagnose.select.outlook import Rival, Search, estimated
+from raccoon.diagnose.select.missed_causes import with_missed
 from raccoon.diagnose.select.replacements import taken_apart
 from raccoon.diagnose.select.search import pruned
+from raccoon.diagnose.select.state import Rival, Search, estimated
+from raccoon.diagnose.select.transitions import BETTER_TOGETHER
+from raccoon.diagnose.select.unneeded_causes import spare
 
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on another recording: a battery, a floor and what

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.findings.floor import without_the_floor
-from raccoon.diagnose.fit.fits import costs_at
+from raccoon.diagnose.fit.fitting import costs_at
 from raccoon.diagnose.hypotheses.coordinates import Setting, Settings
-from raccoon.diagnose.rollout.encoders import WINDOW
-from raccoon.diagnose.select.outlook import Search, blocks_of
+from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.select.refits import SEVERAL
+from raccoon.diagnose.select.state import Search, blocks_of
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Change
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Setting, Settings
-from raccoon.diagnose.rollout.variants import Rollout
+from raccoon.diagnose.rollout.plant_rollout import Rollout
 
 Array = NDArray[np.float64]
 Key = tuple[float, ...]

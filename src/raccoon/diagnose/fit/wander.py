@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.fit.linear import Linear, coulomb_response, speed_of
-from raccoon.diagnose.fit.noise import NoiseModel
+from raccoon.diagnose.fit.linear_model import Linear, coulomb_response, speed_of
+from raccoon.diagnose.fit.noise_model import NoiseModel
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.sim.effects.parameters import SIDES
 

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.left_out import FEEBLE
-from raccoon.diagnose.fit.noise import NoiseModel
+from raccoon.diagnose.fit.cross_validation import FEEBLE
+from raccoon.diagnose.fit.noise_model import NoiseModel
 
 Array = NDArray[np.float64]
 

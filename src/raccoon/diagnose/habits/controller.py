@@ -21,10 +21,10 @@ from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.habits.problems import loose_problem_of
 from raccoon.diagnose.habits.ramps import CLEARLY as A_RAMP
 from raccoon.diagnose.habits.ramps import behind_a_ramp
+from raccoon.diagnose.hypotheses.base_coordinates import Wheels
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import usual_step

@@ -10,10 +10,10 @@ from raccoon.diagnose.habits.chains import FINE_CYCLE, reads_back_emf, slowed_by
 from raccoon.diagnose.habits.controller import with_cycle
 from raccoon.diagnose.habits.lags import seen_from
 from raccoon.diagnose.habits.others import AGAIN, DOUBT, Onward, Under, best_of, first_ahead
-from raccoon.diagnose.rollout.variants import Habits
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import grown_on, whole
+from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
 
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from raccoon.diagnose.fit.fits import costs_at, fit_point
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import costs_at, fit_point
 from raccoon.diagnose.fit.problem import Point, Problem, carried
 from raccoon.diagnose.habits.others import DOUBT, Onward, Under, first_ahead, started, without
-from raccoon.diagnose.rollout.variants import Habits
-from raccoon.diagnose.select.joint import explains_more
-from raccoon.diagnose.select.outlook import Search, look_around
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.alternative_sets import explains_more
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import begun, gone_on, whole
+from raccoon.diagnose.select.state import Search, look_around
 
 DEADBAND = "actuation.deadband"
 LIKE_ONE = (DEADBAND, "friction.stiction", "friction.coulomb", "bemf.dead_zone")

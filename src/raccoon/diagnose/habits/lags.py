@@ -10,20 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.doing import tell
-from raccoon.diagnose.fit.fits import fit_point
+from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, as_it_pauses, with_driver_of
 from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, with_battery
 from raccoon.diagnose.habits.others import DOUBT, LATE, Onward, Under, best_of, by_the_battery, without
-from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.alternative_sets import explains_more
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.joint import explains_more
-from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around
 from raccoon.diagnose.select.refits import SMOOTHS, lag_as
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import gone_on, whole
-from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.select.set_scoring import apart
+from raccoon.diagnose.select.state import Rival, Search, lead, look_around
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import SIDES

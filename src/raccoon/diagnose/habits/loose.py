@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import WHEELS
-from raccoon.diagnose.fit.fits import fit_many, fit_point
-from raccoon.diagnose.fit.noise import white_noise
+from raccoon.diagnose.fit.fitting import fit_many, fit_point
+from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
 from raccoon.diagnose.fit.whitener import Whitener
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, Wheels, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import added, multiplied
-from raccoon.diagnose.hypotheses.open_numbers import INSIDE, Wheels, base_coordinates
-from raccoon.diagnose.rollout.ages import AGE
-from raccoon.diagnose.rollout.encoders import WINDOW
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.encoder_window import WINDOW
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.rollout.sample_ages import AGE
 
 Array = NDArray[np.float64]
 

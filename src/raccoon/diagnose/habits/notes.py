@@ -13,13 +13,13 @@ from raccoon.diagnose.habits.chains import FINE_CYCLE, pauses
 from raccoon.diagnose.habits.controller import SLOW_BATTERY
 from raccoon.diagnose.habits.driver import DEADBAND
 from raccoon.diagnose.habits.lags import LATE_GYRO
-from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS, LOW_PASS_DELAY, UNKNOWN_PHASE
-from raccoon.diagnose.hypotheses.runs import RESISTANCE
+from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS, LOW_PASS_DELAY, UNKNOWN_PHASE
+from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import CauseResult
-from raccoon.diagnose.rollout.encoders import WINDOW
+from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.refits import SMOOTHS
 from raccoon.sim.effects.chain import Chain
 

@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.doing import tell
-from raccoon.diagnose.fit.fits import fit_at, fit_many, fit_point
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_at, fit_many, fit_point
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
 from raccoon.diagnose.habits.chains import CHAINS
 from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, battery_off, with_battery
-from raccoon.diagnose.hypotheses.open_numbers import Wheels
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.hypotheses.base_coordinates import Wheels
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.alternative_sets import explains_more
 from raccoon.diagnose.select.gates import CROWDED
-from raccoon.diagnose.select.joint import explains_more
-from raccoon.diagnose.select.outlook import Search, start_search
 from raccoon.diagnose.select.refits import SEVERAL
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import begun, beside_unknown, finished, grown_on, whole
+from raccoon.diagnose.select.state import Search, start_search
 from raccoon.diagnose.unknown.changes import KNOWN, name_of
 from raccoon.diagnose.unknown.probes import probes_for
 

@@ -12,15 +12,15 @@ from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.fit.problem import Creep, Point, Problem
 from raccoon.diagnose.habits.loose import loosened
 from raccoon.diagnose.habits.lost import restored
-from raccoon.diagnose.hypotheses.candidates import counted_from
+from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates
+from raccoon.diagnose.hypotheses.cause_catalogue import counted_from
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
-from raccoon.diagnose.hypotheses.runs import run_coordinates, run_settings
-from raccoon.diagnose.rollout.ages import age_coordinates, age_settings
-from raccoon.diagnose.rollout.encoders import encoder_coordinates, encoder_settings
-from raccoon.diagnose.rollout.joined import rollout_of
-from raccoon.diagnose.rollout.silence import told
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.hypotheses.per_recording import run_coordinates, run_settings
+from raccoon.diagnose.rollout.dead_zone_evidence import told
+from raccoon.diagnose.rollout.encoder_window import encoder_coordinates, encoder_settings
+from raccoon.diagnose.rollout.joined_rollout import rollout_of
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.rollout.sample_ages import age_coordinates, age_settings
 from raccoon.sim.effects.parameters import Parameters
 
 HELD = Creep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)

@@ -16,7 +16,7 @@ from raccoon.diagnose.drives.ramps import Ramp
 from raccoon.diagnose.fit.problem import Point, Problem, carried
 from raccoon.diagnose.habits.loose import Fitted, fitted, misfit, start_of
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
 
 Array = NDArray[np.float64]
 

@@ -62,14 +62,14 @@ from raccoon.diagnose.habits.others import (
 )
 from raccoon.diagnose.habits.problems import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.within_rows import as_commanded
+from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS
 from raccoon.diagnose.hypotheses.coordinates import FORMS, Cause
-from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.variants import Habits
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.refits import SCALE, SEVERAL, lag_as
 from raccoon.diagnose.select.search import begun, finished, grown_on, whole
-from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.select.set_scoring import apart
+from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 

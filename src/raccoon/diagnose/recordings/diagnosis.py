@@ -15,8 +15,8 @@ from raccoon.diagnose.drives.gravity import strange_acceleration
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.drives.unseen import said_of_holdout
 from raccoon.diagnose.findings.extend import with_causes
-from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
-from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds, without_std
+from raccoon.diagnose.hypotheses.base_coordinates import with_usual_stds, without_std
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.channels.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.channels.counters import begun_anew, said_of_counters, with_counted

@@ -7,7 +7,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
-from raccoon.diagnose.hypotheses.candidates import OF_TURNS
+from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
 from raccoon.diagnose.reports.as_much import as_much_text
 from raccoon.diagnose.reports.headline import seen_text, verdict_text
 from raccoon.diagnose.reports.numbers import number_text

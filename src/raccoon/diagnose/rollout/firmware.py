@@ -25,7 +25,7 @@ from raccoon.diagnose.drives.sample_clock import (
     wheel_of_one_age,
 )
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.rollout.silence import ZONE
+from raccoon.diagnose.rollout.dead_zone_evidence import ZONE
 from raccoon.hal.wombat.firmware.devices import (
     RACCOON_21_DEAD_ZONE,
     RACCOON_BEMF_RATE_HZ,

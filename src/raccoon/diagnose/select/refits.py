@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.fits import fit_afresh, fit_many
-from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.linear import Group
+from raccoon.diagnose.fit.backlash_scan import STAIRS, places_of_play
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_afresh, fit_many
+from raccoon.diagnose.fit.linear_model import Group
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.scan import STAIRS, places_of_play
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
-from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.select.set_scoring import apart
+from raccoon.diagnose.select.state import Screened, Search, lead, screen
 from raccoon.diagnose.select.symmetry import relieved
 
 Array = NDArray[np.float64]

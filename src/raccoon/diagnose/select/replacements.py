@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from raccoon.diagnose.fit.fits import fit_many, fit_point
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_many, fit_point
 from raccoon.diagnose.fit.problem import Point
+from raccoon.diagnose.select.alternative_sets import better_set
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.joint import better_set
-from raccoon.diagnose.select.moves import (
+from raccoon.diagnose.select.refits import SCALE, both_signs, doubtful
+from raccoon.diagnose.select.state import Search, lead
+from raccoon.diagnose.select.transitions import (
     accepted,
     accepted_without,
     moved,
@@ -19,8 +21,6 @@ from raccoon.diagnose.select.moves import (
     rows_without,
     settled_fit,
 )
-from raccoon.diagnose.select.outlook import Search, lead
-from raccoon.diagnose.select.refits import SCALE, both_signs, doubtful
 
 AS_MUCH = 3.0
 """Log evidence that one cause alone may lack to stand for several."""

@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.fits import cost_with_last_held, fit_afresh, fit_many, fit_point
-from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.linear import Group
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import cost_with_last_held, fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fit.linear_model import Group
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, MANY, gates, rarity
-from raccoon.diagnose.select.one_way import same_one_way
-from raccoon.diagnose.select.outlook import Rival, Search, lead
+from raccoon.diagnose.select.one_way_drives import same_one_way
 from raccoon.diagnose.select.refits import SMOOTHS, delay_alike, first_guess, shared_lags
-from raccoon.diagnose.select.sets import Sets, apart
+from raccoon.diagnose.select.set_scoring import Sets, apart
+from raccoon.diagnose.select.state import Rival, Search, lead
 from raccoon.diagnose.select.twins import fitted_twins
 
 Array = NDArray[np.float64]

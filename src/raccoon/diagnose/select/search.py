@@ -6,11 +6,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from raccoon.core.doing import tell
-from raccoon.diagnose.fit.fits import fit_many, fit_point
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_many, fit_point
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import MANY, gate
-from raccoon.diagnose.select.moves import (
+from raccoon.diagnose.select.probe_scores import Probed, best_probe
+from raccoon.diagnose.select.refits import SEVERAL, doubtful, ranking, refit_candidates, refits_afresh
+from raccoon.diagnose.select.replacements import merged, rearranged, simplified
+from raccoon.diagnose.select.rivals import as_likely, compared
+from raccoon.diagnose.select.state import (
+    Foretold,
+    Search,
+    held_out_lead,
+    lead,
+    look_around,
+)
+from raccoon.diagnose.select.transitions import (
     BETTER_TOGETHER,
     accepted,
     accepted_without,
@@ -18,17 +29,6 @@ from raccoon.diagnose.select.moves import (
     rows_without,
     settled_fit,
 )
-from raccoon.diagnose.select.outlook import (
-    Foretold,
-    Search,
-    held_out_lead,
-    lead,
-    look_around,
-)
-from raccoon.diagnose.select.probed import Probed, best_probe
-from raccoon.diagnose.select.refits import SEVERAL, doubtful, ranking, refit_candidates, refits_afresh
-from raccoon.diagnose.select.replacements import merged, rearranged, simplified
-from raccoon.diagnose.select.rivals import as_likely, compared
 
 HELD_OUT_GATE = 2.0
 """Log predictive score that a cause must add on blocks left out."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, cause_name
-from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.select.set_scoring import apart
 
 Array = NDArray[np.float64]
 Line = Mapping[tuple[str, str], float]

@@ -12,12 +12,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from raccoon.diagnose.fit.fits import fit_afresh
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_afresh
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.select.gates import gates
-from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.select.set_scoring import apart
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.symmetry import (
     INERTIA,
     LEAST,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.drives.moments import AROUND
-from raccoon.diagnose.fit.noise import CHANGING, STANDING, STEADY, Regimes
+from raccoon.diagnose.fit.noise_model import CHANGING, STANDING, STEADY, Regimes
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.features import SETTLING
 from raccoon.diagnose.drives.log import Change
-from raccoon.diagnose.fit.linear import Linear, coulomb_response
+from raccoon.diagnose.fit.linear_model import Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.unknown.changes import change_probes, changed

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.fit.linear import Linear
+from raccoon.diagnose.fit.fitting import fit_point
+from raccoon.diagnose.fit.linear_model import Linear
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.select.gates import CROWDED
-from raccoon.diagnose.select.outlook import Search, lead, look_around
-from raccoon.diagnose.select.probed import best_probe
+from raccoon.diagnose.select.probe_scores import best_probe
+from raccoon.diagnose.select.state import Search, lead, look_around
 from raccoon.diagnose.unknown.probes import RUBS_ANEW, probes_for
 from raccoon.diagnose.unknown.sensors import PREFIX, Probe
 

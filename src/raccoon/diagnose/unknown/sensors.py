@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.fit.linear import Group
+from raccoon.diagnose.fit.linear_model import Group
 
 Array = NDArray[np.float64]
 

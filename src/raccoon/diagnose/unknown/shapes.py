@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
+from raccoon.diagnose.fit.noise_estimation import whitener_for
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.fit.whitening import whitener_for
 from raccoon.diagnose.result import Shape
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.unknown.probes import INERTIA, INERTIA_SHARE
 from raccoon.diagnose.unknown.sensors import PREFIX, Probe
 

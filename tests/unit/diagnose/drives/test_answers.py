@@ -21,7 +21,7 @@ from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.drives.ways import check_signed
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 
 ROBOT = RobotConfig()

@@ -16,7 +16,7 @@ from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.drives.units import check_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
-from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.linear_model import linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.rows.repeated import without_repeated

@@ -21,7 +21,7 @@ from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings import over_ways
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 
 Array = NDArray[np.float64]

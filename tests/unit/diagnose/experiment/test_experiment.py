@@ -14,8 +14,8 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Outputs
 from raccoon.diagnose.experiment.advice import DECIDES, Plan, advise, reach_of
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE, manoeuvre
-from raccoon.diagnose.fit.linear import Group
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.fit.linear_model import Group
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters

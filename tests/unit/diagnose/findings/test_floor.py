@@ -13,7 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.findings.floor import line_covariance, without_the_floor
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.hypotheses.open_numbers import OWN
+from raccoon.diagnose.hypotheses.base_coordinates import OWN
 
 FRICTION = RobotConfig().model.friction
 COULOMB, VISCOUS = "friction.coulomb", "friction.viscous"

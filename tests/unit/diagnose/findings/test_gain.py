@@ -15,12 +15,12 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import BIN, half_second
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.gain import HeldOut, _spread, contributions, first_parts, size_of
-from raccoon.diagnose.fit.noise import EVENT
+from raccoon.diagnose.fit.noise_model import EVENT
 from raccoon.diagnose.fit.problem import Point
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.recordings.reference.rescaled import Rescaled
 from raccoon.diagnose.result import ChannelResult, Curve
-from raccoon.diagnose.select.outlook import Search, start_search
+from raccoon.diagnose.select.state import Search, start_search
 from raccoon.diagnose.unknown.probes import probes_for
 
 ROBOT = RobotConfig()

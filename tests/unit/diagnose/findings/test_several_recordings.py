@@ -17,9 +17,9 @@ from raccoon.diagnose.findings.batteries import (
     without_shared,
 )
 from raccoon.diagnose.findings.over_ways import of_several
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.hypotheses.runs import (
+from raccoon.diagnose.hypotheses.per_recording import (
     DIFFERS,
     RESISTANCE,
     RUN,

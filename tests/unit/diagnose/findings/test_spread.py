@@ -23,12 +23,12 @@ from raccoon.diagnose.findings.spread import (
 )
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause, Settings
-from raccoon.diagnose.hypotheses.forms import form_error, least_error
-from raccoon.diagnose.rollout.encoders import WINDOW
-from raccoon.diagnose.select.outlook import Rival
+from raccoon.diagnose.hypotheses.form_errors import form_error, least_error
+from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.select.rivals import BY_FORM, CLOSE
+from raccoon.diagnose.select.state import Rival
 from unit.diagnose.searches import searched
 
 CAUSES = {

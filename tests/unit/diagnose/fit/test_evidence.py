@@ -6,7 +6,7 @@ from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
 from raccoon.diagnose.fit.evidence import Gram, bounded_least, foreseen
-from raccoon.diagnose.fit.noise import CHANGING, EVENT, LARGE_EVENT, STEADY, fit_noise, whiteness
+from raccoon.diagnose.fit.noise_model import CHANGING, EVENT, LARGE_EVENT, STEADY, fit_noise, whiteness
 
 
 def random_gram(seed: int, columns: int = 4, rows: int = 50) -> tuple[np.ndarray, np.ndarray, Gram]:

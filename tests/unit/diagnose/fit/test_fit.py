@@ -16,12 +16,12 @@ from scipy.optimize import lsq_linear
 from blind.drives import exciting
 from raccoon.diagnose.drives.features import SHORTEST_BIN, Features
 from raccoon.diagnose.experiment.advice import planned_log
-from raccoon.diagnose.fit import descent, scan
-from raccoon.diagnose.fit.descent import ROUGH, SHORTER, Track, _bent, _step
-from raccoon.diagnose.fit.fits import fit_afresh, fit_at, fit_point
-from raccoon.diagnose.fit.fitted import Fit, cost_of
+from raccoon.diagnose.fit import backlash_scan, levenberg_marquardt
+from raccoon.diagnose.fit.backlash_scan import fit_scanned, places_of_play
+from raccoon.diagnose.fit.fit_result import Fit, cost_of
+from raccoon.diagnose.fit.fitting import fit_afresh, fit_at, fit_point
+from raccoon.diagnose.fit.levenberg_marquardt import ROUGH, SHORTER, Track, _bent, _step
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.scan import fit_scanned, places_of_play
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from unit.diagnose.searches import plain_whitener
 
@@ -174,7 +174,7 @@ def test_columns_that_foretold_a_step_well_do_for_the_next(
         return fit_point(noisy, plain_whitener(noisy), start)
 
     kept = fitted()
-    monkeypatch.setattr(descent, "STRAIGHT", (np.inf, np.inf))
+    monkeypatch.setattr(levenberg_marquardt, "STRAIGHT", (np.inf, np.inf))
     anew = fitted()
     assert kept.cost < anew.cost + ROUGH
     *_, of_kept, of_anew = simulated
@@ -233,11 +233,11 @@ def test_a_scan_of_play_goes_on_for_less_where_numbers_are_said(
     exact = replace(problem, features=replace(problem.features, measured=problem.predict([point])[0]))
     white = plain_whitener(exact)
     fit = fit_at(exact, white, point)
-    monkeypatch.setattr(scan, "fit_point", lambda *_: fit)
-    monkeypatch.setattr(scan, "fit_afresh", fitted)
+    monkeypatch.setattr(backlash_scan, "fit_point", lambda *_: fit)
+    monkeypatch.setattr(backlash_scan, "fit_afresh", fitted)
     fit_scanned(exact, white, point)
     once = len(starts)
-    assert once in (scan.SCANNED - 1, scan.SCANNED)
+    assert once in (backlash_scan.SCANNED - 1, backlash_scan.SCANNED)
     assert all(not np.array_equal(each.vector(), point.vector()) for each in starts)
     fit_scanned(exact, white, point, last=True)
     assert len(starts) > 2 * once + 1
@@ -289,7 +289,7 @@ def test_play_is_looked_at_where_it_saves_ten_units_of_evidence(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, saved: float, looked_at: bool
 ) -> None:
     fit = fit_at(problem, plain_whitener(problem), problem.nominal())
-    monkeypatch.setattr(scan, "costs_at", lambda *_: fit.cost - saved * (np.arange(33) == 5))
+    monkeypatch.setattr(backlash_scan, "costs_at", lambda *_: fit.cost - saved * (np.arange(33) == 5))
     places = places_of_play(problem, plain_whitener(problem), fit)
     assert [each.active["drive.backlash"].tolist() for each in places] == [[0.2, 0.6]] * looked_at
 

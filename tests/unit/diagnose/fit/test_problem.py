@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.fit import problem as module
-from raccoon.diagnose.fit.fits import fit_many
+from raccoon.diagnose.fit.fitting import fit_many
 from raccoon.diagnose.fit.problem import BASE_STEP, Point, Problem, neighbours
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 
 

@@ -14,8 +14,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit import wander
-from raccoon.diagnose.fit.linear import linearise
-from raccoon.diagnose.fit.noise import NoiseModel
+from raccoon.diagnose.fit.linear_model import linearise
+from raccoon.diagnose.fit.noise_model import NoiseModel
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.wander import (
     FLOOR_SECONDS,
@@ -27,8 +27,8 @@ from raccoon.diagnose.fit.wander import (
     summed,
 )
 from raccoon.diagnose.habits.problems import drive_problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.plant.quantities import State

@@ -22,12 +22,12 @@ from raccoon.diagnose.habits.cycles import (
 )
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.others import DOUBT, Under, if_ahead, sound
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.base_coordinates import Wheels
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import Wheels
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.diagnose.select.search import begun
+from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from simulated_drives import recorded

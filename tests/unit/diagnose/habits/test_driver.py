@@ -13,7 +13,7 @@ from raccoon.diagnose.habits.chains import other_chains, usual_chain
 from raccoon.diagnose.habits.driver import as_a_deadband_ends, with_whole_currents
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.search import begun
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters

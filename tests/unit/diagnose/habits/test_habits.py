@@ -21,7 +21,7 @@ from raccoon.diagnose.drives.driven import swing
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.fit.descent import ROUGH
+from raccoon.diagnose.fit.levenberg_marquardt import ROUGH
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
 from raccoon.diagnose.habits.chains import FREE_RUNNING, PAUSING
 from raccoon.diagnose.habits.controller import controller_of
@@ -44,16 +44,16 @@ from raccoon.diagnose.habits.others import (
 )
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.searching import _as_logged, _grown, _sooner, _under_another_filter, searched
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, LOOP_LATENCY, Wheels
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import INSIDE, LOOP_LATENCY, Wheels
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout.firmware import FIRMWARES
-from raccoon.diagnose.rollout.variants import Habits, _cycle
+from raccoon.diagnose.rollout.plant_rollout import Habits, _cycle
+from raccoon.diagnose.select.alternative_sets import explains_more
 from raccoon.diagnose.select.gates import CROWDED
-from raccoon.diagnose.select.joint import explains_more
-from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.search import begun, grown_on, whole
+from raccoon.diagnose.select.state import Search, look_around
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import usual_step

@@ -11,7 +11,7 @@ import pytest
 
 from blind.generator import make
 from blind.hidden import Hidden, draw
-from raccoon.diagnose.fit.fits import fit_at, fit_point
+from raccoon.diagnose.fit.fitting import fit_at, fit_point
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING
 from raccoon.diagnose.habits.lags import (
@@ -24,8 +24,8 @@ from raccoon.diagnose.habits.lags import (
     with_readings_that_lag,
 )
 from raccoon.diagnose.habits.others import Under
-from raccoon.diagnose.rollout.variants import Habits
-from raccoon.diagnose.select.outlook import Rival, Search
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.state import Rival, Search
 from raccoon.sim.effects.chain import Chain
 from unit.diagnose.searches import standing
 

@@ -15,8 +15,8 @@ from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits import problems
 from raccoon.diagnose.habits.lost import changed_at, lost_changes, restored
 from raccoon.diagnose.habits.problems import drive_problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands

@@ -12,7 +12,7 @@ from raccoon.diagnose.habits.notes import MAY_BE_NOTHING, less_sure
 from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout.firmware import FIRMWARES
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 
 

@@ -14,9 +14,9 @@ from raccoon.diagnose.habits.chains import AT_ITS_END, FREE_RUNNING, PAUSING, pa
 from raccoon.diagnose.habits.loose import start_of
 from raccoon.diagnose.habits.others import DOUBT, Under
 from raccoon.diagnose.habits.searching import _under_another_filter
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.rollout.variants import Habits
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
 
 CAUSES = {each.name: each for each in drive_causes() if each.name == "actuation.latency"}

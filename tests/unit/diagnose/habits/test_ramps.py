@@ -17,9 +17,9 @@ from raccoon.diagnose.drives.ramps import Ramp
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.habits.controller import controller_of
 from raccoon.diagnose.habits.notes import notes_of
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands

@@ -10,8 +10,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.within_rows import as_commanded, begun_before
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands

@@ -12,11 +12,11 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.problems import drive_problem, starting_settings
-from raccoon.diagnose.hypotheses.candidates import counted_from, drive_causes
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, LOOP_LATENCY, base_coordinates
+from raccoon.diagnose.hypotheses.cause_catalogue import counted_from, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, cause_name, neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import INSIDE, LOOP_LATENCY, base_coordinates
-from raccoon.diagnose.rollout.robots import Variant, parameters_of
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.rollout.simulated_robot import Variant, parameters_of
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import SIDES, Parameters

@@ -22,13 +22,13 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.linear_model import linearise
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.habits.problems import drive_problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect, Simulated, load_own
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import Parameter
 

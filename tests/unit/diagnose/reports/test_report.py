@@ -10,7 +10,7 @@ import pytest
 
 from diagnoses import diagnosis
 from raccoon.core.schema import Bounds
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.html import page, save_html
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure
@@ -30,7 +30,7 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.diagnose.select.visible import shows_from
+from raccoon.diagnose.select.detection_limits import shows_from
 from raccoon.sim.effects.effect import Parameter
 
 TIME = np.linspace(0.0, 5.0, 400)

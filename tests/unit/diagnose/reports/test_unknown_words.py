@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.linear_model import linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.reports.unknown_words import along, look_at, shape_text, times_a_turn
 from raccoon.diagnose.result import Shape

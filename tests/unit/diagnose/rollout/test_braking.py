@@ -10,7 +10,7 @@ from raccoon.diagnose.drives.joined import joined
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.habits.lost import LostChange, changed_at
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands

@@ -12,9 +12,9 @@ from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.rollout.heard import IMPOSSIBLE, flickering, heard
-from raccoon.diagnose.rollout.silence import SILENT, Gaps, _heard_below, asked_for, gap
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+from raccoon.diagnose.rollout.censored_readings import IMPOSSIBLE, flickering, heard
+from raccoon.diagnose.rollout.dead_zone_evidence import SILENT, Gaps, _heard_below, asked_for, gap
 
 ROBOT = RobotConfig()
 

@@ -17,14 +17,14 @@ from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, BEMF_VOLTS_PER_COUNT,
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.lags import _open_instead
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
 from raccoon.diagnose.result import Diagnosis
+from raccoon.diagnose.rollout.dead_zone_evidence import ZONE
 from raccoon.diagnose.rollout.firmware import FIRMWARES, LAG, firmware_of
-from raccoon.diagnose.rollout.silence import ZONE
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.hal.wombat.emulator import Emulator, Firmware, PlantState
 from raccoon.hal.wombat.firmware.devices import RACCOON_17, RACCOON_21, STOCK
 from raccoon.hal.wombat.port import WombatPort

@@ -12,7 +12,7 @@ from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 
 ROBOT = RobotConfig()

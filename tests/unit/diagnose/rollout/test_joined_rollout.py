@@ -11,9 +11,9 @@ from raccoon.diagnose.drives.joined import joined
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.habits.problems import starting_settings
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.hypotheses.runs import DIFFERS, RUN, run_coordinates, run_settings
-from raccoon.diagnose.rollout.joined import rollout_of
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.hypotheses.per_recording import DIFFERS, RUN, run_coordinates, run_settings
+from raccoon.diagnose.rollout.joined_rollout import rollout_of
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 
 ROBOT = RobotConfig()

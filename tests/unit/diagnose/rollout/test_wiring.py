@@ -10,7 +10,7 @@ import pytest
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from raccoon.diagnose.fit.fits import fit_at, fit_point
-from raccoon.diagnose.fit.linear import linearise, tabulate
+from raccoon.diagnose.fit.fitting import fit_at, fit_point
+from raccoon.diagnose.fit.linear_model import linearise, tabulate
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.select.outlook import look_around
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.select.refits import (
     AFRESH,
     ASTRAY,
@@ -25,6 +24,7 @@ from raccoon.diagnose.select.refits import (
     refits_afresh,
     shared_lags,
 )
+from raccoon.diagnose.select.state import look_around
 from unit.diagnose.searches import search_at, searched
 
 CAUSES = {each.name: each for each in drive_causes()}

@@ -23,20 +23,20 @@ from raccoon.diagnose.findings.naming import (
     probability,
 )
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.fit.fits import fit_afresh, fit_many, fit_point
-from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.linear import coulomb_response, linearise
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fit.linear_model import coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.others import Under
 from raccoon.diagnose.habits.searching import _with_the_slip_that_fits
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import ParameterResult
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
-from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.diagnose.select.rivals import CLOSE, FAR, alike, as_likely, compared, only_beside
+from raccoon.diagnose.select.state import Rival, Search
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.unknown.sensors import PREFIX
 from raccoon.sim.effects.chain import Chain

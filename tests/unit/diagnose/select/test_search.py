@@ -16,29 +16,26 @@ from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.fit.descent import FARTHEST, _reach
-from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.linear import linearise, tabulate
-from raccoon.diagnose.fit.noise import EVENT, white_noise
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_point
+from raccoon.diagnose.fit.levenberg_marquardt import FARTHEST, _reach
+from raccoon.diagnose.fit.linear_model import linearise, tabulate
+from raccoon.diagnose.fit.noise_model import EVENT, white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.wander import slow_friction
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
-from raccoon.diagnose.hypotheses.forms import form_error, form_weight
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, LONE_WHEEL_GATE, gate, gates, rarity
-from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of_their_families, _worth
-from raccoon.diagnose.select.outlook import (
-    MOST_OF_EVENT,
-    Foretold,
-    Rival,
-    estimated,
-    held_out_lead,
-    lead,
-    screen,
-    start_search,
+from raccoon.diagnose.hypotheses.form_errors import form_error, form_weight
+from raccoon.diagnose.select.alternative_sets import (
+    _all_straight,
+    _distinct,
+    _nearby,
+    _of_their_families,
+    _worth,
 )
+from raccoon.diagnose.select.detection_limits import shows_from
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, LONE_WHEEL_GATE, gate, gates, rarity
 from raccoon.diagnose.select.search import (
     NOTHING,
     SURE,
@@ -48,7 +45,16 @@ from raccoon.diagnose.select.search import (
     grown,
     known_after_all,
 )
-from raccoon.diagnose.select.visible import shows_from
+from raccoon.diagnose.select.state import (
+    MOST_OF_EVENT,
+    Foretold,
+    Rival,
+    estimated,
+    held_out_lead,
+    lead,
+    screen,
+    start_search,
+)
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.sim.effects.effect import Parameter, effect
 from unit.diagnose.searches import search_at, searched

@@ -13,11 +13,11 @@ from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.known_together import NOT_MEASURED, others_told, scale_told, unmeasured_note
 from raccoon.diagnose.findings.naming import confounded, probability
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.fit.fits import fit_point
+from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import added
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
-from raccoon.diagnose.select.joint import better_set
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
+from raccoon.diagnose.select.alternative_sets import better_set
 from raccoon.diagnose.select.rivals import compared
 from raccoon.diagnose.select.symmetry import (
     BACK_EMF,

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.select.outlook import lead, worth
+from raccoon.diagnose.select.state import lead, worth
 
 PLAY, SCALE = "drive.backlash", "bemf.scale@left"
 

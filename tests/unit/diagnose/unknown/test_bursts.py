@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.fit.noise import CHANGING, STANDING, STEADY, Regimes
+from raccoon.diagnose.fit.noise_model import CHANGING, STANDING, STEADY, Regimes
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, bursting
 from raccoon.sim.effects.chain import Chain, Noise

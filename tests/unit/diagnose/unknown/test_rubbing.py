@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from diagnoses import cause, diagnosis
-from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.fit.linear import coulomb_response, linearise
+from raccoon.diagnose.fit.fitting import fit_point
+from raccoon.diagnose.fit.linear_model import coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.select.gates import CROWDED
-from raccoon.diagnose.select.outlook import Search, look_around, start_search
+from raccoon.diagnose.select.state import Search, look_around, start_search
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.unknown.rubbing import HEAT, clearly_hot, may_rub_anew
 

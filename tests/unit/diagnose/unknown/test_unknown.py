@@ -14,14 +14,14 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response, linearise
+from raccoon.diagnose.fit.fitting import fit_point
+from raccoon.diagnose.fit.linear_model import Group, Linear, coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import slow_friction
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.select.outlook import look_around, start_search
-from raccoon.diagnose.select.probed import best_probe
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+from raccoon.diagnose.select.probe_scores import best_probe
 from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
+from raccoon.diagnose.select.state import look_around, start_search
 from raccoon.diagnose.unknown.probes import LARGE_WAVE, LEAST_WAVE, RUBS_ANEW, motion_of, probes_for
 from raccoon.diagnose.unknown.sensors import PREFIX
 

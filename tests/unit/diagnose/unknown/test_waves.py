@@ -14,14 +14,14 @@ from blind.hidden import Hidden
 from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.linear_model import linearise
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.rollout.robots import with_inertia
-from raccoon.diagnose.select.outlook import estimated, start_search
-from raccoon.diagnose.select.probed import best_probe
+from raccoon.diagnose.rollout.simulated_robot import with_inertia
+from raccoon.diagnose.select.probe_scores import best_probe
 from raccoon.diagnose.select.search import _with_unknown
+from raccoon.diagnose.select.state import estimated, start_search
 from raccoon.diagnose.unknown.probes import WAVE, probes_for
 from raccoon.diagnose.unknown.sensors import Probe
 from raccoon.diagnose.unknown.shapes import shapes_of

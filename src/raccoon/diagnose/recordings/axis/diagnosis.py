@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.unseen import said_of_holdout
-from raccoon.diagnose.fit.noise import whiteness
+from raccoon.diagnose.fit.noise_model import whiteness
 from raccoon.diagnose.recordings.axis.causes import unit_of
 from raccoon.diagnose.recordings.axis.fit import NEAR_END
 from raccoon.diagnose.recordings.axis.judge import (

@@ -14,7 +14,7 @@ from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import Device
 from raccoon.diagnose.drives.log import FEWEST, is_read
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
-from raccoon.diagnose.rollout.silence import ZONE
+from raccoon.diagnose.rollout.dead_zone_evidence import ZONE
 from raccoon.trace.recording import ports_in, usual_step
 
 Array = NDArray[np.float64]

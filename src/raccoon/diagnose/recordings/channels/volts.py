@@ -13,7 +13,7 @@ from raccoon.core.config import BatteryModel, Measured, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.commands import until_next
 from raccoon.diagnose.drives.unseen import check_has, said_of_holdout
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 

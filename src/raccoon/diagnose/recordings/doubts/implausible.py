@@ -14,7 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import arranged
 from raccoon.diagnose.drives.speed_loop import SpeedLoop, speed_loop
 from raccoon.diagnose.drives.units import driven_freely
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.recordings.doubts.rounded import with_rounded
 from raccoon.diagnose.result import (
     NO_DUTY,
@@ -26,7 +26,7 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.understood import understood
+from raccoon.diagnose.rollout.log_building import understood
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]

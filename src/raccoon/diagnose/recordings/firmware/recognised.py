@@ -18,14 +18,14 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device
 from raccoon.diagnose.drives.driven import moves
 from raccoon.diagnose.habits.controller import nearest
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.recordings.channels.broken import without_broken
 from raccoon.diagnose.recordings.channels.counters import with_counted
 from raccoon.diagnose.recordings.channels.volts import commands_volts
 from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
 from raccoon.diagnose.recordings.firmware.named import Named
 from raccoon.diagnose.rollout.firmware import Firmware, firmware_of
-from raccoon.diagnose.rollout.understood import understood
+from raccoon.diagnose.rollout.log_building import understood
 
 Columns = Mapping[str, NDArray[np.float64]]
 

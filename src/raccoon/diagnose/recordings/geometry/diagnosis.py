@@ -15,7 +15,7 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
-from raccoon.diagnose.hypotheses.candidates import OF_TURNS
+from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
 from raccoon.diagnose.recordings.channels.broken import other_robot
 from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
 from raccoon.diagnose.recordings.geometry.fit import (

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.hypotheses.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference.compared import Factor, Reference, reference_of
 from raccoon.diagnose.recordings.reference.stretches import Columns
 from raccoon.sim.effects.parameters import SIDES, Parameters

@@ -11,7 +11,7 @@ import numpy as np
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.extend import named_origin, rebased
 from raccoon.diagnose.findings.known_together import K_E, TURN_READS
-from raccoon.diagnose.hypotheses.open_numbers import INSIDE
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE
 from raccoon.diagnose.recordings.reference.compared import Factor, Reference
 from raccoon.diagnose.recordings.reference.rescaled import GYRO_COLUMN, Rescaled
 from raccoon.diagnose.recordings.reference.start import GYRO, RADIUS, READING, TRACK, Start, assumed

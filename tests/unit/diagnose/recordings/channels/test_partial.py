@@ -10,7 +10,7 @@ from blind.hidden import draw
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import SI_WORDS
-from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
+from raccoon.diagnose.hypotheses.base_coordinates import with_usual_stds
 from raccoon.diagnose.recordings import diagnosis as recordings
 from raccoon.diagnose.recordings.channels.counters import Counted, said_of_counters, with_counted
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording

@@ -15,7 +15,7 @@ from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.findings.extend import rebased, within_bounds
-from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
@@ -31,7 +31,7 @@ from raccoon.diagnose.result import (
     Rejected,
     Verdict,
 )
-from raccoon.diagnose.rollout.robots import parameters_of
+from raccoon.diagnose.rollout.simulated_robot import parameters_of
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands

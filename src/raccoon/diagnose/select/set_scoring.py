@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.linear import Group
+from raccoon.diagnose.fit.linear_model import Group
 from raccoon.diagnose.select.gates import gates
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.state import Search
 
 Array = NDArray[np.float64]
 Chosen = frozenset[int]

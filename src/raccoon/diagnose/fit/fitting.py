@@ -8,9 +8,9 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.descent import Lost, Track
 from raccoon.diagnose.fit.evidence import bounded_least
-from raccoon.diagnose.fit.fitted import Fit, cost_of
+from raccoon.diagnose.fit.fit_result import Fit, cost_of
+from raccoon.diagnose.fit.levenberg_marquardt import Lost, Track
 from raccoon.diagnose.fit.problem import Point, Problem, neighbours
 from raccoon.diagnose.fit.whitener import Whitening
 

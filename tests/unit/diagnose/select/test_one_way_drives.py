@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.select import one_way, rivals
-from raccoon.diagnose.select.one_way import ALIKE, same_one_way, way_of
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select import one_way_drives, rivals
+from raccoon.diagnose.select.one_way_drives import ALIKE, same_one_way, way_of
 from raccoon.diagnose.select.rivals import _exchanged
-from raccoon.diagnose.select.sets import Sets
+from raccoon.diagnose.select.set_scoring import Sets
+from raccoon.diagnose.select.state import Search
 
 
 def driven(*readings: tuple[float, float]) -> Any:
@@ -49,7 +49,7 @@ def held_back(problem: Problem, point: Point, way: int) -> float:
 def test_each_of_them_is_as_much_torque_as_the_one_in_whose_place_it_stands(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, name: str, way: int
 ) -> None:
-    monkeypatch.setattr(one_way, "way_of", lambda _: way)
+    monkeypatch.setattr(one_way_drives, "way_of", lambda _: way)
     u = np.zeros(problem.causes[name].size)
     u[0] = 0.3
     point = problem.nominal().with_cause(name, u)
@@ -66,7 +66,7 @@ def test_what_a_model_to_start_from_has_of_them_stays(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     """A table that is known to pull by 0.02 N m was counted as if it were what is found now."""
-    monkeypatch.setattr(one_way, "way_of", lambda _: 1)
+    monkeypatch.setattr(one_way_drives, "way_of", lambda _: 1)
     slope = {("drive.slope", None, "along_x"): 0.02}
     lean = {("friction.direction_dependent", side, "asymmetry"): 0.1 for side in ("left", "right")}
     known = replace(problem, neutral=dict(problem.neutral) | slope | lean)
@@ -85,7 +85,7 @@ def test_a_drive_both_ways_tells_them_apart(problem: Problem) -> None:
 
 def test_they_are_tried_in_each_others_place(searching: Search, monkeypatch: pytest.MonkeyPatch) -> None:
     """Though straight lines lead from none to another."""
-    monkeypatch.setattr(one_way, "way_of", lambda _: 1)
+    monkeypatch.setattr(one_way_drives, "way_of", lambda _: 1)
     monkeypatch.setattr(rivals, "alike", lambda *_: {})
     monkeypatch.setattr(rivals, "_losing_least", lambda *_: {})
     assert {rival for _, rival, _ in _exchanged(searching)} == set(ALIKE) - {"drive.slope"}

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.hypotheses.runs import of_run
+from raccoon.diagnose.hypotheses.per_recording import of_run
 from raccoon.diagnose.own import OwnEffect
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout, Rollout
+from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout, Rollout
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 
 from raccoon.diagnose.drives.features import BIN
-from raccoon.diagnose.fit.descent import ROUGH, SETTLED
-from raccoon.diagnose.fit.fits import costs_at, fit_afresh, fit_point
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import costs_at, fit_afresh, fit_point
+from raccoon.diagnose.fit.levenberg_marquardt import ROUGH, SETTLED
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitening
 

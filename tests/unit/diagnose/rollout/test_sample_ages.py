@@ -14,10 +14,10 @@ from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.habits.chains import FREE_RUNNING
 from raccoon.diagnose.habits.controller import controller_of
 from raccoon.diagnose.habits.problems import drive_problem
-from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.rollout.ages import AGE, age_coordinates, aged
+from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.firmware import FIRMWARES
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.rollout.sample_ages import AGE, age_coordinates, aged
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from simulated_drives import recorded

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.hypotheses.candidates import HIGHEST_LIMIT
+from raccoon.diagnose.hypotheses.cause_catalogue import HIGHEST_LIMIT
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause, Coordinate, Setting, Settings
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.effect import Parameter
 
 Array = NDArray[np.float64]

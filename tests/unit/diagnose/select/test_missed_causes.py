@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.drives.features import BIN
-from raccoon.diagnose.fit.noise import white_noise
+from raccoon.diagnose.fit.noise_estimation import FORM_SHARE, SPARED
+from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.whitening import FORM_SHARE, SPARED
-from raccoon.diagnose.hypotheses.forms import form_weight
-from raccoon.diagnose.select import missed
+from raccoon.diagnose.hypotheses.form_errors import form_weight
+from raccoon.diagnose.select import missed_causes
 from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
-from raccoon.diagnose.select.missed import with_missed
-from raccoon.diagnose.select.outlook import Search, estimated
+from raccoon.diagnose.select.missed_causes import with_missed
 from raccoon.diagnose.select.search import forward, pruned
+from raccoon.diagnose.select.state import Search, estimated
 from unit.diagnose.searches import searched
 
 LARGE = {
@@ -52,7 +52,7 @@ def test_a_small_cause_that_the_noise_of_a_search_hides_is_found_under_that_of_t
     more = with_missed(last)
     assert more is not None
     assert set(more.fit.point.active) == {*LARGE, SMALL}
-    assert more.gains[SMALL] >= gate(SMALL) + missed.SHORT * (missed.CROWD - len(LARGE))
+    assert more.gains[SMALL] >= gate(SMALL) + missed_causes.SHORT * (missed_causes.CROWD - len(LARGE))
     assert SMALL not in more.failed
     assert with_missed(estimated(more)) is None
 
@@ -84,8 +84,10 @@ def test_in_bins_of_another_length_as_much_is_needed(problem: Problem, parts: fl
         linear=SimpleNamespace(acting={names[0]: response}),
         whitener=SimpleNamespace(noise=noise),
     )
-    lacking = missed.SHORT * (missed.CROWD - len(names))
-    assert missed._further(cast(Search, asked)) == pytest.approx(lacking + 400 * (FORM_SHARE * 9.0) ** 2)
+    lacking = missed_causes.SHORT * (missed_causes.CROWD - len(names))
+    assert missed_causes._further(cast(Search, asked)) == pytest.approx(
+        lacking + 400 * (FORM_SHARE * 9.0) ** 2
+    )
 
 
 def test_friction_of_one_wheel_is_not_asked_for(problem: Problem) -> None:
@@ -99,7 +101,7 @@ def test_beside_few_causes_nothing_is_asked(problem: Problem, monkeypatch: pytes
     few = named(problem).without_cause("battery.discharge")
     assert len(few.active) == MANY - 1
     search = searched(problem, few.with_cause(SMALL, np.array([HOW_MUCH])), few)
-    monkeypatch.setattr(missed, "refit_candidates", lambda _: pytest.fail("asked"))
+    monkeypatch.setattr(missed_causes, "refit_candidates", lambda _: pytest.fail("asked"))
     assert with_missed(estimated(search)) is None
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.backlash_scan import play_of
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point
-from raccoon.diagnose.fit.scan import play_of
-from raccoon.diagnose.select.moves import settled_fit
-from raccoon.diagnose.select.outlook import Search, worth
 from raccoon.diagnose.select.search import required_evidence
+from raccoon.diagnose.select.state import Search, worth
+from raccoon.diagnose.select.transitions import settled_fit
 
 DOUBT = 25.0
 """Log evidence beyond what it must have up to which a cause is asked again."""

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.linear import Group
+from raccoon.diagnose.fit.linear_model import Group
+from raccoon.diagnose.fit.noise_estimation import FLOOR_SHARES
 from raccoon.diagnose.fit.wander import slow_friction
-from raccoon.diagnose.fit.whitening import FLOOR_SHARES
-from raccoon.diagnose.select.outlook import MOST_OF_EVENT, Search, excess, screen
+from raccoon.diagnose.select.state import MOST_OF_EVENT, Search, excess, screen
 
 Array = NDArray[np.float64]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raccoon.diagnose.fit.fits import fit_many
-from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.scan import fit_scanned
+from raccoon.diagnose.fit.backlash_scan import fit_scanned
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_many
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
-from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around
+from raccoon.diagnose.select.state import Rival, Search, lead, look_around
 
 BETTER_TOGETHER = "others explain it better together"
 """Why a cause is not named that would be without them."""

@@ -2,7 +2,7 @@
 
 Adding one cause at a time can go astray: two wrong ones can stand in for a right one, and neither is worth
 dropping alone. So once several are named, everything whose response is nearly a straight line is fitted at
-once. That model is near the truth wherever the truth is, and from there the algebra of `sets` proposes sets.
+once. That model is near the truth wherever the truth is, and from there `set_scoring` proposes sets.
 Each cause is also exchanged for those that act most like it, and the set for those that are the same drive
 in other numbers. The proposals are truly fitted, and compared moment by moment.
 """
@@ -14,14 +14,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.fits import fit_afresh, fit_at, fit_many, fit_point
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_afresh, fit_at, fit_many, fit_point
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
-from raccoon.diagnose.select.sets import Chosen, Member, Sets, apart
+from raccoon.diagnose.select.set_scoring import Chosen, Member, Sets, apart
+from raccoon.diagnose.select.state import Search, look_around
 from raccoon.diagnose.select.twins import fitted_twins
 
 PROPOSED = 3

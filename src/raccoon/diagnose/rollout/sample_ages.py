@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.hypotheses.base_coordinates import UNKNOWN_PHASE
 from raccoon.diagnose.hypotheses.coordinates import Coordinate, Setting, Settings
-from raccoon.diagnose.hypotheses.open_numbers import UNKNOWN_PHASE
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]

@@ -8,9 +8,9 @@ import pytest
 
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.fit.problem import Point
-from raccoon.diagnose.select import needed
+from raccoon.diagnose.select import unneeded_causes
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.state import Search
 
 PLAY, SLIP, SCALE = "drive.backlash", "drive.wheel_slip", "imu.gyro_scale"
 WORTH = {PLAY: 300.0, SLIP: 20.0, SCALE: 20.0}
@@ -31,9 +31,9 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
         return SimpleNamespace(**{**vars(search), "fit": SimpleNamespace(point=fit.point)})
 
     for module, name, stand_in in (
-        (needed, "fit_point", fitted),
-        (needed, "settled_fit", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
-        (needed, "worth", lambda _, one, other: other.cost - one.cost),
+        (unneeded_causes, "fit_point", fitted),
+        (unneeded_causes, "settled_fit", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
+        (unneeded_causes, "worth", lambda _, one, other: other.cost - one.cost),
         (proving, "pruned", without),
         (proving, "estimated", lambda search: search),
         (proving, "_sizeless", lambda _: None),
@@ -60,7 +60,7 @@ def test_a_cause_that_play_s_rough_misfit_asked_for_is_dropped(monkeypatch: pyte
 def test_what_is_worth_its_gate_from_everywhere_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     left, fits = asked_again([PLAY, SLIP, SCALE], monkeypatch)
     assert left == {PLAY, SLIP, SCALE}
-    assert fits == 2 + 2 * len(needed.STARTS)  # play itself is far beyond doubt, and not asked
+    assert fits == 2 + 2 * len(unneeded_causes.STARTS)  # play itself is far beyond doubt, and not asked
 
 
 def test_without_play_nothing_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,6 +68,6 @@ def test_without_play_nothing_is_asked_again(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_where_all_is_clear_nothing_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(WORTH, SLIP, gate(SLIP) + needed.DOUBT + 1.0)
-    monkeypatch.setitem(WORTH, SCALE, gate(SCALE) + needed.DOUBT + 1.0)
+    monkeypatch.setitem(WORTH, SLIP, gate(SLIP) + unneeded_causes.DOUBT + 1.0)
+    monkeypatch.setitem(WORTH, SCALE, gate(SCALE) + unneeded_causes.DOUBT + 1.0)
     assert asked_again([PLAY, SLIP, SCALE], monkeypatch) == ({PLAY, SLIP, SCALE}, 0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import bounded_least
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.problem import Point, Problem
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import pytest
 
 from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
-from raccoon.diagnose.select.sets import Member, Sets, overlap
+from raccoon.diagnose.select.set_scoring import Member, Sets, overlap
 
 
 def sets_of(columns: np.ndarray, target: np.ndarray, *one_sided: int) -> Sets:

@@ -9,12 +9,9 @@ from typing import cast
 import numpy as np
 import pytest
 
+from raccoon.diagnose.fit.cross_validation import SHOWN, Part, _pulled, evidence_of, foreseen_error
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.left_out import SHOWN, Part, _pulled, evidence_of, foreseen_error
-from raccoon.diagnose.fit.noise import CHANGING, EVENT, STEADY, white_noise
-from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.fit.wander import Piece
-from raccoon.diagnose.fit.whitening import (
+from raccoon.diagnose.fit.noise_estimation import (
     FAINT,
     FLOOR_SHARES,
     NEGLIGIBLE,
@@ -26,6 +23,9 @@ from raccoon.diagnose.fit.whitening import (
     faint_parts,
     regimes_of,
 )
+from raccoon.diagnose.fit.noise_model import CHANGING, EVENT, STEADY, white_noise
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.fit.wander import Piece
 
 BINS, CHANNELS = 6 * EVENT, 2
 

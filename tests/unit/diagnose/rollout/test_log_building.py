@@ -13,7 +13,7 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.at_once import SAID
 from raccoon.diagnose.rollout.firmware import FIRMWARES
-from raccoon.diagnose.rollout.understood import understood
+from raccoon.diagnose.rollout.log_building import understood
 
 ROBOT = RobotConfig()
 

@@ -167,7 +167,8 @@ def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
 
 
 NO_CAUSE = ("friction.presliding", "imu.low_pass")
-"""Not a fault, and refitted silently where a robot has it; see `open_numbers.Wheels` and `rollout.Habits`."""
+"""Not a fault, and refitted silently where a robot has it; see `base_coordinates.Wheels` and
+`plant_rollout.Habits`."""
 SIDES_ONLY = ("drive.wheel_eccentricity",)
 
 

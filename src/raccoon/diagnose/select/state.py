@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.fit.backlash_scan import fit_scanned
 from raccoon.diagnose.fit.evidence import Gram, foreseen, parts_of
-from raccoon.diagnose.fit.fits import fit_at, fit_point
-from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.linear import Group, Linear, Table, linearise, tabulate
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_at, fit_point
+from raccoon.diagnose.fit.linear_model import Group, Linear, Table, linearise, tabulate
+from raccoon.diagnose.fit.noise_estimation import whitener_for
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.scan import fit_scanned
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.fit.whitening import whitener_for
 from raccoon.diagnose.hypotheses.coordinates import Settings
 
 Array = NDArray[np.float64]

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from raccoon.core.doing import tell
 from raccoon.diagnose.drives.features import BIN
-from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.fit.linear import tabulate
-from raccoon.diagnose.fit.whitening import acting, inexact
+from raccoon.diagnose.fit.fitting import fit_point
+from raccoon.diagnose.fit.linear_model import tabulate
+from raccoon.diagnose.fit.noise_estimation import acting, inexact
 from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
-from raccoon.diagnose.select.moves import accepted
-from raccoon.diagnose.select.outlook import Search, worth
 from raccoon.diagnose.select.refits import refit_candidates, refits_afresh
+from raccoon.diagnose.select.state import Search, worth
+from raccoon.diagnose.select.transitions import accepted
 
 CROWD, SHORT = 7, 2.0
 """Of fewer causes than so many each that is lacking makes another less likely, by so much log evidence.

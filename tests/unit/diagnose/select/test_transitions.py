@@ -8,11 +8,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.problem import Point
-from raccoon.diagnose.select import moves
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select import transitions
 from raccoon.diagnose.select.replacements import rearranged
+from raccoon.diagnose.select.state import Search
 
 
 def test_what_another_set_does_without_is_noted_in_one_order(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,8 +23,8 @@ def test_what_another_set_does_without_is_noted_in_one_order(monkeypatch: pytest
         for each in (names, names[::4])
     )
     search = cast(Search, SimpleNamespace(fit=before, failed={}, rivals={}))
-    monkeypatch.setattr(moves, "moved", lambda search, *_: search)
-    assert [*moves.replaced_by(search, cast(Fit, after)).failed] == [
+    monkeypatch.setattr(transitions, "moved", lambda search, *_: search)
+    assert [*transitions.replaced_by(search, cast(Fit, after)).failed] == [
         name for name in names if name not in names[::4]
     ]
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log, column_names
 from raccoon.diagnose.drives.ramps import Ramp
+from raccoon.diagnose.hypotheses.base_coordinates import Wheels
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
-from raccoon.diagnose.rollout.ages import AGE, aged
-from raccoon.diagnose.rollout.encoders import WINDOW, counted
+from raccoon.diagnose.rollout.censored_readings import LEAST_ZONE, flickering, heard
+from raccoon.diagnose.rollout.encoder_window import WINDOW, counted
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.heard import LEAST_ZONE, flickering, heard
-from raccoon.diagnose.rollout.robots import Variant, gyro_numbers, with_inertia
+from raccoon.diagnose.rollout.sample_ages import AGE, aged
+from raccoon.diagnose.rollout.simulated_robot import Variant, gyro_numbers, with_inertia
 from raccoon.sim.effects.chain import SHORTEST_CYCLE, Chain
 from raccoon.sim.effects.nominal import check_nominal, check_section
 from raccoon.sim.effects.parameters import Parameters

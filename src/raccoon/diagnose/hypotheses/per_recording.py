@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE
 from raccoon.diagnose.hypotheses.coordinates import Coordinate, Setting, Settings
-from raccoon.diagnose.hypotheses.open_numbers import INSIDE
 
 RUN = "run"
 DIFFERS: dict[Setting, float] = {

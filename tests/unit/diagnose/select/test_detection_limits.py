@@ -11,9 +11,9 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.linear import Table
+from raccoon.diagnose.fit.linear_model import Table
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, added, multiplied, neutral_settings
-from raccoon.diagnose.select.visible import instead, visibility
+from raccoon.diagnose.select.detection_limits import instead, visibility
 
 K_E, COULOMB, INERTIA = "motor.back_emf_constant", "friction.coulomb", "drive.inertia"
 BASE = (

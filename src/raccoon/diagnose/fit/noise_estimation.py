@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.binned import runs
 from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.drives.log import WHEELS
-from raccoon.diagnose.fit.left_out import Part, evidence_of, foreseen_error
-from raccoon.diagnose.fit.linear import Group, Linear
-from raccoon.diagnose.fit.noise import (
+from raccoon.diagnose.fit.cross_validation import Part, evidence_of, foreseen_error
+from raccoon.diagnose.fit.linear_model import Group, Linear
+from raccoon.diagnose.fit.noise_model import (
     CHANGING,
     CREEPING,
     STANDING,
@@ -34,7 +34,7 @@ from raccoon.diagnose.fit.noise import (
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import Piece, pieces
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.hypotheses.forms import form_factor, form_weight
+from raccoon.diagnose.hypotheses.form_errors import form_factor, form_weight
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.habits.loose import start_of
 from raccoon.diagnose.habits.problems import drive_problem, loose_problem_of
-from raccoon.diagnose.rollout.encoders import WINDOW, counted, encoder_coordinates, encoder_settings
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.encoder_window import WINDOW, counted, encoder_coordinates, encoder_settings
+from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 
 TIME = np.arange(0.0, 2.0, 0.005)

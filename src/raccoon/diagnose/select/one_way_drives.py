@@ -15,7 +15,7 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.select.set_scoring import apart
 
 FRICTION, UNEVEN, SLOPE = "friction.coulomb", "friction.direction_dependent", "drive.slope"
 ALIKE = (FRICTION, UNEVEN, SLOPE)
