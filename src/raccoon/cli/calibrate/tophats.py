@@ -12,14 +12,20 @@ from numpy.typing import NDArray
 
 from raccoon.cli.doing import doing_shown
 from raccoon.cli.measured import SIMULATED, recorded_in_simulation
-from raccoon.core.config import load_robot
-from raccoon.core.errors import ConfigError
-from raccoon.core.sections import SIMULATED_ONE
+from raccoon.core.config import RobotConfig, load_robot
+from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.core.sections import SIMULATED_ONE, TophatConfig
+from raccoon.estimate.drive_calibration.columns import manoeuvre
+from raccoon.estimate.drive_calibration.paths import path
 from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
 from raccoon.estimate.tophat.sensor import Explanation, explanations
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 from raccoon.trace.loading import Run, load_runs
 
+Array = NDArray[np.float64]
+
+LEAST_WAY = 0.10
+"""m from which on a robot drove."""
 VERDICT = 2 + max(len(verdict) for verdict in Verdict)
 """Width of a column of verdicts."""
 
@@ -72,15 +78,15 @@ def calibrate_recordings(
         raise ConfigError(f"{robot_file}: it has no [tophat.NAME]")
     with doing_shown():
         runs = load_runs(*recordings)
-    readings, voltage = _readings(runs, {sensor.analog for sensor in robot.tophats.values()})
     now = datetime.now(UTC).isoformat(timespec="seconds")
     layout = Layout.of(robot.tophats, [set_name])
     print(layout.header)
     failed, usable = 0, []
     simulated = recorded_in_simulation(runs)
     whose = robot.name + SIMULATED_ONE if simulated else robot.name
+    voltage = _mean_voltage(runs)
     for name, sensor in robot.tophats.items():
-        found = calibrate(readings.get(sensor.analog, []))
+        found = calibrate(*_counts_and_ways(runs, robot, sensor))
         entry = _entry(name, set_name, now, found, whose, voltage)
         print(_row(entry, layout))
         failed += not found.usable
@@ -106,21 +112,43 @@ def _entry(
     return StoredCalibration(name, set_name, now, found, robot, ambient, voltage, generation)
 
 
-def _readings(runs: Sequence[Run], ports: set[int]) -> tuple[dict[int, NDArray[np.float64]], float | None]:
-    """(counts by analog port, mean battery voltage) of all recordings together."""
-    found: dict[int, list[NDArray[np.float64]]] = {}
-    voltages: list[float] = []
+def _counts_and_ways(
+    runs: Sequence[Run], robot: RobotConfig, sensor: TophatConfig
+) -> tuple[Array, Array | None]:
+    """What a sensor read in all recordings together, and the way to each reading: see `calibrate`. None where
+    one of them does not tell it, or the robot hardly drove: then it was the floor that was moved."""
+    counts, ways = [np.zeros(0)], [np.zeros(0)]
     for run in runs:
-        columns = run.recording.columns
-        for port in ports:
-            column = columns.get(f"analog.{port}")
-            if column is not None:
-                found.setdefault(port, []).append(column[np.isfinite(column)])
-        battery = columns.get("battery.voltage")
-        if battery is not None and np.isfinite(battery).any():
-            voltages.append(float(np.nanmean(battery)))
-    joined = {port: np.concatenate(parts) for port, parts in found.items()}
-    return joined, sum(voltages) / len(voltages) if voltages else None
+        column = run.recording.columns.get(f"analog.{sensor.analog}")
+        if column is None:
+            continue
+        read = np.isfinite(column)
+        counts.append(column[read])
+        ways.append(np.diff(_way(run, robot, sensor)[read], prepend=np.nan))
+    joined = np.concatenate(ways)
+    driven = float(np.nansum(joined))
+    seams = sum(len(each) > 0 for each in ways)
+    told = driven >= LEAST_WAY and np.isnan(joined).sum() == seams
+    return np.concatenate(counts), joined if told else None
+
+
+def _way(run: Run, robot: RobotConfig, sensor: TophatConfig) -> Array:
+    """m that a sensor went over the floor until each row, by the wheels; NaN where they do not tell."""
+    columns, device = run.recording.columns, run.recording.device
+    try:
+        x, y, heading = path(np.ones(3), robot, manoeuvre(columns, robot, device=device)).T
+    except CalibrationError:
+        return np.full(len(columns["t"]), np.nan)
+    x = x + sensor.forward * np.cos(heading) - sensor.left * np.sin(heading)
+    y = y + sensor.forward * np.sin(heading) + sensor.left * np.cos(heading)
+    return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+
+
+def _mean_voltage(runs: Sequence[Run]) -> float | None:
+    """V of the battery in all recordings together; None where none tells it."""
+    columns = [run.recording.columns.get("battery.voltage") for run in runs]
+    voltages = [float(np.nanmean(each)) for each in columns if each is not None and np.isfinite(each).any()]
+    return sum(voltages) / len(voltages) if voltages else None
 
 
 def _known(found: TophatCalibration) -> Iterator[Explanation]:

@@ -52,7 +52,8 @@ def calibrate(samples: ArrayLike, ways: ArrayLike | None = None) -> TophatCalibr
     samples: counts 0..4095, shape (n,), in order of time where there is one: edges, spikes and drift are then
     told from surfaces. The threshold takes black to be as likely as white, whatever the share in the samples:
     a line is rarely driven over but always meant. ways: m that the sensor went to each reading, shape (n,),
-    where that is known: what is narrower than any line is a seam then, as dark as it may be.
+    where that is known: what is narrower than any line is a seam then, as dark as it may be. NaN at the first
+    reading of each drive.
 
     Raises ConfigError for anything that is not 1-D finite numbers in 0..4095, or another number of ways.
     """

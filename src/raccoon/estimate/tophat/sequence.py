@@ -108,9 +108,10 @@ def trend(counts: Array) -> tuple[Array, slice]:
 
 
 def longest_above(counts: Array, cut: float, ways: Array) -> float:
-    """m: the longest way over which the readings stay at `cut` or above. ways: m of each, shape (n,)."""
-    above = counts >= cut
+    """m: the longest way over which the readings stay at `cut` or above. ways: m to each, shape (n,); NaN at
+    the first of another drive."""
+    above, seams = counts >= cut, np.isnan(ways)
     if not above.any():
         return 0.0
-    starts = np.flatnonzero(above & ~np.concatenate([[False], above[:-1]]))
-    return float(np.add.reduceat(np.where(above, ways, 0.0), starts).max())
+    starts = np.flatnonzero(above & (seams | ~np.concatenate([[False], above[:-1]])))
+    return float(np.add.reduceat(np.where(above & ~seams, ways, 0.0), starts).max())
