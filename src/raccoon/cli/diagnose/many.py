@@ -94,14 +94,14 @@ def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Colu
     cannot be used."""
     from raccoon.core.errors import CalibrationError, TraceError
     from raccoon.diagnose.recordings.geometry.diagnosis import usable
-    from raccoon.diagnose.recordings.judged_on import not_judged_on
+    from raccoon.diagnose.recordings.holdout_check import check_holdout
     from raccoon.diagnose.recordings.kind import Kind, kind_of
     from raccoon.trace.loading import load_run
 
     other = load_run(path).recording
     try:
         for each in fitted:
-            not_judged_on(each, other.columns, Kind.GEOMETRY, kind_of(other.columns, robot))
+            check_holdout(each, other.columns, Kind.GEOMETRY, kind_of(other.columns, robot))
         usable(other.columns, robot, other.device)
     except (CalibrationError, TraceError) as error:
         raise TraceError(f"--holdout {path}: {error}") from None

@@ -18,16 +18,21 @@ from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.base_coordinates import with_usual_stds, without_std
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect
-from raccoon.diagnose.recordings.channels.broken import judged_again, without_broken
-from raccoon.diagnose.recordings.channels.counters import begun_anew, said_of_counters, with_counted
-from raccoon.diagnose.recordings.channels.partial import with_columns_named
-from raccoon.diagnose.recordings.channels.volts import (
-    BY_READING,
-    as_duty,
-    commands_volts,
+from raccoon.diagnose.recordings.channels.counters import (
+    counter_reset_notes,
+    counters_named_in_errors,
+    with_counter_bemf,
+)
+from raccoon.diagnose.recordings.channels.faulty import without_faulty_channels
+from raccoon.diagnose.recordings.channels.missing import with_missing_columns_named
+from raccoon.diagnose.recordings.channels.review import with_channel_faults
+from raccoon.diagnose.recordings.channels.volt_commands import (
+    BY_READING_NOTE,
+    duties_by_battery_reading,
+    duties_of_stiff_battery,
     explains_better,
-    over_reading,
-    without_battery,
+    has_volt_commands,
+    with_battery_rejected,
 )
 from raccoon.diagnose.recordings.doubts.battery_reading import with_battery_reading
 from raccoon.diagnose.recordings.doubts.command_scale import with_command_scale
@@ -39,17 +44,21 @@ from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
 from raccoon.diagnose.recordings.firmware.named import Named, named
 from raccoon.diagnose.recordings.firmware.recognised import recognised
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
-from raccoon.diagnose.recordings.judged_on import not_judged_on
-from raccoon.diagnose.recordings.kind import Kind, check_robot, columns_given, kind_of
+from raccoon.diagnose.recordings.holdout_check import check_holdout
+from raccoon.diagnose.recordings.joint_checks import check_joint_commands, check_joint_recordings
+from raccoon.diagnose.recordings.kind import Kind, as_float_columns, check_robot, kind_of
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
-from raccoon.diagnose.recordings.nothing import nothing_to_compare
+from raccoon.diagnose.recordings.no_comparison import diagnose_without_comparison
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.reference.units import strange_reference
-from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_other, rows_of_others
-from raccoon.diagnose.recordings.rows.repeated import without_repeated
-from raccoon.diagnose.recordings.together import check_commands, check_drives
+from raccoon.diagnose.recordings.rows.repeated import without_duplicate_times
+from raccoon.diagnose.recordings.rows.selection import (
+    select_rows,
+    select_unique_rows,
+    select_unique_rows_of_each,
+)
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.rollout.firmware import firmware_of
@@ -98,24 +107,24 @@ def diagnose_recording(
     samples.
     """
     check_robot(robot)
-    columns, more = columns_given(columns), [columns_given(each) for each in more]
-    holdout = None if holdout is None else columns_given(holdout)
+    columns, more = as_float_columns(columns), [as_float_columns(each) for each in more]
+    holdout = None if holdout is None else as_float_columns(holdout)
     told = any(name.startswith(TRUTH) for each in (columns, holdout or {}, *more) for name in each)
     if truth_free:
         columns, *more = map(_without_truth, (columns, *more))
         holdout = None if holdout is None else _without_truth(holdout)
-    columns, repeated = without_repeated(columns)
+    columns, repeated = without_duplicate_times(columns)
     kind = kind_of(columns, robot)
-    check_drives([columns, *(without_repeated(each)[0] for each in more)], robot)
-    columns, of_rows = rows_of(columns, kind)
-    more, of_others = rows_of_others(more, kind)
+    check_joint_recordings([columns, *(without_duplicate_times(each)[0] for each in more)], robot)
+    columns, of_rows = select_rows(columns, kind)
+    more, of_others = select_unique_rows_of_each(more, kind)
     of_rows = (*repeated, *of_rows, *of_others)
     unused = ""
     if holdout is not None:
         with said_of_holdout():
-            holdout, of_other = rows_of_other(holdout, kind)
+            holdout, of_other = select_unique_rows(holdout, kind)
             of_rows = (*of_rows, *(f"the other recording: {each}" for each in of_other))
-            unused = not_judged_on(columns, holdout, kind, kind_of(holdout, robot))
+            unused = check_holdout(columns, holdout, kind, kind_of(holdout, robot))
     if kind is Kind.STEP:
         found = diagnose_step(columns, step_port(columns) or 0)
     elif kind is Kind.MOTORS:
@@ -126,11 +135,11 @@ def diagnose_recording(
     elif kind is Kind.TOPHATS:
         found = diagnose_tophats(columns, robot, model, truth_free)
     elif kind is Kind.NOTHING:
-        found = nothing_to_compare(columns, robot)
+        found = diagnose_without_comparison(columns, robot)
     else:
         open_robot, exact = with_usual_stds(robot)
         made_by = recognised(named(device, columns, robot, port), columns, open_robot)
-        with said_of_counters(columns):
+        with counters_named_in_errors(columns):
             asked = _Asked(model, truth_free, own, made_by)
             found = _driven(columns, open_robot, holdout, more, asked)
         found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
@@ -164,20 +173,20 @@ def _driven(
     """The drive, of commanded volts by what was read of the battery, and as if the driver knew it better,
     whichever explains it.
     """
-    if not commands_volts(columns, robot) or more:
+    if not has_volt_commands(columns, robot) or more:
         return _drive(columns, robot, holdout, more, asked)
-    shares, other = over_reading(columns, robot), holdout
-    if holdout is not None and commands_volts(holdout, robot):
-        other = over_reading(holdout, robot)
+    shares, other = duties_by_battery_reading(columns, robot), holdout
+    if holdout is not None and has_volt_commands(holdout, robot):
+        other = duties_by_battery_reading(holdout, robot)
     if shares is None or (other is None and holdout is not None):
         return _drive(columns, robot, holdout, more, asked)
     found = _drive(shares, robot, other, more, asked)
-    by_duty = holdout is not None and not commands_volts(holdout, robot)
+    by_duty = holdout is not None and not has_volt_commands(holdout, robot)
     if found.verdict is not Verdict.ADEQUATE and not by_duty:
         exact = _drive(columns, robot, holdout, more, asked)
         if explains_better(exact, found):
             return exact
-    return replace(found, notes=(*found.notes, BY_READING))
+    return replace(found, notes=(*found.notes, BY_READING_NOTE))
 
 
 def _drive(
@@ -186,8 +195,8 @@ def _drive(
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
     check_time(np.asarray(columns["t"], float))  # before a reference is compared with what depends on it
     device, model = asked.made_by.device, asked.model
-    counted = with_counted(columns, robot, device)
-    sound = without_broken(counted.columns, robot)
+    counted = with_counter_bemf(columns, robot, device)
+    sound = without_faulty_channels(counted.columns, robot)
     columns = sound.columns
     holdout, more, others = _others(holdout, more, robot, device)
     firmware = firmware_of(device)
@@ -200,8 +209,8 @@ def _drive(
         columns = firmware.before_cutting(columns)
         holdout = None if holdout is None else firmware.before_cutting(holdout)
         more = [firmware.before_cutting(each) for each in more]
-    by_volts = commands_volts(columns, robot)
-    check_commands([columns, *more], robot)
+    by_volts = has_volt_commands(columns, robot)
+    check_joint_commands([columns, *more], robot)
     speeds = None if by_volts else speeds_told(columns, robot, firmware)
     if speeds is not None:
         found = speeds
@@ -218,16 +227,16 @@ def _drive(
             columns, start.robot, holdout=holdout, more=more, causes=tried, model=known, firmware=firmware
         )
         found = with_reference(found, start, model)
-    found = with_columns_named(found, columns, robot, sound.left_out)
+    found = with_missing_columns_named(found, columns, robot, sound.left_out)
     if not by_volts:
         found = with_battery_reading(with_doubts(found, columns, robot), robot)
         found = with_command_scale(with_encoder_reading(found, robot), robot)
     found = with_reference_scale(found)
-    found = counted.told(judged_again(found, columns, sound, robot))
+    found = counted.annotate(with_channel_faults(found, columns, sound, robot))
     gravity = strange_acceleration(columns)
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
     strange = tuple(filter(None, (strange_reference(columns, robot, device),)))
-    anew = begun_anew(columns, robot)
+    anew = counter_reset_notes(columns, robot)
     found = replace(found, notes=(*found.notes, *unit, *strange, *anew, *asked.made_by.notes, *others))
     return _with_tophats(found, columns, robot, model, asked.truth_free)
 
@@ -239,7 +248,7 @@ def _others(
     notes: list[str] = []
 
     def whole(other: Columns, which: str) -> Columns:
-        part = without_broken(with_counted(other, robot, device).columns, robot)
+        part = without_faulty_channels(with_counter_bemf(other, robot, device).columns, robot)
         notes.extend(f"{which}: {each}" for each in (*(fault.text for fault in part.faults), *part.notes))
         return part.columns
 
@@ -257,12 +266,12 @@ def _by_volts(
     device: Device,
 ) -> Diagnosis:
     """A drive whose commands are volts: there is nothing to be said of its battery."""
-    changed, stiff, causes = as_duty(columns, robot, holdout)
-    other = None if holdout is None else as_duty(holdout, stiff)[0]
+    changed, stiff, causes = duties_of_stiff_battery(columns, robot, holdout)
+    other = None if holdout is None else duties_of_stiff_battery(holdout, stiff)[0]
     start = start_of(columns, stiff, None, device)
     tried = start.undecided([*causes, *map(own_cause, own)])
     found = diagnose(changed, start.robot, holdout=other, causes=tried)
-    return without_battery(with_reference(found, start))
+    return with_battery_rejected(with_reference(found, start))
 
 
 def _with_tophats(

@@ -1,4 +1,4 @@
-"""Whether columns are a recording, and of what kind."""
+"""Checks that columns are a recording, and tells of what kind it is."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from raccoon.trace.recording import check_lengths, numbers_of
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-SHORT_DRIVE = 2.0
-"""s; volts to both wheels for a shorter time are no drive."""
+MIN_DRIVE_S = 2.0
+"""s; a shorter recording of volts at both wheels is no drive."""
 
 
 class Kind(StrEnum):
@@ -35,11 +35,11 @@ class Kind(StrEnum):
     TOPHATS = "tophats"
     """Reflectance sensors alone."""
     NOTHING = "nothing"
-    """Nothing that the simulation predicts without what is missing."""
+    """Nothing that the simulation can be compared with."""
 
 
-def columns_given(columns: Any) -> dict[str, NDArray[np.float64]]:
-    """Columns as arrays of floats; lists and whole numbers do as well.
+def as_float_columns(columns: Any) -> dict[str, NDArray[np.float64]]:
+    """Columns as arrays of floats; they may be given as lists and as whole numbers.
 
     Raises TraceError for anything but a mapping of names to numbers.
     """
@@ -52,7 +52,7 @@ def columns_given(columns: Any) -> dict[str, NDArray[np.float64]]:
 
 
 def check_robot(robot: Any) -> None:
-    """Raise ConfigError for anything but a robot, such as None: a CSV does not say whose it is."""
+    """Raise ConfigError for anything but a RobotConfig, such as None: a CSV does not describe its robot."""
     if not isinstance(robot, RobotConfig):
         given = "None" if robot is None else f"{robot!r:.60}"
         raise ConfigError(
@@ -62,7 +62,7 @@ def check_robot(robot: Any) -> None:
 
 
 def kind_of(columns: Columns, robot: RobotConfig) -> Kind:
-    """The kind, by the columns alone. Raises TraceError for a recording without samples, and where a
+    """The kind of a recording by its columns. Raises TraceError for a recording without samples, and where a
     column is not as long as t."""
     if "t" not in columns or len(columns["t"]) == 0:
         raise TraceError("the recording is empty: it has no samples with a time t")
@@ -70,32 +70,32 @@ def kind_of(columns: Columns, robot: RobotConfig) -> Kind:
     ports = (robot.drive.left, robot.drive.right)
     if step_port(columns) is not None:
         return Kind.STEP
-    if all(_has(columns, f"motor.{port}.duty") for port in ports):
+    if all(_has_readings(columns, f"motor.{port}.duty") for port in ports):
         return Kind.DRIVE
     motors = motor_ports(columns)
     if motors and not _is_drive(columns, ports):
         return Kind.MOTORS
-    if all(_has(columns, f"motor.{port}.voltage") for port in ports):
+    if all(_has_readings(columns, f"motor.{port}.voltage") for port in ports):
         return Kind.DRIVE
     if any(name.endswith(".duty") for name in columns):
         return Kind.DRIVE
     wheels = all(
-        any(_has(columns, f"motor.{port}.{kind}") for kind in ("position", "bemf")) for port in ports
+        any(_has_readings(columns, f"motor.{port}.{kind}") for kind in ("position", "bemf")) for port in ports
     )
-    if wheels and _has(columns, "truth.x"):
+    if wheels and _has_readings(columns, "truth.x"):
         return Kind.GEOMETRY
     if not wheels and any(name.startswith("analog.") for name in columns):
         return Kind.TOPHATS
     return Kind.NOTHING
 
 
-def _has(columns: Columns, name: str) -> bool:
+def _has_readings(columns: Columns, name: str) -> bool:
     return name in columns and bool(np.isfinite(columns[name]).any())
 
 
 def _is_drive(columns: Columns, ports: tuple[int, int]) -> bool:
-    """Volts to both wheels for long enough, without currents, are a drive in another unit."""
+    """Whether volts at both wheels, for long enough and without currents, are a drive commanded in volts."""
     seconds = float(np.ptp(columns["t"]))
-    both = all(_has(columns, f"motor.{port}.voltage") for port in ports)
-    currents = any(_has(columns, f"motor.{port}.current") for port in ports)
-    return both and not currents and seconds >= SHORT_DRIVE
+    both = all(_has_readings(columns, f"motor.{port}.voltage") for port in ports)
+    currents = any(_has_readings(columns, f"motor.{port}.current") for port in ports)
+    return both and not currents and seconds >= MIN_DRIVE_S

@@ -19,7 +19,7 @@ from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.linear_model import linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
-from raccoon.diagnose.recordings.rows.repeated import without_repeated
+from raccoon.diagnose.recordings.rows.repeated import without_duplicate_times
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.unknown.probes import probes_for
 
@@ -410,15 +410,15 @@ def test_samples_that_were_written_twice_are_left_out_of_the_recording_and_of_wh
 ) -> None:
     again = np.insert(np.arange(len(good["t"])), [500, 900], [499, 899])
     twice = {name: each[again] for name, each in good.items()}
-    once, said = without_repeated(twice)
+    once, said = without_duplicate_times(twice)
     assert "2 samples have the time of the one before and are left out" in said[0]
     for name, each in good.items():
         np.testing.assert_array_equal(once[name], each)
     later = {name: each[again] for name, each in make(5, seconds=8.0).columns.items()}
     found = diagnose_recording(twice, ROBOT, holdout=later)
     assert said[0] in found.notes
-    assert without_repeated(good) == (good, ())
-    assert without_repeated({}) == ({}, ())
+    assert without_duplicate_times(good) == (good, ())
+    assert without_duplicate_times({}) == ({}, ())
 
 
 def test_a_robot_that_stands_judges_nothing(good: Columns) -> None:

@@ -1,1 +1,1 @@
-"""Channels that lie, stand for nothing or are not there, before anything is fitted."""
+"""Channels of a drive that are faulty, missing, or stand for something else than their names say."""

@@ -1,4 +1,4 @@
-"""Drives of which only the controller's counters were recorded: the back-EMF that these sum."""
+"""Derives back-EMF from position counters where a drive has no other reading of its wheels."""
 
 from __future__ import annotations
 
@@ -20,85 +20,92 @@ from raccoon.trace.recording import ports_in, usual_step
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-AVERAGED = 0.015
-"""s over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a wheel that creeps has.
-What is faster than 20 ms is averaged out in any case. A counter that does not change for as long says what a
-reading of 0 does."""
-NEARLY = 0.05
-"""Rows by which as many may be less than that: of rows of 5 ms, as their times are written, it is three."""
-LONGER = 1.5
-"""Times as long as usual, from which there is a gap in such rows."""
-SURELY = 3.5
-"""Standard deviations by which a dead zone must be wider than what a counter hides, as of a number outside
-robot.toml's."""
-FAR = 20.0
-"""Times what a wheel turns in a row at most, by which a counter jumps that begins anew."""
+AVERAGING_S = 0.015
+"""s over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a creeping wheel reads.
+What is faster than 20 ms is averaged out in any case. A counter that does not change for as long is a reading
+of 0."""
+ROW_TOLERANCE = 0.05
+"""Rows by which the averaging time may be missed: with rows of 5 ms, as their times are written, it is three
+rows."""
+MAX_GAP_RATIO = 1.5
+"""Times the usual duration of such rows, from which there is a gap in them."""
+MIN_ZONE_SIGMAS = 3.5
+"""Standard deviations by which a dead zone must be wider than what a counter hides, as many as by which other
+numbers must differ from robot.toml's."""
+MIN_RESET_JUMP_RATIO = 20.0
+"""Times the most that a wheel turns in a row, by which a counter jumps when it is reset."""
 
 
 @dataclass(frozen=True, slots=True)
-class Counted:
-    """Columns in which wheels without a reading have the one that their counter sums. counters: columns that
-    were taken for it. slowest: back-EMF counts that a counter in whole ticks hides."""
+class CounterBemf:
+    """Columns in which wheels without a reading have back-EMF derived from their counter. counters: columns
+    that it was derived from. hidden_counts: back-EMF below which a counter in whole ticks shows nothing."""
 
     columns: Columns
     counters: tuple[str, ...] = ()
-    slowest: float = 0.0
+    hidden_counts: float = 0.0
 
-    def told(self, found: Diagnosis) -> Diagnosis:
-        """A diagnosis of these columns that says so, without a dead zone that is only the counter's tick."""
+    def annotate(self, found: Diagnosis) -> Diagnosis:
+        """The diagnosis of these columns with a note, and without a dead zone that is only the counter's
+        tick."""
         if not self.counters:
             return found
-        readings = " and ".join(_reading(each) for each in self.counters)
+        readings = " and ".join(_bemf_name(each) for each in self.counters)
         note = (
             f"{readings} {'is' if len(self.counters) == 1 else 'are'} missing: taken from how "
             f"{' and '.join(self.counters)} advance{'s' if len(self.counters) == 1 else ''}"
         )
         zones = {each.name: each.parameters["counts"] for each in found.causes if each.id == ZONE}
-        own = [name for name, each in zones.items() if each.value < self.slowest + SURELY * each.std]
-        found = self._without(found, own) if own else found
+        hidden_zones = [
+            name
+            for name, each in zones.items()
+            if each.value < self.hidden_counts + MIN_ZONE_SIGMAS * each.std
+        ]
+        found = self._without_zones(found, hidden_zones) if hidden_zones else found
         return replace(found, notes=(*found.notes, note))
 
-    def _without(self, found: Diagnosis, names: list[str]) -> Diagnosis:
-        kept = [each for each in found.causes if each.name not in names]
-        ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(kept, start=1))
-        nothing = found.verdict is Verdict.EXPLAINED and all(each.little for each in ranked)
+    def _without_zones(self, found: Diagnosis, names: list[str]) -> Diagnosis:
+        remaining = [each for each in found.causes if each.name not in names]
+        ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(remaining, start=1))
+        is_adequate = found.verdict is Verdict.EXPLAINED and all(each.little for each in ranked)
         reason = (
             f"not identifiable: whole ticks of {' and '.join(self.counters)} hide readings below "
-            f"{self.slowest:.2g} counts as such a zone does"
+            f"{self.hidden_counts:.2g} counts as such a zone does"
         )
         model = found.model
         if model is not None:
-            zone = {key: values for key, values in model.effects.items() if key[0] != ZONE}
-            model = replace(model, effects=zone)
+            other_effects = {key: values for key, values in model.effects.items() if key[0] != ZONE}
+            model = replace(model, effects=other_effects)
         return replace(
             found,
-            verdict=Verdict.ADEQUATE if nothing else found.verdict,
+            verdict=Verdict.ADEQUATE if is_adequate else found.verdict,
             causes=ranked,
             rejected=(*found.rejected, *(Rejected(each, reason) for each in names)),
             model=model,
         )
 
 
-def with_counted(columns: Columns, robot: RobotConfig, device: Device) -> Counted:
-    """The columns with back-EMF in counts by `motor.N.position`, of wheels with neither that nor a speed.
-
-    A tick is worth what the device says.
+def with_counter_bemf(columns: Columns, robot: RobotConfig, device: Device) -> CounterBemf:
+    """The columns with back-EMF, in counts, derived from `motor.N.position` for wheels with neither back-EMF
+    nor speed. A tick is worth what the device says.
     """
-    made, used = dict(columns), []
+    derived, counters = dict(columns), []
     for port in (robot.drive.left, robot.drive.right):
         counter, reading = f"motor.{port}.position", f"motor.{port}.bemf"
         if any(is_read(columns, each) for each in (reading, f"motor.{port}.speed")):
             continue
         if is_read(columns, counter):
-            made[reading] = device.position_counts_seconds * _rate(columns["t"], columns[counter])
-            used.append(counter)
-    whole = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in used)
-    return Counted(made, tuple(used), device.position_counts_seconds / AVERAGED if whole else 0.0)
+            derived[reading] = device.position_counts_seconds * _tick_rate(columns["t"], columns[counter])
+            counters.append(counter)
+    whole = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in counters)
+    return CounterBemf(
+        derived, tuple(counters), device.position_counts_seconds / AVERAGING_S if whole else 0.0
+    )
 
 
-def begun_anew(columns: Columns, robot: RobotConfig) -> tuple[str, ...]:
-    """A note where both wheels' counters jump once and in one row: of two drives that meet at rest no reading
-    shows more. A program that clears them for each motion does it more often."""
+def counter_reset_notes(columns: Columns, robot: RobotConfig) -> tuple[str, ...]:
+    """A note where both wheels' counters jump once, in the same row: two drives joined at rest show nothing
+    else. A program that clears its counters for each motion does so more often."""
     names = [f"motor.{port}.position" for port in (robot.drive.left, robot.drive.right)]
     if not all(is_read(columns, each) for each in names):
         return ()
@@ -106,8 +113,8 @@ def begun_anew(columns: Columns, robot: RobotConfig) -> tuple[str, ...]:
     if len(known) < FEWEST:
         return ()
     steps = np.abs([np.diff(columns[each][known]) for each in names])
-    most = np.percentile(steps, 99.0, axis=1, keepdims=True)
-    rows = known[1:][(steps > FAR * np.maximum(most, 1.0)).all(axis=0)]
+    usual_step = np.percentile(steps, 99.0, axis=1, keepdims=True)
+    rows = known[1:][(steps > MIN_RESET_JUMP_RATIO * np.maximum(usual_step, 1.0)).all(axis=0)]
     if len(rows) != 1:
         return ()
     row = int(rows[0])
@@ -118,8 +125,9 @@ def begun_anew(columns: Columns, robot: RobotConfig) -> tuple[str, ...]:
 
 
 @contextmanager
-def said_of_counters(columns: Columns) -> Iterator[None]:
-    """An error of a reading that is made of a counter, with the counter's name: no other is in the file."""
+def counters_named_in_errors(columns: Columns) -> Iterator[None]:
+    """Errors about back-EMF that was derived from a counter name the counter too: only that is in the
+    file."""
     try:
         yield
     except HoldoutError:
@@ -128,28 +136,28 @@ def said_of_counters(columns: Columns) -> Iterator[None]:
         text = str(error)
         for port in ports_in(columns, "motor", "position"):
             counter = f"motor.{port}.position"
-            if _reading(counter) not in columns:
-                text = text.replace(_reading(counter), f"{_reading(counter)} (as {counter} advances)")
+            if _bemf_name(counter) not in columns:
+                text = text.replace(_bemf_name(counter), f"{_bemf_name(counter)} (as {counter} advances)")
         raise TraceError(text) from error
 
 
-def _rate(time: Array, ticks: Array) -> Array:
-    """Ticks a second: the mean over an odd number of rows that have any, in the middle one of these; NaN in
-    the others, and over a gap, in which a wheel may have done anything.
+def _tick_rate(time: Array, ticks: Array) -> Array:
+    """Ticks per second: the mean over an odd number of known rows, in the middle one of them; NaN in the
+    others, and over a gap, in which a wheel may have done anything.
 
-    A counter grows by what is read in a row, so between two rows it grows by the later ones' readings.
+    A counter grows by what is read in a row, so between two rows it grows by the readings of the later ones.
     """
     known = np.flatnonzero(np.isfinite(ticks))
     row = max(usual_step(time[known]), 1e-6)
-    half = int(np.ceil(0.5 * (AVERAGED / row - 1.0) - NEARLY))
+    half = int(np.ceil(0.5 * (AVERAGING_S / row - 1.0) - ROW_TOLERANCE))
     rows = max(2 * half + 1, 1)
     ends = known[::rows]
     spans = np.diff(time[ends])
-    whole = (spans > 0.0) & (spans < LONGER * rows * row)
+    whole = (spans > 0.0) & (spans < MAX_GAP_RATIO * rows * row)
     found = np.full(len(time), np.nan)
     found[known[rows - half :: rows][: len(spans)][whole]] = np.diff(ticks[ends])[whole] / spans[whole]
     return found
 
 
-def _reading(counter: str) -> str:
+def _bemf_name(counter: str) -> str:
     return f"{counter.removesuffix('position')}bemf"

@@ -19,9 +19,9 @@ from raccoon.core.readings import Device
 from raccoon.diagnose.drives.driven import moves
 from raccoon.diagnose.habits.controller import nearest
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
-from raccoon.diagnose.recordings.channels.broken import without_broken
-from raccoon.diagnose.recordings.channels.counters import with_counted
-from raccoon.diagnose.recordings.channels.volts import commands_volts
+from raccoon.diagnose.recordings.channels.counters import with_counter_bemf
+from raccoon.diagnose.recordings.channels.faulty import without_faulty_channels
+from raccoon.diagnose.recordings.channels.volt_commands import has_volt_commands
 from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
 from raccoon.diagnose.recordings.firmware.named import Named
 from raccoon.diagnose.rollout.firmware import Firmware, firmware_of
@@ -40,7 +40,7 @@ def recognised(made_by: Named, columns: Columns, robot: RobotConfig) -> Named:
     18 with a like zone behind another controller none.
     """
     firmware = None if made_by.like is None else firmware_of(made_by.like.device)
-    if made_by.like is None or firmware is None or commands_volts(columns, robot):
+    if made_by.like is None or firmware is None or has_volt_commands(columns, robot):
         return made_by
     tell("asking which firmware made the recording")
     try:
@@ -57,7 +57,7 @@ def _misfit(columns: Columns, robot: RobotConfig, zone: Firmware, device: Device
     zone: whose dead zone both have, the device's firmware or not: what is read there decides nothing.
     """
     firmware = firmware_of(device)
-    columns = without_broken(with_counted(columns, robot, device).columns, robot).columns
+    columns = without_faulty_channels(with_counter_bemf(columns, robot, device).columns, robot).columns
     robot = with_lag_of(device, robot)
     if firmware is not None:
         firmware = replace(firmware, units=False)

@@ -16,7 +16,7 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
-from raccoon.diagnose.recordings.channels.broken import other_robot
+from raccoon.diagnose.recordings.channels.review import wrong_robot_notes
 from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
 from raccoon.diagnose.recordings.geometry.fit import (
     Errors,
@@ -182,7 +182,11 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
         (RULER,) if any(each.confounded_with for each in results) else (),
         time.perf_counter() - begin,
         with_causes(Parameters.from_robot(fit.robot), results),
-        (_shared_how(fit), *other_robot(results), *([leaves_its_wheels(fit, after_factors)] if far else [])),
+        (
+            _shared_how(fit),
+            *wrong_robot_notes(results),
+            *([leaves_its_wheels(fit, after_factors)] if far else []),
+        ),
         _identified(fit),
         (),
         _curves(fit, nominal, after_factors),

@@ -15,7 +15,7 @@ from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.drives.unseen import are_missing
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
-from raccoon.diagnose.recordings.channels.fillers import without_fillers
+from raccoon.diagnose.recordings.channels.invalid_samples import without_invalid_samples
 from raccoon.diagnose.recordings.motors.supply import Supply, judge_supply, power_of
 from raccoon.diagnose.recordings.motors.units import BATTERY, check_volts, speed_cut_off, unlike
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
@@ -102,7 +102,7 @@ def _with_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]
     battery = found.get(BATTERY)
     if battery is None:
         return found, []
-    found[BATTERY], faults = without_fillers(BATTERY, "battery", found["t"], battery, None)
+    found[BATTERY], faults = without_invalid_samples(BATTERY, "battery", found["t"], battery, None)
     if not (np.nan_to_num(battery) > 0.0).any():
         del found[BATTERY]
     elif (middle := float(np.nanmedian(found[BATTERY]))) > MOST_VOLTS:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.channels.cut_off import cut_off
+from raccoon.diagnose.recordings.channels.saturation import saturation_fault
 from raccoon.diagnose.result import ParameterResult, SensorFault
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ last, and stays there too."""
 
 def speed_cut_off(name: str, speed: Array) -> SensorFault | None:
     """A speed that is cut off, None where it is not. It was a friction twice as large as there is."""
-    fault = cut_off(name, "speed", speed)
+    fault = saturation_fault(name, "speed", speed)
     known = speed[np.isfinite(speed)]
     if fault is None:
         return None

@@ -1,1 +1,1 @@
-"""Which rows of a recording are looked at."""
+"""Which rows of a recording are used."""

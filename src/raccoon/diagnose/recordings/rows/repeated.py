@@ -1,4 +1,4 @@
-"""Rows that say nothing new: written twice, at one time or with all that was in the row before, or empty."""
+"""Leaves out rows without new information: duplicate times, held values, and empty rows."""
 
 from __future__ import annotations
 
@@ -11,35 +11,38 @@ from raccoon.trace.recording import check_lengths
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-FEWEST = 200
-"""Rows that tell how often they repeat."""
-MOST_REPEATED = 0.1
-"""Share of the samples. More are no slip of a recorder, and are left to be refused, unless each holds nothing
-but the sample before once more."""
+MIN_ROWS = 200
+"""Rows below which it is not asked how often values are held."""
+MAX_REPEATED_SHARE = 0.1
+"""Share of samples with the time of the one before. More are no slip of a recorder and are left for
+`check_time` to refuse, unless each only repeats the sample before."""
 
 
-def without_repeated(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
-    """The columns without samples whose time is that of the one before, and what is to be said of it.
+def without_duplicate_times(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
+    """The columns without samples whose time is that of the one before, and a note on these.
 
     Raises TraceError where a column is not as long as t.
     """
     time = columns.get("t", np.zeros(0))
-    again = np.flatnonzero(np.diff(time) == 0.0) + 1
-    if len(again) == 0:
+    duplicates = np.flatnonzero(np.diff(time) == 0.0) + 1
+    if len(duplicates) == 0:
         return columns, ()
     check_lengths(columns)
-    if len(again) > MOST_REPEATED * len(time) and not _as_before(columns)[again].all():
+    if (
+        len(duplicates) > MAX_REPEATED_SHARE * len(time)
+        and not _equals_previous_row(columns)[duplicates].all()
+    ):
         return columns, ()
-    one = len(again) == 1
-    said = (
-        f"{len(again)} {'sample has' if one else 'samples have'} the time of the one before and "
-        f"{'is' if one else 'are'} left out: the first at {time[again[0]]:.6g} s, row {again[0]}"
+    one = len(duplicates) == 1
+    note = (
+        f"{len(duplicates)} {'sample has' if one else 'samples have'} the time of the one before and "
+        f"{'is' if one else 'are'} left out: the first at {time[duplicates[0]]:.6g} s, row {duplicates[0]}"
     )
-    return {name: np.delete(each, again) for name, each in columns.items()}, (said,)
+    return {name: np.delete(each, duplicates) for name, each in columns.items()}, (note,)
 
 
-def _as_before(columns: Columns) -> NDArray[np.bool_]:
-    """Rows that hold in all columns but t what the row before holds."""
+def _equals_previous_row(columns: Columns) -> NDArray[np.bool_]:
+    """Whether each row holds in all columns but t what the row before holds."""
     same = np.arange(len(columns["t"])) > 0
     for name, each in columns.items():
         if name != "t":
@@ -47,52 +50,52 @@ def _as_before(columns: Columns) -> NDArray[np.bool_]:
     return same
 
 
-def without_empty(columns: Columns) -> Columns:
-    """The columns without rows that hold nothing but their time: nobody knows what was commanded then, so
-    they are as good as lost. All of them where no row holds more."""
-    rest = [np.isfinite(each) for name, each in columns.items() if name != "t"]
-    some = np.any(rest, axis=0)
-    if "t" not in columns or not some.any() or some.all():
+def without_empty_rows(columns: Columns) -> Columns:
+    """The columns without rows that hold only a time: what was commanded then is not known, so they are as
+    good as lost. All rows where none holds more."""
+    known = [np.isfinite(each) for name, each in columns.items() if name != "t"]
+    filled = np.any(known, axis=0)
+    if "t" not in columns or not filled.any() or filled.all():
         return columns
-    return {name: each[some] for name, each in columns.items()}
+    return {name: each[filled] for name, each in columns.items()}
 
 
-FASTER = 0.3
-"""Share of the rows of a robot that is driven that are as the row before, where a logger is faster than what
-it reads. Of noise no row is."""
-FEWEST_NEW = 3
-"""Rows of a robot that is driven that are new. With fewer no logger is too fast: nothing changes at all."""
-EARLY = 0.8
-"""Part of the usual time between rows that are new, before which one that is not says nothing."""
+MIN_HELD_SHARE = 0.3
+"""Share of driven rows that equal the row before from which a logger is faster than what it reads. Readings
+with noise never equal the row before."""
+MIN_NEW_ROWS = 3
+"""Driven rows with new values. With fewer the logger is not too fast: nothing changes at all."""
+EARLY_FRACTION = 0.8
+"""Part of the usual time between new rows before which an unchanged row is a held one."""
 
 
-def without_held(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
-    """The columns without rows in which a logger wrote once more what it had, and what is to be said of it.
+def without_held_rows(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
+    """The columns without rows in which a logger only held the last values, and a note on these.
 
-    Such rows were a command that is 4 ms late and wheels that slip, each with a probability of 1.
+    Such rows were taken for a command 4 ms late and for wheel slip, each with a probability of 1.
     """
     commands = [each for name, each in columns.items() if name.endswith((".duty", ".voltage"))]
     readings = [each for name, each in columns.items() if name.endswith((".bemf", ".speed"))]
     time = columns.get("t", np.zeros(0))
-    if not commands or not readings or len(time) < FEWEST or (np.diff(time) <= 0.0).any():
-        return columns, ()  # of a time that stands still nobody knows what was when
+    if not commands or not readings or len(time) < MIN_ROWS or (np.diff(time) <= 0.0).any():
+        return columns, ()  # of a time that stands still the order of rows is not known
     known = np.asarray(np.isfinite(np.column_stack(readings)).all(axis=1), bool)
     driven = np.abs(np.nan_to_num(np.column_stack(commands))).max(axis=1) > 0.0
-    same = _as_before(columns) & known & np.concatenate([[False], known[:-1]])
-    if driven.sum() < FEWEST or float(same[driven].mean()) < FASTER:
+    unchanged = _equals_previous_row(columns) & known & np.concatenate([[False], known[:-1]])
+    if driven.sum() < MIN_ROWS or float(unchanged[driven].mean()) < MIN_HELD_SHARE:
         return columns, ()
-    new = time[~same & driven]
-    if len(new) < FEWEST_NEW:
+    new = time[~unchanged & driven]
+    if len(new) < MIN_NEW_ROWS:
         return columns, ()
-    usual = float(np.median(np.diff(new)))
-    keep, last = ~same, float("-inf")
+    period = float(np.median(np.diff(new)))
+    keep, last = ~unchanged, float("-inf")
     for row in range(len(time)):
-        keep[row] |= time[row] - last > EARLY * usual
+        keep[row] |= time[row] - last > EARLY_FRACTION * period
         last = float(time[row]) if keep[row] else last
-    if keep.all():  # readings in few steps, of a robot that drives evenly
+    if keep.all():  # coarse readings of a robot that drives evenly
         return columns, ()
-    said = (
+    note = (
         f"{int((~keep).sum())} of {len(time)} rows hold what the row before held: the logger is faster than "
-        f"what it reads, which is new every {1000.0 * usual:.3g} ms; they are left out"
+        f"what it reads, which is new every {1000.0 * period:.3g} ms; they are left out"
     )
-    return {name: each[keep] for name, each in columns.items()}, (said,)
+    return {name: each[keep] for name, each in columns.items()}, (note,)

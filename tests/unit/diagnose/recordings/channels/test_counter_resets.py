@@ -8,7 +8,7 @@ import pytest
 from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS
-from raccoon.diagnose.recordings.channels.counters import begun_anew, with_counted
+from raccoon.diagnose.recordings.channels.counters import counter_reset_notes, with_counter_bemf
 
 ROBOT = RobotConfig()
 COUNTERS = ("motor.0.position", "motor.1.position")
@@ -32,19 +32,19 @@ def cleared(columns: Columns, rows: list[int], names: tuple[str, ...] = COUNTERS
 
 
 def test_counters_that_jump_once_may_be_two_recordings(good: Columns) -> None:
-    (said,) = begun_anew(cleared(good, [700]), ROBOT)
+    (said,) = counter_reset_notes(cleared(good, [700]), ROBOT)
     assert f"motor.0.position and motor.1.position begin anew at {good['t'][700]:.1f} s, row 700" in said
 
 
 def test_a_drive_and_a_program_that_clears_its_counters_for_each_motion_are_one(good: Columns) -> None:
     for columns in (good, cleared(good, [300, 700, 1100]), cleared(good, [700], COUNTERS[:1])):
-        assert begun_anew(columns, ROBOT) == ()
-    assert begun_anew({"t": good["t"]}, ROBOT) == ()
+        assert counter_reset_notes(columns, ROBOT) == ()
+    assert counter_reset_notes({"t": good["t"]}, ROBOT) == ()
 
 
 def test_a_counter_over_a_time_that_stands_still_is_no_warning(good: Columns) -> None:
     """Of another recording than the first its time is looked at later, and refused."""
     time = np.where(np.arange(len(good["t"])) % 40 < 20, good["t"], good["t"][0])
     columns = {"t": time, **{name: good[name] for name in COUNTERS}}
-    made = with_counted(columns, ROBOT, SI_WORDS).columns
+    made = with_counter_bemf(columns, ROBOT, SI_WORDS).columns
     assert not np.isinf(made["motor.0.bemf"]).any()

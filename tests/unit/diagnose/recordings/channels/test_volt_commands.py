@@ -13,7 +13,11 @@ from blind.hidden import draw
 from diagnoses import cause, diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings import diagnosis as recordings
-from raccoon.diagnose.recordings.channels.volts import BY_READING, explains_better, over_reading
+from raccoon.diagnose.recordings.channels.volt_commands import (
+    BY_READING_NOTE,
+    duties_by_battery_reading,
+    explains_better,
+)
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import ChannelResult, Diagnosis, Verdict
 from raccoon.sim.effects.parameters import Parameters
@@ -37,7 +41,7 @@ def read_last(columns: Columns) -> NDArray[np.float64]:
 
 def test_volts_over_what_was_read_last_are_the_duties_that_were_given() -> None:
     drive = dict(make(3, [], seconds=4.0).columns)
-    found = over_reading(in_volts(drive, read_last(drive)), ROBOT)
+    found = duties_by_battery_reading(in_volts(drive, read_last(drive)), ROBOT)
     assert found is not None
     assert not any(".voltage" in name for name in found if name.startswith("motor."))
     for port in (0, 1):
@@ -49,7 +53,7 @@ def test_without_a_reading_of_their_battery_volts_are_no_duties(change: dict[str
     drive = in_volts(dict(make(3, [], seconds=4.0).columns), 6.8)
     del drive["battery.voltage"]
     drive |= {name: np.full(len(drive["t"]), value) for name, value in change.items()}
-    assert over_reading(drive, ROBOT) is None
+    assert duties_by_battery_reading(drive, ROBOT) is None
 
 
 def test_a_driver_that_reads_its_battery_does_not_hide_it() -> None:
@@ -60,7 +64,7 @@ def test_a_driver_that_reads_its_battery_does_not_hide_it() -> None:
     assert [each.name for each in found.causes] == ["battery.open_circuit_voltage"]
     number = found.causes[0].parameters["voltage"]
     assert number.value == pytest.approx(hidden.values["voltage"], abs=0.07)  # this robot's own is beside it
-    assert BY_READING in found.notes
+    assert BY_READING_NOTE in found.notes
     assert found.model is not None
 
 
@@ -78,7 +82,7 @@ def test_what_is_judged_on_a_drive_by_duty_is_taken_by_its_readings_alone(
     found = diagnose_recording(
         in_volts(drive, read_last(drive)), ROBOT, holdout=dict(make(5, seconds=4.0).columns)
     )
-    assert BY_READING in found.notes
+    assert BY_READING_NOTE in found.notes
     assert ["motor.0.duty" in each for each in asked] == [True]
 
 

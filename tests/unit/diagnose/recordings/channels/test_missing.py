@@ -12,7 +12,11 @@ from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.hypotheses.base_coordinates import with_usual_stds
 from raccoon.diagnose.recordings import diagnosis as recordings
-from raccoon.diagnose.recordings.channels.counters import Counted, said_of_counters, with_counted
+from raccoon.diagnose.recordings.channels.counters import (
+    CounterBemf,
+    counters_named_in_errors,
+    with_counter_bemf,
+)
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.kind import Kind, kind_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult, Verdict
@@ -81,7 +85,7 @@ def test_a_counter_is_differenced_around_its_row() -> None:
     time = 0.005 * np.arange(60)
     ticks = np.cumsum(np.linspace(0.0, 590.0, 60)) * 0.005 / 0.25
     columns: Columns = {"t": time, "motor.0.position": ticks, "motor.1.speed": np.ones(60)}
-    counted = with_counted(columns, ROBOT, replace(SI_WORDS, position_counts_seconds=0.25))
+    counted = with_counter_bemf(columns, ROBOT, replace(SI_WORDS, position_counts_seconds=0.25))
     reading = counted.columns["motor.0.bemf"]
     known = np.isfinite(reading)
     assert known.sum() == 19
@@ -95,8 +99,8 @@ def test_a_counter_in_whole_ticks_hides_what_is_below_one_in_the_rows_it_is_take
     they are written make rows that are a hair too short, of which five were taken for three."""
     time = 0.004999 * np.arange(200)
     columns: Columns = {"t": time, "motor.0.position": np.floor(1000.0 * time), "motor.1.speed": np.ones(200)}
-    counted = with_counted(columns, ROBOT, SI_WORDS)
-    assert counted.slowest == pytest.approx(1.0 / 0.015)
+    counted = with_counter_bemf(columns, ROBOT, SI_WORDS)
+    assert counted.hidden_counts == pytest.approx(1.0 / 0.015)
     assert int(np.isfinite(counted.columns["motor.0.bemf"]).sum()) == 66
 
 
@@ -108,7 +112,7 @@ def test_a_counter_that_is_read_less_often_tells_the_same_and_nothing_of_a_gap(f
     every_other = {"t": 0.005 * rows, "motor.0.position": np.where(rows % 2 == 0, 5.0 * rows, np.nan)}
     gap = {"t": 0.005 * rows[there], "motor.0.position": np.cumsum(5.0 * there)[there]}
     for columns, fewest in ((every_other, 60), (gap, 100)):
-        reading = with_counted(columns, ROBOT, SI_WORDS).columns["motor.0.bemf"]
+        reading = with_counter_bemf(columns, ROBOT, SI_WORDS).columns["motor.0.bemf"]
         known = reading[np.isfinite(reading)]
         assert len(known) >= fewest
         assert known == pytest.approx(1000.0 * SI_WORDS.position_counts_seconds)
@@ -121,12 +125,12 @@ def test_a_zone_as_narrow_as_a_tick_is_the_counters(read: Diagnosis) -> None:
         number = ParameterResult(counts, 1.0, "counts", 0.0)
         return replace(named, id="bemf.dead_zone", where=None, parameters={"counts": number})
 
-    counted = Counted({}, ("motor.0.position",), 10.0)
-    narrow = counted.told(replace(read, causes=(zone(12.0),), verdict=Verdict.EXPLAINED))
+    counted = CounterBemf({}, ("motor.0.position",), 10.0)
+    narrow = counted.annotate(replace(read, causes=(zone(12.0),), verdict=Verdict.EXPLAINED))
     assert narrow.causes == ()
     assert narrow.verdict is Verdict.ADEQUATE
     assert any("whole ticks of motor.0.position" in each.reason for each in narrow.rejected)
-    wide = counted.told(replace(read, causes=(zone(25.0),), verdict=Verdict.EXPLAINED))
+    wide = counted.annotate(replace(read, causes=(zone(25.0),), verdict=Verdict.EXPLAINED))
     assert [each.id for each in wide.causes] == ["bemf.dead_zone"]
 
 
@@ -194,10 +198,10 @@ def test_commands_of_another_robot_are_an_error(weak_right: Columns) -> None:
 def test_what_is_wrong_with_a_counter_is_said_of_the_counter() -> None:
     """motor.0.bemf was said to be in another unit, of a file that had no such column."""
     columns = {"t": np.zeros(2), "motor.0.position": np.zeros(2), "motor.1.bemf": np.zeros(2)}
-    with pytest.raises(TraceError) as told, said_of_counters(columns):
+    with pytest.raises(TraceError) as told, counters_named_in_errors(columns):
         raise TraceError("motor.0.bemf and motor.1.bemf are 1.9 times too large")
     assert str(told.value) == (
         "motor.0.bemf (as motor.0.position advances) and motor.1.bemf are 1.9 times too large"
     )
-    with pytest.raises(HoldoutError, match=r"motor\.0\.bemf is"), said_of_counters(columns):
+    with pytest.raises(HoldoutError, match=r"motor\.0\.bemf is"), counters_named_in_errors(columns):
         raise HoldoutError("motor.0.bemf is of another recording")

@@ -9,7 +9,7 @@ from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
-from raccoon.diagnose.recordings.rows.between import check_recorded
+from raccoon.diagnose.recordings.rows.interpolation import check_not_interpolated
 
 Columns = dict[str, np.ndarray]
 ROBOT = RobotConfig()
@@ -44,15 +44,15 @@ def test_straight_lines_between_samples_are_said(good: Columns, row: float) -> N
 def test_commands_between_two_commands_are_said(good: Columns) -> None:
     """At twice the rate no reading is on a line that three rows have, and late commands were named too."""
     with pytest.raises(TraceError, match=r"motor\.0\.duty has rows between two .* by interpolation"):
-        check_recorded(resampled(good, 0.0025))
-    check_recorded(resampled(good, 0.005))
+        check_not_interpolated(resampled(good, 0.0025))
+    check_not_interpolated(resampled(good, 0.005))
 
 
 @pytest.mark.parametrize("row", [0.004, 0.0035, 0.0031])
 def test_so_they_are_of_a_little_faster_rows(good: Columns, row: float) -> None:
     """Of a sound robot latencies of 1.5 to 2.2 ms were named, each with a probability of 1."""
     with pytest.raises(TraceError, match=r"motor\.0\.duty has rows between two .* by interpolation"):
-        check_recorded(resampled(good, row))
+        check_not_interpolated(resampled(good, row))
 
 
 @pytest.mark.parametrize("sizes", [(0.3, 0.5), (0.25, 0.3, 0.45), (0.3, 0.35, 0.4, 0.5)])
@@ -64,7 +64,7 @@ def test_a_ramp_of_so_much_a_row_is_none(sizes: tuple[float, ...]) -> None:
             now += max(-0.2, min(0.2, goal - now))
             ramped.append(now)
     columns: Columns = {"t": 0.005 * np.arange(len(ramped)), "motor.0.duty": np.array(ramped)}
-    check_recorded(columns)
+    check_not_interpolated(columns)
 
 
 @pytest.mark.parametrize("most", [0.03, 0.1, 0.25])
@@ -77,7 +77,7 @@ def test_a_program_that_ramps_its_commands_interpolates_none(good: Columns, most
             now += max(-most, min(most, each - now))
             ramped.append(now)
         columns[name] = np.convolve(ramped, np.ones(rows) / rows, "same")
-    check_recorded(columns)
+    check_not_interpolated(columns)
 
 
 @pytest.mark.parametrize("drive", ["exciting", "contest", "legs"])
@@ -87,8 +87,8 @@ def test_what_was_recorded_is_on_none(drive: str, encoders: bool, unit: float) -
     columns = dict(make(4, drive=drive, seconds=8.0, encoders=encoders).columns)
     for name in [each for each in columns if each.endswith((".bemf", ".speed"))]:
         columns[name] = unit * columns[name]
-    check_recorded(columns)
-    check_recorded(resampled(columns, 0.001, held=True))
+    check_not_interpolated(columns)
+    check_not_interpolated(resampled(columns, 0.001, held=True))
 
 
 @pytest.mark.parametrize("every", [2, 4])
@@ -102,10 +102,10 @@ def test_a_programs_ramp_is_none_of_which_some_rows_were_recorded(every: int) ->
             ramped.append(now)
     duty = np.array(ramped)[::every]
     columns: Columns = {"t": 0.005 * every * np.arange(len(duty)), "motor.0.duty": duty}
-    check_recorded(columns)
+    check_not_interpolated(columns)
 
 
 def test_a_wheel_that_speeds_up_evenly_without_noise_is_on_no_short_line() -> None:
     way = np.concatenate([np.linspace(0.0, 1234.5, 300), np.linspace(1234.5, 0.0, 300)])
     columns: Columns = {"t": 0.005 * np.arange(600), "motor.0.bemf": way, "motor.1.bemf": way}
-    check_recorded(columns)
+    check_not_interpolated(columns)

@@ -15,8 +15,8 @@ from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 Columns = Mapping[str, NDArray[np.float64]]
 
 
-def nothing_to_compare(columns: Columns, robot: RobotConfig) -> Diagnosis:
-    """Not identifiable: the missing columns by name."""
+def diagnose_without_comparison(columns: Columns, robot: RobotConfig) -> Diagnosis:
+    """A diagnosis that nothing is identifiable, with the missing columns by name."""
     begin = time.perf_counter()
     ports = (robot.drive.left, robot.drive.right)
     missing = [f"motor.{port}.duty" for port in ports if f"motor.{port}.duty" not in columns]

@@ -9,7 +9,7 @@ from blind.generator import make
 from blind.tophats import tophat
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError
-from raccoon.diagnose.recordings.channels.volts import as_duty
+from raccoon.diagnose.recordings.channels.volt_commands import duties_of_stiff_battery
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from unit.diagnose.axes import motor
 
@@ -113,7 +113,7 @@ def test_volts_of_two_recordings_are_shares_of_one_battery(drive: Columns) -> No
         return {"t": drive["t"]} | {f"motor.{port}.voltage": most * drive["motor.0.duty"] for port in (0, 1)}
 
     largest = float(np.abs(drive["motor.0.duty"]).max())
-    changed, stiff, _ = as_duty(in_volts(8.0 / largest), ROBOT, in_volts(9.0 / largest))
-    later, _, _ = as_duty(in_volts(9.0 / largest), stiff)
+    changed, stiff, _ = duties_of_stiff_battery(in_volts(8.0 / largest), ROBOT, in_volts(9.0 / largest))
+    later, _, _ = duties_of_stiff_battery(in_volts(9.0 / largest), stiff)
     assert stiff.model.battery.open_circuit_voltage.value == pytest.approx(9.0)
     np.testing.assert_allclose(changed["motor.0.duty"] * 9.0, later["motor.0.duty"] * 8.0)

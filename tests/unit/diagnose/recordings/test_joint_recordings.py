@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings import diagnosis as recordings
-from raccoon.diagnose.recordings.together import check_drives
+from raccoon.diagnose.recordings.joint_checks import check_joint_recordings
 from raccoon.diagnose.result import Diagnosis
 
 ROBOT = RobotConfig()
@@ -31,12 +31,12 @@ def test_a_recording_with_a_sample_written_twice_is_the_same_still(drive: Column
 
 def test_recordings_that_share_no_column_are_not_the_same(drive: Columns) -> None:
     other = {"t": drive["t"], "motor.2.duty": drive["motor.0.duty"]}
-    check_drives([drive, other], ROBOT)
+    check_joint_recordings([drive, other], ROBOT)
 
 
 def test_one_that_is_empty_is_said_by_its_number(drive: Columns) -> None:
     with pytest.raises(TraceError, match=r"^recording 2: the recording is empty"):
-        check_drives([drive, {"t": np.zeros(0)}], ROBOT)
+        check_joint_recordings([drive, {"t": np.zeros(0)}], ROBOT)
 
 
 def test_an_uneven_time_of_another_recording_is_said_as_of_the_first(drive: Columns) -> None:

@@ -1,0 +1,186 @@
+"""Finds faulty channels of a drive (stuck, saturated, impossible, too coarse) and leaves them out with a
+fault.
+
+They are not explained by causes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.sections import CYCLE_RATE
+from raccoon.diagnose.drives.log import column_names
+from raccoon.diagnose.recordings.channels.battery_sag import missing_sag_fault
+from raccoon.diagnose.recordings.channels.held_voltage import without_held_voltages
+from raccoon.diagnose.recordings.channels.invalid_samples import command_behind, without_invalid_samples
+from raccoon.diagnose.recordings.channels.saturation import (
+    MIN_SAMPLES,
+    saturation_fault,
+    without_saturated_samples,
+)
+from raccoon.diagnose.recordings.reference.faults import reference_faults
+from raccoon.diagnose.result import SensorFault
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+MAX_COARSE_LEVELS = {"gyro": 8, "bemf": 4, "speed": 4}
+"""Different values of a reading with which it is too coarse, by its kind: a gyro in whole rad/s has so
+few."""
+MIN_COARSE_STEP_V, ROUNDING_TOLERANCE = 0.04, 0.02
+"""Smallest step of a battery's reading that was rounded (a controller's own steps are finer), and part of a
+step by which values that were not rounded miss its multiples. Where readings scatter by less than a step,
+most of the sag is inside one: in tenths of a volt a battery of 0.15 ohm had 0.014, and one of 0.05 none; in
+twentieths one of 0.15 ohm had five times the viscous friction and another scale beside it, each with a
+probability of 1."""
+LEFT_OUT_REASONS = {
+    "stuck": "it is stuck",
+    "saturated": "it is cut off",
+    "coarse": "it is rounded too coarsely",
+    "steady": "it does not sag",
+    "rare": "it was read too rarely",
+}
+"""Faults for which a whole channel is left out, and the words for that."""
+MAX_STEP_JITTER = 0.5
+"""Part of the usual step by which steps differ to either side of it where a time is uneven."""
+MAX_CYCLE_OFFSET = 0.16
+"""Cycles by which rows may be off whole cycles: firmwares meant to run at 200 Hz do so at 174 and more."""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedColumns:
+    """Columns without faulty readings. faults: what was left out. notes: on the time. has_uneven_time:
+    whether its steps are too uneven to judge what is fast."""
+
+    columns: Columns
+    faults: tuple[SensorFault, ...]
+    notes: tuple[str, ...]
+    has_uneven_time: bool = False
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Columns that were recorded and are not used, and why."""
+        return {
+            each.channel: LEFT_OUT_REASONS[each.fault]
+            for each in self.faults
+            if each.fault in LEFT_OUT_REASONS
+        }
+
+
+def without_faulty_channels(columns: Columns, robot: RobotConfig) -> CheckedColumns:
+    """Leave out readings to which no simulation should be fitted."""
+    kept, faults = dict(columns), []
+    commands_vary = _commands_vary(columns, robot)
+    for role, name in column_names(robot).items():
+        if name not in kept:
+            continue
+        values = np.asarray(kept[name], float)
+        fault = _stuck_fault(name, role, values, commands_vary) or saturation_fault(name, role, values)
+        fault = fault or _coarse_fault(name, role, values, commands_vary)
+        channel_faults = [] if fault is None else [fault]
+        if fault is None and role == "battery":
+            kept[name], fault = without_held_voltages(name, columns["t"], values)
+            channel_faults, values = [] if fault is None else [fault], kept[name]
+        if fault is None:
+            command = command_behind(role, columns, robot)
+            values, end_faults = (
+                (values, []) if role == "battery" else without_saturated_samples(name, values)
+            )
+            kept[name], invalid_faults = without_invalid_samples(name, role, columns["t"], values, command)
+            channel_faults += [*end_faults, *invalid_faults]
+        faults += channel_faults
+        if any(each.fault in LEFT_OUT_REASONS for each in channel_faults):
+            del kept[name]
+    if no_sag := missing_sag_fault(kept, robot):
+        faults.append(no_sag)
+        del kept[no_sag.channel]
+    pose, pose_faults = reference_faults(kept, robot)
+    kept |= pose
+    time_notes = _uneven_time_notes(columns["t"])
+    rate_notes = _row_rate_notes(columns["t"], robot.controller.rate_hz)
+    return CheckedColumns(kept, (*faults, *pose_faults), (*time_notes, *rate_notes), bool(time_notes))
+
+
+def _commands_vary(columns: Columns, robot: RobotConfig) -> bool:
+    """Whether different commands were given."""
+    ports = (robot.drive.left, robot.drive.right)
+    duties = [columns.get(f"motor.{port}.{kind}") for port in ports for kind in ("duty", "voltage")]
+    return any(each is not None and np.isfinite(each).any() and np.nanstd(each) > 0.02 for each in duties)
+
+
+def _stuck_fault(name: str, role: str, values: Array, commands_vary: bool) -> SensorFault | None:
+    known = values[np.isfinite(values)]
+    if not commands_vary or len(known) < MIN_SAMPLES or np.ptp(known) > 0.0:
+        return None
+    where = "read it in every cycle" if role == "battery" else "check plug and wires"
+    text = f"{name} reads {float(known[0]):g} all the time although the robot is driven: {where}"
+    return SensorFault(name, "stuck", text)
+
+
+def _coarse_fault(name: str, role: str, values: Array, commands_vary: bool) -> SensorFault | None:
+    """The fault of a reading with too few different values. Nothing is said of a robot that stands: there a
+    sound gyro has no more values than its noise has steps."""
+    known = values[np.isfinite(values)]
+    if not commands_vary or len(known) < MIN_SAMPLES:
+        return None
+    levels = np.unique(known)
+    if not (
+        _is_coarsely_rounded(known, levels) if role == "battery" else _has_few_levels(role, known, levels)
+    ):
+        return None
+    text = f"{name} has {len(levels)} different values only: it is rounded too coarsely"
+    return SensorFault(name, "coarse", text)
+
+
+def _has_few_levels(role: str, known: Array, levels: Array) -> bool:
+    most = MAX_COARSE_LEVELS.get(role.partition("_")[0], 0)
+    return 1 < len(levels) <= most and len(known) >= 20 * most
+
+
+def _is_coarsely_rounded(known: Array, levels: Array) -> bool:
+    """Whether a battery's readings scatter by less than the step to which they were rounded."""
+    if len(levels) < 2:
+        return False
+    step = float(np.diff(levels).min())
+    if step < MIN_COARSE_STEP_V or float(np.std(known)) > step:
+        return False
+    return bool(np.abs(levels / step - np.rint(levels / step)).max() < ROUNDING_TOLERANCE)
+
+
+def _uneven_time_notes(time: Array) -> tuple[str, ...]:
+    steps = np.diff(time[np.isfinite(time)])
+    if len(steps) < MIN_SAMPLES:
+        return ()
+    middle = float(np.median(steps))
+    low, high = (float(each) for each in np.percentile(steps, [5.0, 95.0]))
+    if high - low < MAX_STEP_JITTER * 2.0 * middle:
+        return ()
+    return (
+        f"t is uneven: steps of {1000 * low:.1f} to {1000 * high:.1f} ms around {1000 * middle:.1f} ms; what "
+        "is faster than that cannot be judged",
+    )
+
+
+def _row_rate_notes(time: Array, rate_hz: float) -> tuple[str, ...]:
+    """A note where rows are no whole cycles of the controller: a time by another clock makes another
+    inertia."""
+    steps = np.diff(time[np.isfinite(time)])
+    if len(steps) < MIN_SAMPLES:
+        return ()
+    cycles = float(np.median(steps)) * rate_hz
+    # A time that does not advance, or is in another unit, is refused by the log.
+    if cycles <= 0.0 or abs(cycles - max(round(cycles), 1)) < MAX_CYCLE_OFFSET:
+        return ()
+    rate = rate_hz / cycles
+    advice = "if t is not right"
+    if CYCLE_RATE.allows(rate):
+        advice = f"if t is right, write controller.rate_hz = {rate:.3g}; if it is not"
+    return (
+        f"t advances by {1000.0 / rate:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
+        f"{advice}, filters, latencies and inertia are found wrong",
+    )

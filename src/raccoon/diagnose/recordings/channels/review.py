@@ -1,0 +1,149 @@
+"""What a diagnosis may claim, given the faults of its recording's channels and what the simulation leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.log import column_names, is_read
+from raccoon.diagnose.findings.bent import without_bent
+from raccoon.diagnose.recordings.channels.faulty import CheckedColumns
+from raccoon.diagnose.recordings.channels.missing import describe_absence
+from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+MIN_CHANGE_WHEN_UNEVEN = 1.0
+"""Change of a reading, in units of its noise, from which a cause is believed where the time is uneven. Time
+stamps off by up to 2 ms gave a clean drive a gear that loses 2 %, by a change of 0.34."""
+MAX_ERROR_SHARE = 0.5
+"""Error left over the spread of the reading, above which the simulation does not follow the commands."""
+MAX_LARGE_ERROR_SHARE, MIN_LARGE_ERROR = 0.15, 0.03
+"""The same where the error, in volts, is also that part of the battery's voltage, as that of no creeping
+wheel is. With any cause, known or not, it was 0.03 at most; commands rounded to whole numbers left more."""
+SAME_VALUE_TOLERANCE = 1e-6
+"""Difference of two readings, over the largest one, up to which they are one value with rounding errors."""
+MAX_LOG_FACTOR = 0.25
+"""Logarithm of a factor beyond which robot.toml is probably not this robot's."""
+ROBOT_CONSTANTS = (
+    "motor.back_emf_constant", "motor.armature_resistance", "drive.inertia", "drive.wheel_radius",
+    "drive.track_width",
+)  # fmt: skip
+
+
+def with_channel_faults(
+    found: Diagnosis, columns: Columns, checked: CheckedColumns, robot: RobotConfig
+) -> Diagnosis:
+    """The diagnosis with the channel faults, and without causes where the simulation does not follow the
+    recorded motion."""
+    found = replace(
+        found, sensor_faults=(*checked.faults, *found.sensor_faults), notes=(*found.notes, *checked.notes)
+    )
+    found = _without_causes_of_uneven_time(found) if checked.has_uneven_time else found
+    unchecked_notes = (*_unmeasured_wheel_notes(checked, robot), *_unchecked_notes(found, checked, robot))
+    unfollowed = [
+        each.name for each in found.channels if _is_unfollowed(each.name, each.rmse_after, columns, robot)
+    ]
+    if not unfollowed:
+        robot_causes = [each for each in found.causes if each.id in ROBOT_CONSTANTS and each.where is None]
+        return replace(found, notes=(*found.notes, *unchecked_notes, *wrong_robot_notes(robot_causes)))
+    reason = f"the recorded motion does not follow the commands ({', '.join(unfollowed)}): nothing is named"
+    dropped = tuple(Rejected(each.name, reason) for each in found.causes)
+    question = f"{reason}; are commands and readings of the same drive?"
+    return replace(
+        found, verdict=Verdict.UNKNOWN, causes=(), rejected=(*found.rejected, *dropped), model=None,
+        notes=(*without_bent(found.notes), *unchecked_notes, question),
+    )  # fmt: skip
+
+
+def _without_causes_of_uneven_time(found: Diagnosis) -> Diagnosis:
+    """The diagnosis without causes that an uneven time would make as well."""
+    dropped = [each for each in found.causes if each.change < MIN_CHANGE_WHEN_UNEVEN]
+    if not dropped:
+        return found
+    kept = tuple(each for each in found.causes if each not in dropped)
+    reason = "not judged: t is uneven, which may look like as much of it as was found"
+    verdict = found.verdict
+    if not any(not each.little for each in kept):
+        verdict = Verdict.NOT_IDENTIFIABLE
+    elif verdict is Verdict.EXPLAINED:
+        verdict = Verdict.PARTLY
+    ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(kept, start=1))
+    rejected = (*found.rejected, *(Rejected(each.name, reason) for each in dropped))
+    return replace(found, verdict=verdict, causes=ranked, rejected=rejected, model=None)
+
+
+def _unchecked_notes(found: Diagnosis, checked: CheckedColumns, robot: RobotConfig) -> tuple[str, ...]:
+    """Notes on causes that could not be judged because a whole channel is missing: that none of them is named
+    does not clear them."""
+    notes = []
+    for role, name in column_names(robot).items():
+        reason = describe_absence(name, checked.left_out)
+        ids = [each.id for each in found.rejected if each.reason == f"not identifiable: {reason}"]
+        if ids:
+            notes.append(f"not checked, since {reason}: {', '.join(ids)}")
+        elif (
+            role == "battery"
+            and found.channels
+            and not is_read(checked.columns, name)
+            and not _has_no_duties(checked, robot)
+        ):
+            notes.append(f"{reason}: the battery was checked by the wheels alone")
+    return tuple(notes)
+
+
+def _has_no_duties(checked: CheckedColumns, robot: RobotConfig) -> bool:
+    """Whether no wheel has duties: volts were commanded, which hide the battery and have a note of their
+    own."""
+    ports = (robot.drive.left, robot.drive.right)
+    return not any(is_read(checked.columns, f"motor.{port}.duty") for port in ports)
+
+
+def _is_unfollowed(name: str, error: float, columns: Columns, robot: RobotConfig) -> bool:
+    if name not in columns or not name.endswith((".bemf", ".speed")):
+        return False
+    error = math.sqrt(max(error**2 - _counting_error(columns[name]) ** 2, 0.0))
+    share = error / max(float(np.nanstd(columns[name])), 1e-300)
+    model = robot.model
+    volts_per_unit = BEMF_VOLTS_PER_COUNT if name.endswith(".bemf") else model.left.back_emf_constant.value
+    is_large = error * volts_per_unit > MIN_LARGE_ERROR * model.battery.open_circuit_voltage.value
+    return share > MAX_ERROR_SHARE or (is_large and share > MAX_LARGE_ERROR_SHARE)
+
+
+def _counting_error(values: Array) -> float:
+    """Error of a row's reading that counting in whole ticks makes: both ends of the row are truncated."""
+    level_steps = np.diff(np.unique(values[np.isfinite(values)]))
+    level_steps = level_steps[level_steps > SAME_VALUE_TOLERANCE * np.nanmax(np.abs(values))]
+    return float(np.percentile(level_steps, 10.0)) / math.sqrt(6.0) if len(level_steps) else 0.0
+
+
+def _unmeasured_wheel_notes(checked: CheckedColumns, robot: RobotConfig) -> tuple[str, ...]:
+    """A note on the wheel that is not measured, where the other one is."""
+    missing = {
+        port: not any(is_read(checked.columns, f"motor.{port}.{kind}") for kind in ("bemf", "speed"))
+        for port in (robot.drive.left, robot.drive.right)
+    }
+    if all(missing.values()) or not any(missing.values()):
+        return ()
+    port = next(each for each, gone in missing.items() if gone)
+    name = next(
+        (each for each in checked.left_out if each.startswith(f"motor.{port}.")), f"motor.{port}.bemf"
+    )
+    return (f"{describe_absence(name, checked.left_out)}: what only that wheel shows is not checked",)
+
+
+def wrong_robot_notes(causes: Sequence[CauseResult]) -> tuple[str, ...]:
+    """A note that asks whether robot.toml is this robot's, where a cause's factor is far off."""
+    for each in causes:
+        factor = each.parameters["factor"].value
+        if abs(math.log(max(factor, 1e-9))) > MAX_LOG_FACTOR:
+            percent = 100.0 * (factor - 1.0)
+            return (f"{each.name} is off by {percent:+.0f} %: is this robot.toml of this robot?",)
+    return ()

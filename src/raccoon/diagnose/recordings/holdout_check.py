@@ -1,0 +1,69 @@
+"""Whether a recording can be judged on a holdout recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.kind import Kind
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+KIND_DESCRIPTIONS: Mapping[Kind, str] = {
+    Kind.DRIVE: "a drive with its commands",
+    Kind.MOTORS: "single motors",
+    Kind.STEP: "one motor under one power",
+    Kind.GEOMETRY: "wheels and a reference without commands",
+    Kind.TOPHATS: "tophats alone",
+    Kind.NOTHING: "neither commands nor a reference",
+}
+KINDS_WITH_HOLDOUT = (Kind.DRIVE, Kind.MOTORS, Kind.GEOMETRY)
+"""Kinds that are judged on a holdout; the others are judged on their own last part, or not at all."""
+MAX_SHARED_SHARE = 0.5
+"""Share of a holdout's samples that are also in the recording, above which the two are one."""
+
+
+def check_holdout(columns: Columns, holdout: Columns, kind: Kind, holdout_kind: Kind) -> str:
+    """A note where the holdout is of no use to a recording of this kind; "" where it is of use.
+
+    Raises TraceError for a holdout of another kind, and for one that holds the same samples.
+    """
+    if kind not in KINDS_WITH_HOLDOUT:
+        return (
+            f"the other recording was not used: one that holds {KIND_DESCRIPTIONS[kind]} is judged by itself"
+        )
+    if holdout_kind != kind:
+        raise TraceError(
+            f"it holds {KIND_DESCRIPTIONS[holdout_kind]}, and the recording that is diagnosed "
+            f"{KIND_DESCRIPTIONS[kind]}: name one of the same kind"
+        )
+    clocks = (columns["t"], holdout["t"]), (_from_zero(columns["t"]), _from_zero(holdout["t"]))
+    if max(_shared_sample_share(columns, holdout, *each) for each in clocks) > MAX_SHARED_SHARE:
+        raise TraceError(
+            "its samples are those of the recording that is diagnosed, which would agree with itself: name "
+            "another recording, or none: then the part that no fit has seen is the judge"
+        )
+    return ""
+
+
+def _from_zero(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Time since the first sample, s: two exports of one recording may begin at different times."""
+    return np.asarray(np.round(time - time[0], 5), np.float64)
+
+
+def _shared_sample_share(
+    columns: Columns, holdout: Columns, time: NDArray[np.float64], other: NDArray[np.float64]
+) -> float:
+    """Share of the holdout's samples that are in the recording, at the same time with the same numbers."""
+    names = [name for name in columns if name in holdout and name != "t"]
+    _, ours, theirs = np.intersect1d(time, other, return_indices=True)
+    if not names or len(ours) == 0:
+        return 0.0
+    alike = [
+        np.isclose(columns[name][ours], holdout[name][theirs], rtol=1e-9, atol=0.0, equal_nan=True)
+        for name in names
+    ]
+    return float(np.all(alike, axis=0).sum()) / len(other)

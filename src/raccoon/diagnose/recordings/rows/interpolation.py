@@ -1,0 +1,150 @@
+"""Refuses drives that were resampled by linear interpolation.
+
+Between two samples a command holds and then jumps. Interpolated it is a ramp, which a motor follows as it
+would follow late commands: sound robots resampled to 2 and 1 ms showed a latency of 4 and 6 ms, each with a
+probability of 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.binned import runs
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+MIN_CHANGING_ROWS = 200
+"""Rows in which a reading changes, below which it is not checked for straight lines."""
+LINE_TOLERANCE = 1e-5
+"""Relative difference of two successive steps up to which they are on one straight line."""
+MIN_INTERPOLATED_SHARE = 0.08
+"""Share of changing rows that are on a straight line. It is 0.2 with five rows for two samples, and 0.02 at
+most without interpolation."""
+MAX_LINE_ROWS = 50
+"""Rows of one line that count. Without noise a wheel that accelerates evenly is on one for longer."""
+MAX_DEVICE_LEVELS = 20_000
+"""A reading's largest value over its finest step up to which it counts as quantised by a device, in whatever
+unit: among whole counts many steps are equal. Interpolated values have as many levels as digits."""
+INTERPOLATED_MESSAGE = (
+    "the recording was brought to another rate by interpolation, and when a command changed between two "
+    "samples is no longer known. Export the rows as they were recorded, or with the last value held"
+)
+MIN_STILL_ROWS, MIN_STEP_SIZE, MAX_STEP_ROWS = 3, 0.05, 8
+"""Rows for which a command stays before and after a step, size of a step that is checked, and most rows that
+it takes."""
+MIN_STEPS, MIN_INTERPOLATED_STEP_SHARE = 8, 0.8
+"""Checked steps, and share of them that are straight lines and no jumps."""
+STEP_LINE_TOLERANCE = 0.03
+"""Part of a step by which its rows, except the first and the last, may differ on a straight line."""
+MIN_ROWS_BETWEEN_ALONE, MIN_FIRST_SHARE_STD, MAX_LARGEST_SHARE_STD = 1.7, 0.05, 0.03
+"""Mean number of rows within a step from which the other two decide alone. After interpolation the share of a
+step that its first row makes is random (its standard deviation is 0.1 to 0.2; it is 0 for a filter, and for a
+ramp in a fixed number of rows), and the largest share is constant (0.01; not for a ramp of a fixed rate)."""
+MIN_ROWS_BETWEEN, MIN_LONG_STEPS, ROWS_TIMES_SHARE_TOLERANCE, MAX_SHARE_RATIO = 1.12, 3, 0.15, 1.05
+"""For fewer rows, down to the first (with one, as at the same rate, nothing wrong was named): in steps long
+enough to hold a whole row, the share that one makes times the mean number of rows must be 1 within the
+tolerance (0.09 at most was seen; for a ramp it is less), and no row of any step may make more than that."""
+MIN_VARIATION_RATIO = 0.5
+"""Coefficient of variation of the steps' largest changes over that of their largest shares. It is smaller
+where a ramp of fixed rate was recorded at some rows only: the larger the step, the smaller its shares."""
+
+
+def check_not_interpolated(columns: Columns) -> None:
+    """Raise TraceError where a recording was interpolated: in many rows the readings of all wheels are on
+    straight lines, or commands step through rows in between."""
+    for name, each in columns.items():
+        if name.endswith(".duty") and _has_interpolated_steps(each[np.isfinite(each)]):
+            text = f"{name} has rows between two commands that are a part of either"
+            raise TraceError(f"{text}: {INTERPOLATED_MESSAGE}")
+    wheels = {name: each for name, each in columns.items() if name.endswith((".bemf", ".speed"))}
+    shares = {name: _interpolated_share(each) for name, each in wheels.items()}
+    if not shares or min(shares.values()) < MIN_INTERPOLATED_SHARE:
+        return
+    name, share = min(shares.items(), key=lambda each: each[1])
+    text = f"{name} is on a straight line between those beside it in {100.0 * share:.0f} % of the rows"
+    raise TraceError(f"{text}: {INTERPOLATED_MESSAGE}")
+
+
+def _has_interpolated_steps(duty: NDArray[np.float64]) -> bool:
+    """Whether most steps of a command pass through rows whose share of the step is random."""
+    steps = np.diff(duty)
+    changes = runs(steps != 0.0)
+    first_shares, largest_shares, largest_changes, rows_between, jumps, previous_end, max_share = (
+        [],
+        [],
+        [],
+        [],
+        0,
+        -MIN_STILL_ROWS,
+        0.0,
+    )
+    for (start, end), next_start in zip(
+        changes, [*(start for start, _ in changes[1:]), len(duty)], strict=False
+    ):
+        is_isolated = start - previous_end >= MIN_STILL_ROWS and next_start - end >= MIN_STILL_ROWS
+        size, previous_end, changes_by_row = float(duty[end] - duty[start]), end, steps[start:end]
+        if (
+            not is_isolated
+            or abs(size) < MIN_STEP_SIZE
+            or len(changes_by_row) > MAX_STEP_ROWS
+            or (changes_by_row * size < 0.0).any()
+        ):
+            continue
+        if len(changes_by_row) == 1 or (
+            len(changes_by_row) > 2 and np.ptp(changes_by_row[1:-1]) > STEP_LINE_TOLERANCE * abs(size)
+        ):
+            jumps += 1
+            continue
+        rows_between.append(len(changes_by_row) - 1)
+        first_shares.append(float(changes_by_row[0] / size))
+        max_share = max(max_share, float((changes_by_row / size).max()))
+        if len(changes_by_row) > 2:
+            largest_shares.append(float((changes_by_row / size).max()))
+            largest_changes.append(largest_shares[-1] * abs(size))
+    if len(rows_between) < MIN_STEPS or len(rows_between) < MIN_INTERPOLATED_STEP_SHARE * (
+        len(rows_between) + jumps
+    ):
+        return False
+    mean_rows = float(np.mean(rows_between))
+    if (
+        mean_rows < MIN_ROWS_BETWEEN
+        or len(largest_shares) < MIN_LONG_STEPS
+        or np.std(first_shares) <= MIN_FIRST_SHARE_STD
+        or np.std(largest_shares) >= MAX_LARGEST_SHARE_STD
+    ):
+        return False
+    if _coefficient_of_variation(largest_changes) < MIN_VARIATION_RATIO * _coefficient_of_variation(
+        largest_shares
+    ):
+        return False
+    mean_largest = float(np.mean(largest_shares))
+    return mean_rows >= MIN_ROWS_BETWEEN_ALONE or (
+        abs(mean_rows * mean_largest - 1.0) < ROWS_TIMES_SHARE_TOLERANCE
+        and max_share < MAX_SHARE_RATIO * mean_largest
+    )
+
+
+def _coefficient_of_variation(sizes: list[float]) -> float:
+    return float(np.std(sizes) / np.mean(sizes))
+
+
+def _interpolated_share(values: NDArray[np.float64]) -> float:
+    """Of the rows in which a reading changes, the share on a short straight line."""
+    known = values[np.isfinite(values)]
+    steps = np.diff(known)
+    changing = steps[1:] != 0.0
+    if changing.sum() < MIN_CHANGING_ROWS or _is_quantised(known):
+        return 0.0
+    straight = changing & (np.abs(np.diff(steps)) <= LINE_TOLERANCE * np.abs(steps[1:]))
+    lengths = [end - start for start, end in runs(straight)]
+    return float(sum(each for each in lengths if each <= MAX_LINE_ROWS) / changing.sum())
+
+
+def _is_quantised(values: NDArray[np.float64]) -> bool:
+    largest = float(np.abs(values).max())
+    levels = np.diff(np.unique(values))
+    return largest / float(levels[levels > 1e-9 * largest].min(initial=largest)) <= MAX_DEVICE_LEVELS

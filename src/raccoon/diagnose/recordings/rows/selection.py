@@ -1,0 +1,57 @@
+"""Which rows of a recording are used: each once, and no more than can be simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.joined import said_of_recording
+from raccoon.diagnose.drives.times import check_step
+from raccoon.diagnose.recordings.kind import Kind
+from raccoon.diagnose.recordings.rows.duration import limit_duration
+from raccoon.diagnose.recordings.rows.interpolation import check_not_interpolated
+from raccoon.diagnose.recordings.rows.repeated import (
+    without_duplicate_times,
+    without_empty_rows,
+    without_held_rows,
+)
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+
+def select_rows(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
+    """The columns in the rows that are used, and notes on the rows that are not.
+
+    Raises TraceError for a drive in another unit of time, or with interpolated rows.
+    """
+    if kind is Kind.MOTORS:  # what an axis did in a pause is not known
+        return limit_duration(columns, shorten_pauses=False)
+    if kind is not Kind.DRIVE:
+        return columns, ()
+    check_step(columns["t"])  # of a time in microseconds each row would come after a long pause
+    check_not_interpolated(columns)
+    columns, held_notes = without_held_rows(without_empty_rows(columns))
+    columns, duration_notes = limit_duration(columns)
+    return columns, (*held_notes, *duration_notes)
+
+
+def select_unique_rows(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
+    """`select_rows` after rows that repeat a time were left out."""
+    columns, duplicate_notes = without_duplicate_times(columns)
+    columns, notes = select_rows(columns, kind)
+    return columns, (*duplicate_notes, *notes)
+
+
+def select_unique_rows_of_each(
+    recordings: Sequence[Columns], kind: Kind
+) -> tuple[list[Columns], tuple[str, ...]]:
+    """`select_unique_rows` of every recording after the first; notes and errors give its number."""
+    selected, notes = [], []
+    for number, each in enumerate(recordings, 1):
+        with said_of_recording(number):
+            columns, row_notes = select_unique_rows(each, kind)
+        selected.append(columns)
+        notes += [f"recording {number + 1}: {note}" for note in row_notes]
+    return selected, tuple(notes)
