@@ -169,9 +169,12 @@ def test_the_command_prints_and_writes_one_column(
     monkeypatch.setattr("raccoon.cli.compare_mitigations.measure.ends_of", known)
     out = tmp_path / "table.md"
     column = ["--condition", BATTERY, "--robots", "1", "--markdown", str(out)]
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert main(["compare-mitigations", *column]) == 0
     assert "Robots a column: battery 6.1-7.0 V 1." in out.read_text("utf-8")
-    assert "| fresh battery |" in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert "| fresh battery |" in told.out
+    assert "1 robots driven, of 1 in the table" in told.err
     assert caplog.text == ""
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from raccoon.cli.crew import add_workers, check_workers
 from raccoon.cli.numbers import check_seed
 from raccoon.cli.outputs import check_folders, check_pictures, check_replaceable
+from raccoon.core.doing import tell
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 
@@ -54,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.compare_mitigations.measure import as_cells, measured
     from raccoon.cli.compare_mitigations.results import stored
     from raccoon.cli.compare_mitigations.table import draw, markdown
+    from raccoon.cli.doing import doing_shown
     from raccoon.cli.slow import remark_slow
 
     check_seed(args.seed)
@@ -66,14 +68,10 @@ def run(args: argparse.Namespace) -> int:
     robots = _robots(args)
     remark_slow()
     known = {} if args.results is None else stored(args.results, args.seed, args.tape)
-    found = measured(
-        robots,
-        args.seed,
-        args.workers,
-        tape_std=args.tape,
-        known=known,
-        done=_note(args, sum(robots.values())),
-    )
+    done = _note(args, sum(robots.values()))
+    with doing_shown():
+        tell("driving the first robots")
+        found = measured(robots, args.seed, args.workers, tape_std=args.tape, known=known, done=done)
     cells = as_cells(found)
     text = markdown(cells, robots)
     try:  # files first: a pipe that is closed ends the command where it prints
@@ -101,8 +99,10 @@ def _note(args: argparse.Namespace, every: int) -> Callable[[Number, dict[str, E
         nonlocal count
         count += 1
         store(robot, ends)
-        if count % 20 == 0:
-            print(f"{count} robots driven, of {every} in the table", file=sys.stderr)
+        far = f"{count} robots driven, of {every} in the table"
+        tell(far)
+        if count % 20 == 0 and not sys.stderr.isatty():
+            print(far, file=sys.stderr)
 
     return done
 
