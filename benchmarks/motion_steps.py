@@ -9,7 +9,7 @@ from raccoon.control.feedforward import WheelModel, wheel_models
 from raccoon.control.tuning import margins, speed_loop_gains
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR
-from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
+from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING_S
 from raccoon.model.paper import MOTORS
 from raccoon.robot.actions.actions import Action, Steps, wait
 from raccoon.robot.parts.drive import dead_time
@@ -72,10 +72,10 @@ def worst_margins(config: RobotConfig, pairing: tuple[int, int] | None = None) -
         pairs = [(left, MOTORS[pairing[0]]), (right, MOTORS[pairing[1]])]
     found = []
     for believed, motor in pairs:
-        gains = speed_loop_gains(believed, SPEED_SMOOTHING, late)
+        gains = speed_loop_gains(believed, SPEED_SMOOTHING_S, late)
         for inertia in INERTIAS:
             true = WheelModel(
                 motor.armature_resistance, motor.back_emf_constant, NOMINAL.coulomb, NOMINAL.viscous, inertia
             )
-            found.append(margins(gains, true, SPEED_SMOOTHING, late))
+            found.append(margins(gains, true, SPEED_SMOOTHING_S, late))
     return min(each.phase for each in found) / DEG, min(each.gain_db for each in found)

@@ -42,9 +42,9 @@ from odometry_traces import (
     with_wandering_bias,
 )
 from raccoon.core.config import RobotConfig
+from raccoon.estimate.drive.estimate_builder import POSE_DOUBT_REASONS
 from raccoon.estimate.drive.prior import gyro_scale_std, offset_std_counts, scale_std, track_std
-from raccoon.estimate.drive.published import IN_DOUBT
-from raccoon.estimate.drive.steps import GYRO_RATE
+from raccoon.estimate.drive.stepper import GYRO_RATE_HZ
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.ekf.state import OdometrySettings
@@ -238,7 +238,7 @@ def clean(seeds: range) -> None:
         told: set[str] = set()
         for inputs, command in trace.cycles:
             ours.update(inputs, command)
-            told.update(set(ours.odometry.estimate.reasons).difference(IN_DOUBT))
+            told.update(set(ours.odometry.estimate.reasons).difference(POSE_DOUBT_REASONS))
         for reason in told:
             alarms[reason] = alarms.get(reason, 0) + 1
     slips = sum(count for reason, count in alarms.items() if "slip" in reason)
@@ -251,7 +251,7 @@ def consistency(seeds: range) -> None:
     for seed in seeds:
         settings = OdometrySettings()
         # As much as it is held for in a second, of readings that come at another rate.
-        gyro = settings.gyro_noise * math.sqrt(RobotConfig().controller.rate_hz / GYRO_RATE)
+        gyro = settings.gyro_noise * math.sqrt(RobotConfig().controller.rate_hz / GYRO_RATE_HZ)
         noise = Noise(bemf=settings.bemf_noise_counts, gyro=gyro)
         trace = with_random_slip(match(seed, drawn(seed), 40.0, noise=noise), settings.slip_noise, seed)
         trace = with_wandering_bias(trace, settings.gyro_bias_walk, seed)

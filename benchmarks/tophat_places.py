@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.estimate.tophat import Tophat, TophatCalibration, calibrate, calibrate_two_phase
-from raccoon.estimate.tophat.standing import calibrate_standing
+from raccoon.estimate.tophat.standing_calibration import calibrate_standing
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
 from raccoon.model.reflectance import AMBIENT, TEXTURE, WAY_A_READING

@@ -14,7 +14,7 @@ from raccoon.core.errors import CalibrationError, ConfigError, TraceError
 from raccoon.core.readings import Outputs
 from raccoon.diagnose.reports.numbers import measured_text
 from raccoon.estimate.drive_calibration.columns import TapedWay, manoeuvre
-from raccoon.estimate.drive_calibration.disturbed import disturbed
+from raccoon.estimate.drive_calibration.disturbance import disturbed
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.drive_calibration.straight import calibrate_straight
 from raccoon.robot.actions.limits import LONGEST

@@ -6,18 +6,18 @@ import math
 
 from raccoon.core.readings import Fault, Inputs
 
-GYRO_TIMEOUT = 0.1
+GYRO_TIMEOUT_S = 0.1
 """s without a gyro reading after which it counts as lost."""
-FULL_SCALE = 34.0
+GYRO_FULL_SCALE = 34.0
 """rad/s; the gyros of these robots end at 2000 degrees a second (34.9)."""
-FROZEN_AFTER = 12
+FROZEN_REPEATS = 12
 """Equal readings in a row that a gyro with noise never gives."""
-REPEATED = 4
+SUSPICIOUS_REPEATS = 4
 """Equal readings in a row that are suspicious where the wheels say something else: with noise of one word on
 each axis two come once in 40 cycles, five once in a million."""
-LIVELY_AFTER = 50
+NOISY_CHANGES = 50
 """Changes from one reading to the next that show that a gyro has noise."""
-SHOWN_FOR = 0.3
+SHOWN_FOR_S = 0.3
 """s for which a reason stays after its cause has passed."""
 
 
@@ -30,18 +30,20 @@ class Reasons:
         self._until: dict[str, float] = {}
         self.now: tuple[str, ...] = ()
 
-    def tell(self, reason: str, time: float, seconds: float = SHOWN_FOR) -> None:
+    def tell(self, reason: str, time: float, seconds: float = SHOWN_FOR_S) -> None:
         """`reason` holds at `time`, and for `seconds` after it."""
         self._until[reason] = time + seconds
         if reason not in self.now:
             self.now = (*self.now, reason)
 
-    def forget(self, time: float) -> None:
+    def drop_expired(self, time: float) -> None:
         """Drop what has passed, also where time ran back."""
         if not self.now:
             return
         kept = {
-            reason: until for reason, until in self._until.items() if time <= until <= time + 60.0 + SHOWN_FOR
+            reason: until
+            for reason, until in self._until.items()
+            if time <= until <= time + 60.0 + SHOWN_FOR_S
         }
         if len(kept) != len(self._until):
             self._until = kept
@@ -69,22 +71,22 @@ class GyroWatch:
         self.age += dt
         rate = inputs.turn_rate
         if rate is None:
-            if self.seen and self.age > GYRO_TIMEOUT:
+            if self.seen and self.age > GYRO_TIMEOUT_S:
                 reasons.tell("the gyro is silent", inputs.time)
             return None
         if not math.isfinite(rate):
             reasons.tell("the gyro reads no number", inputs.time)
             return None
-        if abs(rate) >= FULL_SCALE:
+        if abs(rate) >= GYRO_FULL_SCALE:
             reasons.tell("the gyro is at full scale", inputs.time)
             return None
-        if self._repeated(inputs):
+        if self._is_frozen(inputs):
             reasons.tell("the gyro is frozen", inputs.time)
             return None
         self.seen = True
         return rate
 
-    def _repeated(self, inputs: Inputs) -> bool:
+    def _is_frozen(self, inputs: Inputs) -> bool:
         if inputs.gyro == self._last:
             self.repeats += 1
         else:
@@ -92,6 +94,6 @@ class GyroWatch:
             self._last = inputs.gyro
             self._changes += 1
         announced = bool(inputs.faults) and Fault.IMU_FROZEN in inputs.faults
-        lively = self._changes > LIVELY_AFTER
-        self.frozen = announced or (lively and self.repeats >= FROZEN_AFTER)
+        lively = self._changes > NOISY_CHANGES
+        self.frozen = announced or (lively and self.repeats >= FROZEN_REPEATS)
         return self.frozen

@@ -17,30 +17,30 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device, Inputs, Outputs
 from raccoon.core.schema import BATTERY_VOLTAGE
-from raccoon.estimate.drive.wheel_track import GAP
+from raccoon.estimate.drive.wheel_track import CYCLE_GAP_S
 from raccoon.model.bemf import counts_scale
 
-LEAST_LOAD = 0.55
+LEAST_LOAD_V = 0.55
 """V beyond what it rolled with, on each wheel."""
-JERKED = 0.5
+CHANGE_SHARE = 0.5
 """Of what the wheels' change of speed takes, and of a change of the voltage: that much may be wrong about the
 inertia, or of another time."""
-STEADY = 0.2
+STEADY_CHANGE_V = 0.2
 """V for a change of speed up to which most is learnt."""
-SMOOTHING = 0.04
+SMOOTHING_S = 0.04
 """s of the loads that are compared."""
-HELD_AFTER = 0.06
+HELD_AFTER_S = 0.06
 """s of it before the robot is said to be held."""
-LASTS, EVEN = 0.15, 0.4
+LASTING_LOAD_S, EVEN_CHANGE_V = 0.15, 0.4
 """s of more than LEAST_LOAD, and V for a change of speed and voltage up to which that says it, too: no
 inertia that is half wrong makes as much of so little."""
-HEAVY, HEAVY_LASTS = 0.38, 0.25
+HEAVY_LOAD_V, HEAVY_LOAD_S = 0.38, 0.25
 """V, and s of it at an even speed, that say it as well: a light robot, or one with little grip, spins its
 wheels with no more. Friction that doubles stays below."""
-LEARN_TIME, LEARN_TIME_HELD = 1.0, 10.0
+LEARN_TIME_S, LEARN_TIME_HELD_S = 1.0, 10.0
 """s in which what it rolls with is learnt; far slower while it seems to be held, so that a floor that is only
 heavy is forgiven."""
-KNOWN_AFTER = 0.3
+LEARNT_AFTER_S = 0.3
 """s of rolling before anything is said."""
 LEAST_SPEED, LEAST_VOLTS = 0.5, 0.3
 """rad/s and V, both ahead: slower wheels stick, and brakes are no drive."""
@@ -51,7 +51,7 @@ BATTERY_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class _Side:
+class _WheelVolts:
     """A wheel in volts: port and sign of its motor, share of the time in which that is powered, V of a rad/s
     as back-EMF and by friction, V of a rad/s2."""
 
@@ -62,9 +62,9 @@ class _Side:
     viscous: float
     acceleration: float
 
-    def load(self, given: float, speed: float, change: float) -> float:
+    def load(self, volts: float, speed: float, change: float) -> float:
         """V that carry the wheel at `given` V and rad/s, of which `change` V speed it up."""
-        return self.driven * (given - self.back_emf * speed) - self.viscous * speed - change
+        return self.driven * (volts - self.back_emf * speed) - self.viscous * speed - change
 
 
 class LoadWatch:
@@ -76,66 +76,71 @@ class LoadWatch:
 
     __slots__ = (
         "_battery",
-        "_change",
-        "_counted",
         "_direction",
-        "_excess",
-        "_free",
-        "_given",
-        "_heavy",
-        "_known",
-        "_last",
-        "_lasted",
+        "_excess_load",
+        "_heavy_seconds",
+        "_heavy_way",
+        "_held_way",
+        "_last_speeds",
+        "_last_volts",
+        "_lasting_seconds",
+        "_learnt_seconds",
         "_left",
         "_radius",
         "_right",
         "_robot",
-        "_rolls",
-        "_seconds",
-        "_suspicious",
+        "_rolling_loads",
+        "_rolling_loads_before",
+        "_suspicious_seconds",
         "_time",
-        "_volts",
-        "_way",
-        "doubt",
+        "_volt_seconds",
+        "_volt_time",
+        "_voltage_change",
         "held",
+        "place_variance",
     )
 
     def __init__(self, robot: RobotConfig, device: Device) -> None:
         self._robot = robot
         self._radius = robot.model.drive.wheel_radius.value
-        self._rolls = self._free = (0.0, 0.0)  # V; all of the first step is learnt
+        self._rolling_loads = self._rolling_loads_before = (0.0, 0.0)  # V; all of the first step is learnt
         self.held = False
-        self._known = self._battery = self._time = 0.0
+        self._learnt_seconds = self._battery = self._time = 0.0
         self.configure(device)
-        self.interrupt()
+        self.restart()
 
     def configure(self, device: Device) -> None:
         """Go on with the words of this device."""
-        self._left, self._right = _side(self._robot, "left", device), _side(self._robot, "right", device)
+        self._left, self._right = (
+            _wheel_volts(self._robot, "left", device),
+            _wheel_volts(self._robot, "right", device),
+        )
 
-    def interrupt(self) -> None:
+    def restart(self) -> None:
         """Nobody looked for a while. What it rolls with stays learnt."""
-        self._volts = (0.0, 0.0)
-        self._seconds = self._direction = 0.0
-        self._last = self._given = (0.0, 0.0)
-        self._release()
+        self._volt_seconds = (0.0, 0.0)
+        self._volt_time = self._direction = 0.0
+        self._last_speeds = self._last_volts = (0.0, 0.0)
+        self._reset_load()
 
-    def _release(self) -> None:
+    def _reset_load(self) -> None:
         """It is not driven on.
 
         Where it was held to the end that was no heavy floor, and nothing is kept of it: the third push
         against a wall would pass for rolling.
         """
         if self.held:
-            self._rolls = self._free
-        self._excess = self._change = self._suspicious = self._lasted = self._heavy = 0.0
-        self._way = self._counted = self.doubt = 0.0
+            self._rolling_loads = self._rolling_loads_before
+        self._excess_load = self._voltage_change = self._suspicious_seconds = self._lasting_seconds = (
+            self._heavy_seconds
+        ) = 0.0
+        self._heavy_way = self._held_way = self.place_variance = 0.0
         self.held = False
 
-    def drive(self, inputs: Inputs, command: Outputs | None) -> None:
+    def take_command(self, inputs: Inputs, command: Outputs | None) -> None:
         """Take the command that was in force until these readings; None where it is not known."""
         dt, self._time = inputs.time - self._time, inputs.time
-        if not 0.0 < dt < GAP:
+        if not 0.0 < dt < CYCLE_GAP_S:
             return
         reading = inputs.battery_voltage
         if reading is not None and LEAST_BATTERY < reading < MOST_BATTERY:
@@ -144,100 +149,103 @@ class LoadWatch:
         if command is None:
             return
         left, right, volts = self._left, self._right, self._battery * dt
-        given = self._volts
-        self._volts = (
-            given[0] + left.sign * command.duty[left.port] * volts,
-            given[1] + right.sign * command.duty[right.port] * volts,
+        volt_seconds = self._volt_seconds
+        self._volt_seconds = (
+            volt_seconds[0] + left.sign * command.duty[left.port] * volts,
+            volt_seconds[1] + right.sign * command.duty[right.port] * volts,
         )
-        self._seconds += dt
+        self._volt_time += dt
 
     def update(self, span: float, left: float, right: float) -> None:
         """Take a step of `span` s with the wheels' mean speeds, rad/s at nominal scale without offsets."""
-        seconds, (last_left, last_right) = self._seconds, self._last
-        given_left, given_right = self._volts
-        self._volts, self._seconds, self._last = (0.0, 0.0), 0.0, (left, right)
+        seconds, (last_left, last_right) = self._volt_time, self._last_speeds
+        volts_left, volts_right = self._volt_seconds
+        self._volt_seconds, self._volt_time, self._last_speeds = (0.0, 0.0), 0.0, (left, right)
         direction = 0.0
-        if min(left, right) > LEAST_SPEED and min(given_left, given_right) > LEAST_VOLTS * seconds:
+        if min(left, right) > LEAST_SPEED and min(volts_left, volts_right) > LEAST_VOLTS * seconds:
             direction = 1.0
-        elif max(left, right) < -LEAST_SPEED and max(given_left, given_right) < -LEAST_VOLTS * seconds:
+        elif max(left, right) < -LEAST_SPEED and max(volts_left, volts_right) < -LEAST_VOLTS * seconds:
             direction = -1.0
         if direction == 0.0 or direction != self._direction or seconds <= 0.0:
             self._direction = direction
-            self._release()
+            self._reset_load()
             return
-        given_left, given_right = given_left / seconds, given_right / seconds
-        jump = max(abs(given_left - self._given[0]), abs(given_right - self._given[1]))
-        self._given = given_left, given_right
+        volts_left, volts_right = volts_left / seconds, volts_right / seconds
+        jump = max(abs(volts_left - self._last_volts[0]), abs(volts_right - self._last_volts[1]))
+        self._last_volts = volts_left, volts_right
         change_left = self._left.acceleration * (left - last_left) / span
         change_right = self._right.acceleration * (right - last_right) / span
         self._judge(
             span,
-            direction * self._left.load(given_left, left, change_left),
-            direction * self._right.load(given_right, right, change_right),
+            direction * self._left.load(volts_left, left, change_left),
+            direction * self._right.load(volts_right, right, change_right),
             # Of each wheel: in a turn the two may change against each other.
             max(abs(change_left), abs(change_right), jump),
             0.5 * (left + right) * self._radius * span,
         )
 
-    def _judge(self, span: float, left: float, right: float, change: float, way: float) -> None:
+    def _judge(self, span: float, left: float, right: float, voltage_change: float, way: float) -> None:
         """Compare loads, V, with those it rolled with."""
-        smooth = span / (SMOOTHING + span)
-        rolls_left, rolls_right = self._rolls
-        self._change += smooth * (change - self._change)
+        smooth = span / (SMOOTHING_S + span)
+        rolls_left, rolls_right = self._rolling_loads
+        self._voltage_change += smooth * (voltage_change - self._voltage_change)
         excess = min(left - rolls_left, right - rolls_right)
-        self._excess += smooth * (excess - self._excess)
-        limit = LEAST_LOAD + JERKED * self._change
-        lasts = self._excess > LEAST_LOAD and self._change < EVEN
-        self._lasted = self._lasted + span if lasts else 0.0
-        if self._excess > HEAVY and self._change < STEADY:
-            self._heavy += span
-        elif self._excess < 0.5 * LEAST_LOAD:
-            self._heavy = 0.0
-        lasted = self._lasted > LASTS or self._heavy > HEAVY_LASTS
-        if self._excess > limit or lasted:
-            self._suspicious += span
-            long = self._suspicious > HELD_AFTER or lasted
-            if not self.held and long and self._known > KNOWN_AFTER:
-                self.held, self._free = True, self._rolls
-        elif self._excess < 0.5 * LEAST_LOAD or not self.held:
-            self._suspicious = 0.0
+        self._excess_load += smooth * (excess - self._excess_load)
+        limit = LEAST_LOAD_V + CHANGE_SHARE * self._voltage_change
+        is_lasting = self._excess_load > LEAST_LOAD_V and self._voltage_change < EVEN_CHANGE_V
+        self._lasting_seconds = self._lasting_seconds + span if is_lasting else 0.0
+        if self._excess_load > HEAVY_LOAD_V and self._voltage_change < STEADY_CHANGE_V:
+            self._heavy_seconds += span
+        elif self._excess_load < 0.5 * LEAST_LOAD_V:
+            self._heavy_seconds = 0.0
+        has_lasted = self._lasting_seconds > LASTING_LOAD_S or self._heavy_seconds > HEAVY_LOAD_S
+        if self._excess_load > limit or has_lasted:
+            self._suspicious_seconds += span
+            is_long = self._suspicious_seconds > HELD_AFTER_S or has_lasted
+            if not self.held and is_long and self._learnt_seconds > LEARNT_AFTER_S:
+                self.held, self._rolling_loads_before = True, self._rolling_loads
+        elif self._excess_load < 0.5 * LEAST_LOAD_V or not self.held:
+            self._suspicious_seconds = 0.0
             self.held = False
-        self._count(way, self.held or max(excess, self._excess) > 0.5 * LEAST_LOAD)
-        steady = span / (1.0 + (self._change / STEADY) ** 2)
-        self._known += steady
-        self._rolls = self._learnt(rolls_left, left, steady), self._learnt(rolls_right, right, steady)
+        self._count_way(way, self.held or max(excess, self._excess_load) > 0.5 * LEAST_LOAD_V)
+        learn_seconds = span / (1.0 + (self._voltage_change / STEADY_CHANGE_V) ** 2)
+        self._learnt_seconds += learn_seconds
+        self._rolling_loads = (
+            self._learnt_rolling_load(rolls_left, left, learn_seconds),
+            self._learnt_rolling_load(rolls_right, right, learn_seconds),
+        )
 
-    def _learnt(self, rolls: float, load: float, steady: float) -> float:
+    def _learnt_rolling_load(self, rolling_load: float, load: float, learn_seconds: float) -> float:
         """What a wheel rolls with after `steady` s of a load, V. One wheel alone may be at a wall, too."""
-        held = self._suspicious > 0.0 or load - rolls > HEAVY
-        usual = min(self._known, LEARN_TIME)
-        if held and self._known > KNOWN_AFTER:
-            usual = LEARN_TIME_HELD
-        return rolls + min(1.0, steady / usual) * (load - rolls)
+        held = self._suspicious_seconds > 0.0 or load - rolling_load > HEAVY_LOAD_V
+        time_constant = min(self._learnt_seconds, LEARN_TIME_S)
+        if held and self._learnt_seconds > LEARNT_AFTER_S:
+            time_constant = LEARN_TIME_HELD_S
+        return rolling_load + min(1.0, learn_seconds / time_constant) * (load - rolling_load)
 
-    def _count(self, way: float, heavy: bool) -> None:
+    def _count_way(self, way: float, heavy: bool) -> None:
         """Add to the doubted way, from the first step that was heavy, long before it is said."""
-        self._way = self._way + way if heavy else 0.0
-        counted = self._counted
-        self._counted = self._way if self.held else 0.0
-        self.doubt = max(0.0, self._counted**2 - counted**2)
+        self._heavy_way = self._heavy_way + way if heavy else 0.0
+        counted = self._held_way
+        self._held_way = self._heavy_way if self.held else 0.0
+        self.place_variance = max(0.0, self._held_way**2 - counted**2)
 
     @property
     def held_way(self) -> float:
         """m that both wheels turned, from the first heavy step on, while it is held; 0 while it is not."""
-        return abs(self._counted)
+        return abs(self._held_way)
 
 
-def _side(robot: RobotConfig, side: str, device: Device) -> _Side:
+def _wheel_volts(robot: RobotConfig, side: str, device: Device) -> _WheelVolts:
     port = getattr(robot.drive, side)
     motor, model = robot.motor(port), getattr(robot.model, side)
-    constant = model.back_emf_constant.value
+    back_emf_constant = model.back_emf_constant.value
     per_speed = device.bemf_volts / counts_scale(robot, side, device)
-    viscous = model.armature_resistance.value * robot.model.friction.viscous.value / constant
+    viscous = model.armature_resistance.value * robot.model.friction.viscous.value / back_emf_constant
     if motor.speed_voltage is not None:
         viscous = max(0.0, motor.speed_voltage.value - per_speed)
-    inertia = model.armature_resistance.value * robot.model.drive.inertia_straight.value / constant
+    inertia = model.armature_resistance.value * robot.model.drive.inertia_straight.value / back_emf_constant
     if motor.acceleration_voltage is not None:
         inertia = motor.acceleration_voltage.value
     sign = -1.0 if motor.inverted else 1.0
-    return _Side(port, sign, device.driven_share, per_speed, viscous, inertia)
+    return _WheelVolts(port, sign, device.driven_share, per_speed, viscous, inertia)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
-from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
-from raccoon.estimate.drive.wheels import SAMPLE_TIME
+from raccoon.estimate.drive.wheel_track import HOLD_S, WheelTrack
+from raccoon.estimate.drive.wheels import SAMPLE_TIME_S
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale
 
 SILENT_WHEEL = 50.0
 """(rad/s)^2 over one second, variance of a wheel that gives no reading: it may turn at any speed."""
-TOGETHER = 0.9
+UNCOUNTED_CORRELATION = 0.9
 """Correlation of what both wheels turned uncounted: a controller that hung or restarted let both go on, or
 stopped both."""
 
@@ -24,11 +24,13 @@ class WheelNoise:
         self._settings = settings
         self._radius = robot.model.drive.wheel_radius.value
         self._tick = per_count * device.position_counts_seconds
-        self._bemf = (settings.bemf_noise_counts * per_count) ** 2 * SAMPLE_TIME
-        self._dead_zone = (device.bemf_dead_zone * per_count) ** 2 / 3.0  # anywhere within the dead zone
+        self._bemf_density = (settings.bemf_noise_counts * per_count) ** 2 * SAMPLE_TIME_S
+        self._dead_zone_variance = (
+            device.bemf_dead_zone * per_count
+        ) ** 2 / 3.0  # anywhere within the dead zone
 
     def variance(
-        self, wheel: WheelTrack, speed: float, span: float, still: bool = False, mute: bool = False
+        self, wheel: WheelTrack, speed: float, span: float, still: bool = False, is_mute: bool = False
     ) -> float:
         """Of a wheel's mean speed over `span`. still: the robot stands. mute: what it reads is no reading.
 
@@ -36,30 +38,32 @@ class WheelNoise:
         hides. A wheel that stands within it says nothing: however often it reads 0, its offset may be as
         large as the zone.
         """
-        if mute or wheel.silent > HOLD or (still and wheel.blind > 0.0):
+        if is_mute or wheel.silence > HOLD_S or (still and wheel.blind_time > 0.0):
             return SILENT_WHEEL / span
-        steps = (self._tick / span) ** 2 / 6.0
-        noise = self._bemf / span if wheel.fine else steps
+        tick_variance = (self._tick / span) ** 2 / 6.0
+        noise = self._bemf_density / span if wheel.has_bemf else tick_variance
         slip = self._settings.slip_noise**2 * abs(speed) / (self._radius * span)
-        late = self._settings.timing * (speed - wheel.mean) / span
-        unseen = self._dead_zone * min(wheel.blind / span, 1.0) + (wheel.lost / span) ** 2
-        return noise + slip + late * late + unseen + 1e-10
+        late_std = self._settings.timing * (speed - wheel.step_speed) / span
+        unseen_variance = (
+            self._dead_zone_variance * min(wheel.blind_time / span, 1.0) + (wheel.guessed_angle / span) ** 2
+        )
+        return noise + slip + late_std * late_std + unseen_variance + 1e-10
 
-    def of_angle(self, wheel: WheelTrack, angle: float, span: float) -> float:
+    def angle_variance(self, wheel: WheelTrack, angle: float, span: float) -> float:
         """Of the angle (rad) that a wheel turned over a gap of `span` s by its counter, rad^2."""
-        if wheel.silent > HOLD:
+        if wheel.silence > HOLD_S:
             return SILENT_WHEEL * span
-        steps = self._tick**2 / 3.0
-        ahead = self._bemf / SAMPLE_TIME * wheel.lag**2
+        tick_variance = self._tick**2 / 3.0
+        lag_variance = self._bemf_density / SAMPLE_TIME_S * wheel.lag**2
         slip = self._settings.slip_noise**2 * abs(angle) / self._radius
-        late = self._settings.timing * (wheel.speed - wheel.mean)
-        return steps + ahead + slip + late * late + wheel.lost**2 + 1e-10
+        late_std = self._settings.timing * (wheel.speed - wheel.step_speed)
+        return tick_variance + lag_variance + slip + late_std * late_std + wheel.guessed_angle**2 + 1e-10
 
-    def together(self, left: WheelTrack, right: WheelTrack) -> float:
+    def angle_covariance(self, left: WheelTrack, right: WheelTrack) -> float:
         """Covariance of the angles that both wheels turned over a gap, rad^2."""
-        return TOGETHER * left.lost * right.lost
+        return UNCOUNTED_CORRELATION * left.guessed_angle * right.guessed_angle
 
-    def wobble(self, left: float, right: float, span: float) -> float:
+    def runout_variance(self, left: float, right: float, span: float) -> float:
         """Of half the difference of both wheels' mean speeds, because they are not round.
 
         A runout repeats with every revolution, so it loses no way in the long run; but a turn takes about

@@ -1,7 +1,6 @@
-"""Things seen in the field, as measurements of the pose: known pose, heading along a wall, crossing of a
-line.
+"""Observations as measurements of the pose: a known pose, a heading along a wall, the crossing of a line.
 
-Each is what would be measured at a pose (x, y, heading) and how that changes with the pose, (m, 3).
+Each is the values expected at a pose (x, y, heading) and their Jacobian, (m, 3).
 """
 
 from __future__ import annotations
@@ -15,28 +14,28 @@ import numpy as np
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import SIZE, State
 
+PoseFunction = Callable[[Array], Array]
 # 99.9 % of a chi-squared distribution with 1, 2, 3 degrees of freedom: square roots.
 GATES = {1: 3.291, 2: 3.717, 3: 4.033}
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class PoseMeasurement:
     """A measurement of the pose.
 
-    measured: (m,). expected, jacobian: functions of the pose. std: (m,). angle: row that is an angle, or
-    None.
+    values: (m,). expected, jacobian: functions of the pose. std: (m,). angle: row that is an angle, or None.
     """
 
-    measured: Array
-    expected: Callable[[Array], Array]
-    jacobian: Callable[[Array], Array]
+    values: Array
+    expected: PoseFunction
+    jacobian: PoseFunction
     std: Array
     angle: int | None = None
 
     @property
     def gate(self) -> float:
         """Mahalanobis distance above which it is not believed: one true observation in 1000 lies beyond."""
-        return GATES[len(self.measured)]
+        return GATES[len(self.values)]
 
     def residual(self, measured: Array, expected: Array) -> Array:
         """measured - expected, an angle the short way round."""
@@ -45,8 +44,22 @@ class Seen:
             result[self.angle] = math.remainder(result[self.angle], math.tau)
         return result
 
+    def functions_of_state(self, shift: Array) -> tuple[PoseFunction, PoseFunction]:
+        """Expected values and Jacobian as functions of the filter's state (13,), whose pose is `shift` (3,)
+        behind."""
 
-def checked(std: float, *values: float) -> None:
+        def expected(state: Array) -> Array:
+            return self.expected(state[: State.VELOCITY] + shift)
+
+        def jacobian(state: Array) -> Array:
+            H = np.zeros((len(self.values), SIZE))
+            H[:, : State.VELOCITY] = self.jacobian(state[: State.VELOCITY] + shift)
+            return H
+
+        return expected, jacobian
+
+
+def check_observation(std: float, *values: float) -> None:
     """Raise ValueError for a value that is not finite or a deviation that is not above 0."""
     if not (math.isfinite(std) and std > 0.0):
         raise ValueError(f"std is {std}: it must be above 0")
@@ -54,11 +67,13 @@ def checked(std: float, *values: float) -> None:
         raise ValueError(f"observed values {values}: every one must be finite")
 
 
-def pose_seen(x: float, y: float, heading: float, position_std: float, heading_std: float) -> Seen:
+def pose_measurement(
+    x: float, y: float, heading: float, position_std: float, heading_std: float
+) -> PoseMeasurement:
     """A known pose: m, m, rad."""
-    checked(position_std, x, y, heading)
-    checked(heading_std)
-    return Seen(
+    check_observation(position_std, x, y, heading)
+    check_observation(heading_std)
+    return PoseMeasurement(
         np.array([x, y, heading]),
         lambda pose: pose.copy(),
         lambda _: np.eye(3),
@@ -67,10 +82,10 @@ def pose_seen(x: float, y: float, heading: float, position_std: float, heading_s
     )
 
 
-def heading_seen(heading: float, std: float) -> Seen:
+def heading_measurement(heading: float, std: float) -> PoseMeasurement:
     """A known heading, rad: the robot stands along a wall."""
-    checked(std, heading)
-    return Seen(
+    check_observation(std, heading)
+    return PoseMeasurement(
         np.array([heading]),
         lambda pose: pose[2:3].copy(),
         lambda _: np.array([[0.0, 0.0, 1.0]]),
@@ -79,13 +94,15 @@ def heading_seen(heading: float, std: float) -> Seen:
     )
 
 
-def line_seen(point: tuple[float, float], direction: float, sensor: tuple[float, float], std: float) -> Seen:
+def line_measurement(
+    point: tuple[float, float], direction: float, sensor: tuple[float, float], std: float
+) -> PoseMeasurement:
     """A sensor (m ahead, m to the left of the robot's origin) is on the line through `point` along
     `direction` rad.
 
     Measured is the sensor's distance from the line, to the left of its direction: 0.
     """
-    checked(std, *point, direction, *sensor)
+    check_observation(std, *point, direction, *sensor)
     normal = np.array([-math.sin(direction), math.cos(direction)])
     ahead, left = sensor
 
@@ -99,36 +116,28 @@ def line_seen(point: tuple[float, float], direction: float, sensor: tuple[float,
         turned = np.array([-ahead * s - left * c, ahead * c - left * s])
         return np.array([[normal[0], normal[1], normal @ turned]])
 
-    return Seen(np.zeros(1), expected, jacobian, np.array([std]))
-
-
-def of_state(seen: Seen, shift: Array) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-    """The measurement as functions of the filter's state, (13,), whose pose is `shift` (3,) behind."""
-
-    def expected(state: Array) -> Array:
-        return seen.expected(state[: State.VELOCITY] + shift)
-
-    def jacobian(state: Array) -> Array:
-        H = np.zeros((len(seen.measured), SIZE))
-        H[:, : State.VELOCITY] = seen.jacobian(state[: State.VELOCITY] + shift)
-        return H
-
-    return expected, jacobian
+    return PoseMeasurement(np.zeros(1), expected, jacobian, np.array([std]))
 
 
 @dataclass(slots=True)
-class Way:
+class WheelTravel:
     """What the wheels turned since a mark: rad at nominal scale, and s."""
 
     left: float = 0.0
     right: float = 0.0
     seconds: float = 0.0
 
+    def add(self, left: float, right: float, span: float) -> None:
+        """Add `span` s at these speeds, rad/s at nominal scale."""
+        self.left += left * span
+        self.right += right * span
+        self.seconds += span
+
     def expected(self, state: Array, radius: float) -> Array:
         """Way of the robot's middle, m, (1,)."""
-        return np.array([state[State.WAY] * sum(self._read(state, radius))])
+        return np.array([state[State.WAY] * sum(self._half_ways(state, radius))])
 
-    def _read(self, state: Array, radius: float) -> tuple[float, float]:
+    def _half_ways(self, state: Array, radius: float) -> tuple[float, float]:
         """Half the way of either wheel as both read it, m."""
         balance = state[State.BALANCE]
         left = 0.5 * radius * (self.left - state[State.LEFT_OFFSET] * self.seconds) / (1.0 - balance)
@@ -139,7 +148,7 @@ class Way:
         """Its derivative by the state, (1, 13)."""
         H = np.zeros((1, SIZE))
         way, balance = state[State.WAY], state[State.BALANCE]
-        left, right = self._read(state, radius)
+        left, right = self._half_ways(state, radius)
         H[0, State.WAY] = left + right
         H[0, State.BALANCE] = way * (left / (1.0 - balance) - right / (1.0 + balance))
         H[0, State.LEFT_OFFSET] = -0.5 * radius * self.seconds * way / (1.0 - balance)

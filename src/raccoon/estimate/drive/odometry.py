@@ -15,12 +15,18 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
 from raccoon.estimate.drive.estimate import DriveEstimate, Observation
-from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_seen, pose_seen
-from raccoon.estimate.drive.published import pose_covariance, published
+from raccoon.estimate.drive.estimate_builder import build_estimate, pose_covariance
+from raccoon.estimate.drive.observations import (
+    PoseMeasurement,
+    WheelTravel,
+    heading_measurement,
+    line_measurement,
+    pose_measurement,
+)
 from raccoon.estimate.drive.readings import DriveReadings
-from raccoon.estimate.drive.steps import Steps
-from raccoon.estimate.drive.timing import beyond
-from raccoon.estimate.drive.wheel_track import HOLD
+from raccoon.estimate.drive.stepper import FilterStepper
+from raccoon.estimate.drive.timing import believed_delay_motion
+from raccoon.estimate.drive.wheel_track import HOLD_S
 from raccoon.estimate.drive.wiring import Wiring
 from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
@@ -29,9 +35,9 @@ from raccoon.model.drive import arc_end
 __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]
 
 DEFAULTS = OdometrySettings()
-STEP = 0.0175
+STEP_S = 0.0175
 """s; the filter moves on with the first gyro reading after it (every 20 ms at 50 and at 200 Hz)."""
-LATEST_SEEN = 2.0
+MAX_OBSERVATION_AGE_S = 2.0
 """s; what was seen longer ago is not taken any more."""
 
 
@@ -54,7 +60,7 @@ class Odometry:
         self._settings = settings
         self._readings = DriveReadings(robot, settings.imu_latency)
         self._device = SIMULATOR
-        self._steps = Steps(robot, settings, self._readings, self._device)
+        self._stepper = FilterStepper(robot, settings, self._readings, self._device)
         self.resets = 0
         """How often the pose was set anew, after which nothing planned in the one before holds."""
         self.reset(x, y, heading)
@@ -67,37 +73,40 @@ class Odometry:
     @property
     def wheel_scales(self) -> tuple[float, float]:
         """Speed as read over true speed, left and right: 1 where the calibration is right."""
-        flat = self._steps.fusion.drive.flat
+        flat = self._stepper.fusion.drive.flat
         return wheel_scales(flat[State.WAY], flat[State.BALANCE])
 
     @property
     def gyro_scale(self) -> tuple[float, float]:
         """Turn rate as the gyro reads it over the true one, by robot.toml and by what was seen in the field;
         and its standard deviation."""
-        flat = self._steps.fusion.drive.flat
+        flat = self._stepper.fusion.drive.flat
         return flat[State.GYRO_SCALE], math.sqrt(flat[variance_index(State.GYRO_SCALE)])
 
     @property
     def turn_share(self) -> float:
         """Turn by the gyro over that of the wheels, where all turns say that a number is far off; else 1."""
-        return self._steps.turn_share.value
+        return self._stepper.turn_share.value
 
     @property
     def held_way(self) -> float:
         """m that both wheels turned so far while they carry what they do at a wall; 0 where they do not."""
-        return self._steps.touch.held_way
+        return self._stepper.contact.held_way
 
     @property
     def slipped(self) -> bool:
         """Whether a wheel slipped since the robot last stood, in a motion that had begun well."""
-        return self._steps.fusion.slip.slipped
+        return self._stepper.fusion.slip.slipped
 
     @property
     def silent_wheels(self) -> tuple[bool, bool]:
         """Whether the left and the right wheel have said nothing for so long that their speed is not known:
         the estimate has 0 then, which is no reading.
         """
-        return self._readings.left.silent > HOLD, self._readings.right.silent > HOLD
+        return (
+            self._readings.left.silence > HOLD_S,
+            self._readings.right.silence > HOLD_S,
+        )
 
     @property
     def wiring(self) -> Wiring:
@@ -111,7 +120,7 @@ class Odometry:
         That of the filter's last step (at most 20 ms ago), and what the robot moves in the time by which its
         readings may be early or late.
         """
-        return pose_covariance(self._steps.fusion.drive.flat, self._estimate, self._settings.timing)
+        return pose_covariance(self._stepper.fusion.drive.flat, self._estimate, self._settings.timing)
 
     def reset(
         self,
@@ -132,13 +141,13 @@ class Odometry:
         for name, std in (("position_std", position_std), ("heading_std", heading_std)):
             if not 0.0 <= std < math.inf:
                 raise ValueError(f"{name} is {std}: allowed are finite numbers from 0")
-        travel, turn = beyond(self._steps.fusion.drive.flat, self._settings.timing)
-        self._steps.place(*arc_end(x, y, heading, -travel, -turn))
-        self._steps.fusion.drive.widen((State.X, State.Y), position_std)
-        self._steps.fusion.drive.widen((State.HEADING,), heading_std)
+        travel, turn = believed_delay_motion(self._stepper.fusion.drive.flat, self._settings.timing)
+        self._stepper.place(*arc_end(x, y, heading, -travel, -turn))
+        self._stepper.fusion.drive.widen((State.X, State.Y), position_std)
+        self._stepper.fusion.drive.widen((State.HEADING,), heading_std)
         self._readings.clear()
         self.resets += 1
-        self._estimate = self._published()
+        self._estimate = self._build_estimate()
 
     def update(self, inputs: Inputs, command: Outputs | None = STOP) -> DriveEstimate:
         """Take the cycle `inputs`, read while `command` was in force, and give the estimate at its time.
@@ -148,12 +157,12 @@ class Odometry:
         """
         if inputs.device is not self._device:
             if inputs.device != self._device:  # a recording may say the same one anew
-                self._steps.configure(inputs.device)
+                self._stepper.configure(inputs.device)
             self._device = inputs.device
-        self._steps.touch.drive(inputs, command)
-        if self._readings.take(inputs) and self._readings.pending.span > STEP:
-            self._steps.advance(command)
-        self._estimate = self._published()
+        self._stepper.contact.take_command(inputs, command)
+        if self._readings.take(inputs) and self._readings.pending.span > STEP_S:
+            self._stepper.advance(command)
+        self._estimate = self._build_estimate()
         return self._estimate
 
     def observe_pose(
@@ -172,11 +181,11 @@ class Odometry:
         present uncertainty allows: after a kidnapping use `reset`. Raises ValueError for values that are not
         finite or a deviation that is not above 0.
         """
-        return self._observe(pose_seen(x, y, heading, position_std, heading_std), time)
+        return self._observe(pose_measurement(x, y, heading, position_std, heading_std), time)
 
     def observe_heading(self, heading: float, std: float, *, time: float | None = None) -> Observation:
         """The robot was seen heading this way, rad: aligned to a wall. Otherwise as `observe_pose`."""
-        return self._observe(heading_seen(heading, std), time)
+        return self._observe(heading_measurement(heading, std), time)
 
     def observe_line(
         self,
@@ -191,39 +200,39 @@ class Odometry:
 
         sensor: m ahead and m to the left of the robot's origin. std: m. Otherwise as `observe_pose`.
         """
-        return self._observe(line_seen(point, direction, sensor, std), time)
+        return self._observe(line_measurement(point, direction, sensor, std), time)
 
     def doubt_way(self, way: float) -> None:
         """Of the last `way` m (0 or more) that the wheels turned, the robot may have gone none: at a wall."""
         if way > 0.0:
-            self._steps.fusion.doubt_way(way)
-            self._estimate = self._published()
+            self._stepper.fusion.doubt_way(way)
+            self._estimate = self._build_estimate()
 
     def mark(self) -> None:
         """Begin the way that `observe_distance` measures here; `reset` does so too."""
-        self._steps.fusion.way = Way()
+        self._stepper.fusion.wheel_travel = WheelTravel()
 
     def observe_distance(self, distance: float, std: float) -> Observation:
         """The robot went `distance` m (negative: back) since the mark, by tape; it stands now.
 
         Tells the wheels' scales, and through them corrects the pose. Otherwise as `observe_pose`.
         """
-        found = self._steps.fusion.observe_way(distance, std)
-        self._estimate = self._published()
+        found = self._stepper.fusion.observe_way(distance, std)
+        self._estimate = self._build_estimate()
         return found
 
-    def _observe(self, seen: Seen, time: float | None) -> Observation:
+    def _observe(self, seen: PoseMeasurement, time: float | None) -> Observation:
         now = self._readings.time
-        if time is not None and not now - LATEST_SEEN <= time <= now:
-            allowed = f"the {LATEST_SEEN:g} s before {now} s"
+        if time is not None and not now - MAX_OBSERVATION_AGE_S <= time <= now:
+            allowed = f"the {MAX_OBSERVATION_AGE_S:g} s before {now} s"
             return Observation(False, math.nan, f"seen at {time} s: allowed are {allowed}")
-        flat = self._steps.fusion.drive.flat
+        flat = self._stepper.fusion.drive.flat
         here = self._estimate
         shift = np.array([here.x - flat[State.X], here.y - flat[State.Y], here.heading - flat[State.HEADING]])
-        since = self._readings.pending.span + self._readings.ahead[0]
-        found = self._steps.fusion.observe(seen, shift, since, None if time == now else time)
-        self._estimate = self._published()
+        since = self._readings.pending.span + self._readings.waiting[0]
+        found = self._stepper.fusion.observe(seen, shift, since, None if time == now else time)
+        self._estimate = self._build_estimate()
         return found
 
-    def _published(self) -> DriveEstimate:
-        return published(self._steps.fusion, self._readings, self._settings)
+    def _build_estimate(self) -> DriveEstimate:
+        return build_estimate(self._stepper.fusion, self._readings, self._settings)

@@ -10,24 +10,24 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
 from raccoon.estimate.drive.estimate import AT_REST
-from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
-from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
-from raccoon.estimate.drive.wheels import LATEST, LONGEST_GAP, WheelDecoder, WheelReading
+from raccoon.estimate.drive.health import GYRO_TIMEOUT_S, GyroWatch, Reasons
+from raccoon.estimate.drive.wheel_track import CYCLE_GAP_S, HOLD_S, WheelTrack
+from raccoon.estimate.drive.wheels import LONGEST_GAP_S, MAX_TIME_S, WheelDecoder, WheelReading
 from raccoon.estimate.drive.wiring import Wiring
 
-COARSE_GYRO = 0.008
+COARSE_GYRO_PERIOD_S = 0.008
 """s between gyro readings above which a turn may begin or end unseen between them."""
-KINKED = 0.15
+KINK_SHARE = 0.15
 """Of how far the rate bends from one reading to the next, deviation of its mean between them where they are
 coarse: where it peaks in between, its top is cut off. While it rises evenly nothing is."""
-SHARP = 30.0
+SHARP_TURN_ACCELERATION = 30.0
 """rad/s2; what turns a robot more suddenly, as a wall does, begins or ends between two readings. When it did
-is known no better than they are apart (`DATED` in steps.py)."""
-MOST_FORCE = 400.0
+is known no better than they are apart (`TURN_TIMING_SHARE` in steps.py)."""
+MAX_ACCELERATION = 400.0
 """m/s2; the accelerometers of these robots end at 16 g or less."""
-MOST_PITCH = 3.0
+MAX_PITCH_RATE = 3.0
 """rad/s; no robot on its wheels pitches faster, and a gyro that says so is wrong."""
-PATIENCE = 0.5
+SILENT_WHEELS_WAIT_S = 0.5
 """s for which the filter waits for wheels that are silent beside a gyro that is not."""
 
 
@@ -43,19 +43,19 @@ class Pending:
     turn: float = 0.0
     gyro_span: float = 0.0
     gyro_count: int = 0
-    gyro_kinks: float = 0.0
+    gyro_kink_variance: float = 0.0
     """(rad/s)^2 by which a rate that did not run straight may be off."""
-    gyro_sharp: float = 0.0
+    gyro_sharp_turn: float = 0.0
     """rad, how far it would have turned between two readings at what the rate jumped by."""
-    force: float = 0.0
+    forward_accel_sum: float = 0.0
     """m/s2 ahead that the accelerometer felt, summed over its readings."""
-    pitch: float = 0.0
+    pitch_rate_sum: float = 0.0
     """rad/s about the axis that the gyro read with them, summed too; above 0 the nose comes down."""
-    side: float = 0.0
-    roll: float = 0.0
+    left_accel_sum: float = 0.0
+    roll_rate_sum: float = 0.0
     """The same of what it felt to the left, and of the gyro about the direction ahead; above 0 the left side
     comes up."""
-    force_count: int = 0
+    accel_count: int = 0
     faulty: bool = False
     """Whether the port says that a motor is at fault, and it may be that of a wheel."""
 
@@ -74,22 +74,22 @@ class DriveReadings:
         lag = robot.model.bemf.filter_time_constant.value
         self.left, self.right = WheelTrack(lag), WheelTrack(lag)
         self.gyro, self.reasons, self.wiring = GyroWatch(), Reasons(), Wiring()
-        self.rate = self._swing = 0.0  # rad/s, and rad/s2 since the reading before
+        self.gyro_rate = self._gyro_acceleration = 0.0  # rad/s, and rad/s2 since the reading before
         self.time = 0.0
-        self._begun = False  # whether there was a cycle, whose time is known
+        self._has_time = False  # whether there was a cycle, whose time is known
         self.at_fault = False
         self._decoder = WheelDecoder(robot)
-        self._latency = imu_latency
-        self._unseen = 0.0
+        self._imu_latency = imu_latency
+        self._unseen_seconds = 0.0
         self._moves_at_rest = False  # as the port says of a motor
-        self._explained = False  # that, by an offset that was learnt
+        self._is_rest_motion_explained = False  # that, by an offset that was learnt
         self.clear()
 
     def clear(self) -> None:
         """Forget what is pending."""
         self.pending = Pending()
-        self.ahead = [0.0, 0.0, 0.0]
-        self._late: deque[tuple[float, float, float]] = deque()
+        self.waiting = [0.0, 0.0, 0.0]
+        self._waiting_cycles: deque[tuple[float, float, float]] = deque()
 
     def take(self, inputs: Inputs) -> bool:
         """Take a cycle. True where a gyro reading came, or none is to be expected, so that the filter may
@@ -97,51 +97,57 @@ class DriveReadings:
         """
         reading = self._decoder.decode(inputs)
         self._moves_at_rest = Fault.BEMF_INVALID in inputs.faults and not _is_silent(reading)
-        self._explained = self._explained and self._moves_at_rest
+        self._is_rest_motion_explained = self._is_rest_motion_explained and self._moves_at_rest
         fresh = False
         if reading.dt > 0.0:
             self.time = inputs.time
             self._take_wheels(reading.dt, reading, inputs)
-            self._take_force(inputs)
-            fresh = self._take_gyro(reading.dt, inputs) or self.gyro.age > GYRO_TIMEOUT
+            self._take_accelerometer(inputs)
+            fresh = self._take_gyro(reading.dt, inputs) or self.gyro.age > GYRO_TIMEOUT_S
             if _is_empty(reading, inputs):  # a silent link: what was missed is taken in one piece later
-                self._unseen += reading.dt
+                self._unseen_seconds += reading.dt
                 fresh = False
             else:
-                self._unseen = 0.0
-            fresh = fresh and not self._waits  # a gyro alone does not tell how far the robot went
-        self._complain(reading, inputs)
-        if not self._begun and -LATEST <= inputs.time <= LATEST:
-            self._begun, self.time = True, inputs.time
+                self._unseen_seconds = 0.0
+            fresh = (
+                fresh and not self._is_waiting_for_wheels
+            )  # a gyro alone does not tell how far the robot went
+        self._tell_faults(reading, inputs)
+        if not self._has_time and -MAX_TIME_S <= inputs.time <= MAX_TIME_S:
+            self._has_time, self.time = True, inputs.time
         return fresh
 
-    def rest(self) -> None:
+    def explain_rest_motion(self) -> None:
         """The robot stands: what its wheels read is offset, which is learnt and so no doubt any more."""
-        self._explained = self._moves_at_rest
+        self._is_rest_motion_explained = self._moves_at_rest
 
     @property
-    def _waits(self) -> bool:
+    def _is_waiting_for_wheels(self) -> bool:
         """Whether neither wheel has said anything for a while, and may soon tell all of it at once."""
-        return HOLD < min(self.left.silent, self.right.silent) <= PATIENCE
+        return HOLD_S < min(self.left.silence, self.right.silence) <= SILENT_WHEELS_WAIT_S
 
     def _take_wheels(self, dt: float, reading: WheelReading, inputs: Inputs) -> None:
         left, right = self.left, self.right
-        gap = dt > GAP or self._unseen > HOLD or (self._waits and not _is_silent(reading))
-        left.blind += dt * reading.left_blind
-        right.blind += dt * reading.right_blind
+        gap = (
+            dt > CYCLE_GAP_S
+            or self._unseen_seconds > HOLD_S
+            or (self._is_waiting_for_wheels and not _is_silent(reading))
+        )
+        left.blind_time += dt * reading.left_blind
+        right.blind_time += dt * reading.right_blind
         if reading.left_jumped:
-            left.restart(dt)
+            left.take_counter_jump(dt)
         if reading.right_jumped:
-            right.restart(dt)
+            right.take_counter_jump(dt)
         if inputs.faults and Fault.STALE in inputs.faults:
             # A repeated frame says nothing; a counter that moved all the same does.
-            left.update(dt, None, reading.left_angle, self._unseen)
-            right.update(dt, None, reading.right_angle, self._unseen)
+            left.update(dt, None, reading.left_angle, self._unseen_seconds)
+            right.update(dt, None, reading.right_angle, self._unseen_seconds)
         else:
-            left.update(dt, reading.left_speed, reading.left_angle, self._unseen)
-            right.update(dt, reading.right_speed, reading.right_angle, self._unseen)
-        if self._latency > 0.0:
-            self._take_late(dt, 0.0 if gap else self._latency)
+            left.update(dt, reading.left_speed, reading.left_angle, self._unseen_seconds)
+            right.update(dt, reading.right_speed, reading.right_angle, self._unseen_seconds)
+        if self._imu_latency > 0.0:
+            self._take_late(dt, 0.0 if gap else self._imu_latency)
             self.pending.gap = self.pending.gap or gap
             return
         pending = self.pending
@@ -152,7 +158,7 @@ class DriveReadings:
 
     def _take_late(self, dt: float, latency: float) -> None:
         """Let the wheels wait until the gyro, which is late, tells of the same time."""
-        late, ahead, pending = self._late, self.ahead, self.pending
+        late, ahead, pending = self._waiting_cycles, self.waiting, self.pending
         late.append((dt, self.left.increment, self.right.increment))
         for place, value in enumerate(late[-1]):
             ahead[place] += value
@@ -172,52 +178,54 @@ class DriveReadings:
         if rate is None:
             return False
         pending = self.pending
-        before = rate if watch.age > GYRO_TIMEOUT else self.rate
+        before = rate if watch.age > GYRO_TIMEOUT_S else self.gyro_rate
         age = min(watch.age, pending.span)
-        if age > GYRO_TIMEOUT:  # what it reads now is no word about a time in which nobody looked
-            self.rate, self._swing = rate, 0.0
+        if age > GYRO_TIMEOUT_S:  # what it reads now is no word about a time in which nobody looked
+            self.gyro_rate, self._gyro_acceleration = rate, 0.0
             watch.age = 0.0
             return True
         pending.turn += 0.5 * (before + rate) * age
         pending.gyro_span += age
         pending.gyro_count += 1
         change = abs(rate - before)
-        if age > COARSE_GYRO:
-            pending.gyro_kinks += (KINKED * abs(rate - before - self._swing * age)) ** 2
-        if change > SHARP * age:
-            pending.gyro_sharp += (change - SHARP * age) * age
-        self._swing = (rate - before) / age if age > 0.0 else 0.0
-        self.rate = rate
+        if age > COARSE_GYRO_PERIOD_S:
+            pending.gyro_kink_variance += (
+                KINK_SHARE * abs(rate - before - self._gyro_acceleration * age)
+            ) ** 2
+        if change > SHARP_TURN_ACCELERATION * age:
+            pending.gyro_sharp_turn += (change - SHARP_TURN_ACCELERATION * age) * age
+        self._gyro_acceleration = (rate - before) / age if age > 0.0 else 0.0
+        self.gyro_rate = rate
         watch.age = 0.0
         return True
 
-    def _take_force(self, inputs: Inputs) -> None:
+    def _take_accelerometer(self, inputs: Inputs) -> None:
         """Every reading counts: a blow is over within two."""
         if inputs.accel is None:
             return
         unit, pending = inputs.device.accel_m_s2, self.pending
         force, side = inputs.accel[0] * unit, inputs.accel[1] * unit
-        if not (abs(force) < MOST_FORCE and abs(side) < MOST_FORCE):
+        if not (abs(force) < MAX_ACCELERATION and abs(side) < MAX_ACCELERATION):
             return
-        pending.force += force
-        pending.side += side
-        pending.force_count += 1
+        pending.forward_accel_sum += force
+        pending.left_accel_sum += side
+        pending.accel_count += 1
         if inputs.gyro is None:
             return
         unit = inputs.device.gyro_rad_s
         roll, pitch = inputs.gyro[0] * unit, inputs.gyro[1] * unit
-        if abs(pitch) < MOST_PITCH and abs(roll) < MOST_PITCH:
-            pending.pitch += pitch
-            pending.roll += roll
+        if abs(pitch) < MAX_PITCH_RATE and abs(roll) < MAX_PITCH_RATE:
+            pending.pitch_rate_sum += pitch
+            pending.roll_rate_sum += roll
 
-    def _complain(self, reading: WheelReading, inputs: Inputs) -> None:
+    def _tell_faults(self, reading: WheelReading, inputs: Inputs) -> None:
         """Tell what is wrong with this cycle."""
         tell, time, reasons = self.reasons.tell, self.time, self.reasons
-        reasons.forget(time)
-        if reading.dt <= 0.0 and inputs.time <= time and self._begun:
+        reasons.drop_expired(time)
+        if reading.dt <= 0.0 and inputs.time <= time and self._has_time:
             tell("time stands still or runs back", time)
-        if reading.dt > GAP:
-            more = "" if reading.dt < LONGEST_GAP else "more than "
+        if reading.dt > CYCLE_GAP_S:
+            more = "" if reading.dt < LONGEST_GAP_S else "more than "
             tell(f"{more}{reading.dt:.2f} s between two cycles", time, 0.5)
         if reading.not_a_number:
             tell("a wheel reads no number", time)
@@ -229,17 +237,17 @@ class DriveReadings:
                 tell(f"the {side} counter jumped", time)
             if absurd:
                 tell(f"the {side} back-EMF is beyond any wheel's", time)
-            if wheel.silent > HOLD:
+            if wheel.silence > HOLD_S:
                 tell(f"the {side} wheel is silent", time)
-            if wheel.stuck:
-                tell(f"the {side} {wheel.stuck} does not move", time)
+            if wheel.stuck_source:
+                tell(f"the {side} {wheel.stuck_source} does not move", time)
         if inputs.faults:
             for fault in inputs.faults:
                 if fault is Fault.MOTOR_FAULT and not self.at_fault:
                     continue
                 if fault is not Fault.BEMF_INVALID or not self._moves_at_rest:
                     tell(f"port: {fault.value}", time)
-                elif not self._explained:
+                elif not self._is_rest_motion_explained:
                     tell(AT_REST, time)
             self.pending.faulty = self.pending.faulty or self.at_fault
 

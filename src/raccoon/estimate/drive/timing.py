@@ -10,25 +10,25 @@ from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.state import State
 
-LEAST_SWING = 1.0
+LEAST_TURN_ACCELERATION = 1.0
 """rad/s2; less may be noise."""
-SAME_TURN = 0.6
+SAME_TURN_SHARE = 0.6
 """Share of the faster of both turn rates by which wheels and gyro may differ and still mean one turn."""
 
-SHAKEN = 0.15
+SHAKING_MEMORY_S = 0.15
 """s for which it counts that the wheels shook the robot."""
-GYRO_SHAKEN = 0.02
+GYRO_SHAKING_SHARE = 0.02
 """Share of it by which the gyro's mean over a step may be off: readings lie a few ms beside their time."""
 LEAST_SHAKING = 0.5
 """rad/s of half the wheels' difference, to and fro; in turns of the motions, but of those that
 end as soon as they have begun, it is less."""
-REVERSAL = 0.2
+LEAST_REVERSAL = 0.2
 """rad/s of it the other way, beyond noise, that count as one."""
 
 _DELAY = variance_index(State.GYRO_DELAY)
 
 
-class Swing:
+class TurnAcceleration:
     """How fast the turn rate changes. Feed it at the end of every step of the filter."""
 
     __slots__ = ("_before",)
@@ -44,7 +44,11 @@ class Swing:
         """
         before, self._before = self._before, (wheels, gyro)
         swing, fastest = (wheels - before[0]) / span, max(map(abs, (*before, wheels, gyro)))
-        return swing if abs(swing) > LEAST_SWING and abs(wheels - gyro) < SAME_TURN * fastest else 0.0
+        return (
+            swing
+            if abs(swing) > LEAST_TURN_ACCELERATION and abs(wheels - gyro) < SAME_TURN_SHARE * fastest
+            else 0.0
+        )
 
 
 class Shaking:
@@ -57,33 +61,41 @@ class Shaking:
     beginning told, and without it the delay between wheels and gyro would be taken for a scale.
     """
 
-    __slots__ = ("_down", "_end", "_half", "_quiet", "_reversals", "_up", "_way")
+    __slots__ = (
+        "_direction",
+        "_fall",
+        "_half_difference",
+        "_last_extreme",
+        "_quiet_seconds",
+        "_reversals",
+        "_rise",
+    )
 
     def __init__(self) -> None:
-        self._half = self._up = self._down = 0.0
-        self._end = self._way = self._quiet = 0.0
+        self._half_difference = self._rise = self._fall = 0.0
+        self._last_extreme = self._direction = self._quiet_seconds = 0.0
         self._reversals = 0
 
     def update(self, span: float, left: float, right: float) -> float:
         """How much half the difference of the wheels' speeds (rad/s) has lately gone both up and down, beyond
         what a turn does that begins and ends; 0 where it did so once.
         """
-        half, keep = 0.5 * (right - left), exp(-span / SHAKEN)
-        change, self._half = half - self._half, half
-        self._up = self._up * keep + max(change, 0.0)
-        self._down = self._down * keep + max(-change, 0.0)
-        self._count(span, half)
-        return max(0.0, min(self._up, self._down) - LEAST_SHAKING) if self._reversals > 1 else 0.0
+        half, keep = 0.5 * (right - left), exp(-span / SHAKING_MEMORY_S)
+        change, self._half_difference = half - self._half_difference, half
+        self._rise = self._rise * keep + max(change, 0.0)
+        self._fall = self._fall * keep + max(-change, 0.0)
+        self._count_reversals(span, half)
+        return max(0.0, min(self._rise, self._fall) - LEAST_SHAKING) if self._reversals > 1 else 0.0
 
-    def _count(self, span: float, half: float) -> None:
+    def _count_reversals(self, span: float, half: float) -> None:
         """Count how often it went the other way since it was last steady."""
-        gone = half - self._end
-        self._quiet += span
-        if gone * self._way > 0.0 or abs(gone) > REVERSAL:
-            self._reversals += gone * self._way < 0.0
-            self._end, self._way, self._quiet = half, gone, 0.0
-        elif self._quiet > SHAKEN:
-            self._end, self._way, self._reversals = half, 0.0, 0
+        gone = half - self._last_extreme
+        self._quiet_seconds += span
+        if gone * self._direction > 0.0 or abs(gone) > LEAST_REVERSAL:
+            self._reversals += gone * self._direction < 0.0
+            self._last_extreme, self._direction, self._quiet_seconds = half, gone, 0.0
+        elif self._quiet_seconds > SHAKING_MEMORY_S:
+            self._last_extreme, self._direction, self._reversals = half, 0.0, 0
 
 
 def wheels_lead(flat: Flat, timing: float) -> tuple[float, float]:
@@ -100,13 +112,13 @@ def wheels_lead(flat: Flat, timing: float) -> tuple[float, float]:
     return half, sqrt(timing**2 + half * half + 0.25 * variance)
 
 
-def further_on(flat: Flat, lead: float, velocity: float, turn_rate: float) -> tuple[float, float]:
+def delay_motion(flat: Flat, lead: float, velocity: float, turn_rate: float) -> tuple[float, float]:
     """m and rad that the robot is beyond the pose of a belief, whose heading is of the gyro's time and whose
     place is of the wheels'. lead: s, of `wheels_lead`. velocity, turn_rate: m/s and rad/s."""
     return -lead * velocity, (flat[State.GYRO_DELAY] - lead) * turn_rate
 
 
-def beyond(flat: Flat, timing: float) -> tuple[float, float]:
-    """`further_on` at the speeds of the belief itself. timing: see `wheels_lead`."""
+def believed_delay_motion(flat: Flat, timing: float) -> tuple[float, float]:
+    """`delay_motion` at the speeds of the belief itself. timing: see `wheels_lead`."""
     lead, _ = wheels_lead(flat, timing)
-    return further_on(flat, lead, flat[State.WAY] * flat[State.VELOCITY], flat[State.TURN_RATE])
+    return delay_motion(flat, lead, flat[State.WAY] * flat[State.VELOCITY], flat[State.TURN_RATE])

@@ -14,18 +14,18 @@ from raccoon.core.config import BemfModel, RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs
 from raccoon.model.bemf import counter_lag, counts_scale
 
-SAMPLE_TIME = 0.005
+SAMPLE_TIME_S = 0.005
 """s between two samples of the back-EMF; their noise is independent from one to the next."""
 MAX_WHEEL_SPEED = 60.0
 """rad/s; no wheel of such a robot turns faster, so a counter that says so jumped, and a back-EMF lies."""
 MAX_TICKS = 2.0**63
 """A counter has 64 bits."""
-LATEST = 1e12
+MAX_TIME_S = 1e12
 """s; a clock that shows more, 30 000 years, shows no time."""
-LONGEST_GAP = 3600.0
+LONGEST_GAP_S = 3600.0
 """s; a longer gap counts as one of an hour: where the robot is nobody knows after either."""
 
-_JUMPS = (Fault.POSITION_JUMP, Fault.RESET)
+_JUMP_FAULTS = (Fault.POSITION_JUMP, Fault.RESET)
 
 
 @dataclass(slots=True)
@@ -64,7 +64,7 @@ def lag_seconds(robot: RobotConfig, device: Device) -> float:
     own = robot.model.bemf.filter_time_constant
     if own == BemfModel().filter_time_constant and device.bemf_lag is not None:
         return device.bemf_lag
-    return counter_lag(own.value, SAMPLE_TIME)
+    return counter_lag(own.value, SAMPLE_TIME_S)
 
 
 def resting_counts(robot: RobotConfig, port: int) -> float:
@@ -78,7 +78,7 @@ def all_resting_counts(robot: RobotConfig) -> list[float]:
     return [resting_counts(robot, port) for port in range(MOTOR_PORTS)]
 
 
-class _Wheel:
+class _WheelPort:
     """Words of one motor port to SI."""
 
     __slots__ = (
@@ -90,9 +90,9 @@ class _Wheel:
         "_tick",
         "absurd",
         "jumped",
-        "last",
+        "last_ticks",
         "port",
-        "since",
+        "seconds_since_counter",
     )
 
     def __init__(self, robot: RobotConfig, side: str) -> None:
@@ -103,8 +103,8 @@ class _Wheel:
         self._device: Device | None = None
         self._scale = 0.0
         self._tick = 1.0
-        self.last: float | None = None
-        self.since = 0.0
+        self.last_ticks: float | None = None
+        self.seconds_since_counter = 0.0
         self.absurd = self.jumped = False
 
     def prepare(self, device: Device) -> None:
@@ -129,21 +129,21 @@ class _Wheel:
         if inputs.device is not self._device:
             self.prepare(inputs.device)
         self.jumped = False
-        self.since += dt
+        self.seconds_since_counter += dt
         ticks = inputs.position[self.port]
         if ticks is None or not -MAX_TICKS <= ticks <= MAX_TICKS:
             return None
-        if ticks == self.last and inputs.faults and Fault.STALE in inputs.faults:
+        if ticks == self.last_ticks and inputs.faults and Fault.STALE in inputs.faults:
             return None  # a repeated frame: what moves meanwhile comes with the next
-        last, since = self.last, self.since
-        self.last, self.since = ticks, 0.0
+        last, since = self.last_ticks, self.seconds_since_counter
+        self.last_ticks, self.seconds_since_counter = ticks, 0.0
         if last is None:
             return None
-        if since >= LONGEST_GAP:
+        if since >= LONGEST_GAP_S:
             return None
         moved = (ticks - last) * self._tick * self._scale
         slack = 2.0 * abs(self._tick * self._scale)
-        if abs(moved) > MAX_WHEEL_SPEED * since + slack or self._announced(inputs):
+        if abs(moved) > MAX_WHEEL_SPEED * since + slack or self._has_jump_fault(inputs):
             self.jumped = True
             return None
         return moved - self._offset * self._scale * since
@@ -151,8 +151,8 @@ class _Wheel:
     def blind(self, inputs: Inputs) -> bool:
         return inputs.bemf[self.port] == 0.0 and inputs.device.bemf_dead_zone > 0.0
 
-    def _announced(self, inputs: Inputs) -> bool:
-        return bool(inputs.faults) and any(fault in _JUMPS for fault in inputs.faults)
+    def _has_jump_fault(self, inputs: Inputs) -> bool:
+        return bool(inputs.faults) and any(fault in _JUMP_FAULTS for fault in inputs.faults)
 
 
 class WheelDecoder:
@@ -162,14 +162,14 @@ class WheelDecoder:
     """
 
     def __init__(self, robot: RobotConfig) -> None:
-        self._left = _Wheel(robot, "left")
-        self._right = _Wheel(robot, "right")
+        self._left = _WheelPort(robot, "left")
+        self._right = _WheelPort(robot, "right")
         self._time: float | None = None
 
     def decode(self, inputs: Inputs) -> WheelReading:
         """The readings of the cycle `inputs`. Never raises for a bad word: it is left out."""
         dt = self._elapsed(inputs.time)
-        first = self._left.last is None and self._right.last is None
+        first = self._left.last_ticks is None and self._right.last_ticks is None
         if dt <= 0.0 and not first:
             return WheelReading()
         left, right = self._left, self._right
@@ -178,17 +178,17 @@ class WheelDecoder:
         reading.left_jumped, reading.right_jumped = left.jumped, right.jumped
         reading.left_absurd, reading.right_absurd = left.absurd, right.absurd
         reading.left_blind, reading.right_blind = left.blind(inputs), right.blind(inputs)
-        reading.not_a_number = _bad(inputs, left.port) or _bad(inputs, right.port)
+        reading.not_a_number = _has_bad_word(inputs, left.port) or _has_bad_word(inputs, right.port)
         return reading
 
     def _elapsed(self, time: float) -> float:
-        if not -LATEST <= time <= LATEST:
+        if not -MAX_TIME_S <= time <= MAX_TIME_S:
             return 0.0
         last, self._time = self._time, time
-        return 0.0 if last is None else min(max(time - last, 0.0), LONGEST_GAP)
+        return 0.0 if last is None else min(max(time - last, 0.0), LONGEST_GAP_S)
 
 
-def _bad(inputs: Inputs, port: int) -> bool:
+def _has_bad_word(inputs: Inputs, port: int) -> bool:
     bemf, position = inputs.bemf[port], inputs.position[port]
     return (bemf is not None and not math.isfinite(bemf)) or (
         position is not None and not -MAX_TICKS <= position <= MAX_TICKS

@@ -12,34 +12,42 @@ both the other way round look sound as well, until the heading is corrected the 
 
 from __future__ import annotations
 
-MEMORY = 0.5
+MEMORY_S = 0.5
 """s of motion that count."""
-LEAST = 0.25
+LEAST_MOTION_S = 0.25
 """s of motion before anything is said."""
-LASTS = 1.0
+LASTING_S = 1.0
 """s for which the gyro must say otherwise in a motion that began as robot.toml says."""
-REST = 0.1
+REST_S = 0.1
 """s at rest that end a motion."""
 LEAST_RATE = 0.3
 """rad/s of the robot that the wheels together are worth, below which offsets and noise would decide."""
-FITS, FAILS = 0.15, 0.5
+MAX_FITTING_MISFIT, MIN_FAILING_MISFIT = 0.15, 0.5
 """Misfit, as a share of the squares of a and b, of what the gyro agrees with and of what it does not."""
 Signs = tuple[float, float]
-AS_WRITTEN: Signs = (1.0, 1.0)
-LEFT_TURNED: Signs = (-1.0, 1.0)
-RIGHT_TURNED: Signs = (1.0, -1.0)
-BOTH_TURNED: Signs = (-1.0, -1.0)
+AS_CONFIGURED: Signs = (1.0, 1.0)
+LEFT_REVERSED: Signs = (-1.0, 1.0)
+RIGHT_REVERSED: Signs = (1.0, -1.0)
+BOTH_REVERSED: Signs = (-1.0, -1.0)
 
 
 class Wiring:
     """Judge of the wheels' signs against robot.toml's. Feed it every step in which there is a gyro."""
 
-    __slots__ = ("_against", "_misfits", "_rest", "_seconds", "_sound", "_squares", "suspects")
+    __slots__ = (
+        "_contradicted_seconds",
+        "_is_confirmed",
+        "_misfits",
+        "_motion_seconds",
+        "_rest_seconds",
+        "_turn_square",
+        "suspects",
+    )
 
     def __init__(self) -> None:
-        self._misfits = dict.fromkeys((AS_WRITTEN, LEFT_TURNED, RIGHT_TURNED, BOTH_TURNED), 0.0)
-        self._squares = self._seconds = self._against = self._rest = 0.0
-        self._sound = False  # since this motion began
+        self._misfits = dict.fromkeys((AS_CONFIGURED, LEFT_REVERSED, RIGHT_REVERSED, BOTH_REVERSED), 0.0)
+        self._turn_square = self._motion_seconds = self._contradicted_seconds = self._rest_seconds = 0.0
+        self._is_confirmed = False  # since this motion began
         self.suspects: tuple[Signs, ...] = ()
         """Signs, left and right, that the gyro agrees with where it does not with robot.toml. More than one
         where the motion does not tell them apart: then the robot may be stuck as well."""
@@ -61,38 +69,40 @@ class Wiring:
         if len(misfits) == 1:
             return
         if left * left + right * right < LEAST_RATE * LEAST_RATE:
-            self._rest += span
-            if self._rest >= REST and self._seconds > 0.0:
-                self._begin()
+            self._rest_seconds += span
+            if self._rest_seconds >= REST_S and self._motion_seconds > 0.0:
+                self._start_motion()
             return
-        self._rest = 0.0
-        keep = max(0.0, 1.0 - span / MEMORY)
-        self._seconds += span
-        self._squares = keep * self._squares + span * (left * left + right * right)
+        self._rest_seconds = 0.0
+        keep = max(0.0, 1.0 - span / MEMORY_S)
+        self._motion_seconds += span
+        self._turn_square = keep * self._turn_square + span * (left * left + right * right)
         for signs in misfits:
             off = turn_rate - signs[0] * left - signs[1] * right
             misfits[signs] = keep * misfits[signs] + span * off * off
-        if self._seconds >= LEAST:
+        if self._motion_seconds >= LEAST_MOTION_S:
             self._judge(span)
 
-    def _begin(self) -> None:
+    def _start_motion(self) -> None:
         """The next motion is judged by itself: a robot that was stuck may be free."""
         self._misfits = dict.fromkeys(self._misfits, 0.0)
-        self._squares = self._seconds = self._against = 0.0
-        self._sound = False
+        self._turn_square = self._motion_seconds = self._contradicted_seconds = 0.0
+        self._is_confirmed = False
         if not self.turned:
             self.suspects = ()
 
     def _judge(self, span: float) -> None:
-        fits, fails = FITS * self._squares, FAILS * self._squares
-        as_written = self._misfits[AS_WRITTEN]
+        fits, fails = MAX_FITTING_MISFIT * self._turn_square, MIN_FAILING_MISFIT * self._turn_square
+        as_written = self._misfits[AS_CONFIGURED]
         if as_written > fails:
             found = tuple(signs for signs, misfit in self._misfits.items() if misfit < fits)
-            self._against = self._against + span if found else 0.0
-            if not self._sound or self._against > LASTS:
+            self._contradicted_seconds = self._contradicted_seconds + span if found else 0.0
+            if not self._is_confirmed or self._contradicted_seconds > LASTING_S:
                 self.suspects = found or self.suspects
         elif as_written < fits:  # others may fit as well, as straight ahead where both are turned
-            self._sound, self._against = True, 0.0
-            kept = {signs for signs, misfit in self._misfits.items() if misfit < fails or signs == AS_WRITTEN}
+            self._is_confirmed, self._contradicted_seconds = True, 0.0
+            kept = {
+                signs for signs, misfit in self._misfits.items() if misfit < fails or signs == AS_CONFIGURED
+            }
             self._misfits = {signs: misfit for signs, misfit in self._misfits.items() if signs in kept}
             self.suspects = tuple(signs for signs in self.suspects if signs in kept)

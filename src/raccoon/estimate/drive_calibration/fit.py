@@ -27,7 +27,7 @@ from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
 from raccoon.estimate.drive_calibration.deviations import left_out, parts_of
 from raccoon.estimate.drive_calibration.motors import MotorsCalibration
 from raccoon.estimate.drive_calibration.paths import residuals
-from raccoon.estimate.drive_calibration.surprises import check_believed, surprises
+from raccoon.estimate.drive_calibration.plausibility import check_believed, surprises
 from raccoon.model.bemf import counts_scale
 
 LEAST_TURN = math.radians(90.0)

@@ -25,8 +25,8 @@ from raccoon.core.readings import Inputs
 from raccoon.estimate.drive.prior import known_offset_std, track_std
 from raccoon.estimate.drive.wheels import WheelDecoder
 from raccoon.estimate.drive_calibration.motors import MotorsCalibration
+from raccoon.estimate.drive_calibration.plausibility import check_believed, surprises
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_offset
-from raccoon.estimate.drive_calibration.surprises import check_believed, surprises
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.estimate.tophat.stories import (
+from raccoon.estimate.tophat.modes import (
     BETWEEN_LINES,
     GROUP,
     LIGHTS,

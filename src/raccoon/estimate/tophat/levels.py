@@ -12,8 +12,8 @@ import math
 
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat.calibration import CLEAR, LEAST_SD, Surface
+from raccoon.estimate.tophat.modes import SLOWER
 from raccoon.estimate.tophat.sensor import explanations
-from raccoon.estimate.tophat.stories import SLOWER
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
 GATE = 4.5  # standard deviations within which a reading belongs to a surface

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
-from raccoon.estimate.tophat.stored import StoredCalibration, parse_entry
+from raccoon.estimate.tophat.stored_calibration import StoredCalibration, parse_entry
 
 __all__ = ["StoredCalibration", "TophatStore"]
 

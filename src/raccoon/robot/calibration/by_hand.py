@@ -115,7 +115,7 @@ class _Asking:
 def _strange(name: str, port: int, counts: Sequence[float]) -> str:
     """What keeps readings from being those of one place, "" where nothing does."""
     from raccoon.estimate.tophat.quality import LEAST_READINGS, restless
-    from raccoon.estimate.tophat.standing import moved
+    from raccoon.estimate.tophat.standing_calibration import moved
 
     if len(counts) < LEAST_READINGS:
         return f"tophat {name} is not read: its port, analog {port}, gave {len(counts)} words"
@@ -133,7 +133,7 @@ def _judged(
 ) -> tuple[dict[str, TophatCalibration], dict[str, str]]:
     """Calibrations by name, and what is wrong with the others. Black reads higher, whatever was asked for:
     where all sensors say that the surfaces were exchanged they were."""
-    from raccoon.estimate.tophat.standing import calibrate_standing
+    from raccoon.estimate.tophat.standing_calibration import calibrate_standing
 
     found, wrong, exchanged = {}, {}, []
     for name in white:

@@ -20,7 +20,7 @@ from raccoon.control.watch import LATE
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
-from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
+from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING_S
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.motions.pacing import check_wiring
 from raccoon.robot.parts.drive import dead_time
@@ -128,7 +128,7 @@ def _rows(samples: Sequence[Sample], delay: float) -> tuple[Rows, Rows]:
             continue
         volts = float(sum_until[number] - sum_until[number - 1]) / dt
         # The speeds are smoothed; so is the voltage, to be of the same moment.
-        smoothed += dt / (SPEED_SMOOTHING + dt) * (volts - smoothed)
+        smoothed += dt / (SPEED_SMOOTHING_S + dt) * (volts - smoothed)
         for window, rows, speed in zip(windows, found, (left, right), strict=True):
             row = window.add(smoothed, speed, dt)
             if row is not None:
@@ -196,8 +196,8 @@ def _fit(side: str, port: int, rows: Rows, model: WheelModel, late: float) -> Wh
     # What is read a moment later than it is taken to be looks like as much inertia, in every window alike.
     found = replace(found, acceleration_std=math.hypot(found.acceleration_std, LATE * found.speed))
     fitted = model.with_voltages(max(found.static, 0.0), found.speed, found.acceleration)
-    gains = speed_loop_gains(fitted, SPEED_SMOOTHING, late)
-    reached = margins(gains, fitted, SPEED_SMOOTHING, late)
+    gains = speed_loop_gains(fitted, SPEED_SMOOTHING_S, late)
+    reached = margins(gains, fitted, SPEED_SMOOTHING_S, late)
     if reached.phase < LEAST_PHASE or reached.gain_db < LEAST_GAIN_DB:
         raise CalibrationError(
             f"{where}: the gains would have margins of {math.degrees(reached.phase):.0f} deg and "

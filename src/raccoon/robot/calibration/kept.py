@@ -89,7 +89,7 @@ def _compare(
 ) -> None:
     """Say which sensors to use with care, and which sit higher or lower than at the calibration before."""
     from raccoon.estimate.tophat.calibration import Verdict
-    from raccoon.estimate.tophat.watch import height_changed, swapped
+    from raccoon.estimate.tophat.calibration_watch import height_changed, swapped
 
     known = {name: each for name, each in before.items() if each is not None}
     floors = {name: (each.surfaces()[0].mean,) for name, each in found.items()}

@@ -45,7 +45,7 @@ def calibrate_drive(
     robot on its way, saying what to do; TypeError before anything moves where `taped` is no function, and
     TypeError or ValueError where it gives no such distance when asked for the third time.
     """
-    from raccoon.estimate.drive_calibration.disturbed import disturbance
+    from raccoon.estimate.drive_calibration.disturbance import disturbance
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
     check_robot(robot, "calibrate_drive()")

@@ -6,7 +6,7 @@ import math
 
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.readings import Device, Fault, Inputs
-from raccoon.estimate.drive.wheel_track import HOLD
+from raccoon.estimate.drive.wheel_track import HOLD_S
 from raccoon.estimate.drive.wheels import lag_seconds
 from raccoon.model.bemf import radians_per_count
 from raccoon.robot.parts.speeds import READ_SHARE, surely_counted
@@ -104,7 +104,7 @@ class CountedAngle:
     @property
     def unread(self) -> bool:
         """Whether it has said nothing for so long that nobody knows how fast it turns."""
-        return self._silent > HOLD
+        return self._silent > HOLD_S
 
     def sense(self, inputs: Inputs, dt: float, powered: bool) -> None:
         """Take the readings of a cycle of `dt` s. powered: whether its motor was driven in it."""

@@ -12,7 +12,7 @@ from raccoon.control.wheels import REST, WheelLoop, WheelTarget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
 from raccoon.estimate.drive.estimate import HELD
-from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
+from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING_S
 from raccoon.robot.actions.limits import (
     FASTEST,
     FASTEST_TURN,
@@ -80,10 +80,10 @@ class Drive(Part):
     def _loop(self, device: Device | None) -> WheelLoop:
         left, right = wheel_models(self._config, device)
         late = dead_time(self._config)
-        gains = tuple(speed_loop_gains(wheel, SPEED_SMOOTHING, late) for wheel in (left, right))
+        gains = tuple(speed_loop_gains(wheel, SPEED_SMOOTHING_S, late) for wheel in (left, right))
         voltage = self._config.model.battery.open_circuit_voltage.value
         cycle = 1.0 / self._config.controller.rate_hz
-        return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING, voltage, cycle, late)
+        return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING_S, voltage, cycle, late)
 
     def know(self, device: Device) -> None:
         """Take the K_E of calibrated motors from what this device's counters mean, and how fast a wheel may

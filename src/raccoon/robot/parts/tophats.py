@@ -15,8 +15,8 @@ from raccoon.robot.remarks import say
 if TYPE_CHECKING:
     from raccoon.core.config import TophatConfig
     from raccoon.estimate.tophat import Tophat, TophatCalibration, TophatReading
+    from raccoon.estimate.tophat.calibration_watch import CalibrationWatch, Fit
     from raccoon.estimate.tophat.classifier import Edge
-    from raccoon.estimate.tophat.watch import CalibrationWatch, Fit
     from raccoon.robot.robot import Robot
 
 PROVING = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
@@ -65,7 +65,7 @@ class TophatSensor(Part):
     def calibrate(self, calibration: TophatCalibration) -> None:
         """Use a calibration from now on. Raises CalibrationError where it has no threshold."""
         from raccoon.estimate.tophat import Tophat
-        from raccoon.estimate.tophat.watch import CalibrationWatch
+        from raccoon.estimate.tophat.calibration_watch import CalibrationWatch
 
         if calibration.threshold is None:
             raise CalibrationError(f"tophat {self.name}: verdict {calibration.verdict}: no threshold to use")
@@ -115,7 +115,7 @@ class TophatSensor(Part):
 
     def check(self, time: float) -> Fit | None:
         """Judge `fit` anew; a few times a second is enough. time: s, of now."""
-        from raccoon.estimate.tophat.watch import Fit
+        from raccoon.estimate.tophat.calibration_watch import Fit
 
         self.silent = self._heard is not None and time - self._heard > SILENT
         if len(self._standing) == STANDING:
@@ -250,7 +250,7 @@ class Floor:
 
     def _swapped(self, sensor: TophatSensor) -> str | None:
         """What to say where it reads the floor as another sensor should."""
-        from raccoon.estimate.tophat.watch import swapped
+        from raccoon.estimate.tophat.calibration_watch import swapped
 
         stored = {each.name: each.calibration for each in self._sensors if each.calibration is not None}
         pair = swapped(stored, {each.name: each.recent for each in self._sensors})

@@ -46,7 +46,7 @@ def test_what_pushes_a_robot_leaves_its_place_in_doubt(ahead: float, aside: floa
 def felt(watch: BumpWatch, forces: list[float], velocities: list[float], turn_rates: list[float]) -> bool:
     """Whether a robot was bumped that stood, and then felt and did this, in steps of 20 ms."""
     for _ in range(25):
-        watch.update(0.02, 0.0, 0.0, still=True, between=0.005)
+        watch.update(0.02, 0.0, 0.0, still=True, sample_period=0.005)
     motion = zip(forces, velocities, turn_rates, strict=True)
     return any(watch.update(0.02, force, v, False, 0.005, turn_rate=w) for force, v, w in motion)
 

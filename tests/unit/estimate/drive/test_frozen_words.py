@@ -9,7 +9,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_FROZEN_SECONDS, Inputs, Status, Words
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.drive.wheel_track import HOLD_S, WheelTrack
 
 AT = 2.5
 
@@ -41,11 +41,11 @@ def test_words_that_stay_the_same_are_no_readings(frozen: int, status: Status) -
 
 def test_a_wheel_is_silent_while_its_words_are_the_same_and_heard_again_when_they_change() -> None:
     track = WheelTrack(0.01)
-    for _ in range(round((BEMF_FROZEN_SECONDS + 2.0 * HOLD) / 0.01)):
+    for _ in range(round((BEMF_FROZEN_SECONDS + 2.0 * HOLD_S) / 0.01)):
         track.update(0.01, 5.0, 0.0)
-    assert track.silent > 0.5 * HOLD
+    assert track.silence > 0.5 * HOLD_S
     track.update(0.01, 4.9, 0.05)
-    assert track.silent == 0.0
+    assert track.silence == 0.0
 
 
 @pytest.mark.parametrize(("speed", "angle"), [(5.0, 0.05), (0.1, 0.0)])
@@ -55,4 +55,4 @@ def test_words_without_noise_are_read_while_their_counter_counts_and_near_rest(
     track = WheelTrack(0.01)
     for _ in range(300):
         track.update(0.01, speed, angle)
-        assert track.silent == 0.0
+        assert track.silence == 0.0

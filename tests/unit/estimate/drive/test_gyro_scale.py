@@ -49,12 +49,12 @@ def test_walls_teach_the_scale_and_are_believed() -> None:
     odometry, truth, refused = after(8, Errors(gyro_scale=1.015), walls=True)
     assert not refused
     assert abs(odometry.estimate.heading - truth.heading) < math.radians(1.5)
-    assert odometry._steps.fusion.drive.flat[State.GYRO_SCALE] == pytest.approx(1.015, abs=0.006)
+    assert odometry._stepper.fusion.drive.flat[State.GYRO_SCALE] == pytest.approx(1.015, abs=0.006)
 
 
 @pytest.mark.parametrize("track", [0.95, 1.05])
 def test_wheels_teach_the_gyro_nothing(track: float) -> None:
     """What they turn otherwise is the track's and their own, and turns no robot that the gyro has right."""
     odometry, truth, _ = after(4, Errors(track=track))
-    assert odometry._steps.fusion.drive.flat[State.GYRO_SCALE] == pytest.approx(1.0, abs=0.001)
+    assert odometry._stepper.fusion.drive.flat[State.GYRO_SCALE] == pytest.approx(1.0, abs=0.001)
     assert abs(odometry.estimate.heading - truth.heading) < math.radians(0.5)

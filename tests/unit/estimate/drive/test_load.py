@@ -39,9 +39,9 @@ class Wheels:
                     means[side] += self._turn(side, volts[side], torque[side]) / CYCLES
                 duty = tuple(volts[port] / 6.5 if port < 2 else 0.0 for port in range(MOTOR_PORTS))
                 read = Inputs(self.time, SIMULATOR, battery=self.battery_reads / SIMULATOR.battery_volts)
-                self.watch.drive(read, Outputs(duty) if known else None)
+                self.watch.take_command(read, Outputs(duty) if known else None)
             self.watch.update(CYCLE * CYCLES, *means)
-            self.doubted += self.watch.doubt
+            self.doubted += self.watch.place_variance
             if self.watch.held and held is None:
                 held = self.time
         return held
@@ -214,6 +214,6 @@ def test_nothing_is_said_where_the_command_is_not_known() -> None:
 def test_a_time_that_jumps_is_left_out(time: float) -> None:
     wheels = Wheels()
     wheels.run(2.0, (4.0, 4.0), (0.0, 0.0))
-    wheels.watch.drive(Inputs(time, SIMULATOR, battery=1e9), STOP)
+    wheels.watch.take_command(Inputs(time, SIMULATOR, battery=1e9), STOP)
     assert wheels.run(1.0, (4.0, 4.0), (0.0, 0.0)) is None
     assert wheels.run(1.0, (4.0, 4.0), (GRIP, GRIP)) is not None

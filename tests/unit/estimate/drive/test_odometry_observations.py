@@ -11,7 +11,12 @@ import pytest
 from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Truth
-from raccoon.estimate.drive.observations import Way, heading_seen, line_seen, pose_seen
+from raccoon.estimate.drive.observations import (
+    WheelTravel,
+    heading_measurement,
+    line_measurement,
+    pose_measurement,
+)
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.estimate.ekf.state import SIZE, OdometrySettings, State
 
@@ -92,7 +97,7 @@ def test_a_line_mends_only_what_lies_across_it() -> None:
     point = truth.x + ahead * c + 0.02 * -s, truth.y + ahead * s + 0.02 * c
     direction = truth.heading + math.pi / 2
     odometry.reset(truth.x + 0.03 * c, truth.y + 0.03 * s, truth.heading)
-    odometry._steps.fusion.drive.widen((State.X, State.Y), 0.02)
+    odometry._stepper.fusion.drive.widen((State.X, State.Y), 0.02)
     before = odometry.estimate
     assert odometry.observe_line(point, direction, sensor=(ahead, 0.02), std=0.003).accepted
 
@@ -267,9 +272,9 @@ def test_bad_arguments_are_refused() -> None:
 @pytest.mark.parametrize(
     "seen",
     [
-        pose_seen(0.1, 0.2, 0.3, 0.01, 0.02),
-        heading_seen(0.3, 0.1),
-        line_seen((0.4, 0.1), 0.7, (0.11, -0.02), 0.01),
+        pose_measurement(0.1, 0.2, 0.3, 0.01, 0.02),
+        heading_measurement(0.3, 0.1),
+        line_measurement((0.4, 0.1), 0.7, (0.11, -0.02), 0.01),
     ],
 )
 def test_jacobians_are_slopes(seen: object) -> None:
@@ -280,7 +285,7 @@ def test_jacobians_are_slopes(seen: object) -> None:
 
 
 def test_the_jacobian_of_a_taped_way_is_its_slope() -> None:
-    way, at, step = Way(left=7.0, right=9.0, seconds=2.0), np.zeros(SIZE), 1e-6
+    way, at, step = WheelTravel(left=7.0, right=9.0, seconds=2.0), np.zeros(SIZE), 1e-6
     at[[State.WAY, State.BALANCE, State.LEFT_OFFSET, State.RIGHT_OFFSET]] = 1.03, 0.02, 0.1, -0.2
     slopes = [
         (way.expected(at + h, 0.03) - way.expected(at - h, 0.03)) / (2 * step) for h in step * np.eye(SIZE)

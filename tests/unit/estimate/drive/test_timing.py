@@ -9,8 +9,14 @@ from raccoon import open_robot, seq, straight, turn, wait
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Inputs
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.estimate.drive.readings import KINKED, DriveReadings
-from raccoon.estimate.drive.timing import LEAST_SHAKING, SHAKEN, Shaking, Swing, wheels_lead
+from raccoon.estimate.drive.readings import KINK_SHARE, DriveReadings
+from raccoon.estimate.drive.timing import (
+    LEAST_SHAKING,
+    SHAKING_MEMORY_S,
+    Shaking,
+    TurnAcceleration,
+    wheels_lead,
+)
 from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.robot.emulated import open_emulated
@@ -29,7 +35,7 @@ def driven(segments: list[Segment], errors: Errors) -> Odometry:
 @pytest.mark.parametrize("latency", [0.0, 0.01, 0.02])
 def test_a_late_gyro_is_found_out_in_turns(latency: float) -> None:
     odometry = driven([REST, TURN, REST, TURN, REST], Errors(imu_latency=latency))
-    flat = odometry._steps.fusion.drive.flat
+    flat = odometry._stepper.fusion.drive.flat
     delay, std = flat[State.GYRO_DELAY], math.sqrt(flat[variance_index(State.GYRO_DELAY)])
     assert delay == pytest.approx(latency, abs=0.003)
     assert std < 0.003
@@ -37,16 +43,16 @@ def test_a_late_gyro_is_found_out_in_turns(latency: float) -> None:
 
 def test_driving_straight_does_not_move_what_it_does_not_show() -> None:
     odometry = driven([REST, *([STRAIGHT] * 4)], Errors(scale=(1.02, 0.98)))
-    flat = odometry._steps.fusion.drive.flat
+    flat = odometry._stepper.fusion.drive.flat
     assert flat[State.BALANCE] == pytest.approx(-0.02, abs=0.002)
     assert flat[State.WAY] == pytest.approx(1.0, abs=0.01)
     assert math.sqrt(flat[variance_index(State.WAY)]) > 0.03
 
 
 def test_slip_is_no_delay() -> None:
-    swing = Swing()
+    swing = TurnAcceleration()
     assert swing.update(0.02, 0.5, 0.0) == 0.0  # the wheels turn, the robot does not
-    swing = Swing()
+    swing = TurnAcceleration()
     assert swing.update(0.02, 0.5, 0.4) == pytest.approx(25.0)
     assert swing.update(0.02, 0.505, 0.5) == 0.0  # noise
 
@@ -63,7 +69,7 @@ def test_a_turn_that_begins_shakes_nobody_and_one_that_goes_to_and_fro_does() ->
     shaking = Shaking()
     assert shaking.update(0.02, -3.0, 3.0) == 0.0
     assert all(shaking.update(0.02, -3.0, 3.0) == 0.0 for _ in range(20))
-    kept, keep = 3.0 * math.exp(-0.02 * 21 / SHAKEN), math.exp(-0.02 / SHAKEN)
+    kept, keep = 3.0 * math.exp(-0.02 * 21 / SHAKING_MEMORY_S), math.exp(-0.02 / SHAKING_MEMORY_S)
     assert shaking.update(0.02, 0.0, 0.0) == 0.0  # it ends long after
     assert shaking.update(0.02, -3.0, 3.0) == 0.0  # another one
     again = shaking.update(0.02, 0.0, 0.0)
@@ -84,10 +90,10 @@ def test_a_coarse_gyro_sees_no_peak_between_two_readings_and_all_of_an_even_rise
         counts = rate / SIMULATOR.gyro_rad_s
         position, gyro = (0.0, 0.0, None, None), (0.0, 0.0, counts)
         readings.take(Inputs(0.02 * step, SIMULATOR, position=position, gyro=gyro))
-        doubts.append(readings.pending.gyro_kinks)
+        doubts.append(readings.pending.gyro_kink_variance)
         readings.clear()
     assert doubts[3:5] == pytest.approx([0.0, 0.0])
-    assert doubts[5] == pytest.approx((KINKED * 0.15) ** 2)
+    assert doubts[5] == pytest.approx((KINK_SHARE * 0.15) ** 2)
 
 
 def test_small_turns_of_an_uncalibrated_robot_are_no_wrong_scale() -> None:

@@ -52,7 +52,7 @@ def sharp(every: int, jump: float) -> float:
     for cycle in range(9):
         rate = jump / SIMULATOR.gyro_rad_s if cycle > 4 else 0.0
         readings.take(Inputs(0.001 * every * cycle, SIMULATOR, gyro=(0.0, float(cycle % 2), rate)))
-    return readings.pending.gyro_sharp
+    return readings.pending.gyro_sharp_turn
 
 
 @pytest.mark.parametrize("every", [5, 20])
@@ -65,12 +65,12 @@ def test_what_was_not_seen_is_in_doubt_once_for_each_thing_that_is_run_into() ->
     odometry = Odometry(RobotConfig())
     for inputs, command in drive([(1.0, 0.0, 0.0), (1.0, 0.2, 0.0)], gyro_every=4):
         odometry.update(inputs, command)
-    touch, found = odometry._steps.touch, []
+    touch, found = odometry._stepper.contact, []
     for step in range(100):
-        touch._meets = step in (10, 11, 20, 80)
-        found.append(touch.turned_unseen(0.02, 0.02))
+        touch._is_in_contact = step in (10, 11, 20, 80)
+        found.append(touch.unseen_turn_std(0.02, 0.02))
     assert [step for step, each in enumerate(found) if each > 0.0] == [10, 80]
     # One corner stands, the other wheel goes on: 0.2 m/s over half a track for 20 ms is the most.
     assert 0.1 < found[10] / (0.2 / 0.08 * 0.02) < 0.5
-    touch._meets, touch._met = True, 1.0
-    assert touch.turned_unseen(0.02, 0.005) == 0.0
+    touch._is_in_contact, touch._seconds_since_contact = True, 1.0
+    assert touch.unseen_turn_std(0.02, 0.005) == 0.0

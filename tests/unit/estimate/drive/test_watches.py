@@ -18,15 +18,15 @@ def test_a_robot_that_pitches_at_the_end_of_a_ramp_was_not_bumped(pitch_rate: fl
     """As its nose comes down the floor holds up less of its weight: that much less is felt ahead."""
     watch, lean = BumpWatch(), 0.0
     for _ in range(25):
-        assert not watch.update(0.02, 0.1, 0.0, still=True, between=0.005, pitch_rate=PITCH_BIAS)
+        assert not watch.update(0.02, 0.1, 0.0, still=True, sample_period=0.005, pitch_rate=PITCH_BIAS)
     for _ in range(50):
-        assert not watch.update(0.02, 0.1, 0.0, still=False, between=0.005, pitch_rate=PITCH_BIAS)
+        assert not watch.update(0.02, 0.1, 0.0, still=False, sample_period=0.005, pitch_rate=PITCH_BIAS)
     for _ in range(8):
         lean -= GRAVITY * pitch_rate * 0.02
         assert not watch.update(
-            0.02, 0.1 + lean, 0.0, still=False, between=0.005, pitch_rate=pitch_rate + PITCH_BIAS
+            0.02, 0.1 + lean, 0.0, still=False, sample_period=0.005, pitch_rate=pitch_rate + PITCH_BIAS
         )
-    assert watch.update(0.02, 0.1 + lean - 12.0, 0.0, still=False, between=0.005, pitch_rate=PITCH_BIAS)
+    assert watch.update(0.02, 0.1 + lean - 12.0, 0.0, still=False, sample_period=0.005, pitch_rate=PITCH_BIAS)
 
 
 def test_a_gyro_of_another_full_scale_is_found_and_slip_is_none() -> None:

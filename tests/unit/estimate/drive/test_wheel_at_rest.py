@@ -14,8 +14,8 @@ def test_an_offset_at_rest_is_not_taken_for_a_dead_back_emf() -> None:
     for cycle in range(2000):
         before, counted = counted, (cycle + 1) * OFFSET * 0.005 // TICK * TICK
         wheel.update(0.005, 0.0, counted - before - OFFSET * 0.005)
-        assert wheel.stuck == ""
-    assert wheel.fine
+        assert wheel.stuck_source == ""
+    assert wheel.has_bemf
 
 
 @pytest.mark.parametrize("fraction", [0.9, -0.9])
@@ -24,7 +24,7 @@ def test_words_cut_to_whole_counts_are_no_dead_counter_however_long_it_waits(fra
     wheel = WheelTrack(0.0276)
     for _ in range(30_000):
         wheel.update(0.02, -fraction * TICK, 0.0)
-        assert wheel.stuck == ""
+        assert wheel.stuck_source == ""
 
 
 def test_a_look_between_two_updates_of_the_back_emf_loses_nothing() -> None:
@@ -35,8 +35,8 @@ def test_a_look_between_two_updates_of_the_back_emf_loses_nothing() -> None:
         fresh = cycle % 2 == 1
         wheel.update(0.002, 4.0 if fresh else None, 4.0 * 0.004 if fresh else 0.0)
         turned += wheel.increment
-        assert wheel.stuck == ""
-    assert wheel.fine
+        assert wheel.stuck_source == ""
+    assert wheel.has_bemf
     assert wheel.speed == pytest.approx(4.0)
     assert turned == pytest.approx(4.0 * 2.0, abs=0.02)
 
@@ -45,7 +45,7 @@ def test_a_back_emf_that_stands_while_the_counter_goes_is_dead() -> None:
     wheel = WheelTrack(0.0225)
     for _ in range(40):
         wheel.update(0.005, 0.0, 4.0 * 0.005)
-    assert wheel.stuck == "back-EMF"
+    assert wheel.stuck_source == "back-EMF"
 
 
 def test_a_counter_that_jumps_again_and_again_is_not_taken_for_one_that_stands() -> None:
@@ -53,6 +53,6 @@ def test_a_counter_that_jumps_again_and_again_is_not_taken_for_one_that_stands()
     for cycle in range(400):
         jumped = cycle % 4 == 0
         if jumped:
-            wheel.restart(0.005)
+            wheel.take_counter_jump(0.005)
         wheel.update(0.005, None if jumped else 5.0, None if jumped else 0.025 * (cycle % 4 != 1))
-        assert wheel.stuck == ""
+        assert wheel.stuck_source == ""

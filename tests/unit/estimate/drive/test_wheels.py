@@ -6,7 +6,7 @@ import pytest
 
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
-from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.drive.wheel_track import HOLD_S, WheelTrack
 from raccoon.estimate.drive.wheels import WheelDecoder, lag_seconds
 from raccoon.model.bemf import counter_lag
 
@@ -145,11 +145,11 @@ def silent(track: WheelTrack, seconds: float) -> float:
 def test_a_silent_wheel_turns_on_for_a_while_and_its_counter_makes_up_for_the_rest() -> None:
     track = turning()
     guessed = silent(track, 0.2)
-    assert guessed == pytest.approx(3.0 * HOLD)
-    assert (track.increment, track.speed, track.settled) == (0.0, 0.0, 0.0)
+    assert guessed == pytest.approx(3.0 * HOLD_S)
+    assert (track.increment, track.speed, track.settled_speed) == (0.0, 0.0, 0.0)
     track.update(0.005, 2.0, 0.5)  # what it turned, and the filter that is behind by less than before
     assert guessed + track.increment == pytest.approx(0.5 + 0.02 * (2.0 - 3.0))
-    assert (track.speed, track.lost) == (2.0, 0.0)
+    assert (track.speed, track.guessed_angle) == (2.0, 0.0)
 
 
 def test_a_silent_wheel_without_a_counter_may_have_turned_on_all_the_while() -> None:
@@ -157,13 +157,13 @@ def test_a_silent_wheel_without_a_counter_may_have_turned_on_all_the_while() -> 
     silent(track, 0.2)
     track.update(0.005, 3.0, None)
     assert track.increment == 0.0
-    assert track.lost == pytest.approx(3.0 * 0.205)
+    assert track.guessed_angle == pytest.approx(3.0 * 0.205)
 
 
 def test_a_board_that_restarts_has_a_filter_that_begins_anew() -> None:
     """What it reads then is no sudden stop, of which the filter would be behind."""
     track = turning()
-    track.restart(0.005)
-    assert track.lost == pytest.approx(3.0 * 0.005)
+    track.take_counter_jump(0.005)
+    assert track.guessed_angle == pytest.approx(3.0 * 0.005)
     track.update(0.005, 0.0, 0.0)
     assert track.increment == 0.0

@@ -10,7 +10,7 @@ from drive_traces import Errors, Segment, drive
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.readings import SIMULATOR
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.estimate.drive.scales import NOTHING, ScaleDoubt
+from raccoon.estimate.drive.scale_doubt import NO_DOUBT, ScaleDoubt
 from raccoon.estimate.ekf.filter import covariance_index, variance_index
 from raccoon.estimate.ekf.state import State
 
@@ -86,21 +86,21 @@ def test_where_turns_are_otherwise_it_may_be_both_wheels_or_the_track(
 
 
 def test_a_doubt_is_counted_once_and_what_one_wheel_explains_is_none_of_the_track() -> None:
-    flat = list(Odometry(calibrated())._steps.fusion.drive.flat)
+    flat = list(Odometry(calibrated())._stepper.fusion.drive.flat)
     doubt = ScaleDoubt(tuple(flat))
-    assert doubt.more(tuple(flat)) == NOTHING
+    assert doubt.added_deviations(tuple(flat)) == NO_DOUBT
     flat[State.WHEEL_TURN] = 0.9
-    assert doubt.more(tuple(flat)) == pytest.approx((0.0, 0.1))
-    assert doubt.more(tuple(flat)) == NOTHING
+    assert doubt.added_deviations(tuple(flat)) == pytest.approx((0.0, 0.1))
+    assert doubt.added_deviations(tuple(flat)) == NO_DOUBT
     flat[State.BALANCE] = -0.1
-    assert doubt.more(tuple(flat)) == pytest.approx((0.1, 0.0))
+    assert doubt.added_deviations(tuple(flat)) == pytest.approx((0.1, 0.0))
     flat[State.BALANCE] = -0.2
-    assert doubt.more(tuple(flat)) == pytest.approx((math.sqrt(0.2**2 - 0.1**2), 0.0))
+    assert doubt.added_deviations(tuple(flat)) == pytest.approx((math.sqrt(0.2**2 - 0.1**2), 0.0))
 
 
 def test_a_doubt_of_the_way_is_one_of_all_that_hangs_together_with_it() -> None:
     odometry, _, _ = driven([STRAIGHT], (1.0, 1.0))
-    drive_filter = odometry._steps.fusion.drive
+    drive_filter = odometry._stepper.fusion.drive
     way, place = variance_index(State.WAY), covariance_index(State.X, State.WAY)
     before = drive_filter.flat
     drive_filter.doubt_way(0.03, 0.04)

@@ -17,7 +17,7 @@ from raccoon.core.readings import SI_WORDS
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre, TapedWay, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.drive_calibration.paths import START, off_shape, off_truth, path
-from raccoon.estimate.drive_calibration.surprises import surprises
+from raccoon.estimate.drive_calibration.plausibility import surprises
 from raccoon.model.bemf import counts_scale
 from shared_data import data_path
 

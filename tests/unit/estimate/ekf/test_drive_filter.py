@@ -9,13 +9,13 @@ import pytest
 
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.readings import SIMULATOR
+from raccoon.estimate.drive.estimate_builder import build_estimate
 from raccoon.estimate.drive.fusion import Fusion
-from raccoon.estimate.drive.noise import TOGETHER, WheelNoise
-from raccoon.estimate.drive.observations import Way
+from raccoon.estimate.drive.noise import UNCOUNTED_CORRELATION, WheelNoise
+from raccoon.estimate.drive.observations import WheelTravel
 from raccoon.estimate.drive.prior import process_noise, scale_covariance, scale_std
-from raccoon.estimate.drive.published import published
 from raccoon.estimate.drive.readings import DriveReadings
-from raccoon.estimate.drive.standstill import Creeping, Standstill
+from raccoon.estimate.drive.standstill import CreepDetector, StandstillDetector
 from raccoon.estimate.drive.wheel_track import WheelTrack
 from raccoon.estimate.ekf.bridge import bridged
 from raccoon.estimate.ekf.filter import DriveFilter, ProcessNoise, covariance_of, flattened, mean_of
@@ -91,9 +91,9 @@ def test_what_both_wheels_turned_alike_and_uncounted_is_way_and_no_turn() -> Non
     assert P[State.X, State.X] == pytest.approx((0.0345 / 2.0) ** 2 * 2.0 * (0.04 + 0.036))
     assert P[State.HEADING, State.HEADING] == pytest.approx((0.0345 / 0.16) ** 2 * 2.0 * (0.04 - 0.036))
     lost = WheelTrack(0.0), WheelTrack(0.0)
-    lost[0].lost, lost[1].lost = 0.1, 0.2
+    lost[0].guessed_angle, lost[1].guessed_angle = 0.1, 0.2
     noise = WheelNoise(RobotConfig(), OdometrySettings(), SIMULATOR)
-    assert noise.together(*lost) == pytest.approx(TOGETHER * 0.02)
+    assert noise.angle_covariance(*lost) == pytest.approx(UNCOUNTED_CORRELATION * 0.02)
 
 
 def test_a_doubt_ahead_is_none_across_and_one_aside_is_none_along() -> None:
@@ -188,12 +188,12 @@ def test_scales_that_are_doubted_and_that_wander_do_so_as_both_wheels_scales() -
 
 
 def test_a_taped_way_moves_the_states_along_its_slopes() -> None:
-    way = Way(left=12.0, right=14.0, seconds=5.0)
+    way = WheelTravel(left=12.0, right=14.0, seconds=5.0)
     H = slopes(lambda state: way.expected(state, 0.0345), MEAN)
     np.testing.assert_allclose(way.jacobian(MEAN, 0.0345), H, rtol=1e-7, atol=1e-9)
     # It is as sure as the tape, and as what the wheels slip on it.
     fusion = Fusion(certain(), OdometrySettings(slip_noise=0.05))
-    fusion.way = way
+    fusion.wheel_travel = way
     taped = way.expected(MEAN, 0.0345)[0] - 0.02
     seen = fusion.observe_way(taped, 0.03)
     assert seen.mahalanobis == pytest.approx(0.02 / math.sqrt(0.03**2 + 0.05**2 * taped))
@@ -213,11 +213,15 @@ def test_a_way_slips_by_its_square_root_and_one_nobody_reads_may_be_any() -> Non
     noise, wheel = WheelNoise(RobotConfig(), settings, SIMULATOR), WheelTrack(0.0)
     radius = RobotConfig().model.drive.wheel_radius.value
     slip = 0.05**2 * abs(angle * radius) / radius**2
-    assert noise.of_angle(wheel, angle, span) - noise.of_angle(wheel, 0.0, span) == pytest.approx(slip)
+    assert noise.angle_variance(wheel, angle, span) - noise.angle_variance(wheel, 0.0, span) == pytest.approx(
+        slip
+    )
     of_speed = noise.variance(wheel, angle / span, span) - noise.variance(wheel, 0.0, span)
     assert of_speed == pytest.approx(slip / span**2)
-    wheel.silent = 1.0
-    assert noise.of_angle(wheel, angle, span) == pytest.approx(noise.variance(wheel, 0.0, span) * span**2)
+    wheel.silence = 1.0
+    assert noise.angle_variance(wheel, angle, span) == pytest.approx(
+        noise.variance(wheel, 0.0, span) * span**2
+    )
 
 
 @pytest.mark.parametrize("arc", [0.5 * math.pi, math.pi])
@@ -226,7 +230,7 @@ def test_wheels_that_are_not_round_err_by_the_mean_of_their_runout_over_the_arc(
     the two counts."""
     settings = OdometrySettings(runout=0.01)
     span, speed = 0.02, 4.0
-    wobble = WheelNoise(RobotConfig(), settings, SIMULATOR).wobble(speed, -speed, span)
+    wobble = WheelNoise(RobotConfig(), settings, SIMULATOR).runout_variance(speed, -speed, span)
     of_angle = wobble * span**2 * arc / (speed * span)  # the sum of so many steps
     begun = np.linspace(0.0, 2.0 * math.pi, 1000, endpoint=False)
     of_wheel = np.mean((0.01 * (np.cos(begun) - np.cos(begun + arc))) ** 2)
@@ -239,8 +243,8 @@ def said(delay: float, held: bool = False) -> tuple[Array, float, float, float, 
     mean = MEAN.copy()
     mean[State.HEADING], mean[State.GYRO_DELAY] = 0.0, delay
     fusion = Fusion(DriveFilter(mean, A @ A.T, GEOMETRY, STILL), OdometrySettings())
-    fusion.held = held
-    found = published(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
+    fusion.may_be_held = held
+    found = build_estimate(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
     return A @ A.T, found.x, found.y, found.heading, found.velocity_std
 
 
@@ -252,7 +256,7 @@ def test_a_place_is_unsure_the_way_it_moves() -> None:
         mean[State.HEADING], mean[State.VELOCITY] = heading, 0.3
         mean[State.TURN_RATE] = mean[State.GYRO_DELAY] = 0.0
         fusion = Fusion(DriveFilter(mean, 1e-8 * np.eye(SIZE), GEOMETRY, STILL), OdometrySettings())
-        found = published(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
+        found = build_estimate(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
         stds.append((found.x_std, found.y_std))
     along, across = stds[0]
     assert across == pytest.approx(1e-4)
@@ -280,7 +284,7 @@ def test_the_speed_is_as_unsure_as_way_and_wheels_together() -> None:
 
 
 def test_a_robot_stands_when_all_is_quiet_for_longer_than_it_coasts() -> None:
-    still = Standstill()
+    still = StandstillDetector()
     quiet: dict[str, Any] = {"driven": False, "wheel": (0.04, 0.0), "gyro": (0.01, 0.0)}
     said = [still.update(0.005, **quiet) for _ in range(61)]
     assert said == [False] * 59 + [True] * 2
@@ -289,7 +293,7 @@ def test_a_robot_stands_when_all_is_quiet_for_longer_than_it_coasts() -> None:
         assert not still.update(0.005, **{**quiet, name: value})
         assert not still.update(0.29, **quiet)
         assert still.update(0.02, **quiet)
-    still.interrupt()
+    still.restart()
     assert not still.update(0.29, **quiet)
 
 
@@ -320,7 +324,7 @@ def test_what_keeps_its_speed_undriven_for_half_a_second_is_an_offset(
     driven: bool,
     creeps: bool,
 ) -> None:
-    creeping, told = Creeping(), []
+    creeping, told = CreepDetector(), []
     for step in range(60):
         time = 0.02 * step
         read = [None if each is None else each[0] + time * each[1] for each in (left, right, rate)]
@@ -331,8 +335,8 @@ def test_what_keeps_its_speed_undriven_for_half_a_second_is_an_offset(
 
 def test_what_the_gyro_read_before_a_motor_was_driven_is_no_part_of_the_mean_after_it() -> None:
     """A duty that moves nothing leaves wheels and gyro as they were."""
-    creeping = Creeping()
+    creeping = CreepDetector()
     for step in range(60):
         if creeping.update(0.02, step == 24, 0.0, 0.0, 0.02):
             break
-    assert creeping.mean == pytest.approx(0.02)
+    assert creeping.mean_rate == pytest.approx(0.02)

@@ -12,7 +12,7 @@ from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
 from raccoon.estimate.tophat.calibration import Surface, believed, best_threshold
 from raccoon.estimate.tophat.mixture import best_mixture
 from raccoon.estimate.tophat.quality import restless
-from raccoon.estimate.tophat.standing import calibrate_standing
+from raccoon.estimate.tophat.standing_calibration import calibrate_standing
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
 from raccoon.model.reflectance import LINE_WIDTH, WAY_A_READING, fit, line_coverage, read, spot_radius
 

@@ -8,8 +8,8 @@ import pytest
 
 from raccoon.core.errors import ConfigError
 from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
+from raccoon.estimate.tophat.calibration_watch import CalibrationWatch, Fit, height_changed, swapped
 from raccoon.estimate.tophat.store import KEPT, StoredCalibration, TophatStore
-from raccoon.estimate.tophat.watch import CalibrationWatch, Fit, height_changed, swapped
 
 
 @cache

@@ -13,8 +13,8 @@ from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.fusion import Fusion
 from raccoon.estimate.drive.noise import SILENT_WHEEL
 from raccoon.estimate.drive.readings import DriveReadings
-from raccoon.estimate.drive.timing import further_on, wheels_lead
-from raccoon.estimate.drive.wheel_track import HOLD
+from raccoon.estimate.drive.timing import delay_motion, wheels_lead
+from raccoon.estimate.drive.wheel_track import HOLD_S
 from raccoon.estimate.ekf.filter import covariance_index, covariance_of, variance_index
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
@@ -29,45 +29,49 @@ _VWAY, _WITH_WAY = _VAR[State.WAY], covariance_index(State.VELOCITY, State.WAY)
 UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
 UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
 """m, standard deviation of the position."""
-IN_DOUBT = (
+POSE_DOUBT_REASONS = (
     f"the place is in doubt by {UNCERTAIN_PLACE:g} m or more: drive on to a wall or a line, and say by "
     "robot.odometry.reset(x, y, heading) where that is",
     f"the heading is in doubt by {math.degrees(UNCERTAIN_HEADING):g} degrees or more: "
     "align_on_wall(heading=...) tells it",
 )
 """Reasons of an estimate whose deviation is above these, also where what it came from has long passed."""
-BLIND_AFTER = 0.5
+INVALID_AFTER_SILENCE_S = 0.5
 """s without any wheel reading after which the pose is not to be used."""
 
 
-def published(fusion: Fusion, readings: DriveReadings, settings: OdometrySettings) -> DriveEstimate:
+def build_estimate(fusion: Fusion, readings: DriveReadings, settings: OdometrySettings) -> DriveEstimate:
     """The estimate at the time of the last cycle."""
     flat, geometry = fusion.drive.flat, fusion.geometry
     scales = wheel_scales(flat[State.WAY], flat[State.BALANCE])
     left_speed = (readings.left.speed - flat[State.LEFT_OFFSET]) / scales[0]
     right_speed = (readings.right.speed - flat[State.RIGHT_OFFSET]) / scales[1]
     x, y, heading = flat[State.X], flat[State.Y], flat[State.HEADING]
-    way, read = flat[State.WAY], flat[State.VELOCITY]
-    velocity, turn_rate, distance = way * read, flat[State.TURN_RATE], fusion.distance
-    span = readings.pending.span + readings.ahead[0]
+    way, velocity_read = flat[State.WAY], flat[State.VELOCITY]
+    velocity, turn_rate, distance = way * velocity_read, flat[State.TURN_RATE], fusion.distance
+    span = readings.pending.span + readings.waiting[0]
     if span > 0.0:
         velocity, turn_rate = geometry.body_motion(left_speed, right_speed)
         turn_rate /= way * flat[State.WHEEL_TURN]
-        travel, turn, gyro_rate = since_step(flat, scales, readings, geometry)
+        travel, turn, gyro_rate = motion_since_step(flat, scales, readings, geometry)
         turn_rate = turn_rate if gyro_rate is None else gyro_rate
         x, y, heading = arc_end(x, y, heading, travel, turn)
         distance += travel
-    lead, late = wheels_lead(flat, settings.timing)
-    x, y, heading = arc_end(x, y, heading, *further_on(flat, lead, velocity, turn_rate))
-    apart = late * velocity
-    if min(readings.left.silent, readings.right.silent) > HOLD:  # the step that is waited for adds it
-        apart = math.hypot(apart, math.sqrt(0.5 * SILENT_WHEEL * span) * geometry.wheel_radius)
-    along, across = apart * math.cos(heading), apart * math.sin(heading)
-    turned = late * turn_rate
+    lead, lead_std = wheels_lead(flat, settings.timing)
+    x, y, heading = arc_end(x, y, heading, *delay_motion(flat, lead, velocity, turn_rate))
+    along_std = lead_std * velocity
+    if min(readings.left.silence, readings.right.silence) > HOLD_S:  # the step that is waited for adds it
+        along_std = math.hypot(along_std, math.sqrt(0.5 * SILENT_WHEEL * span) * geometry.wheel_radius)
+    x_std, y_std = along_std * math.cos(heading), along_std * math.sin(heading)
+    heading_std = lead_std * turn_rate
     # Of way times what the wheels read: both are uncertain, and together.
-    of_velocity = way * way * flat[_VV] + 2.0 * way * read * flat[_WITH_WAY] + read * read * flat[_VWAY]
-    if fusion.held:
-        of_velocity += velocity * velocity
+    velocity_variance = (
+        way * way * flat[_VV]
+        + 2.0 * way * velocity_read * flat[_WITH_WAY]
+        + velocity_read * velocity_read * flat[_VWAY]
+    )
+    if fusion.may_be_held:
+        velocity_variance += velocity * velocity
     return DriveEstimate(
         readings.time,
         x,
@@ -79,10 +83,10 @@ def published(fusion: Fusion, readings: DriveReadings, settings: OdometrySetting
         left_speed,
         right_speed,
         distance,
-        sqrt(flat[_VX] + along * along),
-        sqrt(flat[_VY] + across * across),
-        sqrt(flat[_VH] + turned * turned),
-        sqrt(max(of_velocity, 0.0)),
+        sqrt(flat[_VX] + x_std * x_std),
+        sqrt(flat[_VY] + y_std * y_std),
+        sqrt(flat[_VH] + heading_std * heading_std),
+        sqrt(max(velocity_variance, 0.0)),
         sqrt(flat[_VW]),
         sqrt(flat[_VB]),
         *_status(flat, readings),
@@ -93,20 +97,20 @@ def _status(flat: Flat, readings: DriveReadings) -> tuple[Status, tuple[str, ...
     """How far to trust it, and why not further."""
     place, heading, reasons = flat[_VX] + flat[_VY], flat[_VH], readings.reasons.now
     if place > UNCERTAIN_PLACE**2:
-        reasons = (*reasons, IN_DOUBT[0])
+        reasons = (*reasons, POSE_DOUBT_REASONS[0])
     if heading > UNCERTAIN_HEADING**2:
-        reasons = (*reasons, IN_DOUBT[1])
-    blind = min(readings.left.silent, readings.right.silent) > BLIND_AFTER
+        reasons = (*reasons, POSE_DOUBT_REASONS[1])
+    blind = min(readings.left.silence, readings.right.silence) > INVALID_AFTER_SILENCE_S
     if blind or readings.wiring.turned or place > INVALID_PLACE**2 or heading > INVALID_HEADING**2:
         return Status.INVALID, reasons
     return (Status.UNCERTAIN if reasons else Status.OK), reasons
 
 
-def since_step(
+def motion_since_step(
     flat: Flat, scales: tuple[float, float], readings: DriveReadings, geometry: DriveGeometry
 ) -> tuple[float, float, float | None]:
     """Travel (m) and turn (rad) since the filter's last step, and the gyro's turn rate in it, rad/s."""
-    pending, ahead = readings.pending, readings.ahead
+    pending, ahead = readings.pending, readings.waiting
     span = pending.span + ahead[0]
     left = (pending.left + ahead[1] - flat[State.LEFT_OFFSET] * span) / scales[0]
     right = (pending.right + ahead[2] - flat[State.RIGHT_OFFSET] * span) / scales[1]

@@ -8,12 +8,12 @@ from raccoon.estimate.ekf.filter import covariance_index, variance_index
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.state import State
 
-SURPRISING = 3.0
+SURPRISING_STDS = 3.0
 """Deviations by robot.toml from which on what it says of its deviations is not believed either."""
-MORE = 1.1
+MIN_GROWTH = 1.1
 """Times what is in doubt already, before more of it is."""
 
-NOTHING = (0.0, 0.0)
+NO_DOUBT = (0.0, 0.0)
 
 
 class ScaleDoubt:
@@ -26,31 +26,36 @@ class ScaleDoubt:
     track, nothing but a tape or something seen.
     """
 
-    __slots__ = ("_balance", "_doubted", "_gyro", "_turn")
+    __slots__ = ("_balance_limit", "_doubted", "_gyro_scale", "_turn_limit")
 
     def __init__(self, flat: Flat) -> None:
         """flat: the filter's belief before anything was read."""
-        self._balance = SURPRISING * sqrt(flat[variance_index(State.BALANCE)])
-        self._gyro = flat[State.GYRO_SCALE]
-        shared = flat[covariance_index(State.WHEEL_TURN, State.GYRO_SCALE)] / self._gyro
-        of_gyro = flat[variance_index(State.GYRO_SCALE)] / self._gyro**2
-        self._turn = SURPRISING * sqrt(flat[variance_index(State.WHEEL_TURN)] - 2.0 * shared + of_gyro)
-        self._doubted = NOTHING
+        self._balance_limit = SURPRISING_STDS * sqrt(flat[variance_index(State.BALANCE)])
+        self._gyro_scale = flat[State.GYRO_SCALE]
+        shared = flat[covariance_index(State.WHEEL_TURN, State.GYRO_SCALE)] / self._gyro_scale
+        of_gyro = flat[variance_index(State.GYRO_SCALE)] / self._gyro_scale**2
+        self._turn_limit = SURPRISING_STDS * sqrt(
+            flat[variance_index(State.WHEEL_TURN)] - 2.0 * shared + of_gyro
+        )
+        self._doubted = NO_DOUBT
 
-    def more(self, flat: Flat) -> tuple[float, float]:
+    def added_deviations(self, flat: Flat) -> tuple[float, float]:
         """Deviations to add to what is not known of WAY, for wheels that are unlike and for turns that are
         otherwise; hardly ever above 0.
         """
         balance = abs(flat[State.BALANCE])
-        turn = abs(flat[State.WHEEL_TURN] * self._gyro / flat[State.GYRO_SCALE] - 1.0)
-        if balance > self._balance:
+        turn = abs(flat[State.WHEEL_TURN] * self._gyro_scale / flat[State.GYRO_SCALE] - 1.0)
+        if balance > self._balance_limit:
             turn = min(turn, abs(turn - balance))  # one wheel that is another turns the robot as much
-        before = self._doubted
-        more = _more(balance, self._balance, before[0]), _more(turn, self._turn, before[1])
-        if more != NOTHING:
-            self._doubted = hypot(before[0], more[0]), hypot(before[1], more[1])
-        return more
+        doubted = self._doubted
+        added = (
+            _added_deviation(balance, self._balance_limit, doubted[0]),
+            _added_deviation(turn, self._turn_limit, doubted[1]),
+        )
+        if added != NO_DOUBT:
+            self._doubted = hypot(doubted[0], added[0]), hypot(doubted[1], added[1])
+        return added
 
 
-def _more(off: float, allowed: float, doubted: float) -> float:
-    return sqrt(off * off - doubted * doubted) if off > max(allowed, MORE * doubted) else 0.0
+def _added_deviation(error: float, allowed: float, doubted: float) -> float:
+    return sqrt(error * error - doubted * doubted) if error > max(allowed, MIN_GROWTH * doubted) else 0.0
