@@ -9,7 +9,7 @@ from typing import TypeVar
 
 Result = TypeVar("Result")
 Work = Callable[[int], Result]
-TRIES = 2
+MAX_TRIES = 2
 """Times that a call may take its worker down, alone, before it is given up."""
 
 
@@ -47,33 +47,33 @@ def run_all(
     work: Work[Result],
     numbers: Iterable[int],
     crew: Crew,
-    give_up: Callable[[int], Result],
+    failed_result: Callable[[int], Result],
 ) -> Iterator[tuple[int, Result]]:
     """(number, result) of every number, in the order in which they are done.
 
     A call whose worker died is made again. When a pool breaks, any of the calls under way can be the cause,
-    so they are repeated one at a time; a number that then takes its worker down `TRIES` times gets the
-    result of `give_up`. What a call raises by itself comes through, and so does an executor that broke and
-    cannot be opened anew.
+    so they are repeated one at a time; a number that then takes its worker down `MAX_TRIES` times gets what
+    `failed_result` returns. What a call raises by itself comes through, and so does an executor that broke
+    and cannot be opened anew.
     """
     waiting = deque(numbers)
     suspects: deque[int] = deque()
     while waiting or suspects:
         if suspects:
             number = suspects.popleft()
-            yield number, _alone(work, number, crew, give_up)
+            yield number, _run_alone(work, number, crew, failed_result)
         else:
-            yield from _together(work, waiting, suspects, crew)
+            yield from _run_concurrently(work, waiting, suspects, crew)
 
 
-def _together(
+def _run_concurrently(
     work: Work[Result], waiting: deque[int], suspects: deque[int], crew: Crew
 ) -> Iterator[tuple[int, Result]]:
     """Work through `waiting` until it is empty or the pool breaks; then all under way are suspects."""
     running: dict[Future[Result], int] = {}
     try:
         while waiting or running:
-            _fill(work, waiting, running, crew)
+            _submit_waiting(work, waiting, running, crew)
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 if _lost_worker(future):
@@ -82,20 +82,24 @@ def _together(
                     result = future.result()
                     yield running.pop(future), result
     except BrokenExecutor:
-        yield from _survivors(running, suspects)
+        yield from _collect_finished(running, suspects)
         crew.renew()
     finally:
         for future in running:
             future.cancel()
 
 
-def _fill(work: Work[Result], waiting: deque[int], running: dict[Future[Result], int], crew: Crew) -> None:
+def _submit_waiting(
+    work: Work[Result], waiting: deque[int], running: dict[Future[Result], int], crew: Crew
+) -> None:
     while waiting and len(running) < crew.window:
         running[crew.executor.submit(work, waiting[0])] = waiting[0]
         waiting.popleft()
 
 
-def _survivors(running: dict[Future[Result], int], suspects: deque[int]) -> Iterator[tuple[int, Result]]:
+def _collect_finished(
+    running: dict[Future[Result], int], suspects: deque[int]
+) -> Iterator[tuple[int, Result]]:
     """Results that arrived before the pool broke; the rest must be made again."""
     for future, number in running.items():
         if future.done() and not future.cancelled() and future.exception() is None:
@@ -104,8 +108,8 @@ def _survivors(running: dict[Future[Result], int], suspects: deque[int]) -> Iter
             suspects.append(number)
 
 
-def _alone(work: Work[Result], number: int, crew: Crew, give_up: Callable[[int], Result]) -> Result:
-    for _ in range(TRIES):
+def _run_alone(work: Work[Result], number: int, crew: Crew, failed_result: Callable[[int], Result]) -> Result:
+    for _ in range(MAX_TRIES):
         try:
             future = crew.executor.submit(work, number)
             wait((future,))
@@ -113,7 +117,7 @@ def _alone(work: Work[Result], number: int, crew: Crew, give_up: Callable[[int],
                 return future.result()
         except BrokenExecutor:
             crew.renew()
-    return give_up(number)
+    return failed_result(number)
 
 
 def _lost_worker(future: Future[Result]) -> bool:

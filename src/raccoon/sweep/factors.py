@@ -15,18 +15,18 @@ from raccoon.model.bemf import believable
 from raccoon.sim.effects.calibrated import calibrated_factor, simulated_device
 from raccoon.sim.effects.effect import Place, effect
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.sweep.faults import KINDS
+from raccoon.sweep.faults import FAULT_KINDS
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-LIGHT = "light.ambient"
+AMBIENT_LIGHT = "light.ambient"
 """Light over the whole table, 0 indoors to 1 direct sun. It and the faults are no effects of the robot."""
-USUAL_CONSTANT = 0.03
+BACK_EMF_CONSTANT_SD = 0.03
 """Standard deviation of motors' K_E, over its mean."""
-USUAL_OFFSET = 42.0
+OFFSET_SD_COUNTS = 42.0
 """Counts, root mean square of what six motors read at rest behind RaccoonOS."""
-PLAIN_TICKS = OdometrySettings().calibrated_scale
+PLAIN_TICKS_SD = OdometrySettings().calibrated_scale
 """Of ticks that robot.toml has as a plain number, which says nothing of how well it is known: as for the
 odometry."""
 _SIDES = ("left", "right")
@@ -65,12 +65,12 @@ class Factor:
     @property
     def is_fault(self) -> bool:
         """Whether it is a fault that a match has or has not."""
-        return self.effect in KINDS
+        return self.effect in FAULT_KINDS
 
     @property
     def is_of_robot(self) -> bool:
         """Whether it is a parameter of one of the simulated robot's effects."""
-        return not self.is_fault and self.effect != LIGHT
+        return not self.is_fault and self.effect != AMBIENT_LIGHT
 
     @property
     def name(self) -> str:
@@ -133,41 +133,41 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
     ]
     for side in _SIDES:
         factors += [
-            _normal("motor.back_emf_constant", "factor", *_known_ticks(robot, side), side),
+            _normal("motor.back_emf_constant", "factor", *_back_emf_constant_prior(robot, side), side),
             _normal("motor.armature_resistance", "factor", 1.0, 0.09, side),
             Factor("friction.coulomb", "torque", 0.16, 0.26, where=side),
             # A calibration knows K_E and radius only as their product, which is K_E's here.
-            _normal("drive.wheel_radius", "factor", 1.0, 0.0 if _calibrated(robot, side) else 0.005, side),
+            _normal("drive.wheel_radius", "factor", 1.0, 0.0 if _is_calibrated(robot, side) else 0.005, side),
             Factor("drive.backlash", "angle", 0.0, 0.05, where=side),
-            _normal("bemf.offset", "counts", *_known_offset(robot, side), side),
+            _normal("bemf.offset", "counts", *_offset_prior(robot, side), side),
         ]
     return (*factors, *_tophat_factors(robot))
 
 
-def _calibrated(robot: RobotConfig, side: str) -> bool:
+def _is_calibrated(robot: RobotConfig, side: str) -> bool:
     """Whether robot.toml has calibrated ticks of the wheel that can be its."""
     known = robot.wheel_motor(side).radians_per_tick is not None
-    return known and believable(_factor(robot, side))
+    return known and believable(_back_emf_factor(robot, side))
 
 
-def _known_ticks(robot: RobotConfig, side: str) -> tuple[float, float]:
+def _back_emf_constant_prior(robot: RobotConfig, side: str) -> tuple[float, float]:
     """Mean and standard deviation of a motor's K_E over that of `[model]`."""
     ticks = robot.wheel_motor(side).radians_per_tick
-    if ticks is None or not _calibrated(robot, side):
-        return 1.0, USUAL_CONSTANT
-    mean = _factor(robot, side)
-    return mean, mean * (ticks.std / ticks.value or PLAIN_TICKS)
+    if ticks is None or not _is_calibrated(robot, side):
+        return 1.0, BACK_EMF_CONSTANT_SD
+    mean = _back_emf_factor(robot, side)
+    return mean, mean * (ticks.std / ticks.value or PLAIN_TICKS_SD)
 
 
-def _known_offset(robot: RobotConfig, side: str) -> tuple[float, float]:
+def _offset_prior(robot: RobotConfig, side: str) -> tuple[float, float]:
     """Mean and standard deviation of a motor's reading at rest, counts."""
     offset = robot.wheel_motor(side).bemf_offset
     if offset is None:
-        return 0.0, USUAL_OFFSET
+        return 0.0, OFFSET_SD_COUNTS
     return offset.value, offset.std or robot.model.bemf.offset.std
 
 
-def _factor(robot: RobotConfig, side: str) -> float:
+def _back_emf_factor(robot: RobotConfig, side: str) -> float:
     """K_E by the calibrated ticks of a side's motor, over that of `[model]`; 1 where it is not calibrated."""
     return calibrated_factor(robot, side, simulated_device(robot))
 
@@ -176,22 +176,22 @@ def nominal_values(robot: RobotConfig, factors: tuple[Factor, ...]) -> dict[str,
     """What the robot that robot.toml describes has of these factors: the motors that it calibrated. Of all
     others it has the model's."""
     return {
-        each.name: _factor(robot, each.where)
+        each.name: _back_emf_factor(robot, each.where)
         for each in factors
         if each.effect == "motor.back_emf_constant"
         and each.where in _SIDES
-        and _calibrated(robot, each.where)
+        and _is_calibrated(robot, each.where)
     }
 
 
 def fault_factors(share: float) -> tuple[Factor, ...]:
     """Every fault, each in so many of the matches (0 to 1)."""
-    return tuple(Factor(kind, "", share, share) for kind in KINDS)
+    return tuple(Factor(kind, "", share, share) for kind in FAULT_KINDS)
 
 
 def _tophat_factors(robot: RobotConfig) -> list[Factor]:
     ports = sorted({str(tophat.analog) for tophat in robot.tophats.values()})
-    factors = [Factor(LIGHT, "", 0.0, 0.2)] if ports else []
+    factors = [Factor(AMBIENT_LIGHT, "", 0.0, 0.2)] if ports else []
     for port in ports:
         factors.append(_normal("tophat.gain", "factor", 1.0, 0.1, port))
         factors.append(Factor("tophat.height", "height", 0.005, 0.012, where=port))
@@ -214,19 +214,19 @@ def parse_factor(text: str) -> Factor:
     if found is None:
         raise ConfigError(f"{text!r}: write EFFECT[.PARAMETER][@WHERE]=LOW:HIGH or =MEAN~SD or =VALUE")
     name, parameter = found["effect"], found["parameter"] or ""
-    if name.startswith("fault.") and name not in KINDS:
-        raise ConfigError(f"{text!r}: there is no such fault; allowed are {', '.join(KINDS)}")
-    if name != LIGHT and name not in KINDS:
+    if name.startswith("fault.") and name not in FAULT_KINDS:
+        raise ConfigError(f"{text!r}: there is no such fault; allowed are {', '.join(FAULT_KINDS)}")
+    if name != AMBIENT_LIGHT and name not in FAULT_KINDS:
         entry = effect(name)
         if not parameter and len(entry.parameters) > 1:
             names = ", ".join(each.name for each in entry.parameters)
             raise ConfigError(f"{text!r}: say which parameter of {name}: {names}")
         parameter = parameter or entry.parameters[0].name
-    low, high, normal = _range(text, found["range"])
+    low, high, normal = _parse_range(text, found["range"])
     return Factor(name, parameter, low, high, normal, found["where"])
 
 
-def _range(text: str, given: str) -> tuple[float, float, bool]:
+def _parse_range(text: str, given: str) -> tuple[float, float, bool]:
     mark = "~" if "~" in given else ":"
     try:
         numbers = [float(each) for each in given.split(mark)]
@@ -252,7 +252,7 @@ def place_of(robot: RobotConfig, factor: Factor) -> tuple[object, str]:
     return place, factor.parameter
 
 
-def refuse_idle(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
+def refuse_ineffective(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
     """Raise ConfigError for a factor whose values would not be simulated: where another one has the same
     place, and where it is of tophats that the robot does not have."""
     known: dict[tuple[object, str], str] = {}
@@ -262,8 +262,8 @@ def refuse_idle(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
             how = "twice" if known[place] == factor.name else f"already, as {known[place]}"
             raise ConfigError(f"{factor.name} is varied {how}")
         known[place] = factor.name
-        seen = factor.effect == LIGHT or (factor.is_of_robot and effect(factor.effect).place is Place.TOPHAT)
-        if seen and not robot.tophats:
+        by_tophats = factor.is_of_robot and effect(factor.effect).place is Place.TOPHAT
+        if (by_tophats or factor.effect == AMBIENT_LIGHT) and not robot.tophats:
             raise ConfigError(f"{factor.name}: nothing would change, as robot.toml has no tophat")
 
 

@@ -9,7 +9,7 @@ from raccoon.core.port import Port, bystander_of
 from raccoon.core.readings import Fault, Inputs, Outputs, Vector
 from raccoon.hal.wombat.checks.repeating import RepeatWatch
 
-KINDS: Mapping[str, str] = {
+FAULT_KINDS: Mapping[str, str] = {
     "fault.imu_silent": "the IMU says nothing any more",
     "fault.imu_frozen": "the IMU repeats its last reading",
     "fault.bemf_frozen": "the motors' back-EMF and counters repeat their last readings",
@@ -18,12 +18,12 @@ KINDS: Mapping[str, str] = {
     "fault.lost_cycles": "every second cycle is lost for two seconds",
 }
 """What each does from the moment at which it begins."""
-OUTAGE, STUTTER = 0.5, 2.0
+OUTAGE_S, LOST_CYCLES_S = 0.5, 2.0
 """s that motors are off, and that cycles are lost."""
 
 
 @dataclass(frozen=True, slots=True)
-class Broken:
+class FaultPlan:
     """Which faults a match has, and the s of its time at which they begin."""
 
     kinds: tuple[str, ...]
@@ -33,7 +33,7 @@ class Broken:
 class FaultyPort:
     """Wraps a port; from `begin` on its faults are in what is read and written."""
 
-    def __init__(self, port: Port, broken: Broken) -> None:
+    def __init__(self, port: Port, broken: FaultPlan) -> None:
         self._port = port
         self.bystander = bystander_of(port)
         self._broken = broken
@@ -43,39 +43,39 @@ class FaultyPort:
 
     def read(self) -> Inputs:
         inputs = self._port.read()
-        if self._has("fault.lost_cycles", STUTTER):
+        if self._is_active("fault.lost_cycles", LOST_CYCLES_S):
             inputs = self._port.read()
         self._time = inputs.time
         if self._time < self._broken.begin or self._last is None:
-            self._last = _with_imu_of(inputs, self._last)
+            self._last = _with_imu_held(inputs, self._last)
             return inputs
-        return self._damaged(inputs, self._last)
+        return self._with_faults(inputs, self._last)
 
     def write(self, outputs: Outputs) -> None:
-        self._port.write(Outputs() if self._has("fault.motors_off", OUTAGE) else outputs)
+        self._port.write(Outputs() if self._is_active("fault.motors_off", OUTAGE_S) else outputs)
 
     def close(self) -> None:
         self._port.close()
 
-    def _has(self, kind: str, lasting: float = float("inf")) -> bool:
+    def _is_active(self, kind: str, lasting: float = float("inf")) -> bool:
         age = self._time - self._broken.begin
         return kind in self._broken.kinds and 0.0 <= age < lasting
 
-    def _damaged(self, inputs: Inputs, last: Inputs) -> Inputs:
-        if self._has("fault.imu_frozen"):
+    def _with_faults(self, inputs: Inputs, last: Inputs) -> Inputs:
+        if self._is_active("fault.imu_frozen"):
             inputs = replace(
-                inputs, gyro=_again(inputs.gyro, last.gyro), accel=_again(inputs.accel, last.accel)
+                inputs, gyro=_repeated(inputs.gyro, last.gyro), accel=_repeated(inputs.accel, last.accel)
             )
-        if self._has("fault.imu_silent"):
+        if self._is_active("fault.imu_silent"):
             inputs = replace(inputs, gyro=None, accel=None)
-        if self._has("fault.bemf_frozen"):
-            inputs = self._frozen(inputs, last)
-        if self._has("fault.tophats_unplugged"):
+        if self._is_active("fault.bemf_frozen"):
+            inputs = self._with_frozen_bemf(inputs, last)
+        if self._is_active("fault.tophats_unplugged"):
             full = inputs.device.analog_full_scale
             inputs = replace(inputs, analog=tuple(None if each is None else full for each in inputs.analog))
         return inputs
 
-    def _frozen(self, inputs: Inputs, last: Inputs) -> Inputs:
+    def _with_frozen_bemf(self, inputs: Inputs, last: Inputs) -> Inputs:
         """Motors that repeat themselves, and what a Wombat's port says of it once it is sure."""
         self._repeats.update([each or 0.0 for each in last.bemf], inputs.time)
         dead = self._repeats.frozen
@@ -87,7 +87,7 @@ class FaultyPort:
         return replace(inputs, bemf=bemf, position=position, faults=faults)
 
 
-def _with_imu_of(inputs: Inputs, last: Inputs | None) -> Inputs:
+def _with_imu_held(inputs: Inputs, last: Inputs | None) -> Inputs:
     """The inputs with the IMU's last reading where they have none: it is slower than most controllers."""
     if last is None:
         return inputs
@@ -95,5 +95,5 @@ def _with_imu_of(inputs: Inputs, last: Inputs | None) -> Inputs:
     return replace(inputs, gyro=gyro, accel=last.accel if inputs.accel is None else inputs.accel)
 
 
-def _again(now: Vector | None, before: Vector | None) -> Vector | None:
+def _repeated(now: Vector | None, before: Vector | None) -> Vector | None:
     return None if now is None else before

@@ -1,6 +1,6 @@
 """What a match may do, unless another number is given."""
 
-WITHIN, WITHIN_DEGREES = 0.05, 10.0
+DEFAULT_WITHIN, DEFAULT_WITHIN_DEGREES = 0.05, 10.0
 """m and degrees from where the nominal robot ends that a match may end."""
-SECONDS = 120.0
+DEFAULT_MATCH_S = 120.0
 """That it may take."""

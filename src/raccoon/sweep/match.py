@@ -17,22 +17,22 @@ from raccoon.robot.robot import Robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import World
-from raccoon.sweep.apart import apart
-from raccoon.sweep.factors import LIGHT, Factor, nominal_values, refuse_idle, robot_with
-from raccoon.sweep.faults import KINDS, Broken, FaultyPort
-from raccoon.sweep.limits import SECONDS, WITHIN, WITHIN_DEGREES
+from raccoon.sweep.factors import AMBIENT_LIGHT, Factor, nominal_values, refuse_ineffective, robot_with
+from raccoon.sweep.faults import FAULT_KINDS, FaultPlan, FaultyPort
+from raccoon.sweep.isolation import isolated_process_state
+from raccoon.sweep.limits import DEFAULT_MATCH_S, DEFAULT_WITHIN, DEFAULT_WITHIN_DEGREES
 from raccoon.sweep.program import Mission, Program
 from raccoon.sweep.results import Row
-from raccoon.sweep.watch import MatchOver, WatchedPort, wall_limit
+from raccoon.sweep.watched_port import MatchOver, WatchedPort, wall_limit
 from raccoon.trace.record import already_there
 
 OK, FAILED, CRASHED = "ok", "failed", "crashed"
-SETTLE = 0.5
+SETTLING_S = 0.5
 """s after the program's end until the robot stands."""
-FAULTS_WITHIN = 10.0
+LATEST_FAULT_S = 10.0
 """s from the start until a fault has begun, if the match has one."""
 MAX_REASON = 200
-TOUCHES = 1e-3
+TOUCH_TOLERANCE = 1e-3
 """m by which a robot that is set against a wall may seem to stand in it."""
 
 
@@ -55,9 +55,9 @@ class Match:
     imu_rate_hz: float = FIRMWARE_IMU_HZ
     world: World | None = None
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    within: float = WITHIN
-    within_angle: float = math.radians(WITHIN_DEGREES)
-    seconds: float = SECONDS
+    within: float = DEFAULT_WITHIN
+    within_angle: float = math.radians(DEFAULT_WITHIN_DEGREES)
+    seconds: float = DEFAULT_MATCH_S
     real_seconds: float = 300.0
     end: tuple[float, float, float] | None = None
     model: Parameters | None = None
@@ -66,11 +66,11 @@ class Match:
         for name in ("within", "within_angle", "seconds", "real_seconds"):
             if not getattr(self, name) > 0.0:
                 raise ConfigError(f"{name} is {getattr(self, name)}: it must be above 0")
-        refuse_idle(self.robot, self.factors)
-        self.simulated(self.values(0))  # refuses places that the robot does not have
+        refuse_ineffective(self.robot, self.factors)
+        self.simulated_robot(self.values(0))  # refuses places that the robot does not have
         _check_start(self.start, self.table, self.robot)
 
-    def simulated(self, values: dict[str, float]) -> Parameters:
+    def simulated_robot(self, values: dict[str, float]) -> Parameters:
         """The robot that plays, with these values of the factors. Raises ConfigError for a place that it does
         not have."""
         return robot_with(self.model or Parameters.from_robot(self.robot), self.factors, values)
@@ -94,12 +94,12 @@ class Match:
 
         return {factor.name: factor.draw(random(factor.name)) for factor in self.factors}
 
-    def broken(self, values: dict[str, float], seed: int) -> Broken:
+    def fault_plan(self, values: dict[str, float], seed: int) -> FaultPlan:
         """The faults among the values, and when they begin: somewhere in the first FAULTS_WITHIN seconds."""
         import numpy as np
 
-        kinds = tuple(name for name in KINDS if values.get(name))
-        return Broken(kinds, float(np.random.default_rng((seed, 1)).uniform(0.0, FAULTS_WITHIN)))
+        kinds = tuple(name for name in FAULT_KINDS if values.get(name))
+        return FaultPlan(kinds, float(np.random.default_rng((seed, 1)).uniform(0.0, LATEST_FAULT_S)))
 
 
 def _check_start(start: tuple[float, float, float], table: World, robot: RobotConfig) -> None:
@@ -115,7 +115,7 @@ def _check_start(start: tuple[float, float, float], table: World, robot: RobotCo
         ends = f"x from {left:g} to {right:g} m and y from {low:g} to {high:g} m"
         raise ConfigError(f"{told}: it is off the table {table.name}, which has {ends}")
     deepest = max((each.depth for each in Obstacles(table, robot.body).touches(start)), default=0.0)
-    if deepest > TOUCHES:
+    if deepest > TOUCH_TOLERANCE:
         raise ConfigError(
             f"{told}: a robot of this size ([body] in robot.toml) stands {deepest:.2g} m deep in a wall or "
             f"an object of the table {table.name}"
@@ -166,7 +166,7 @@ def play(match: Match, run: int, seed: int, record: str | Path | None = None) ->
     return {"run": run, "seed": seed, **_play(match, values, seed, record), **values}
 
 
-def crashed(match: Match, run: int, seed: int) -> Row:
+def crashed_row(match: Match, run: int, seed: int) -> Row:
     """The row of a match that took its whole process down."""
     nothing = dict.fromkeys(("seconds", "x", "y", "heading", "position_error", "heading_error"), math.nan)
     reason = {"status": CRASHED, "reason": "the process ended"}
@@ -174,10 +174,10 @@ def crashed(match: Match, run: int, seed: int) -> Row:
 
 
 def _play(match: Match, values: dict[str, float], seed: int, record: str | Path | None) -> Row:
-    port = WatchedPort(_simulated(match, values, seed), match.seconds)
+    port = WatchedPort(_simulated_port(match, values, seed), match.seconds)
     reason = ""
     try:
-        with wall_limit(match.real_seconds), apart(seed), kept_apart(), no_robot_opened():
+        with wall_limit(match.real_seconds), isolated_process_state(seed), kept_apart(), no_robot_opened():
             mission = match.program.mission()
             reason = _drive(match, mission, port, record, seed)
     except MatchOver as over:
@@ -187,12 +187,12 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     except BaseException as error:  # asyncio's CancelledError and SystemExit are no Exception
         # What the library raises on purpose says what to do; a mistake of the program says hardly where.
         line = None if isinstance(error, RaccoonError) else match.program.line_of(error)
-        reason = _said(error) + ("" if line is None else f" (line {line})")
+        reason = _failure_text(error) + ("" if line is None else f" (line {line})")
     reason = reason if len(reason) <= MAX_REASON else f"{reason[: MAX_REASON - 3]}..."
     return _row(match, port, reason)
 
 
-def _said(error: BaseException) -> str:
+def _failure_text(error: BaseException) -> str:
     """Kind and text of an error; a program's own may fail to say its text, and the name of a file may be no
     text, which no table holds."""
     kind = type(error).__name__
@@ -202,16 +202,16 @@ def _said(error: BaseException) -> str:
         return f"{kind}: its own text ended in {type(failed).__name__}"
 
 
-def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
+def _simulated_port(match: Match, values: dict[str, float], seed: int) -> Port:
     from raccoon.sim.port import SimPort
     from raccoon.sim.world.table import Box, Light
 
     world = match.table
-    if LIGHT in values:
+    if AMBIENT_LIGHT in values:
         everywhere = Box((-math.inf, -math.inf), (math.inf, math.inf))
-        world = replace(world, lights=(*world.lights, Light(everywhere, values[LIGHT])))
+        world = replace(world, lights=(*world.lights, Light(everywhere, values[AMBIENT_LIGHT])))
     port = SimPort(
-        match.simulated(values).with_chain(match.chain),
+        match.simulated_robot(values).with_chain(match.chain),
         world,
         robot=match.robot,
         seed=seed_of(seed, 0),  # of numbers of its own: those of `seed` made the values
@@ -219,7 +219,7 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
         start=match.start,
         imu_rate_hz=match.imu_rate_hz,
     )
-    broken = match.broken(values, seed)
+    broken = match.fault_plan(values, seed)
     return FaultyPort(port, broken) if broken.kinds else port
 
 
@@ -243,7 +243,7 @@ def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path
 def _come_to_rest(robot: Robot) -> None:
     """Let SETTLE s pass with the motors off: at the port, as a robot runs nothing more after its match."""
     with suppress(HardwareError):
-        end = robot.port.read().time + SETTLE
+        end = robot.port.read().time + SETTLING_S
         while robot.port.read().time < end:
             robot.port.write(robot.outputs)
 

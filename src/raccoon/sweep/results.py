@@ -25,16 +25,16 @@ from raccoon.core.schema import LONGEST, shown
 Row = dict[str, Any]
 """One match: run, seed, status, reason, seconds, x, y, heading, position_error, heading_error, and the value
 of every factor."""
-ENDINGS = (".csv", ".parquet")
+TABLE_SUFFIXES = (".csv", ".parquet")
 _WHOLE, _TEXT = ("run", "seed"), ("status", "reason")
-GROWTH = 1.25
+REWRITE_GROWTH = 1.25
 """A .parquet is written anew when so many times as many rows are there, so that its cost stays linear."""
 
 
 def check_table(path: Path) -> None:
     """Raise ConfigError for a file that no table can be written to."""
-    if path.suffix not in ENDINGS:
-        raise ConfigError(f"{path}: allowed are the endings {' and '.join(ENDINGS)}")
+    if path.suffix not in TABLE_SUFFIXES:
+        raise ConfigError(f"{path}: allowed are the endings {' and '.join(TABLE_SUFFIXES)}")
     if path.suffix == ".parquet":
         _pyarrow(path)
 
@@ -53,10 +53,10 @@ class Results:
         self._rows_path = (
             self.path if self.path.suffix == ".csv" else self.path.with_name(self.path.name + ".rows.csv")
         )
-        self.about = self._known(about)
-        self._shown = 0
+        self.about = self._matching_description(about)
+        self._parquet_rows = 0
         self.rows: dict[int, Row] = {}
-        self._file = self._opened()
+        self._file = self._open_rows()
 
     def add(self, row: Row) -> None:
         """Append a row: with this it is safe. Raises ValueError for a run that is there already."""
@@ -65,7 +65,7 @@ class Results:
         self.rows[row["run"]] = row
         self._file.write(_line(row[name] for name in self._columns))
         self._file.flush()
-        if self._rows_path != self.path and len(self.rows) >= GROWTH * self._shown:
+        if self._rows_path != self.path and len(self.rows) >= REWRITE_GROWTH * self._parquet_rows:
             self._write_parquet()
 
     def finish(self) -> None:
@@ -83,7 +83,11 @@ class Results:
             if not self.rows and not self._file.closed:
                 self._rows_path.unlink(missing_ok=True)
                 self._about_path.unlink(missing_ok=True)
-            if self._rows_path.exists() and len(self.rows) > self._shown and self._rows_path != self.path:
+            if (
+                self._rows_path.exists()
+                and len(self.rows) > self._parquet_rows
+                and self._rows_path != self.path
+            ):
                 self._write_parquet()
         finally:
             self._file.close()
@@ -92,7 +96,7 @@ class Results:
         lines = (_line(self.rows[run][name] for name in self._columns) for run in sorted(self.rows))
         return (_line(self._columns) + "".join(lines)).encode()
 
-    def _known(self, about: Mapping[str, Any]) -> dict[str, Any]:
+    def _matching_description(self, about: Mapping[str, Any]) -> dict[str, Any]:
         """What the file beside the table says, or `about` where there is none."""
         wanted: dict[str, Any] = json.loads(json.dumps(about))
         if not self._about_path.exists():
@@ -128,9 +132,9 @@ class Results:
     def _is_empty(self) -> bool:
         """Whether no match is in it: a sweep that was killed before its first one is none to go on with."""
         tables = [path for path in {self.path, self._rows_path} if path.exists()]
-        return tables in ([], [self._rows_path]) and all(_no_row(each.read_bytes()) for each in tables)
+        return tables in ([], [self._rows_path]) and all(_has_no_row(each.read_bytes()) for each in tables)
 
-    def _opened(self) -> IO[str]:
+    def _open_rows(self) -> IO[str]:
         """The file of rows, locked, with what it holds read and a torn last line cut off."""
         if (
             self.path.exists() and not self._rows_path.exists()
@@ -139,13 +143,13 @@ class Results:
             write_atomically(self._rows_path, self._all_lines())
         file = self._rows_path.open("a+", encoding="utf-8", newline="")
         try:
-            self._take_up(file)
+            self._resume(file)
         except BaseException:
             file.close()
             raise
         return file
 
-    def _take_up(self, file: IO[str]) -> None:
+    def _resume(self, file: IO[str]) -> None:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -153,7 +157,7 @@ class Results:
         write_atomically(self._about_path, json.dumps(self.about, indent=1))
         data = self._rows_path.read_bytes()
         whole = data[: data.rfind(b"\n") + 1]  # of bytes: it may be torn in the midst of a letter
-        if _no_row(whole):
+        if _has_no_row(whole):
             whole = b""  # the header may be that of another sweep
         if len(whole) != len(data):
             file.truncate(len(whole))
@@ -166,15 +170,17 @@ class Results:
         pyarrow = _pyarrow(self.path)
         parquet = pyarrow.parquet
         rows = [self.rows[run] for run in sorted(self.rows)]
-        arrays = {name: pyarrow.array([row[name] for row in rows], _kind(name)) for name in self._columns}
+        arrays = {
+            name: pyarrow.array([row[name] for row in rows], _arrow_type(name)) for name in self._columns
+        }
         table = pyarrow.table(arrays).replace_schema_metadata({"raccoon.sweep": json.dumps(self.about)})
         sink = io.BytesIO()
         parquet.write_table(table, sink)
         write_atomically(self.path, sink.getvalue())
-        self._shown = len(rows)
+        self._parquet_rows = len(rows)
 
 
-def _no_row(data: bytes) -> bool:
+def _has_no_row(data: bytes) -> bool:
     """Whether a file of rows has its header at the most."""
     return not data or (data.startswith(b"run,") and data.find(b"\n") in (-1, len(data) - 1))
 
@@ -235,7 +241,7 @@ def _text(value: object) -> str:
     return " ".join(str(value).split())
 
 
-def _kind(name: str) -> Any:
+def _arrow_type(name: str) -> Any:
     import pyarrow
 
     return pyarrow.int64() if name in _WHOLE else pyarrow.string() if name in _TEXT else pyarrow.float64()

@@ -12,11 +12,11 @@ from typing import Any, NoReturn
 
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.execute import Crew, run_all
-from raccoon.sweep.match import Match, columns, crashed, nominal_end, play, seed_of
+from raccoon.sweep.match import Match, columns, crashed_row, nominal_end, play, seed_of
 from raccoon.sweep.results import Results, Row, check_table
-from raccoon.sweep.workers import AHEAD, process_crew
+from raccoon.sweep.workers import CALLS_PER_WORKER, process_crew
 
-MOST_RUNS = 10_000_000
+MAX_RUNS = 10_000_000
 Progress = Callable[[int, int, int], None]
 """Called with the numbers of matches played, wanted and failed."""
 
@@ -40,9 +40,9 @@ def sweep(
     sweep already they are kept and only the rest is played, else ConfigError.
     """
     check_sweep(runs, seed, out)
-    crew = _crew(executor, workers)
+    crew = _open_crew(executor, workers)
     if out is None:
-        unwritten = _Unwritten()
+        unwritten = _RowsInMemory()
         _play_missing(unwritten, match, seed, runs, crew, progress)
         return [unwritten.rows[run] for run in range(runs)]
     with closing(Results(out, columns(match), description(match, seed))) as results:
@@ -53,14 +53,14 @@ def sweep(
 
 def check_sweep(runs: int, seed: int, out: str | Path | None) -> None:
     """Raise ConfigError for a number of runs, a seed or a table that no sweep has, before any work."""
-    if not 1 <= runs <= MOST_RUNS:
-        raise ConfigError(f"runs is {runs}: allowed are numbers from 1 to {MOST_RUNS}")
+    if not 1 <= runs <= MAX_RUNS:
+        raise ConfigError(f"runs is {runs}: allowed are numbers from 1 to {MAX_RUNS}")
     seed_of(seed, 0)
     if out is not None:
         check_table(Path(out))
 
 
-class _Unwritten:
+class _RowsInMemory:
     """Rows by run that go into no file."""
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class _Unwritten:
 
 
 def _play_missing(
-    kept: Results | _Unwritten,
+    kept: Results | _RowsInMemory,
     match: Match,
     seed: int,
     runs: int,
@@ -85,7 +85,9 @@ def _play_missing(
     played = runs - len(missing)
     failed = sum(row["status"] != "ok" for run, row in kept.rows.items() if run < runs)
     with opened as crew:
-        for _, row in run_all(partial(_one, match, seed), missing, crew, partial(_lost, match, seed)):
+        for _, row in run_all(
+            partial(_play_run, match, seed), missing, crew, partial(_lost_run, match, seed)
+        ):
             kept.add(row)
             played += 1
             failed += row["status"] != "ok"
@@ -93,28 +95,28 @@ def _play_missing(
                 progress(played, runs, failed)
 
 
-def _crew(
+def _open_crew(
     executor: Executor | AbstractContextManager[Crew] | None, workers: int | None
 ) -> AbstractContextManager[Crew]:
     if executor is None:
         return process_crew(workers)
     if isinstance(executor, Executor):
-        return nullcontext(Crew(executor, AHEAD * (workers or _size(executor))))
+        return nullcontext(Crew(executor, CALLS_PER_WORKER * (workers or _worker_count(executor))))
     return executor
 
 
-def _size(executor: Executor) -> int:
+def _worker_count(executor: Executor) -> int:
     """How many calls an executor runs at once, as far as it says so."""
     size = getattr(executor, "_max_workers", None)
     return size if isinstance(size, int) and size > 0 else 4
 
 
-def _one(match: Match, seed: int, run: int) -> Row:
+def _play_run(match: Match, seed: int, run: int) -> Row:
     return play(match, run, seed_of(seed, run))
 
 
-def _lost(match: Match, seed: int, run: int) -> Row:
-    return crashed(match, run, seed_of(seed, run))
+def _lost_run(match: Match, seed: int, run: int) -> Row:
+    return crashed_row(match, run, seed_of(seed, run))
 
 
 def description(match: Match, seed: int) -> dict[str, Any]:
@@ -146,15 +148,15 @@ def with_nominal_end(match: Match, crew: Crew | None = None) -> Match:
     """
     if crew is None:
         return match.ending_at(nominal_end(match))
-    ((_, end),) = run_all(partial(_nominal, match), (0,), crew, partial(_never_ended, match))
+    ((_, end),) = run_all(partial(_play_nominal, match), (0,), crew, partial(_nominal_crashed, match))
     return match.ending_at(end)
 
 
-def _nominal(match: Match, _: int) -> tuple[float, float, float]:
+def _play_nominal(match: Match, _: int) -> tuple[float, float, float]:
     return nominal_end(match)
 
 
-def _never_ended(match: Match, _: int) -> NoReturn:
+def _nominal_crashed(match: Match, _: int) -> NoReturn:
     raise ConfigError(
         f"{match.program.name} fails on the nominal robot already: it ends its process (os._exit, a bare "
         "except in an endless loop, or a library that crashed)"

@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
 GROUPS = 5
 """Parts of equal size into which the values of a parameter are cut."""
-FEW = 5
+MIN_RARE = 5
 """Failures, or successes, below which only the distance from the goal can tell what it depends on."""
-Z = 1.959964
+NORMAL_QUANTILE = 1.959964
 """Standard deviations of a 95 % interval."""
-CLEAR = 0.05
+SIGNIFICANCE = 0.05
 """Probability below which something is more than chance."""
 SHUFFLES = 200
 """Of the outcomes, for each parameter that was tried: their least probability, times the parameters, is then
-a tenth of `CLEAR`."""
+a tenth of `SIGNIFICANCE`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +47,10 @@ class Rate:
         n = self.played
         if not n:
             return 0.0, 1.0
-        middle = (self.value + Z * Z / (2 * n)) / (1 + Z * Z / n)
-        spread = math.sqrt(self.value * (1 - self.value) / n + Z * Z / (4 * n * n))
-        half = Z / (1 + Z * Z / n) * spread
+        z2 = NORMAL_QUANTILE * NORMAL_QUANTILE
+        middle = (self.value + z2 / (2 * n)) / (1 + z2 / n)
+        spread = math.sqrt(self.value * (1 - self.value) / n + z2 / (4 * n * n))
+        half = NORMAL_QUANTILE / (1 + z2 / n) * spread
         # Where none or all failed an end is 0 or 1 itself, and not but for rounding.
         return middle - half if self.failed else 0.0, middle + half if self.failed < n else 1.0
 
@@ -71,7 +72,7 @@ class Sensitivity:
     @property
     def is_clear(self) -> bool:
         """Whether it is more than chance, at 5 %."""
-        return self.chance < CLEAR
+        return self.chance < SIGNIFICANCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,7 @@ class Summary:
     sensitivities: tuple[Sensitivity, ...]
 
 
-def kind_of(row: Row) -> str:
+def failure_kind(row: Row) -> str:
     """The kind of a failure: its reason without an error's text, which may name a number."""
     return str(row["reason"]).partition(":")[0]
 
@@ -95,7 +96,7 @@ def kind_of(row: Row) -> str:
 def summary(rows: Sequence[Row], factors: Sequence[str]) -> Summary:
     """Sum up rows whose columns `factors` were varied."""
     failed = [row["status"] != "ok" for row in rows]
-    reasons = Counter(kind_of(row) for row, bad in zip(rows, failed, strict=True) if bad)
+    reasons = Counter(failure_kind(row) for row, bad in zip(rows, failed, strict=True) if bad)
     rate = Rate(sum(failed), len(rows))
     of, outcome = _outcome(rows, failed)
     found = [_sensitivity(rows, name, outcome, len(factors)) for name in factors]
@@ -107,7 +108,7 @@ def _outcome(rows: Sequence[Row], failed: list[bool]) -> tuple[str, Floats]:
     import numpy as np
 
     errors = np.array([row["position_error"] for row in rows], dtype=np.float64)
-    rare = min(sum(failed), len(failed) - sum(failed)) < FEW
+    rare = min(sum(failed), len(failed) - sum(failed)) < MIN_RARE
     if rare and np.isfinite(errors).sum() > GROUPS:
         return "error", errors
     return "failure", np.array(failed, dtype=np.float64)
@@ -120,19 +121,19 @@ def _sensitivity(rows: Sequence[Row], name: str, outcome: Floats, tried: int) ->
     values = np.array([row[name] for row in rows], dtype=np.float64)
     known = np.isfinite(values) & np.isfinite(outcome)
     values, outcome = values[known], outcome[known]
-    group = _groups(values)
+    group = _group_numbers(values)
     count = int(group.max()) + 1 if len(group) else 0
     if count < 2 or len(values) <= count or np.ptp(outcome) == 0.0:
         return None
-    share, chance = _explained(group, count, outcome)
-    if chance * tried < CLEAR:
-        chance = max(chance, _shuffled(group, count, outcome, SHUFFLES * tried))
+    share, chance = _explained_variance(group, count, outcome)
+    if chance * tried < SIGNIFICANCE:
+        chance = max(chance, _permutation_p(group, count, outcome, SHUFFLES * tried))
     parts = [(values[group == each], outcome[group == each]) for each in range(count)]
     shown = tuple((float(v.min()), float(v.max()), float(o.mean())) for v, o in parts)
     return Sensitivity(name, share, min(1.0, chance * tried), shown)
 
 
-def _groups(values: Floats) -> NDArray[np.int64]:
+def _group_numbers(values: Floats) -> NDArray[np.int64]:
     """Number of the group of each value: equal values share one, otherwise they are of equal size."""
     import numpy as np
 
@@ -143,7 +144,7 @@ def _groups(values: Floats) -> NDArray[np.int64]:
     return np.unique(np.searchsorted(inner, values, side="right"), return_inverse=True)[1].astype(np.int64)
 
 
-def _explained(group: NDArray[np.int64], count: int, outcome: Floats) -> tuple[float, float]:
+def _explained_variance(group: NDArray[np.int64], count: int, outcome: Floats) -> tuple[float, float]:
     """Share of variance between the groups without what chance gives (epsilon squared), and the F test's p.
 
     With S the sums of squares, n values and g groups: 1 - (S_within / (n - g)) / (S_all / (n - 1)).
@@ -163,7 +164,7 @@ def _explained(group: NDArray[np.int64], count: int, outcome: Floats) -> tuple[f
     return share, float(fdtrc(count - 1, n - count, ratio))
 
 
-def _shuffled(group: NDArray[np.int64], count: int, outcome: Floats, shuffles: int) -> float:
+def _permutation_p(group: NDArray[np.int64], count: int, outcome: Floats, shuffles: int) -> float:
     """Probability that the groups explain as much of the same outcomes dealt out at random.
 
     The F test takes outcomes for normal numbers, and is far too sure of a fault that two of the matches have,

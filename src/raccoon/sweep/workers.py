@@ -21,7 +21,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.sweep.execute import Crew
 
-AHEAD = 2
+CALLS_PER_WORKER = 2
 """Calls handed out for each worker: one to play, one to go on with."""
 THREADS = "OMP_NUM_THREADS"
 """What a process reads of how many threads linear algebra may have; the simulator keeps to it."""
@@ -34,12 +34,12 @@ class _Processes(ProcessPoolExecutor):
     """
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        with _deaf():
+        with _without_ctrl_c():
             return super().submit(fn, *args, **kwargs)
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
+def _without_ctrl_c() -> Iterator[None]:
     """Threads and processes that begin meanwhile never hear Ctrl-C, which is for the sweep to hear."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
     try:
@@ -55,14 +55,14 @@ def process_crew(workers: int | None) -> Iterator[Crew]:
     At the end of the block they end at once, whatever they are doing: a call that is under way may take
     minutes, and a thread that a program left behind goes on for ever.
     """
-    count = _checked(workers, cores())
+    count = _checked_count(workers, cores())
     spawn = multiprocessing.get_context("spawn")
     ends, held = spawn.Pipe(duplex=False)
 
     def pool() -> Executor:
         return _Processes(count, spawn, initializer=_begin_worker, initargs=(ends,))
 
-    crew = Crew(pool, AHEAD * count)
+    crew = Crew(pool, CALLS_PER_WORKER * count)
     try:
         with _one_thread_each() if count > 1 else nullcontext():
             yield crew
@@ -98,14 +98,16 @@ def dask_crew(scheduler: str | None, workers: int | None = None) -> Iterator[Cre
     except ImportError:
         raise ConfigError(f"--executor dask needs Dask: {install('cluster')}") from None
     if scheduler is None:
-        count = _checked(workers, cores())
+        count = _checked_count(workers, cores())
         ensure_running()  # where it has to begin first, it lets the thread that needs it hear again
-        with _deaf():  # the thread that starts the workers, and those in place of dead ones, begins here
+        with (
+            _without_ctrl_c()
+        ):  # the thread that starts the workers, and those in place of dead ones, begins here
             local = LocalCluster(
                 n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
             )
         with local as cluster, Client(cluster) as client:
-            yield Crew(_executor(client), AHEAD * count)
+            yield Crew(_executor(client), CALLS_PER_WORKER * count)
         return
     client = failed = None
     try:
@@ -118,8 +120,8 @@ def dask_crew(scheduler: str | None, workers: int | None = None) -> Iterator[Cre
         gc.collect()
         raise ConfigError(f"scheduler {scheduler!r}: it does not answer: {failed}")
     with client:
-        count = _checked(workers, max(1, sum(client.nthreads().values())))
-        yield Crew(_executor(client), AHEAD * count)
+        count = _checked_count(workers, max(1, sum(client.nthreads().values())))
+        yield Crew(_executor(client), CALLS_PER_WORKER * count)
 
 
 def _executor(client: object) -> Executor:
@@ -128,7 +130,7 @@ def _executor(client: object) -> Executor:
     return executor
 
 
-def _checked(workers: int | None, usual: int) -> int:
+def _checked_count(workers: int | None, usual: int) -> int:
     if workers is None:
         return usual
     if not 1 <= workers <= 4096:

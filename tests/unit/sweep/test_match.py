@@ -24,11 +24,11 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Thing, World
 from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor
-from raccoon.sweep.faults import KINDS, Broken, FaultyPort
-from raccoon.sweep.match import Match, columns, crashed, nominal_end, play
+from raccoon.sweep.faults import FAULT_KINDS, FaultPlan, FaultyPort
+from raccoon.sweep.match import Match, columns, crashed_row, nominal_end, play
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import with_nominal_end
-from raccoon.sweep.watch import wall_limit
+from raccoon.sweep.watched_port import wall_limit
 from sweep_work import BATTERY, tiny_match
 
 LEFT: list[int] = []
@@ -47,7 +47,7 @@ def test_a_row_has_the_columns_of_the_match() -> None:
     assert (row["run"], row["seed"], row["status"]) == (3, 9, "ok")
     assert 5.0 <= row["battery.open_circuit_voltage.voltage"] <= 8.0
     assert repr(play(match, 3, seed=9)) == repr(row)
-    assert set(crashed(match, 3, seed=9)) == set(row)
+    assert set(crashed_row(match, 3, seed=9)) == set(row)
 
 
 def test_what_a_program_draws_follows_from_the_seed_and_disturbs_no_caller() -> None:
@@ -186,7 +186,7 @@ def test_a_program_that_catches_every_end_ends_with_its_process(
     for name, value in (
         ("robot.deadline.AGAIN", 0.01),
         ("robot.deadline.ALARMS", 3),
-        ("sweep.watch.READINGS", 3),
+        ("sweep.watched_port.READINGS", 3),
     ):
         monkeypatch.setattr(f"raccoon.{name}", value)
     monkeypatch.setattr(sys.modules[__name__], "LEFT", left)
@@ -297,7 +297,7 @@ def test_an_action_that_a_mission_gives_back_is_done() -> None:
 def test_a_robot_whose_counters_freeze_does_not_run_away() -> None:
     """They say that it goes on for ever, so it was driven back at full power until its time was over."""
     simulated = SimPort(Parameters.from_robot(RobotConfig()), World.empty())
-    port = FaultyPort(simulated, Broken(("fault.bemf_frozen",), 1.5))
+    port = FaultyPort(simulated, FaultPlan(("fault.bemf_frozen",), 1.5))
     with open_robot(RobotConfig(), port=port) as robot:
         with pytest.raises(MotionTimeout, match=r"power and no motion at left .* and right"):
             robot.run(seq(wait(0.5), straight(0.3)))
@@ -395,7 +395,7 @@ def test_everything_that_varies_by_default_can_be_simulated() -> None:
     row = play(Match(Program("p.py", text, "/"), robot, factors), 0, 5)
     assert row["status"] == "ok"
     assert row["light.ambient"] > 0.0
-    assert all(row[kind] == 1.0 for kind in KINDS)
+    assert all(row[kind] == 1.0 for kind in FAULT_KINDS)
 
 
 def test_what_varies_by_default_varies_around_the_robot_of_robot_toml() -> None:
@@ -434,7 +434,7 @@ def test_a_calibrated_robot_differs_by_what_its_calibration_does_not_know() -> N
 
 def faulty(kind: str) -> list[Inputs]:
     robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
-    port = FaultyPort(SimPort(Parameters.from_robot(robot), seed=1), Broken((kind,), 0.5))
+    port = FaultyPort(SimPort(Parameters.from_robot(robot), seed=1), FaultPlan((kind,), 0.5))
     found = []
     for _ in range(220):
         found.append(port.read())
@@ -443,7 +443,7 @@ def faulty(kind: str) -> list[Inputs]:
     return found
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", FAULT_KINDS)
 def test_faults_begin_when_they_shall(kind: str) -> None:
     robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
     healthy = SimPort(Parameters.from_robot(robot), seed=1)
@@ -455,7 +455,9 @@ def test_faults_begin_when_they_shall(kind: str) -> None:
 @pytest.mark.parametrize("begin", [0.5, 0.503, 0.507, 0.512])
 def test_a_frozen_imu_repeats_its_last_reading_in_whichever_cycle_it_freezes(begin: float) -> None:
     """The firmware's has a new one in every fourth cycle only."""
-    port = FaultyPort(SimPort(Parameters(), seed=1, imu_rate_hz=50.0), Broken(("fault.imu_frozen",), begin))
+    port = FaultyPort(
+        SimPort(Parameters(), seed=1, imu_rate_hz=50.0), FaultPlan(("fault.imu_frozen",), begin)
+    )
     found = [port.read() for _ in range(220)]
     before = [each.gyro for each in found if each.time < begin and each.gyro is not None]
     after = [each.gyro for each in found if each.time >= begin and each.gyro is not None]
@@ -478,14 +480,14 @@ def test_what_faults_do() -> None:
 
 
 def test_lost_commands_and_cycles_come_back() -> None:
-    port = FaultyPort(SimPort(Parameters(), seed=1), Broken(("fault.motors_off",), 0.5))
+    port = FaultyPort(SimPort(Parameters(), seed=1), FaultPlan(("fault.motors_off",), 0.5))
     speeds = []
     for _ in range(400):
         speeds.append(port.read().bemf[0] or 0.0)
         port.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
     assert max(speeds[180:200]) < 30.0
     assert min(speeds[260:]) > 800.0
-    port = FaultyPort(SimPort(Parameters(), seed=1), Broken(("fault.lost_cycles",), 0.0))
+    port = FaultyPort(SimPort(Parameters(), seed=1), FaultPlan(("fault.lost_cycles",), 0.0))
     times = [port.read().time for _ in range(250)]
     assert times[-1] - times[-2] == pytest.approx(0.005)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from raccoon.cli.crew import add_crew
 from raccoon.cli.numbers import add_place
-from raccoon.sweep.limits import SECONDS, WITHIN, WITHIN_DEGREES
+from raccoon.sweep.limits import DEFAULT_MATCH_S, DEFAULT_WITHIN, DEFAULT_WITHIN_DEGREES
 
 HELP = "play a program many times on simulated robots that differ: how often it fails, and why"
 
@@ -48,10 +48,12 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
         help="robot.toml's plain filter and an IMU at 200 Hz, not the RaccoonOS firmware's sensor chain",
     )
     add_place(parser)
-    parser.add_argument("--within", type=float, help=f"m from the nominal robot's end ({WITHIN:g})")
-    parser.add_argument("--within-angle", type=float, help=f"deg from it ({WITHIN_DEGREES:g})")
+    parser.add_argument("--within", type=float, help=f"m from the nominal robot's end ({DEFAULT_WITHIN:g})")
+    parser.add_argument("--within-angle", type=float, help=f"deg from it ({DEFAULT_WITHIN_DEGREES:g})")
     parser.add_argument("--any-end", action="store_true", help="where a match ends does not count")
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="a match may take (%(default)g)")
+    parser.add_argument(
+        "--seconds", type=float, default=DEFAULT_MATCH_S, help="a match may take (%(default)g)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -20,9 +20,9 @@ from raccoon.sim.effects.model_file import load_model
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import World
 from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor, place_of
-from raccoon.sweep.limits import WITHIN, WITHIN_DEGREES
+from raccoon.sweep.limits import DEFAULT_WITHIN, DEFAULT_WITHIN_DEGREES
 from raccoon.sweep.match import Match, play, seed_of
-from raccoon.sweep.modelled import modelled_factors
+from raccoon.sweep.model_factors import factors_of_model
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import check_sweep, sweep, with_nominal_end
 from raccoon.trace.record import already_there
@@ -86,8 +86,8 @@ def match_of(args: argparse.Namespace) -> Match:
         imu_rate_hz=200.0 if args.plain_sensors else FIRMWARE_IMU_HZ,
         world=None if args.table is None else World.from_file(args.table),
         start=(x, y, math.radians(degrees)),
-        within=WITHIN if args.within is None else args.within,
-        within_angle=math.radians(WITHIN_DEGREES if args.within_angle is None else args.within_angle),
+        within=DEFAULT_WITHIN if args.within is None else args.within,
+        within_angle=math.radians(DEFAULT_WITHIN_DEGREES if args.within_angle is None else args.within_angle),
         seconds=args.seconds,
         model=model,
     )
@@ -133,7 +133,7 @@ def _check_numbers(args: argparse.Namespace) -> None:
 
 
 def _factors(args: argparse.Namespace, robot: RobotConfig, model: Parameters | None) -> tuple[Factor, ...]:
-    usual = default_factors(robot) if model is None else modelled_factors(robot, model)
+    usual = default_factors(robot) if model is None else factors_of_model(robot, model)
     usual = () if args.only_varied else usual
     given = [parse_factor(text) for text in args.vary]
     if args.faults:

@@ -10,7 +10,7 @@ from pathlib import Path
 from raccoon.sweep.factors import Factor
 from raccoon.sweep.match import OK, Match
 from raccoon.sweep.results import Row
-from raccoon.sweep.summary import Sensitivity, Summary, kind_of, summary
+from raccoon.sweep.summary import Sensitivity, Summary, failure_kind, summary
 
 MOST = 3
 """Parameters that are named."""
@@ -35,7 +35,7 @@ def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str],
 
 def _such_as(rows: list[Row], kind: str) -> str:
     """Of errors of a kind, which are counted, the first one's text and match."""
-    first = next(row for row in rows if row["status"] != OK and kind_of(row) == kind)
+    first = next(row for row in rows if row["status"] != OK and failure_kind(row) == kind)
     text = str(first["reason"]).removeprefix(kind).removeprefix(":").strip()
     return f", as match {first['run']}: {text}" if text else ""
 

@@ -57,15 +57,15 @@ def wall_limit(seconds: float) -> Iterator[None]:
     between two lines of Python.
     """
     if rings_here():
-        with ringing(seconds, partial(_too_long, seconds), lambda: None):
+        with ringing(seconds, partial(_computes_too_long, seconds), lambda: None):
             yield
     else:
-        with _interruption(seconds):
+        with _thread_limit(seconds):
             yield
 
 
 @contextmanager
-def _interruption(seconds: float) -> Iterator[None]:
+def _thread_limit(seconds: float) -> Iterator[None]:
     lock, done, thread = threading.Lock(), threading.Event(), threading.get_ident()
 
     def ring() -> None:
@@ -80,7 +80,7 @@ def _interruption(seconds: float) -> Iterator[None]:
     try:
         yield
     except MatchOver as over:
-        raise over if over.args else _too_long(seconds) from None
+        raise over if over.args else _computes_too_long(seconds) from None
     finally:
         with lock:
             done.set()
@@ -88,5 +88,5 @@ def _interruption(seconds: float) -> Iterator[None]:
         timer.join()
 
 
-def _too_long(seconds: float) -> MatchOver:
+def _computes_too_long(seconds: float) -> MatchOver:
     return MatchOver(f"computes for more than {seconds:g} real seconds")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 @contextmanager
-def apart(seed: int) -> Iterator[None]:
+def isolated_process_state(seed: int) -> Iterator[None]:
     """What a program prints is lost, nobody answers it, it draws by the match's seed, and each match finds
     the folder and the environment that the first one found. Other threads share all of that, so in them it is
     left alone.
@@ -21,12 +21,12 @@ def apart(seed: int) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    with _quiet(), _surroundings(), _chance_of(seed):
+    with _silenced_streams(), _restored_environment(), _seeded_random(seed):
         yield
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def _silenced_streams() -> Iterator[None]:
     """`input` raises EOFError, in a worker as at a terminal."""
     before = sys.stdin
     try:
@@ -37,7 +37,7 @@ def _quiet() -> Iterator[None]:
 
 
 @contextmanager
-def _surroundings() -> Iterator[None]:
+def _restored_environment() -> Iterator[None]:
     folder, environment = Path.cwd(), dict(os.environ)
     try:
         yield
@@ -49,7 +49,7 @@ def _surroundings() -> Iterator[None]:
 
 
 @contextmanager
-def _chance_of(seed: int) -> Iterator[None]:
+def _seeded_random(seed: int) -> Iterator[None]:
     """What a program draws from `random` and `numpy.random` follows from the match's seed, and a caller's
     draws go on as if there had been no match."""
     import numpy as np

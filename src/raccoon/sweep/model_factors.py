@@ -6,15 +6,15 @@ from raccoon.core.config import RobotConfig
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sweep.factors import Factor, default_factors, place_of
 
-OF_THE_DAY = frozenset(
+VARIES_BY_DAY = frozenset(
     {"battery.open_circuit_voltage", "drive.slope", "imu.gyro_bias", "tophat.ambient_light"}
 )
 """What another match has otherwise, also on the same robot: its charge, table, zero and light."""
 
 
-def modelled_factors(robot: RobotConfig, model: Parameters) -> tuple[Factor, ...]:
+def factors_of_model(robot: RobotConfig, model: Parameters) -> tuple[Factor, ...]:
     """The usual factors; in place of what the model found, that with the standard deviation that it gives."""
-    found = {key for key in model.effects if key[0] not in OF_THE_DAY}
+    found = {key for key in model.effects if key[0] not in VARIES_BY_DAY}
     kept = [
         each
         for each in default_factors(robot)

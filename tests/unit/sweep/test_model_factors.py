@@ -5,7 +5,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.provenance import Origin
 from raccoon.sweep.factors import default_factors
 from raccoon.sweep.match import Match
-from raccoon.sweep.modelled import modelled_factors
+from raccoon.sweep.model_factors import factors_of_model
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import description
 
@@ -22,7 +22,7 @@ MODEL = (
 
 def test_what_was_found_is_as_sure_as_the_model_says_and_the_rest_is_as_usual() -> None:
     usual = {each.name: each for each in default_factors(RobotConfig())}
-    found = {each.name: each for each in modelled_factors(RobotConfig(), MODEL)}
+    found = {each.name: each for each in factors_of_model(RobotConfig(), MODEL)}
     left = found.pop("motor.back_emf_constant.factor@left")
     assert (round(left.low, 3), round(left.high, 3), left.normal) == (0.936, 0.944, True)
     gone = {"drive.turn_scrub.torque", "friction.coulomb.torque@left", "friction.coulomb.torque@right"}
@@ -33,10 +33,10 @@ def test_what_was_found_is_as_sure_as_the_model_says_and_the_rest_is_as_usual() 
 
 def test_a_match_is_played_by_the_model_with_what_was_drawn() -> None:
     match = Match(
-        Program("p.py", "", "."), RobotConfig(), modelled_factors(RobotConfig(), MODEL), model=MODEL
+        Program("p.py", "", "."), RobotConfig(), factors_of_model(RobotConfig(), MODEL), model=MODEL
     )
     values = match.values(3)
-    robot = match.simulated(values)
+    robot = match.simulated_robot(values)
     assert robot.value("drive.turn_scrub", "torque") == 0.04
     assert (
         robot.value("motor.back_emf_constant", "factor", "left")
