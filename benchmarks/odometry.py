@@ -45,7 +45,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.estimate.drive.estimate_builder import POSE_DOUBT_REASONS
 from raccoon.estimate.drive.prior import gyro_scale_std, offset_std_counts, scale_std, track_std
 from raccoon.estimate.drive.stepper import GYRO_RATE_HZ
-from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
+from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre_from_columns
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.sim.effects.chain import Noise
@@ -309,7 +309,7 @@ def drawn(seed: int) -> Parameters:
 def columns(trace: Trace) -> Manoeuvre:
     """A recorded run for the calibration."""
     truth = [cycle.truth for cycle, _ in trace.cycles if cycle.truth is not None]
-    return manoeuvre(
+    return manoeuvre_from_columns(
         {
             "t": np.array([cycle.time for cycle, _ in trace.cycles]),
             "motor.0.position": np.array([float(cycle.position[0] or 0.0) for cycle, _ in trace.cycles]),

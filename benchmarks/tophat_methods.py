@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raccoon.core.errors import CalibrationError
-from raccoon.estimate.tophat.quality import checked
+from raccoon.estimate.tophat.quality import check_counts
 
 FIXED = 1500.0  # counts
 LEAST_RANGE, LEAST_CONTRAST = 500.0, 700.0  # counts, that the present library demands
@@ -21,7 +21,7 @@ LEAST_RANGE, LEAST_CONTRAST = 500.0, 700.0  # counts, that the present library d
 
 def fixed(samples: ArrayLike) -> float:
     """Counts: always 1500, whatever the samples."""
-    checked(samples)
+    check_counts(samples)
     return FIXED
 
 
@@ -102,7 +102,7 @@ class RunningMidpoint:
 
 
 def _some(samples: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    counts = checked(samples)
+    counts = check_counts(samples)
     if len(counts) < 2:
         raise CalibrationError(f"{len(counts)} readings: at least 2 are needed")
     return counts

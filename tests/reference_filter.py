@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from raccoon.estimate.ekf import model as drive_model
-from raccoon.estimate.ekf.filter import ProcessNoise, filterpy_filter, flattened
+from raccoon.estimate.ekf.filter import ProcessNoise, filterpy_filter, flatten
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import State
@@ -46,7 +46,7 @@ class ReferenceFilter:
     @property
     def flat(self) -> Flat:
         """The belief in the form `DriveFilter` keeps."""
-        return flattened(self._ekf.x, self._ekf.P)
+        return flatten(self._ekf.x, self._ekf.P)
 
     def predict(self, dt: float) -> None:
         """Move on by dt s: P = F P F' + F Q F', as motion happens after the velocities have changed."""
@@ -75,8 +75,8 @@ class ReferenceFilter:
             swing = 0.0
         ekf.update(
             np.array(read),
-            lambda x: drive_model.readings_jacobian(x, geometry, swing)[:count],
-            lambda x: drive_model.readings(x, geometry, swing)[:count],
+            lambda x: drive_model.expected_readings_jacobian(x, geometry, swing)[:count],
+            lambda x: drive_model.expected_readings(x, geometry, swing)[:count],
             R=together(variances, wobble),
         )
 
@@ -88,4 +88,4 @@ class ReferenceFilter:
         self._ekf.update(np.zeros(2), lambda _: H, lambda x: H @ x, R=R)
 
     def _predict_state(self, _: object = 0) -> None:
-        self._ekf.x = drive_model.moved(self._ekf.x, self._dt)
+        self._ekf.x = drive_model.predict_state(self._ekf.x, self._dt)

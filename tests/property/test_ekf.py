@@ -47,7 +47,7 @@ def random_step(drive: DriveFilter, random: np.random.Generator) -> None:
     elif kind < 8:
         drive.step(dt, (left, right), tuple(variances[:2]), 10.0 * rate, wobble)
     elif kind < 9:
-        drive.still(1e-8, 1e-8)
+        drive.apply_standstill(1e-8, 1e-8)
     else:
         drive.predict(dt)
 

@@ -13,8 +13,8 @@ from raccoon.core.config import Measured, RobotConfig, load_robot
 from raccoon.core.errors import CalibrationError, ConfigError, TraceError
 from raccoon.core.readings import Outputs
 from raccoon.diagnose.reports.numbers import measured_text
-from raccoon.estimate.drive_calibration.columns import TapedWay, manoeuvre
-from raccoon.estimate.drive_calibration.disturbance import disturbed
+from raccoon.estimate.drive_calibration.columns import TapedWay, manoeuvre_from_columns
+from raccoon.estimate.drive_calibration.disturbance import find_disturbance
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.drive_calibration.straight import calibrate_straight
 from raccoon.robot.actions.limits import LONGEST
@@ -67,7 +67,7 @@ def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run])
     # What was commanded in a cycle is in force when the next one is read.
     before: list[tuple[Outputs, ...]] = [(), *(commands for _, commands in cycles)]
     in_force = [commands[-1] if commands else None for commands in before]
-    if why := disturbed(robot, zip(inputs, in_force, strict=False)):
+    if why := find_disturbance(robot, zip(inputs, in_force, strict=False)):
         raise CalibrationError(f"{args.recording[0]}: this drive tells nothing: {why}")
     found = calibrate_straight(robot, inputs, args.straight, distance_std=args.tape_std)
     for remark in found.remarks:
@@ -81,7 +81,8 @@ def _manoeuvre(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]
         raise ConfigError(f"--tape is for one recording: there are {len(runs)}")
     try:
         made = [
-            manoeuvre(run.recording.columns, robot, taped=taped, device=run.recording.device) for run in runs
+            manoeuvre_from_columns(run.recording.columns, robot, taped=taped, device=run.recording.device)
+            for run in runs
         ]
         found = calibrate_drive(robot, made, device=runs[0].recording.device)
     except CalibrationError as error:

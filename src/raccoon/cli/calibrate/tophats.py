@@ -15,10 +15,10 @@ from raccoon.cli.measured import SIMULATED, recorded_in_simulation
 from raccoon.core.config import RobotConfig, load_robot
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.sections import SIMULATED_ONE, TophatConfig
-from raccoon.estimate.drive_calibration.columns import manoeuvre
-from raccoon.estimate.drive_calibration.paths import path
+from raccoon.estimate.drive_calibration.columns import manoeuvre_from_columns
+from raccoon.estimate.drive_calibration.paths import integrate_path
 from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
-from raccoon.estimate.tophat.sensor import Explanation, explanations
+from raccoon.estimate.tophat.sensor import Explanation, explain_levels
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 from raccoon.trace.loading import Run, load_runs
 
@@ -136,7 +136,9 @@ def _way(run: Run, robot: RobotConfig, sensor: TophatConfig) -> Array:
     """m that a sensor went over the floor until each row, by the wheels; NaN where they do not tell."""
     columns, device = run.recording.columns, run.recording.device
     try:
-        x, y, heading = path(np.ones(3), robot, manoeuvre(columns, robot, device=device)).T
+        x, y, heading = integrate_path(
+            np.ones(3), robot, manoeuvre_from_columns(columns, robot, device=device)
+        ).T
     except CalibrationError:
         return np.full(len(columns["t"]), np.nan)
     x = x + sensor.forward * np.cos(heading) - sensor.left * np.sin(heading)
@@ -154,7 +156,7 @@ def _mean_voltage(runs: Sequence[Run]) -> float | None:
 def _known(found: TophatCalibration) -> Iterator[Explanation]:
     if found.usable:
         white, black = found.surfaces()
-        yield from explanations(white.mean, black.mean)
+        yield from explain_levels(white.mean, black.mean)
 
 
 def _row(entry: StoredCalibration, layout: Layout) -> str:
@@ -168,7 +170,7 @@ def _row(entry: StoredCalibration, layout: Layout) -> str:
     white, black = found.surfaces()
     battery = "   -   " if entry.battery_voltage is None else f"{entry.battery_voltage:5.2f} V"
     known = " or ".join(
-        f"{each.generation} at {1000 * each.height:.0f} mm" for each in explanations(white.mean, black.mean)
+        f"{each.generation} at {1000 * each.height:.0f} mm" for each in explain_levels(white.mean, black.mean)
     )
     return (
         f"{start}{white.mean:7.0f}{black.mean:7.0f}{found.threshold:7.0f}{found.separation:7.1f}"

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 from raccoon.core.readings import Status
 from raccoon.estimate.battery.curves import charge_at
-from raccoon.estimate.battery.voltage import LEAST, MOST
+from raccoon.estimate.battery.voltage import LEAST_VOLTAGE, MOST_VOLTAGE
 
-WINDOW = 0.1
+WINDOW_S = 0.1
 """s that voltage and current are averaged over."""
-SETTLE = 0.15
+SETTLE_S = 0.15
 """s after a change of current for which the filtered reading still moves."""
-MEMORY = 600.0
+MEMORY_WINDOWS = 600.0
 """Windows that count: a minute."""
 LEAST_SWING = 0.15
 """A of current between rest and load before a resistance is believed."""
@@ -68,44 +68,51 @@ class PackState:
         charge_at(chemistry, 1.0)  # an unknown chemistry is refused now
         self._chemistry, self._cells = chemistry, cells
         self._variance = reading_std * reading_std
-        self._open, self._resistance = 0.0, resistance
+        self._open_circuit_voltage, self._resistance = 0.0, resistance
         self._covariance = [[25.0, 0.0], [0.0, resistance_std * resistance_std]]
         self._time: float | None = None
-        self._current = self._seconds = self._volts = self._amperes = 0.0
-        self._steady = 0.0
+        self._current = self._window_seconds = self._volt_seconds = self._ampere_seconds = 0.0
+        self._steady_seconds = 0.0
         self._least, self._most = math.inf, -math.inf
         self._windows = 0
 
     def update(self, time: float, voltage: float | None, current: float) -> None:
         """A cycle at `time` s: battery V as read, and the A that the motors are thought to draw."""
         last, self._time = self._time, time
-        if voltage is None or not LEAST <= voltage <= MOST or not math.isfinite(current) or last is None:
+        if (
+            voltage is None
+            or not LEAST_VOLTAGE <= voltage <= MOST_VOLTAGE
+            or not math.isfinite(current)
+            or last is None
+        ):
             return
         dt = time - last
         if abs(current - self._current) > 0.1:
-            self._steady = self._seconds = self._volts = self._amperes = 0.0
+            self._steady_seconds = self._window_seconds = self._volt_seconds = self._ampere_seconds = 0.0
             self._current = current
-        self._steady += dt
-        if dt <= 0.0 or self._steady < SETTLE:
+        self._steady_seconds += dt
+        if dt <= 0.0 or self._steady_seconds < SETTLE_S:
             return
-        self._seconds += dt
-        self._volts += voltage * dt
-        self._amperes += current * dt
-        if self._seconds >= WINDOW:
-            self._take(self._volts / self._seconds, self._amperes / self._seconds)
-            self._seconds = self._volts = self._amperes = 0.0
+        self._window_seconds += dt
+        self._volt_seconds += voltage * dt
+        self._ampere_seconds += current * dt
+        if self._window_seconds >= WINDOW_S:
+            self._update_fit(
+                self._volt_seconds / self._window_seconds, self._ampere_seconds / self._window_seconds
+            )
+            self._window_seconds = self._volt_seconds = self._ampere_seconds = 0.0
 
-    def _take(self, voltage: float, current: float) -> None:
+    def _update_fit(self, voltage: float, current: float) -> None:
         if not self._windows:
-            self._open = voltage + self._resistance * current
+            self._open_circuit_voltage = voltage + self._resistance * current
         self._windows += 1
         self._least, self._most = min(self._least, current), max(self._most, current)
         (a, b), (_, d) = self._covariance
-        a *= 1.0 + 1.0 / MEMORY  # the open-circuit voltage wanders, the resistance hardly does
+        a *= 1.0 + 1.0 / MEMORY_WINDOWS  # the open-circuit voltage wanders, the resistance hardly does
         gain = (a - b * current, b - d * current)
         total = self._variance + gain[0] - gain[1] * current
-        off = voltage - (self._open - self._resistance * current)
-        self._open += gain[0] / total * off
+        off = voltage - (self._open_circuit_voltage - self._resistance * current)
+        self._open_circuit_voltage += gain[0] / total * off
         self._resistance = max(0.0, self._resistance + gain[1] / total * off)
         b -= gain[0] * gain[1] / total
         self._covariance = [[a - gain[0] ** 2 / total, b], [b, d - gain[1] ** 2 / total]]
@@ -116,13 +123,13 @@ class PackState:
         if not self._windows:
             return PackEstimate(0.0, math.inf, self._resistance, math.inf, 0.0, math.inf, Status.INVALID)
         std = math.sqrt(max(self._covariance[0][0], 0.0))
-        cell, cell_std = self._open / self._cells, (std + 0.02) / self._cells
+        cell, cell_std = self._open_circuit_voltage / self._cells, (std + 0.02) / self._cells
         charge = charge_at(self._chemistry, cell)
         high = charge_at(self._chemistry, cell + cell_std)
         low = charge_at(self._chemistry, cell - cell_std)
         swung = self._most - self._least > LEAST_SWING
         return PackEstimate(
-            self._open,
+            self._open_circuit_voltage,
             std,
             self._resistance,
             math.sqrt(max(self._covariance[1][1], 0.0)),

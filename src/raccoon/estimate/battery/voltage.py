@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from raccoon.core.schema import BATTERY_VOLTAGE
 
-LEAST, MOST = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
+LEAST_VOLTAGE, MOST_VOLTAGE = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
 """V between which a reading is a battery's."""
-TIME_CONSTANT = 0.1
+TIME_CONSTANT_S = 0.1
 """s; long enough for the converter's steps of 9 mV, short enough to follow sag."""
 
 
@@ -24,12 +24,12 @@ class BatteryVoltage:
 
         Of a converter that dies the filter would otherwise come through every voltage on its way down.
         """
-        if voltage is None or not LEAST <= voltage <= MOST:
+        if voltage is None or not LEAST_VOLTAGE <= voltage <= MOST_VOLTAGE:
             return
         if self._time is None:
             self._value = voltage
         else:
-            share = min(1.0, max(0.0, time - self._time) / TIME_CONSTANT)
+            share = min(1.0, max(0.0, time - self._time) / TIME_CONSTANT_S)
             self._value += share * (voltage - self._value)
         self._time = time
 

@@ -29,7 +29,7 @@ class RestDoubt:
     def add_to(self, drive: DriveFilter) -> None:
         """Widen the filter's covariance by it."""
         drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), self.offsets)
-        drive.doubt_bias(self.bias, self.seconds)
+        drive.widen_bias(self.bias, self.seconds)
         drive.widen((State.HEADING,), self.heading)
         drive.widen((State.X, State.Y), self.place)
 

@@ -72,7 +72,7 @@ class Fusion:
 
     def place(self, x: float, y: float, heading: float) -> None:
         """Set the pose, m, m, rad, as known; drop the kept steps."""
-        self.drive.place(x, y, heading, 1e-4)
+        self.drive.set_pose(x, y, heading, 1e-4)
         self._steps.clear()
         self.distance = 0.0
         self.wheel_travel = WheelTravel()
@@ -87,7 +87,7 @@ class Fusion:
         self._keep_scales_plausible(before)
         doubt = self._scale_doubt.added_deviations(self.drive.flat)
         if doubt != NO_DOUBT:
-            self.drive.doubt_way(*doubt)
+            self.drive.widen_way(*doubt)
             reading = replace(reading, way_doubt=doubt)
         bridged = reading.end_speeds is not None
         if bridged:
@@ -162,7 +162,7 @@ class Fusion:
         if reading.rest_doubt is not None:
             reading.rest_doubt.add_to(self.drive)
         if reading.added_scale_std > 0.0:
-            self.drive.doubt_scales(reading.added_scale_std)
+            self.drive.widen_scales(reading.added_scale_std)
         if reading.end_speeds is not None:
             self._bridge(reading, reading.end_speeds)
             return ()
@@ -174,7 +174,7 @@ class Fusion:
         if reading.turn_timing_std > 0.0:
             self.drive.widen((State.HEADING,), reading.turn_timing_std)
         if reading.way_doubt != NO_DOUBT:
-            self.drive.doubt_way(*reading.way_doubt)
+            self.drive.widen_way(*reading.way_doubt)
         return found
 
     def _bridge(self, reading: StepReading, end_speeds: tuple[float, float]) -> None:
@@ -188,17 +188,17 @@ class Fusion:
         if span >= LONGEST_GAP_S or self.deviation(State.HEADING) > LOST_HEADING_STD:
             # No straight line goes through so much doubt: what is learnt later would throw the pose about.
             x, y, heading = flat[: State.VELOCITY]
-            self.drive.place(x, y, heading, LOST_POSE_STD)
+            self.drive.set_pose(x, y, heading, LOST_POSE_STD)
             self._bridged_travel = 0.0
 
     def _keep_scales_plausible(self, before: Flat) -> None:
         """Restore the scales of `before` where the new ones are beyond any error of a robot.toml."""
         if not are_scales_plausible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
-            self.drive.take_scales(before)
+            self.drive.copy_scales(before)
 
     def _apply_standstill(self) -> None:
         settings = self._settings
-        self.drive.still(settings.standstill_velocity**2, settings.standstill_turn_rate**2)
+        self.drive.apply_standstill(settings.standstill_velocity**2, settings.standstill_turn_rate**2)
 
     def doubt_way(self, way: float) -> None:
         """Add a deviation of `way` m along the heading to the place: in the last step, so that it stays where

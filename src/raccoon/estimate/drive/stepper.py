@@ -77,7 +77,7 @@ class FilterStepper:
         """Start a new filter for the words of this device, at the pose of the old one and as sure of it."""
         flat = self.fusion.drive.flat
         self.fusion = self._new_fusion(device)
-        self.fusion.drive.take_pose(flat)
+        self.fusion.drive.copy_pose(flat)
         self._motion_start = None
 
     def place(self, x: float, y: float, heading: float) -> None:

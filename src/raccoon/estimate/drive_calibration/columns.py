@@ -18,7 +18,7 @@ from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_of
 from raccoon.model.bemf import counts_scale
 
 Array = NDArray[np.float64]
-FEWEST_KNOWN = 20
+FEWEST_KNOWN_ROWS = 20
 """Rows with a pose from which on a reference is one."""
 
 
@@ -67,17 +67,17 @@ class Manoeuvre:
         )
 
     @property
-    def known(self) -> NDArray[np.intp]:
+    def known_rows(self) -> NDArray[np.intp]:
         """Rows in which the reference says where the robot is."""
         return np.flatnonzero([] if self.truth is None else np.isfinite(self.truth[:, 0]))
 
     @property
     def heading(self) -> Array | None:
         """Heading by the reference, where it is known: motion capture before gyro."""
-        return self.truth[self.known, 2] if self.truth is not None else self.gyro
+        return self.truth[self.known_rows, 2] if self.truth is not None else self.gyro
 
 
-def manoeuvre(
+def manoeuvre_from_columns(
     columns: Mapping[str, Array],
     robot: RobotConfig,
     *,
@@ -91,13 +91,13 @@ def manoeuvre(
     t = _column(columns, "t")
     if len(t) < 20 or not np.all(np.isfinite(t)) or np.any(np.diff(t) < 0.0):
         raise CalibrationError("column t: at least 20 rising times are needed")
-    rest = _resting(columns, robot, t)
-    sides = [_wheel(columns, robot, side, t, rest, device) for side in ("left", "right")]
+    rest = _count_resting(columns, robot, t)
+    sides = [_wheel_angle(columns, robot, side, t, rest, device) for side in ("left", "right")]
     return Manoeuvre(
         t=t,
         left=sides[0][0],
         right=sides[1][0],
-        gyro=_gyro(columns, robot, t, rest),
+        gyro=_gyro_turn(columns, robot, t, rest),
         truth=_truth(columns),
         offsets=(sides[0][1], sides[1][1]),
         battery_voltage=_mean(columns.get("battery.voltage")),
@@ -117,7 +117,7 @@ def _mean(column: Array | None) -> float | None:
     return float(np.nanmean(column))
 
 
-def _held(values: Array) -> Array:
+def _forward_fill(values: Array) -> Array:
     """NaN replaced by the value before it (at the start by the first one)."""
     known = np.flatnonzero(np.isfinite(values))
     place = np.clip(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0, None)
@@ -125,16 +125,16 @@ def _held(values: Array) -> Array:
     return held
 
 
-def _resting(columns: Mapping[str, Array], robot: RobotConfig, t: Array) -> int:
+def _count_resting(columns: Mapping[str, Array], robot: RobotConfig, t: Array) -> int:
     """Number of samples before the first wheel moves (0.2 s are kept clear of it)."""
     first = len(t)
     for port in (robot.drive.left, robot.drive.right):
         bemf, position = columns.get(f"motor.{port}.bemf"), columns.get(f"motor.{port}.position")
         if bemf is not None and np.any(np.isfinite(bemf)):
-            held = _held(np.asarray(bemf, dtype=float))
+            held = _forward_fill(np.asarray(bemf, dtype=float))
             moved = np.abs(held - np.mean(held[:20])) > MOVING_COUNTS
         elif position is not None and np.any(np.isfinite(position)):
-            held = _held(np.asarray(position, dtype=float))
+            held = _forward_fill(np.asarray(position, dtype=float))
             moved = np.abs(held - held[0]) > 3.0
         else:
             raise CalibrationError(f"motor {port} has neither position nor back-EMF in the recording")
@@ -142,7 +142,7 @@ def _resting(columns: Mapping[str, Array], robot: RobotConfig, t: Array) -> int:
     return int(np.searchsorted(t, t[min(first, len(t) - 1)] - 0.2))
 
 
-def _wheel(
+def _wheel_angle(
     columns: Mapping[str, Array], robot: RobotConfig, side: str, t: Array, rest: int, device: Device
 ) -> tuple[Array, tuple[float, float] | None]:
     port: int = getattr(robot.drive, side)
@@ -158,15 +158,15 @@ def _wheel(
     configured = motor.bemf_offset or robot.model.bemf.offset
     counts = configured.value if offset is None else offset[0]
     if position is not None and np.any(np.isfinite(position)):
-        held = _held(np.asarray(position, dtype=float))
+        held = _forward_fill(np.asarray(position, dtype=float))
         summed = (held - held[0]) * device.position_counts_seconds
     else:
-        held = _held(np.asarray(bemf, dtype=float))
+        held = _forward_fill(np.asarray(bemf, dtype=float))
         summed = integral(t, held)
     return scale * (summed - counts * (t - t[0])), offset
 
 
-def _gyro(columns: Mapping[str, Array], robot: RobotConfig, t: Array, rest: int) -> Array | None:
+def _gyro_turn(columns: Mapping[str, Array], robot: RobotConfig, t: Array, rest: int) -> Array | None:
     rates = columns.get("imu.gyro.z")
     if rates is None or not np.any(np.isfinite(rates)):
         return None
@@ -191,7 +191,7 @@ def _truth(columns: Mapping[str, Array]) -> Array | None:
         return None
     truth = np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
     known = np.isfinite(truth).all(axis=1)
-    if known.sum() < FEWEST_KNOWN:
+    if known.sum() < FEWEST_KNOWN_ROWS:
         return None
     truth[~known] = np.nan  # a reference of another rate leaves rows blank, as one that loses the robot does
     truth[known, 2] = np.unwrap(truth[known, 2])

@@ -12,14 +12,14 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.estimate.drive.prior import gyro_scale_std
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
-from raccoon.estimate.drive_calibration.paths import by_start, residuals
+from raccoon.estimate.drive_calibration.paths import residuals, start_pose_changes
 from raccoon.estimate.ekf.state import OdometrySettings
 
-PARTS = 8
+JACKKNIFE_PARTS = 8
 """Of fewer that are left out in turn, some agree by chance, and promise a tenth of the deviation there is."""
 
 
-def left_out(
+def jackknife_deviations(
     robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array, fitted: Sequence[Manoeuvre]
 ) -> Array:
     """Relative deviations (3,) by the jackknife: how far the fit moves when one part is left out.
@@ -28,10 +28,10 @@ def left_out(
     from the whole fit, which is as good as a refit this near. What is learnt from so few parts is widened to
     what Student's t spreads.
     """
-    parts, kept = parts_of(manoeuvres)
-    square = _jackknife(robot, parts, kept, factors) * (len(parts) - 1) / (len(parts) - 3)
+    parts, kept = split_into_parts(manoeuvres)
+    square = _jackknife_variances(robot, parts, kept, factors) * (len(parts) - 1) / (len(parts) - 3)
     if len(manoeuvres) > 1:  # recordings may differ in what is the same all through one, as another wheel
-        square = np.maximum(square, _jackknife(robot, manoeuvres, [], factors))
+        square = np.maximum(square, _jackknife_variances(robot, manoeuvres, [], factors))
     if not np.isfinite(square).all():
         return np.full(3, math.inf)
     if not any(
@@ -39,12 +39,12 @@ def left_out(
     ):  # the gyro's scale is wrong with all parts alike
         square[2] += (gyro_scale_std(robot, OdometrySettings()) / robot.model.imu.gyro_scale.value) ** 2
     deviations: Array = np.sqrt(
-        square + _by_starts(robot, fitted, factors) + _by_tape(robot, fitted, factors)
+        square + _start_variances(robot, fitted, factors) + _tape_variances(robot, fitted, factors)
     )
     return deviations
 
 
-def _jackknife(
+def _jackknife_variances(
     robot: RobotConfig, parts: Sequence[Manoeuvre], kept: Sequence[Manoeuvre], factors: Array
 ) -> Array:
     """Squares (3,) of the deviations by how far the fit moves without each part; infinite where it cannot do
@@ -64,37 +64,37 @@ def _jackknife(
     return squares
 
 
-def _by_starts(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
+def _start_variances(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
     """Squares (3,) of how far the fit moves as the start of each path may be off, which turns all of it, and
     a short piece of it less."""
     whole, each_start = np.zeros((3, 3)), []
     for each in manoeuvres:
-        J = _slopes(robot, each, factors)
+        J = _jacobian(robot, each, factors)
         whole += J.T @ J
         if each.truth is not None and not each.taped:
-            each_start.append(by_start(factors, robot, each) @ J)
+            each_start.append(start_pose_changes(factors, robot, each) @ J)
     moved = np.linalg.solve(whole, np.concatenate([np.zeros((0, 3)), *each_start]).T)
     squares: Array = (moved**2).sum(axis=1)
     return squares
 
 
-def _by_tape(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
+def _tape_variances(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
     """Squares (3,) of how far the fit moves as each taped piece may be off: no part that is left out tells,
     as the tape never is, and beside a reference it has its weight all the same."""
     whole = np.sum([_normal_equations(robot, each, factors)[0] for each in manoeuvres], axis=0)
     taped = [replace(each, gyro=None, truth=None) for each in manoeuvres if each.taped]
-    slopes = np.concatenate([np.zeros((0, 3)), *(_slopes(robot, each, factors) for each in taped)])
+    slopes = np.concatenate([np.zeros((0, 3)), *(_jacobian(robot, each, factors) for each in taped)])
     squares: Array = (np.linalg.solve(whole, slopes.T) ** 2).sum(axis=1)
     return squares
 
 
 def _normal_equations(robot: RobotConfig, part: Manoeuvre, factors: Array) -> tuple[Array, Array]:
     """J'J (3, 3) and J'r (3,) of a manoeuvre at these factors."""
-    J = _slopes(robot, part, factors)
+    J = _jacobian(robot, part, factors)
     return J.T @ J, J.T @ residuals(factors, robot, part)
 
 
-def _slopes(robot: RobotConfig, part: Manoeuvre, factors: Array) -> Array:
+def _jacobian(robot: RobotConfig, part: Manoeuvre, factors: Array) -> Array:
     """Slopes (n, 3) of its residuals over the factors."""
     here, step = residuals(factors, robot, part), 1e-5
     return np.column_stack(
@@ -102,9 +102,9 @@ def _slopes(robot: RobotConfig, part: Manoeuvre, factors: Array) -> Array:
     )
 
 
-def parts_of(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
+def split_into_parts(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
     """What is left out in turn, recordings or pieces of them, and what never is: the tape."""
-    each_in = math.ceil(PARTS / len(manoeuvres))
+    each_in = math.ceil(JACKKNIFE_PARTS / len(manoeuvres))
     if each_in == 1:
         return list(manoeuvres), []
     pieces = []

@@ -13,7 +13,7 @@ from raccoon.estimate.drive.odometry import Odometry
 REMEDY = "give it a free way and drive again"
 
 
-def disturbance(held: float, slipped: bool, told: Iterable[str]) -> str:
+def describe_disturbance(held: float, slipped: bool, told: Iterable[str]) -> str:
     """What disturbed a drive and what to do, "" where nothing did.
 
     held: m that both wheels turned while they carried what they do at a wall. slipped: a wheel did, in a
@@ -30,11 +30,11 @@ def disturbance(held: float, slipped: bool, told: Iterable[str]) -> str:
     return ""
 
 
-def disturbed(robot: RobotConfig, cycles: Iterable[tuple[Inputs, Outputs | None]]) -> str:
-    """`disturbance` of a recorded drive: what was read, and the command in force (None: not known)."""
+def find_disturbance(robot: RobotConfig, cycles: Iterable[tuple[Inputs, Outputs | None]]) -> str:
+    """`describe_disturbance` of a recorded drive: inputs, and the command in force (None: not known)."""
     odometry = Odometry(robot)
     held, slipped, told = 0.0, False, set[str]()
     for inputs, command in cycles:
         told.update(odometry.update(inputs, command).reasons)
         held, slipped = max(held, odometry.held_way), slipped or odometry.slipped
-    return disturbance(held, slipped, told)
+    return describe_disturbance(held, slipped, told)

@@ -24,10 +24,10 @@ from raccoon.core.config import DriveModel, Measured, NominalModel, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
-from raccoon.estimate.drive_calibration.deviations import left_out, parts_of
+from raccoon.estimate.drive_calibration.deviations import jackknife_deviations, split_into_parts
 from raccoon.estimate.drive_calibration.motors import MotorsCalibration
 from raccoon.estimate.drive_calibration.paths import residuals
-from raccoon.estimate.drive_calibration.plausibility import check_believed, surprises
+from raccoon.estimate.drive_calibration.plausibility import check_plausible, describe_surprises
 from raccoon.model.bemf import counts_scale
 
 LEAST_TURN = math.radians(90.0)
@@ -74,15 +74,15 @@ def calibrate_drive(
 ) -> DriveCalibration:
     """Fit the drive of this robot to one or more recordings.
 
-    Raises CalibrationError as `fitted_drive`, and where a value is not to be believed of this robot.
+    Raises CalibrationError as `fit_drive`, and where a value is not to be believed of this robot.
     """
-    found = fitted_drive(robot, manoeuvres, device=device)
+    found = fit_drive(robot, manoeuvres, device=device)
     for side, value in (("left", found.left), ("right", found.right)):
-        check_believed(robot, side, device, value, "the tape and its times, the reference")
-    return replace(found, remarks=surprises(robot, device, (found.left, found.right)))
+        check_plausible(robot, side, device, value, "the tape and its times, the reference")
+    return replace(found, remarks=describe_surprises(robot, device, (found.left, found.right)))
 
 
-def fitted_drive(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: Device) -> DriveCalibration:
+def fit_drive(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: Device) -> DriveCalibration:
     """The same of a robot that may be another one than robot.toml's.
 
     Raises CalibrationError where the recordings cannot tell: one turning direction only, no length by tape
@@ -96,19 +96,19 @@ def fitted_drive(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device:
     _check_turns(manoeuvres)
     # A long path carries on what it was off by early: few are fitted in the pieces that tell how sure it is.
     seen = all(each.truth is not None and not each.taped for each in manoeuvres)
-    fitted = parts_of(manoeuvres)[0] if seen else manoeuvres
-    factors, before, after = _fitted(robot, fitted)
-    deviations = left_out(robot, manoeuvres, factors, fitted)
+    fitted = split_into_parts(manoeuvres)[0] if seen else manoeuvres
+    factors, before, after = _fit_factors(robot, fitted)
+    deviations = jackknife_deviations(robot, manoeuvres, factors, fitted)
     for name, deviation in zip(("left wheel", "right wheel", "track width"), deviations, strict=True):
         if not deviation <= MOST_DEVIATION:
             raise CalibrationError(
                 f"{name}: these recordings tell it to {100 * deviation:.1f} % only (5 % are allowed): "
                 f"{BOTH_WAYS}"
             )
-    return _result(robot, device, manoeuvres, factors, deviations, (before, after))
+    return _calibration_of_factors(robot, device, manoeuvres, factors, deviations, (before, after))
 
 
-def _result(
+def _calibration_of_factors(
     robot: RobotConfig,
     device: Device,
     manoeuvres: Sequence[Manoeuvre],
@@ -125,7 +125,7 @@ def _result(
 
     drive = robot.model.drive
     ticks = [counts_scale(robot, side, device) * device.position_counts_seconds for side in ("left", "right")]
-    offsets = [_offset(manoeuvres, side, voltage) for side in (0, 1)]
+    offsets = [_mean_offset(manoeuvres, side, voltage) for side in (0, 1)]
     return DriveCalibration(
         left=times(ticks[0], 0),
         right=times(ticks[1], 1),
@@ -139,7 +139,7 @@ def _result(
     )
 
 
-def _offset(manoeuvres: Sequence[Manoeuvre], side: int, voltage: float | None) -> Measured | None:
+def _mean_offset(manoeuvres: Sequence[Manoeuvre], side: int, voltage: float | None) -> Measured | None:
     """Resting back-EMF of a side, the recordings weighted by what each knows."""
     known = [each.offsets[side] for each in manoeuvres]
     pairs = [each for each in known if each is not None]
@@ -178,7 +178,7 @@ def _check_turns(manoeuvres: Sequence[Manoeuvre]) -> None:
         raise CalibrationError(
             "no turn is known: a recording has neither truth.heading nor a gyro with 1 s of rest before it"
         )
-    turns = np.concatenate([np.diff(_smooth(heading)) for heading in headings if heading is not None])
+    turns = np.concatenate([np.diff(_without_jitter(heading)) for heading in headings if heading is not None])
     left, right = float(turns[turns > 0].sum()), float(np.abs(turns[turns < 0]).sum())
     if min(left, right) < max(LEAST_TURN, LEAST_SHARE * max(left, right)):
         raise CalibrationError(
@@ -187,7 +187,7 @@ def _check_turns(manoeuvres: Sequence[Manoeuvre]) -> None:
         )
 
 
-def _smooth(heading: Array) -> Array:
+def _without_jitter(heading: Array) -> Array:
     """A heading without jitter: only turns of more than 2 degrees one way count."""
     kept = [float(heading[0])]
     for value in heading:
@@ -196,7 +196,7 @@ def _smooth(heading: Array) -> Array:
     return np.array(kept)
 
 
-def _fitted(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre]) -> tuple[Array, float, float]:
+def _fit_factors(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre]) -> tuple[Array, float, float]:
     """Factors (3,) and the weighted error before and after."""
     from scipy.optimize import least_squares
 

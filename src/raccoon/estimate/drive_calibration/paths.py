@@ -12,15 +12,15 @@ from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
 
 PLACE_STD, HEADING_STD = 0.01, math.radians(1.0)
 """m and rad, what an integrated path is expected to be off by: weights of the fit."""
-STRETCH = 1.5
+STRETCH_S = 1.5
 """s of a stretch whose turn is compared with the gyro's."""
-START = 0.5
+START_S = 0.5
 """s of which a reference says together in which pose a path starts."""
 FEWEST_AT_START = 4
 """Rows there whose scatter says how well."""
 
 
-def path(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
+def integrate_path(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     """x, y, heading (n, 3) that the wheels of a manoeuvre make, from 0."""
     drive = robot.model.drive
     left = factors[0] * drive.wheel_radius.value * np.diff(each.left)
@@ -38,11 +38,11 @@ def residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     """What a manoeuvre's path is off by, each over what it is expected to be off by."""
     parts = []
     if each.truth is not None:
-        errors = off_truth(factors, robot, each) / (PLACE_STD, PLACE_STD, HEADING_STD)
+        errors = truth_residuals(factors, robot, each) / (PLACE_STD, PLACE_STD, HEADING_STD)
         parts.append(errors.ravel() / math.sqrt(max(len(errors), 1)))
     elif each.gyro is not None:
         parts.append(_gyro_residuals(factors, robot, each, each.gyro))
-    driven = path(factors, robot, each)
+    driven = integrate_path(factors, robot, each)
     for taped in each.taped:
         begin, end = np.searchsorted(each.t, [taped.begin, taped.end]).clip(0, len(each.t) - 1)
         chord = math.dist(driven[begin, :2], driven[end, :2])
@@ -50,7 +50,7 @@ def residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     return np.concatenate(parts)
 
 
-def off_truth(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
+def truth_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     """Path minus truth, x, y, heading, in its known rows (k, 3), from the pose in which it starts.
 
     That is the mean of what the first half second says: of one row, a reference that is sure of a heading to
@@ -58,11 +58,11 @@ def off_truth(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     """
     if each.truth is None:
         raise CalibrationError("a recording has no truth.x, truth.y and truth.heading")
-    known = each.known
-    truth, driven = each.truth[known], path(factors, robot, each)[known]
+    known = each.known_rows
+    truth, driven = each.truth[known], integrate_path(factors, robot, each)[known]
     if not len(truth):
         return truth
-    first = each.t[known] <= each.t[known[0]] + START
+    first = each.t[known] <= each.t[known[0]] + START_S
     turned = float(np.mean(truth[first, 2] - driven[first, 2]))
     c, s = math.cos(turned), math.sin(turned)
     x, y = c * driven[:, 0] - s * driven[:, 1], s * driven[:, 0] + c * driven[:, 1]
@@ -71,47 +71,47 @@ def off_truth(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     return off
 
 
-def off_shape(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """Path minus truth as `off_truth`, from that pose in which the whole path fits best.
+def shape_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
+    """Path minus truth as `truth_residuals`, from that pose in which the whole path fits best.
 
     Raises CalibrationError for a manoeuvre without truth.
     """
-    off = off_truth(factors, robot, each)
+    off = truth_residuals(factors, robot, each)
     if not len(off):
         return off
     weights = np.array([PLACE_STD, PLACE_STD, HEADING_STD])
-    columns = (_moved(each) / weights).reshape(3, -1).T
+    columns = (_pose_derivatives(each) / weights).reshape(3, -1).T
     pose, *_ = np.linalg.lstsq(columns, (off / weights).ravel(), rcond=None)
-    left: Array = off - np.tensordot(pose, _moved(each), axes=1)
+    left: Array = off - np.tensordot(pose, _pose_derivatives(each), axes=1)
     return left
 
 
-def by_start(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
+def start_pose_changes(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     """What the residuals (3, n) of a manoeuvre with truth change by as its start may be off, in x, y and
     heading: by the scatter of the rows that say it. Empty where too few say it."""
-    off = off_truth(factors, robot, each)
-    first = each.t[each.known] <= each.t[each.known[0]] + START if len(off) else np.zeros(0, bool)
+    off = truth_residuals(factors, robot, each)
+    first = each.t[each.known_rows] <= each.t[each.known_rows[0]] + START_S if len(off) else np.zeros(0, bool)
     if first.sum() < FEWEST_AT_START:
         return np.zeros((0, 3 * len(off)))
     stds = off[first].std(axis=0, ddof=1) / math.sqrt(float(first.sum()))
     weights = np.array([PLACE_STD, PLACE_STD, HEADING_STD]) * math.sqrt(len(off))
-    changes: Array = (stds[:, None, None] * _moved(each) / weights).reshape(3, -1)
+    changes: Array = (stds[:, None, None] * _pose_derivatives(each) / weights).reshape(3, -1)
     return changes
 
 
-def _moved(each: Manoeuvre) -> Array:
+def _pose_derivatives(each: Manoeuvre) -> Array:
     """Change (3, k, 3) of x, y, heading in the known rows by a start further along x, along y, and turned."""
     if each.truth is None:
         return np.zeros((3, 0, 3))
-    x, y = (each.truth[each.known, :2] - each.truth[each.known[0], :2]).T
+    x, y = (each.truth[each.known_rows, :2] - each.truth[each.known_rows[0], :2]).T
     zero, one = np.zeros(len(x)), np.ones(len(x))
     return np.array([[one, zero, zero], [zero, one, zero], [-y, x, one]]).transpose(0, 2, 1)
 
 
 def _gyro_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre, gyro: Array) -> Array:
     """Turn by the wheels minus turn by the gyro, stretch by stretch."""
-    times = np.arange(each.t[0], each.t[-1], STRETCH)
+    times = np.arange(each.t[0], each.t[-1], STRETCH_S)
     ends = np.append(np.searchsorted(each.t, times), len(each.t) - 1)
-    heading = path(factors, robot, each)[:, 2]
+    heading = integrate_path(factors, robot, each)[:, 2]
     turns: Array = (np.diff(heading[ends]) - np.diff(gyro[ends])) / HEADING_STD
     return turns

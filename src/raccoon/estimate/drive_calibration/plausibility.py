@@ -12,14 +12,14 @@ from raccoon.estimate.drive.prior import scale_std
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import believable, counts_scale
 
-SURPRISING, ALIKE = 3.0, 0.03
+SURPRISING_STDS, ALIKE_SHARE = 3.0, 0.03
 """Standard deviations off robot.toml that are worth a word, and by how much both wheels may differ in it
 where one tape is the cause of both."""
 
 
-def check_believed(robot: RobotConfig, side: str, device: Device, value: Measured, cause: str) -> None:
+def check_plausible(robot: RobotConfig, side: str, device: Device, value: Measured, cause: str) -> None:
     """Raise CalibrationError where radians a tick of a side cannot be true. cause: what to check."""
-    factor = _share(robot, side, device, value)
+    factor = _ratio_to_config(robot, side, device, value)
     if not believable(factor):
         port = getattr(robot.drive, side)
         told = "has the wrong sign" if factor < 0.0 else f"is {factor:.2f} times the expected one"
@@ -29,7 +29,7 @@ def check_believed(robot: RobotConfig, side: str, device: Device, value: Measure
         )
 
 
-def surprises(
+def describe_surprises(
     robot: RobotConfig, device: Device, found: Sequence[Measured], distance: float | None = None
 ) -> tuple[str, ...]:
     """Words for radians a tick of left and right that robot.toml, as sure as it is, did not let expect.
@@ -39,17 +39,17 @@ def surprises(
     settings = OdometrySettings()
     said, shares = [], []
     for side, value in zip(("left", "right"), found, strict=True):
-        share = _share(robot, side, device, value)
+        share = _ratio_to_config(robot, side, device, value)
         known = math.hypot(scale_std(robot, settings, side), value.std / value.value)
         shares.append(share)
         off = abs(share - 1.0) / known
-        if off > SURPRISING:
+        if off > SURPRISING_STDS:
             said.append(
                 f"radians_per_tick of the {side} motor (port {getattr(robot.drive, side)}) is {share:.3f} "
                 f"times what robot.toml says, {off:.1f} of its standard deviations off: was this motor or "
                 "wheel changed, or the tape misread?"
             )
-    if len(said) == 2 and abs(shares[0] / shares[1] - 1.0) < ALIKE:
+    if len(said) == 2 and abs(shares[0] / shares[1] - 1.0) < ALIKE_SHARE:
         share = 0.5 * (shares[0] + shares[1])
         went = (
             ""
@@ -63,5 +63,5 @@ def surprises(
     return tuple(said)
 
 
-def _share(robot: RobotConfig, side: str, device: Device, value: Measured) -> float:
+def _ratio_to_config(robot: RobotConfig, side: str, device: Device, value: Measured) -> float:
     return value.value / (counts_scale(robot, side, device) * device.position_counts_seconds)

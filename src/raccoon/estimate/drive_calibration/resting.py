@@ -15,7 +15,7 @@ MOVING_COUNTS = 40.0
 """Back-EMF counts beyond the resting value that say a wheel moves."""
 
 
-CUT = 0.5
+WORD_ERROR = 0.5
 """Counts by which whole words may all be off, as where a firmware cuts fractions instead of rounding them."""
 
 
@@ -32,4 +32,4 @@ def resting_offset(words: Sequence[float] | NDArray[np.float64], dead_zone: floa
         return Measured(0.0, dead_zone / math.sqrt(3.0))
     noise = max(float(np.std(words)), 0.5) / math.sqrt(len(words) / 9.0)
     hidden = dead_zone * (1.0 - np.count_nonzero(words) / len(words))
-    return Measured(float(np.mean(words)), math.hypot(noise, CUT, hidden))
+    return Measured(float(np.mean(words)), math.hypot(noise, WORD_ERROR, hidden))

@@ -25,15 +25,15 @@ from raccoon.core.readings import Inputs
 from raccoon.estimate.drive.prior import known_offset_std, track_std
 from raccoon.estimate.drive.wheels import WheelDecoder
 from raccoon.estimate.drive_calibration.motors import MotorsCalibration
-from raccoon.estimate.drive_calibration.plausibility import check_believed, surprises
+from raccoon.estimate.drive_calibration.plausibility import check_plausible, describe_surprises
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_offset
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale
 
-SHORTEST = 0.2
+SHORTEST_M = 0.2
 """m; below it the tape's error is above 1 %."""
 MOST_TURN = math.radians(30.0)
-SLIP = 0.0005
+SLIP_NOISE = 0.0005
 """m of wheel travel after one metre that nobody can predict; grows with its square root."""
 
 
@@ -67,12 +67,12 @@ def calibrate_straight(
     begin and end at rest, has no counters or no gyro (and no `turn`), or where the result is not to be
     believed.
     """
-    _require(abs(distance) >= SHORTEST, f"{distance} m were driven: at least {SHORTEST} m are needed")
+    _require(abs(distance) >= SHORTEST_M, f"{distance} m were driven: at least {SHORTEST_M} m are needed")
     _require(
         math.isfinite(distance) and 0.0 < distance_std < 0.5 * abs(distance),
         f"distance_std is {distance_std} m: it must be above 0 and below half of the {distance:g} m driven",
     )
-    rest = resting_start(robot, inputs)
+    rest = count_resting_cycles(robot, inputs)
     offsets = [resting_bemf(inputs[:rest], port) for port in (robot.drive.left, robot.drive.right)]
     bias = resting_gyro(inputs[:rest])
     if turn is None:
@@ -86,7 +86,7 @@ def calibrate_straight(
     drive = robot.model.drive
     values = []
     for side, sign, offset in (("left", -1.0, offsets[0]), ("right", 1.0, offsets[1])):
-        ticks, ticks_std = counted(robot, inputs, side, offset)
+        ticks, ticks_std = count_ticks(robot, inputs, side, offset)
         _require(
             abs(ticks) > ticks_std,
             f"the {side} wheel (motor port {getattr(robot.drive, side)}) did not turn: is this the recording "
@@ -98,17 +98,17 @@ def calibrate_straight(
             (distance_std / distance) ** 2
             + (0.5 * turn_std * drive.track_width.value / side_way) ** 2
             + (half * track_std(robot, OdometrySettings()) * drive.track_width.value / side_way) ** 2
-            + SLIP**2 / abs(side_way)
+            + SLIP_NOISE**2 / abs(side_way)
             + (ticks_std / ticks) ** 2
         )
-        values.append(_believed(robot, side, inputs, Measured(value, abs(value) * relative)))
+        values.append(_with_battery_voltage(robot, side, inputs, Measured(value, abs(value) * relative)))
     return StraightCalibration(
         left=values[0],
         right=values[1],
         left_offset=offsets[0],
         right_offset=offsets[1],
         turn=turn,
-        remarks=surprises(robot, inputs[0].device, values, distance),
+        remarks=describe_surprises(robot, inputs[0].device, values, distance),
     )
 
 
@@ -117,11 +117,11 @@ def _require(met: bool, otherwise: str) -> None:
         raise CalibrationError(otherwise)
 
 
-def resting_start(robot: RobotConfig, inputs: Sequence[Inputs]) -> int:
+def count_resting_cycles(robot: RobotConfig, inputs: Sequence[Inputs]) -> int:
     """Number of cycles before the first wheel moves."""
     _require(len(inputs) > 10, f"the recording has {len(inputs)} cycles: nothing to calibrate from")
     ports = (robot.drive.left, robot.drive.right)
-    first = {port: _first(inputs, port) for port in ports}
+    first = {port: _first_words(inputs, port) for port in ports}
     for number, cycle in enumerate(inputs):
         for port in ports:
             bemf, position = cycle.bemf[port], cycle.position[port]
@@ -134,7 +134,7 @@ def resting_start(robot: RobotConfig, inputs: Sequence[Inputs]) -> int:
     return len(inputs)
 
 
-def _first(inputs: Sequence[Inputs], port: int) -> tuple[float | None, float | None]:
+def _first_words(inputs: Sequence[Inputs], port: int) -> tuple[float | None, float | None]:
     """Resting back-EMF (mean of the first readings) and counter of a port."""
     bemf = [word for cycle in inputs[:20] if (word := cycle.bemf[port]) is not None]
     position = [word for cycle in inputs[:20] if (word := cycle.position[port]) is not None]
@@ -173,7 +173,7 @@ def gyro_turn(robot: RobotConfig, inputs: Sequence[Inputs], bias: Measured | Non
     return (turn - bias.value * (last[0] - inputs[0].time)) / robot.model.imu.gyro_scale.value
 
 
-def counted(
+def count_ticks(
     robot: RobotConfig, inputs: Sequence[Inputs], side: str, offset: Measured | None
 ) -> tuple[float, float]:
     """Ticks of a wheel over the drive without its offset's share, forward positive, and their deviation."""
@@ -198,8 +198,10 @@ def counted(
     return sum(angles) / (scale * device.position_counts_seconds), ticks_std
 
 
-def _believed(robot: RobotConfig, side: str, inputs: Sequence[Inputs], value: Measured) -> Measured:
+def _with_battery_voltage(
+    robot: RobotConfig, side: str, inputs: Sequence[Inputs], value: Measured
+) -> Measured:
     """The value with the battery it was measured at. Raises CalibrationError where it cannot be true."""
-    check_believed(robot, side, inputs[0].device, value, "distance, its direction")
+    check_plausible(robot, side, inputs[0].device, value, "distance, its direction")
     voltages = [volts for cycle in inputs if (volts := cycle.battery_voltage) is not None]
     return replace(value, battery_voltage=fmean(voltages) if voltages else None)

@@ -26,7 +26,7 @@ _POSE = [State.X, State.Y, State.HEADING]
 _MOTION = [State.VELOCITY, State.TURN_RATE]
 
 
-def bridged(
+def bridge_gap(
     mean: Array,
     covariance: Array,
     seconds: float,
@@ -41,7 +41,7 @@ def bridged(
     noise: their covariance (2, 2), rad^2. turn_rate: rad/s that the robot turns with at the end, about.
     Velocity and turn rate are unknown after it.
     """
-    travel, turn, slopes, of_angles = _motion(mean, seconds, angles, geometry, turn_rate)
+    travel, turn, slopes, of_angles = _wheel_motion(mean, seconds, angles, geometry, turn_rate)
     heading = mean[State.HEADING]
     x, y, after = arc_end(mean[State.X], mean[State.Y], heading, travel, turn)
     moved = mean.copy()
@@ -72,7 +72,7 @@ def bridged(
     return moved, 0.5 * (P + P.T), float(travel)
 
 
-def _motion(
+def _wheel_motion(
     mean: Array, seconds: float, angles: tuple[float, float], geometry: DriveGeometry, turn_rate: float
 ) -> tuple[float, float, Array, Array]:
     """Travel (m), turn (rad), and their derivatives by the state (2, 13) and by both angles (2, 2)."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from raccoon.estimate.ekf import generated
-from raccoon.estimate.ekf.bridge import bridged
+from raccoon.estimate.ekf.bridge import bridge_gap
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import SIZE, State
@@ -32,7 +32,7 @@ _SLOW = [
 _ROWS, _COLUMNS = np.triu_indices(SIZE)
 
 
-def flattened(mean: Array, covariance: Array) -> Flat:
+def flatten(mean: Array, covariance: Array) -> Flat:
     """State and upper triangle of the covariance as the generated code keeps them."""
     return (*map(float, mean), *map(float, covariance[_ROWS, _COLUMNS]))
 
@@ -105,7 +105,7 @@ class DriveFilter:
         if mean.shape != (SIZE,) or covariance.shape != (SIZE, SIZE):
             raise ValueError(f"shapes {mean.shape}, {covariance.shape}: ({SIZE},), ({SIZE}, {SIZE}) needed")
         self._ekf = filterpy_filter(mean, covariance, 1)
-        self.flat = flattened(mean, covariance)
+        self.flat = flatten(mean, covariance)
         self.geometry = geometry
         self._noise = noise
         self._radius = geometry.wheel_radius
@@ -120,8 +120,8 @@ class DriveFilter:
         dt: float,
         read: tuple[float, ...],
         variances: tuple[float, ...],
-        swing: float,
-        wobble: float = 0.0,
+        turn_acceleration: float,
+        differential_variance: float = 0.0,
     ) -> Flat:
         """Move on by dt s and take left wheel, right wheel (rad/s, nominal scale) and, where it is there, the
         gyro (rad/s): means over dt.
@@ -134,7 +134,7 @@ class DriveFilter:
         if len(read) == 3:
             gyro, of_gyro = read[2], variances[2]
         else:
-            swing = 0.0
+            turn_acceleration = 0.0
         self.predict(dt)
         self.flat, innovations = generated.update(
             self.flat,
@@ -144,8 +144,8 @@ class DriveFilter:
             variances[1],
             gyro,
             of_gyro,
-            swing,
-            wobble,
+            turn_acceleration,
+            differential_variance,
             self._radius,
             self._half_track,
         )
@@ -156,8 +156,8 @@ class DriveFilter:
         dt: float,
         angles: tuple[float, float],
         variances: tuple[float, float],
-        wobble: float,
-        together: float,
+        differential_variance: float,
+        angle_covariance: float,
         motion: tuple[float, float],
     ) -> float:
         """Move on by dt s in which nobody looked, by the angles (rad, nominal) that both wheels turned; m.
@@ -170,15 +170,15 @@ class DriveFilter:
         P[_SLOW, _SLOW] += (gyro_bias, offset, offset, scale, scale, scale)
         P[State.WAY, State.WHEEL_TURN] -= scale
         P[State.WHEEL_TURN, State.WAY] -= scale
-        noise = np.diag(variances) + wobble * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        noise[0, 1] += together
-        noise[1, 0] += together
-        mean, P, travel = bridged(mean_of(self.flat), P, dt, angles, noise, self.geometry, motion[1])
+        noise = np.diag(variances) + differential_variance * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        noise[0, 1] += angle_covariance
+        noise[1, 0] += angle_covariance
+        mean, P, travel = bridge_gap(mean_of(self.flat), P, dt, angles, noise, self.geometry, motion[1])
         mean[[State.VELOCITY, State.TURN_RATE]] = motion
-        self.flat = flattened(mean, P)
+        self.flat = flatten(mean, P)
         return travel
 
-    def still(self, velocity_variance: float, turn_rate_variance: float) -> None:
+    def apply_standstill(self, velocity_variance: float, turn_rate_variance: float) -> None:
         """Take it that the robot does not move."""
         self.flat = generated.update_still(self.flat, velocity_variance, turn_rate_variance)
 
@@ -195,26 +195,26 @@ class DriveFilter:
         ekf.x, ekf.P = mean_of(self.flat), covariance_of(self.flat)
         ekf.dim_z = len(measured)
         ekf.update(measured, jacobian, expected, R=noise, residual=residual)
-        self.flat = flattened(ekf.x, 0.5 * (ekf.P + ekf.P.T))
+        self.flat = flatten(ekf.x, 0.5 * (ekf.P + ekf.P.T))
         return float(ekf.mahalanobis)
 
-    def place(self, x: float, y: float, heading: float, std: float) -> None:
+    def set_pose(self, x: float, y: float, heading: float, std: float) -> None:
         """Take the pose to be this (m, m, rad; std in m and rad); nothing else changes."""
         mean, P = mean_of(self.flat), covariance_of(self.flat)
         pose = [State.X, State.Y, State.HEADING]
         mean[pose] = x, y, heading
         P[pose, :] = P[:, pose] = 0.0
         P[pose, pose] = std**2
-        self.flat = flattened(mean, P)
+        self.flat = flatten(mean, P)
 
-    def take_pose(self, flat: Flat) -> None:
+    def copy_pose(self, flat: Flat) -> None:
         """Take the pose, and how sure it is, to be those of another belief; nothing else changes."""
         mean, P = mean_of(self.flat), covariance_of(self.flat)
         pose = slice(State.X, State.VELOCITY)
         mean[pose] = flat[pose]
         P[pose, :] = P[:, pose] = 0.0
         P[pose, pose] = covariance_of(flat)[pose, pose]
-        self.flat = flattened(mean, P)
+        self.flat = flatten(mean, P)
 
     def widen(self, states: tuple[State, ...], std: float) -> None:
         """Add this deviation to what is not known of some states."""
@@ -232,7 +232,7 @@ class DriveFilter:
         flat[covariance_index(State.X, State.Y)] += (ahead - aside) * cosine * sine
         self.flat = tuple(flat)
 
-    def doubt_bias(self, std: float, seconds: float) -> None:
+    def widen_bias(self, std: float, seconds: float) -> None:
         """Add this deviation, rad/s, to what is not known of the gyro's bias, and what that has turned in so
         many s to what is not known of the heading."""
         flat, turned = list(self.flat), -std * seconds
@@ -241,7 +241,7 @@ class DriveFilter:
         flat[covariance_index(State.HEADING, State.GYRO_BIAS)] += std * turned
         self.flat = tuple(flat)
 
-    def doubt_scales(self, std: float) -> None:
+    def widen_scales(self, std: float) -> None:
         """Add this relative deviation to what is not known of either wheel's scale."""
         flat, each = list(self.flat), 0.5 * std**2
         for state in (State.WAY, State.BALANCE, State.WHEEL_TURN):
@@ -249,7 +249,7 @@ class DriveFilter:
         flat[covariance_index(State.WAY, State.WHEEL_TURN)] -= each
         self.flat = tuple(flat)
 
-    def doubt_way(self, wheel: float, turning: float) -> None:
+    def widen_way(self, wheel: float, turning: float) -> None:
         """Add these deviations to what is not known of WAY, as if it had been so from the beginning: all that
         was believed to hang together with it becomes as much less sure.
 
@@ -262,9 +262,9 @@ class DriveFilter:
             P += wheel**2 * np.outer(slope, slope)
             slope[[State.WHEEL_TURN, State.GYRO_SCALE, State.GYRO_DELAY]] = 0.0
             P += turning**2 * np.outer(slope, slope)
-            self.flat = flattened(mean_of(self.flat), P)
+            self.flat = flatten(mean_of(self.flat), P)
 
-    def take_scales(self, flat: Flat) -> None:
+    def copy_scales(self, flat: Flat) -> None:
         """Take the scales of wheels and track width to be those of another belief."""
         self.flat = (
             *self.flat[: State.WAY],

@@ -20,8 +20,9 @@ from raccoon.estimate.ekf.state import LEAST_TURN, LEAST_VELOCITY, SIZE, State
 
 NAMES = [state.name.lower() for state in State]
 SYMBOLS = {state: sp.Symbol(state.name.lower()) for state in State}
-DT, RADIUS, HALF_TRACK, SWING = sp.symbols("dt radius half_track swing")
-WHEELS_TURN = SYMBOLS[State.TURN_RATE] + SYMBOLS[State.GYRO_DELAY] * SWING
+DT, RADIUS, HALF_TRACK = sp.symbols("dt radius half_track")
+TURN_ACCELERATION = sp.Symbol("turn_acceleration")
+WHEELS_TURN = SYMBOLS[State.TURN_RATE] + SYMBOLS[State.GYRO_DELAY] * TURN_ACCELERATION
 PROCESS_NOISE = {
     State.VELOCITY: "q_velocity",
     State.TURN_RATE: "q_turn_rate",
@@ -32,22 +33,22 @@ PROCESS_NOISE = {
     State.BALANCE: "q_scale",
     State.WHEEL_TURN: "q_scale",
 }
-READ = (
+UPDATE_PARAMETERS = (
     "z_left: float, r_left: float, z_right: float, r_right: float, z_gyro: float | None, r_gyro: float, "
-    "swing: float, wobble: float, radius: float, half_track: float"
+    "turn_acceleration: float, r_differential: float, radius: float, half_track: float"
 )
-STILL = ("velocity", "turn_rate")
-NOISE = {
-    "left": "r_left + wobble",
-    "right": "r_right + wobble + shared * wobble",
+STANDSTILL_SENSORS = ("velocity", "turn_rate")
+VARIANCES = {
+    "left": "r_left + r_differential",
+    "right": "r_right + r_differential + shared * r_differential",
     "gyro": "r_gyro",
     "velocity": "r_velocity",
     "turn_rate": "r_turn_rate",
 }
-"""Variance of each scalar measurement. A wobble moves both wheels' readings by as much, one up and one down:
-their covariance is -wobble. The right wheel is taken less what the left one tells of that,
-shared = -wobble / (r_left + wobble)."""
-TELLING = {
+"""Variance of each scalar measurement. A differential error moves both wheels' readings by as much, one up
+and one down: their covariance is -r_differential. The right wheel is taken less what the left one tells of
+that, shared = -r_differential / (r_left + r_differential)."""
+TELLING_MOTION = {
     State.BALANCE: {"velocity": "telling_velocity"},
     State.WHEEL_TURN: {"wheels_turn": "telling_turn"},
     State.GYRO_SCALE: {"turn_rate": "telling_rate"},
@@ -137,7 +138,7 @@ def wheels_lines() -> list[str]:
     """Both wheels' innovations and Jacobians, at the predicted state, and their updates."""
     return [
         "inverse_radius = 1.0 / radius",
-        "shared = -wobble / (r_left + wobble)",
+        "shared = -r_differential / (r_left + r_differential)",
         f"wheels_turn = {code(WHEELS_TURN)}",
         f"telling_velocity = velocity if abs(velocity) > {LEAST_VELOCITY} else 0.0",
         f"telling_turn = wheels_turn if abs(turn_rate) > {LEAST_TURN} else 0.0",
@@ -183,7 +184,7 @@ def short(expression: Any) -> Any:
 def slope_code(sensor: str, symbol: State) -> str:
     """Derivative of a measurement as Python; the right wheel's less what it has in common with the left."""
     slope = short(sp.diff(reading(sensor), SYMBOLS[symbol]))
-    slope = slope.subs(TELLING.get(symbol, {}))
+    slope = slope.subs(TELLING_MOTION.get(symbol, {}))
     if sensor != "right":
         return code(slope)
     taken = f"shared * {slopes('left')[symbol]}" if slopes("left")[symbol] != "1" else "shared"
@@ -215,7 +216,9 @@ def update_lines(sensor: str, first: bool) -> list[str]:
     lines = []
     for i in range(SIZE):
         lines.append(f"g{i} = {' + '.join(term(f, cov(i, k)) for k, f in h.items())}")
-    lines.append(f"s_{sensor} = {' + '.join(term(f, f'g{int(k)}') for k, f in h.items())} + {NOISE[sensor]}")
+    lines.append(
+        f"s_{sensor} = {' + '.join(term(f, f'g{int(k)}') for k, f in h.items())} + {VARIANCES[sensor]}"
+    )
     if not first:
         lines.append(f"y_{sensor} -= {' + '.join(term(f, f'd{int(k)}') for k, f in h.items())}")
     lines.append(f"w = 1.0 / s_{sensor}")
@@ -268,12 +271,12 @@ Flat = tuple[float, ...]
 def source() -> str:
     """The whole generated module."""
     noise = ", ".join(f"{q}: float" for q in dict.fromkeys(PROCESS_NOISE.values()))
-    at_rest = [f"y_{sensor} = 0.0 - {sensor}" for sensor in STILL]
+    at_rest = [f"y_{sensor} = 0.0 - {sensor}" for sensor in STANDSTILL_SENSORS]
     functions = [
         function("predict", f"dt: float, {noise}", "Flat", "Move on by dt.", predict_lines(), ""),
         function(
             "update",
-            READ,
+            UPDATE_PARAMETERS,
             "tuple[Flat, Flat]",
             "Both wheels read, and the gyro where it is not None.",
             [*wheels_lines(), *gyro_lines(), *moved_lines()],
@@ -281,7 +284,7 @@ def source() -> str:
         ),
         function(
             "update_still",
-            ", ".join(f"r_{sensor}: float" for sensor in STILL),
+            ", ".join(f"r_{sensor}: float" for sensor in STANDSTILL_SENSORS),
             "Flat",
             "The robot stands still.",
             [*at_rest, *update_lines("velocity", True), *update_lines("turn_rate", False), *moved_lines()],

@@ -134,7 +134,7 @@ def predict(
 
 def update(
     state: Flat, z_left: float, r_left: float, z_right: float, r_right: float, z_gyro: float | None, r_gyro:
-        float, swing: float, wobble: float, radius: float, half_track: float
+        float, turn_acceleration: float, r_differential: float, radius: float, half_track: float
 ) -> tuple[Flat, Flat]:
     """Both wheels read, and the gyro where it is not None."""
     (x, y, heading, velocity, turn_rate, gyro_bias, left_offset, right_offset, way, balance, wheel_turn,
@@ -146,8 +146,8 @@ def update(
         p7_12, p8_8, p8_9, p8_10, p8_11, p8_12, p9_9, p9_10, p9_11, p9_12, p10_10, p10_11, p10_12, p11_11,
         p11_12, p12_12,) = (state)
     inverse_radius = 1.0 / radius
-    shared = -wobble / (r_left + wobble)
-    wheels_turn = gyro_delay*swing + turn_rate
+    shared = -r_differential / (r_left + r_differential)
+    wheels_turn = gyro_delay*turn_acceleration + turn_rate
     telling_velocity = velocity if abs(velocity) > 0.02 else 0.0
     telling_turn = wheels_turn if abs(turn_rate) > 0.1 else 0.0
     y_left = (z_left - (inverse_radius*(1 - balance)*(-half_track*wheel_turn*wheels_turn + velocity) +
@@ -156,7 +156,7 @@ def update(
     h_left_4 = -half_track*inverse_radius*wheel_turn*(1 - balance)
     h_left_9 = -inverse_radius*(-half_track*wheel_turn*wheels_turn + telling_velocity)
     h_left_10 = -half_track*inverse_radius*telling_turn*(1 - balance)
-    h_left_12 = -half_track*inverse_radius*swing*wheel_turn*(1 - balance)
+    h_left_12 = -half_track*inverse_radius*turn_acceleration*wheel_turn*(1 - balance)
     y_right = (z_right - (inverse_radius*(balance + 1)*(half_track*wheel_turn*wheels_turn + velocity) +
         right_offset))
     h_right_3 = inverse_radius*(balance + 1) - shared * h_left_3
@@ -164,7 +164,7 @@ def update(
     h_right_6 = -shared
     h_right_9 = (inverse_radius*(half_track*wheel_turn*wheels_turn + telling_velocity) - shared * h_left_9)
     h_right_10 = half_track*inverse_radius*telling_turn*(balance + 1) - shared * h_left_10
-    h_right_12 = half_track*inverse_radius*swing*wheel_turn*(balance + 1) - shared * h_left_12
+    h_right_12 = (half_track*inverse_radius*turn_acceleration*wheel_turn*(balance + 1) - shared * h_left_12)
     y_right -= shared * y_left
     g0 = (h_left_3 * p0_3 + h_left_4 * p0_4 + p0_6 + h_left_9 * p0_9 + h_left_10 * p0_10 + h_left_12 *
         p0_12)
@@ -193,7 +193,7 @@ def update(
     g12 = (h_left_3 * p3_12 + h_left_4 * p4_12 + p6_12 + h_left_9 * p9_12 + h_left_10 * p10_12 + h_left_12 *
         p12_12)
     s_left = (h_left_3 * g3 + h_left_4 * g4 + g6 + h_left_9 * g9 + h_left_10 * g10 + h_left_12 * g12 +
-        r_left + wobble)
+        r_left + r_differential)
     w = 1.0 / s_left
     k0 = g0 * w
     k1 = g1 * w
@@ -339,7 +339,7 @@ def update(
     g12 = (h_right_3 * p3_12 + h_right_4 * p4_12 + h_right_6 * p6_12 + h_right_9 * p9_12 + h_right_10 *
         p10_12 + h_right_12 * p12_12 + p7_12)
     s_right = (h_right_3 * g3 + h_right_4 * g4 + h_right_6 * g6 + h_right_9 * g9 + h_right_10 * g10 +
-        h_right_12 * g12 + g7 + r_right + wobble + shared * wobble)
+        h_right_12 * g12 + g7 + r_right + r_differential + shared * r_differential)
     y_right -= (h_right_3 * d3 + h_right_4 * d4 + h_right_6 * d6 + h_right_9 * d9 + h_right_10 * d10 +
         h_right_12 * d12 + d7)
     w = 1.0 / s_right

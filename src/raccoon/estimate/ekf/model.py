@@ -27,7 +27,7 @@ from raccoon.model.drive import DriveGeometry
 Array = NDArray[np.float64]
 
 
-def moved(state: Array, dt: float) -> Array:
+def predict_state(state: Array, dt: float) -> Array:
     """State after dt s: the chord of the arc, along its middle heading (second order in the turn)."""
     result = state.copy()
     middle = state[State.HEADING] + 0.5 * dt * state[State.TURN_RATE]
@@ -57,9 +57,9 @@ def motion_jacobian(state: Array, dt: float) -> Array:
     return F
 
 
-def readings(state: Array, geometry: DriveGeometry, swing: float = 0.0) -> Array:
+def expected_readings(state: Array, geometry: DriveGeometry, turn_acceleration: float = 0.0) -> Array:
     """Left wheel, right wheel (rad/s at nominal scale) and gyro (rad/s) that the state makes."""
-    turn_rate = state[State.TURN_RATE] + state[State.GYRO_DELAY] * swing
+    turn_rate = state[State.TURN_RATE] + state[State.GYRO_DELAY] * turn_acceleration
     side = 0.5 * geometry.track_width * state[State.WHEEL_TURN] * turn_rate
     velocity, radius, balance = state[State.VELOCITY], geometry.wheel_radius, state[State.BALANCE]
     left = (1.0 - balance) * (velocity - side) / radius + state[State.LEFT_OFFSET]
@@ -68,7 +68,9 @@ def readings(state: Array, geometry: DriveGeometry, swing: float = 0.0) -> Array
     return np.array([left, right, gyro])
 
 
-def readings_jacobian(state: Array, geometry: DriveGeometry, swing: float = 0.0) -> Array:
+def expected_readings_jacobian(
+    state: Array, geometry: DriveGeometry, turn_acceleration: float = 0.0
+) -> Array:
     """Derivative of `readings` by the state, (3, 13). swing: rad/s2, how fast the turn rate changes.
 
     A velocity up to LEAST_VELOCITY tells nothing of BALANCE, a turn up to LEAST_TURN nothing of WHEEL_TURN
@@ -77,14 +79,14 @@ def readings_jacobian(state: Array, geometry: DriveGeometry, swing: float = 0.0)
     H = np.zeros((3, SIZE))
     half, radius = 0.5 * geometry.track_width, geometry.wheel_radius
     wheel_turn = state[State.WHEEL_TURN]
-    turn_rate = state[State.TURN_RATE] + state[State.GYRO_DELAY] * swing
+    turn_rate = state[State.TURN_RATE] + state[State.GYRO_DELAY] * turn_acceleration
     velocity = state[State.VELOCITY] * (abs(state[State.VELOCITY]) > LEAST_VELOCITY)
     tells = abs(state[State.TURN_RATE]) > LEAST_TURN
     for row, (sign, offset) in enumerate(((-1.0, State.LEFT_OFFSET), (1.0, State.RIGHT_OFFSET))):
         share = (1.0 + sign * state[State.BALANCE]) / radius
         H[row, State.VELOCITY] = share
         H[row, State.TURN_RATE] = sign * share * half * wheel_turn
-        H[row, State.GYRO_DELAY] = sign * share * half * wheel_turn * swing
+        H[row, State.GYRO_DELAY] = sign * share * half * wheel_turn * turn_acceleration
         H[row, State.WHEEL_TURN] = sign * share * half * turn_rate * tells
         H[row, State.BALANCE] = sign * (velocity + sign * half * wheel_turn * turn_rate) / radius
         H[row, offset] = 1.0

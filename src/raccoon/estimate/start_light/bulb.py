@@ -18,47 +18,48 @@ from raccoon.model.reflectance import light_of
 
 MEAN_SECONDS = 0.05  # of readings that are taken together: noise, flashes and flicker are gone then
 KEPT_SECONDS = 4.0  # a warm-up, and some time before and after it
-HALF = 3  # of these means, in which the light of a bulb that is warm must not change
-STEADY = 1.03  # light over the light HALF means before, below which it has come
-BRIGHT = 10.0  # light over the brightest before, above which it may be a bulb; a deep shadow leaves 1 of 5
+HALF_WINDOW = 3  # of these means, in which the light of a bulb that is warm must not change
+STEADY_RATIO = 1.03  # light over the light HALF means before, below which it has come
+BRIGHT_RATIO = 10.0
+"""Light over the brightest before, above which it may be a bulb; a deep shadow leaves 1 of 5."""
 RISE_SECONDS = (0.1, 0.9)  # from 15 to 75 %: time constants of 0.08 to 0.75 s
-TAIL = (0.42, 0.85)  # time from 75 to 90 % over that from 15 to 75 %
+TAIL_RATIO = (0.42, 0.85)  # time from 75 to 90 % over that from 15 to 75 %
 SETTLING_SECONDS = 0.5  # for which light that has come is looked back on
-PATIENCE = 3.0  # s for which light that rises may yet become a bulb's
+PATIENCE_SECONDS = 3.0  # s for which light that rises may yet become a bulb's
 
 
 class SlowBulb:
     """Looks back on how the light came. Feed it every reading."""
 
-    __slots__ = ("_begin", "_bucket", "_means", "_news", "_rose")
+    __slots__ = ("_bucket", "_bucket_start", "_has_new_mean", "_last_rise", "_means")
 
     def __init__(self) -> None:
         self._bucket: list[float] = []
-        self._begin = 0.0
+        self._bucket_start = 0.0
         self._means: deque[tuple[float, float]] = deque()  # (time, light), oldest first
-        self._news = False
-        self._rose = -math.inf
+        self._has_new_mean = False
+        self._last_rise = -math.inf
 
     def add(self, time: float, counts: float) -> None:
         """Take a reading, s and counts."""
-        self._news = False
-        if self._bucket and time - self._begin >= MEAN_SECONDS - 1e-6:
+        self._has_new_mean = False
+        if self._bucket and time - self._bucket_start >= MEAN_SECONDS - 1e-6:
             means = self._means
-            means.append((self._begin, light_of(median(self._bucket))))
+            means.append((self._bucket_start, light_of(median(self._bucket))))
             while means[0][0] < time - KEPT_SECONDS:
                 means.popleft()
             self._bucket.clear()
-            self._news = True
-            now, before = self._ends()
-            if now > STEADY * before:
-                self._rose = time
+            self._has_new_mean = True
+            now, before = self._window_means()
+            if now > STEADY_RATIO * before:
+                self._last_rise = time
         if not self._bucket:
-            self._begin = time
+            self._bucket_start = time
         self._bucket.append(counts)
 
-    def rises(self, time: float) -> bool:
+    def is_rising(self, time: float) -> bool:
         """Whether the light still goes up, or did until a moment ago."""
-        return time - self._rose < SETTLING_SECONDS
+        return time - self._last_rise < SETTLING_SECONDS
 
     def most_light(self, since: float, before: float) -> float:
         """Most light between two times (s) that stayed for two means, as no flash does; else 0."""
@@ -67,26 +68,29 @@ class SlowBulb:
 
     def is_warm(self, dark: float) -> bool:
         """Whether the light has come to rest, and came as a bulb's. dark: the brightest before it."""
-        if not self._news or len(self._means) <= 2 * HALF:
+        if not self._has_new_mean or len(self._means) <= 2 * HALF_WINDOW:
             return False
-        now, before = self._ends()
+        now, before = self._window_means()
         lit = 0.5 * (now + before)
-        if lit < BRIGHT * dark or not 1.0 / STEADY < now / before < STEADY:
+        if lit < BRIGHT_RATIO * dark or not 1.0 / STEADY_RATIO < now / before < STEADY_RATIO:
             return False
-        begin, middle, end = (self._passed(dark + share * (lit - dark)) for share in (0.15, 0.75, 0.90))
+        begin, middle, end = (self._time_passed(dark + share * (lit - dark)) for share in (0.15, 0.75, 0.90))
         if begin is None or middle is None or end is None:
             return False
         rise = middle - begin
-        return RISE_SECONDS[0] <= rise <= RISE_SECONDS[1] and TAIL[0] * rise < end - middle < TAIL[1] * rise
+        return (
+            RISE_SECONDS[0] <= rise <= RISE_SECONDS[1]
+            and TAIL_RATIO[0] * rise < end - middle < TAIL_RATIO[1] * rise
+        )
 
-    def _ends(self) -> tuple[float, float]:
+    def _window_means(self) -> tuple[float, float]:
         """Light of the last HALF means, and of as many before them; equal where there are fewer."""
-        lights = [light for _, light in self._means][-2 * HALF :]
-        if len(lights) < 2 * HALF:
+        lights = [light for _, light in self._means][-2 * HALF_WINDOW :]
+        if len(lights) < 2 * HALF_WINDOW:
             return 1.0, 1.0
-        return sum(lights[HALF:]) / HALF, sum(lights[:HALF]) / HALF
+        return sum(lights[HALF_WINDOW:]) / HALF_WINDOW, sum(lights[:HALF_WINDOW]) / HALF_WINDOW
 
-    def _passed(self, light: float) -> float | None:
+    def _time_passed(self, light: float) -> float | None:
         """When it was last below this light and passed it, s; None where it never was."""
         after = self._means[-1]
         for mean in reversed(self._means):

@@ -30,24 +30,25 @@ LEARNING_READINGS = 10  # and at least so many: of five a flash is most of what 
 AMBIENT_SECONDS = 0.5  # time constant of the ambient level
 MEMORY_SECONDS = 60.0  # time constant in which a brighter past is forgotten
 LEAST_FALL = 0.35  # of the ambient reading, where the lamp is not calibrated
-LEAST_SD = 8.0  # noise standard deviations between ambient and threshold
-MOST_CLEAR = 0.55  # of the ambient reading, enough for any noise: flicker does no more than double light
-QUICK = 1.8  # light over the least light just before, above which a lamp went on
-STEADY = 1.2  # light over the light STEADY_SECONDS before, below which a lamp is fully on
+CLEAR_SDS = 8.0  # noise standard deviations between ambient and threshold
+MAX_CLEAR_SHARE = 0.55  # of the ambient reading, enough for any noise: flicker does no more than double light
+QUICK_RATIO = 1.8  # light over the least light just before, above which a lamp went on
+STEADY_RATIO = 1.2  # light over the light STEADY_SECONDS before, below which a lamp is fully on
 STEADY_SECONDS = 0.015
-STILL = 1.1  # the same over a longer time: what goes on rising is daylight
+STILL_RATIO = 1.1  # the same over a longer time: what goes on rising is daylight
 HOLD_SECONDS = 0.038  # that a lamp must stay on before it counts
 RISE_SECONDS = 0.030  # within which it comes on
 STILL_SECONDS = 0.1  # whole periods of light that flickers with the mains, at 50 and at 60 Hz
 COARSE_SECONDS = 0.03  # between two readings, from which on STILL is asked of a lamp that came at once
 LEAST_READINGS = 3  # of a lamp: one may be an outlier, and at 10 Hz a flash is one
 LATELY_SECONDS = 3.0  # in which the sun may have come, and somebody's shadow over it
-LONGEST_GAP = 0.25  # s between two readings, above which nobody knows how quick the fall between them was
-NEAR = (0.5, 2.0)  # of the lamp's own light: a lamp as calibrated
-CLEAR = 1.45  # light over the light before: a white sleeve near the sensor adds up to 40 %
+LONGEST_GAP_SECONDS = 0.25
+"""S between two readings, above which nobody knows how quick the fall between them was."""
+NEAR_RATIOS = (0.5, 2.0)  # of the lamp's own light: a lamp as calibrated
+CLEAR_RATIO = 1.45  # light over the light before: a white sleeve near the sensor adds up to 40 %
 SETTLED_SECONDS = 0.3  # that a lamp which warms up must stay near its calibrated light
 UNKNOWN_WARM_UP_SECONDS = 0.12  # without calibration, where a shadow that leaves could look the same
-PATIENCE = 0.6  # s for a light to become the lamp, before it is refused and learnt
+PATIENCE_SECONDS = 0.6  # s for a light to become the lamp, before it is refused and learnt
 
 
 class StartLightReading(NamedTuple):
@@ -78,35 +79,39 @@ class StartLight:
     """
 
     def __init__(self, calibration: StartLightCalibration | None = None, *, rehearsal: bool = False) -> None:
-        self._lamp = None if calibration is None else calibration.on
+        self._lamp_counts = None if calibration is None else calibration.on
         self._lamp_light = (
             0.0 if calibration is None else light_of(calibration.on) - light_of(calibration.off)
         )
         # Light as bright as the sun doubles as quickly as a lamp while it comes, and then goes on rising.
-        self._still = STILL_SECONDS if calibration is None else STEADY_SECONDS
-        self._hold, self._rehearsal = max(HOLD_SECONDS, self._still), rehearsal
+        self._still_seconds = STILL_SECONDS if calibration is None else STEADY_SECONDS
+        self._hold_seconds, self._rehearsal = max(HOLD_SECONDS, self._still_seconds), rehearsal
         self._ambient = self._brightest = math.nan
         self._variance = 25.0
-        self._learning: list[float] = []  # readings, and steps from one to the next, both in their order
-        self._steps: list[float] = []
-        self._begun = math.nan  # the last of these readings
-        self._learnt = math.nan  # the reading that was learnt last
-        self._first = self._last = math.nan
-        self._unknown = True  # the ambient light
+        self._ambient_readings: list[
+            float
+        ] = []  # readings, and steps from one to the next, both in their order
+        self._ambient_steps: list[float] = []
+        self._last_ambient = math.nan  # the last of these readings
+        self._last_learnt = math.nan  # the reading that was learnt last
+        self._first_time = self._last_time = math.nan
+        self._is_ambient_unknown = True  # the ambient light
         self._recent = History()
-        self._slow = SlowBulb()
-        self._bright: float | None = None  # since when it is brighter than the threshold
-        self._dark = 0.0  # the brightest light before
-        self._since = math.nan  # when the candidate for a lamp that came at once began
-        self._before = math.nan  # time of the last reading before it
-        self._readings = 0  # of the candidate
-        self._gap = 0.0  # longest time between two readings around the candidate
-        self._window = 0.0  # s to look back for the light before it
-        self._near: float | None = None  # since when it has been as bright as the calibrated lamp
-        self._lit = False  # it is the lamp, and has been told
+        self._slow_bulb = SlowBulb()
+        self._bright_since: float | None = None  # since when it is brighter than the threshold
+        self._dark_light = 0.0  # the brightest light before
+        self._candidate_start = math.nan  # when the candidate for a lamp that came at once began
+        self._time_before_candidate = math.nan  # time of the last reading before it
+        self._candidate_readings = 0  # of the candidate
+        self._candidate_gap = 0.0  # longest time between two readings around the candidate
+        self._candidate_window = 0.0  # s to look back for the light before it
+        self._near_since: float | None = None  # since when it has been as bright as the calibrated lamp
+        self._is_lit = False  # it is the lamp, and has been told
         self._lit_until = -math.inf  # s, when it was so last
-        self._bottom: float | None = None  # since when it reads the bottom of the scale
-        self._refused = False  # it was no lamp: wait until it is over or learnt, or a lamp comes on as well
+        self._shorted_since: float | None = None  # since when it reads the bottom of the scale
+        self._is_refused = (
+            False  # it was no lamp: wait until it is over or learnt, or a lamp comes on as well
+        )
         self.fired = False
         self.fires = 0
 
@@ -115,23 +120,25 @@ class StartLight:
         if counts is None or (self.fired and not self._rehearsal):
             return self._reading(fired=self.fired and not self._rehearsal)
         if counts <= ANALOG_BOTTOM:  # no light, so as if there were no reading
-            self._bottom = time if self._bottom is None else self._bottom
-            return self._reading(fired=False, shorted=time - self._bottom > STILL_SECONDS)
-        self._bottom = None
-        if math.isnan(self._first):
-            self._first = self._last = time
-        dt, self._last = time - self._last, time
+            self._shorted_since = time if self._shorted_since is None else self._shorted_since
+            return self._reading(fired=False, shorted=time - self._shorted_since > STILL_SECONDS)
+        self._shorted_since = None
+        if math.isnan(self._first_time):
+            self._first_time = self._last_time = time
+        dt, self._last_time = time - self._last_time, time
         threshold = self.threshold
         self._recent.add(time, counts)
-        self._slow.add(time, counts)
-        self._unknown = time - self._first < LEARNING_SECONDS or len(self._learning) < LEARNING_READINGS
-        if self._unknown:
-            self._begin(counts)
+        self._slow_bulb.add(time, counts)
+        self._is_ambient_unknown = (
+            time - self._first_time < LEARNING_SECONDS or len(self._ambient_readings) < LEARNING_READINGS
+        )
+        if self._is_ambient_unknown:
+            self._learn_first(counts)
             return self._reading(fired=False)
         if counts > threshold:
-            self._bright = self._near = None
-            self._lit = self._refused = False
-            self._learn(counts, dt)
+            self._bright_since = self._near_since = None
+            self._is_lit = self._is_refused = False
+            self._learn_ambient(counts, dt)
             return self._reading(fired=False)
         return self._decide(time, counts, dt)
 
@@ -140,121 +147,130 @@ class StartLight:
         """Counts below which it is brighter than any ambient light so far."""
         if math.isnan(self._brightest):
             return 0.0
-        noise = min(LEAST_SD * math.sqrt(self._variance), MOST_CLEAR * self._brightest)
+        noise = min(CLEAR_SDS * math.sqrt(self._variance), MAX_CLEAR_SHARE * self._brightest)
         clear = max(LEAST_COUNTS, noise)
-        if self._lamp is None:
+        if self._lamp_counts is None:
             return min((1.0 - LEAST_FALL) * self._brightest, self._brightest - clear)
-        return min(math.sqrt(max(self._lamp, 1.0) * max(self._brightest, 1.0)), self._brightest - clear)
+        return min(
+            math.sqrt(max(self._lamp_counts, 1.0) * max(self._brightest, 1.0)), self._brightest - clear
+        )
 
     def _decide(self, time: float, counts: float, dt: float) -> StartLightReading:
-        if self._bright is None:
-            self._bright, self._dark = time, light_of(self._brightest)
+        if self._bright_since is None:
+            self._bright_since, self._dark_light = time, light_of(self._brightest)
             self._begin_candidate(time)
-        elif time > self._until and light_of(counts) > QUICK * self._recent.light_at(time - RISE_SECONDS):
+        elif time > self._candidate_end and light_of(counts) > QUICK_RATIO * self._recent.light_at(
+            time - RISE_SECONDS
+        ):
             self._begin_candidate(time)  # a lamp may come on while something else is bright
-        self._readings += 1
-        self._gap = max(self._gap, dt)
-        if not self._like_lamp(counts):
-            self._near = None
-        elif self._near is None:
-            self._near = time
-        if self._lit:
+        self._candidate_readings += 1
+        self._candidate_gap = max(self._candidate_gap, dt)
+        if not self._is_like_lamp(counts):
+            self._near_since = None
+        elif self._near_since is None:
+            self._near_since = time
+        if self._is_lit:
             self._lit_until = time
-        if self._lit or (self._refused and time > self._until):
-            self._learn(counts, dt)
+        if self._is_lit or (self._is_refused and time > self._candidate_end):
+            self._learn_ambient(counts, dt)
             return self._reading(fired=False)
-        slowly = self._near is not None and self._slow.is_warm(self._dark)
-        if self._came_on(time, counts) or self._warmed_up(time, counts) or slowly:
-            self._lit = True  # a rehearsal fires once until the lamp is off again
+        slowly = self._near_since is not None and self._slow_bulb.is_warm(self._dark_light)
+        if self._has_come_on(time, counts) or self._has_warmed_up(time, counts) or slowly:
+            self._is_lit = True  # a rehearsal fires once until the lamp is off again
             self.fired = True
             self.fires += 1
             return self._reading(fired=True)
         # Nothing is learnt before: a lamp that warms up would be, and then never be seen.
-        waited = time - (self._bright if self._near is None else self._near)
-        warming = self._slow.rises(time) and time - self._bright < bulb.PATIENCE
-        refused = not self._refused and waited > PATIENCE and not warming
-        self._refused = self._refused or refused
+        waited = time - (self._bright_since if self._near_since is None else self._near_since)
+        warming = self._slow_bulb.is_rising(time) and time - self._bright_since < bulb.PATIENCE_SECONDS
+        refused = not self._is_refused and waited > PATIENCE_SECONDS and not warming
+        self._is_refused = self._is_refused or refused
         return self._reading(fired=False, refused=refused)
 
     def _begin_candidate(self, time: float) -> None:
-        self._since, self._before = time, self._recent.time_before
-        self._readings, self._gap, self._window = 0, 0.0, 0.0
+        self._candidate_start, self._time_before_candidate = time, self._recent.time_before
+        self._candidate_readings, self._candidate_gap, self._candidate_window = 0, 0.0, 0.0
 
     @property
-    def _until(self) -> float:
+    def _candidate_end(self) -> float:
         """Time of the last reading but one that may still show that the light came at once."""
-        return self._since + max(self._hold, self._gap) + RISE_SECONDS
+        return self._candidate_start + max(self._hold_seconds, self._candidate_gap) + RISE_SECONDS
 
-    def _came_on(self, time: float, counts: float) -> bool:
+    def _has_come_on(self, time: float, counts: float) -> bool:
         """The light doubled at once, as far as the readings can tell, and is steady since."""
-        held = time - self._since
-        if self._readings < LEAST_READINGS or held < max(self._hold, self._gap) - 1e-6:
+        held = time - self._candidate_start
+        if (
+            self._candidate_readings < LEAST_READINGS
+            or held < max(self._hold_seconds, self._candidate_gap) - 1e-6
+        ):
             return False
-        if self._gap > LONGEST_GAP or self._recent.time_before > self._until:
+        if self._candidate_gap > LONGEST_GAP_SECONDS or self._recent.time_before > self._candidate_end:
             return False
-        if self._window == 0.0:
+        if self._candidate_window == 0.0:
             # However far apart the readings are, the last one before the fall is among them.
-            self._window = max(self._hold + RISE_SECONDS, time - self._before)
-        light, before = light_of(counts), self._recent.least_light(time - self._window)
+            self._candidate_window = max(
+                self._hold_seconds + RISE_SECONDS, time - self._time_before_candidate
+            )
+        light, before = light_of(counts), self._recent.least_light(time - self._candidate_window)
         # What happened in a gap, nobody saw: for as long as it lasted the light must stand still after it.
-        span = max(self._still, self._gap)
-        steady = STEADY if span < COARSE_SECONDS else STILL
-        if not (light > QUICK * before and light < steady * self._recent.least_light(time - span)):
+        span = max(self._still_seconds, self._candidate_gap)
+        steady = STEADY_RATIO if span < COARSE_SECONDS else STILL_RATIO
+        if not (light > QUICK_RATIO * before and light < steady * self._recent.least_light(time - span)):
             return False
-        return self._stands_out(light, self._since - MEAN_SECONDS)
+        return self._is_brighter_than_lately(light, self._candidate_start - MEAN_SECONDS)
 
-    def _like_lamp(self, counts: float) -> bool:
+    def _is_like_lamp(self, counts: float) -> bool:
         """As bright as the lamp was when it was shown; without that, clearly brighter than before."""
         light, dark = light_of(counts), light_of(self._brightest)
-        if self._lamp is None:
-            return light > QUICK * dark
-        near = NEAR[0] * self._lamp_light <= light - dark <= NEAR[1] * self._lamp_light
-        return near and light > CLEAR * dark
+        if self._lamp_counts is None:
+            return light > QUICK_RATIO * dark
+        near = NEAR_RATIOS[0] * self._lamp_light <= light - dark <= NEAR_RATIOS[1] * self._lamp_light
+        return near and light > CLEAR_RATIO * dark
 
-    def _warmed_up(self, time: float, counts: float) -> bool:
+    def _has_warmed_up(self, time: float, counts: float) -> bool:
         """The light came within a bulb's time, however many readings saw it come, and is steady since."""
-        if self._near is None or time - self._near < SETTLED_SECONDS - 1e-6:
+        if self._near_since is None or time - self._near_since < SETTLED_SECONDS - 1e-6:
             return False
         light = light_of(counts)
-        if light >= STILL * self._recent.least_light(time - STILL_SECONDS):
+        if light >= STILL_RATIO * self._recent.least_light(time - STILL_SECONDS):
             return False
-        if not self._stands_out(light, time - SETTLED_SECONDS - WARM_UP_SECONDS):
+        if not self._is_brighter_than_lately(light, time - SETTLED_SECONDS - WARM_UP_SECONDS):
             return False
-        limit = WARM_UP_SECONDS if self._lamp is not None else UNKNOWN_WARM_UP_SECONDS
+        limit = WARM_UP_SECONDS if self._lamp_counts is not None else UNKNOWN_WARM_UP_SECONDS
         return self._recent.rise_seconds(light_of(self._brightest), light_of(counts)) <= limit
 
-    def _stands_out(self, light: float, before: float) -> bool:
+    def _is_brighter_than_lately(self, light: float, before: float) -> bool:
         """Without calibration: clearly brighter than of late, also where that is not learnt yet."""
-        if self._lamp is not None:
+        if self._lamp_counts is not None:
             return True
         since = max(before - LATELY_SECONDS, self._lit_until)  # a rehearsal has seen the lamp itself
-        return light > QUICK * self._slow.most_light(since, before)
+        return light > QUICK_RATIO * self._slow_bulb.most_light(since, before)
 
-    def _begin(self, counts: float) -> None:
+    def _learn_first(self, counts: float) -> None:
         """Ambient level and noise from the median so far: a flash while learning must not pass for either."""
-        ordered, steps = self._learning, self._steps
+        ordered, steps = self._ambient_readings, self._ambient_steps
         if ordered:
-            insort(steps, abs(counts - self._begun))
+            insort(steps, abs(counts - self._last_ambient))
             self._variance = steps[len(steps) // 2] ** 2 + 9.0  # the median step of noise is 0.95 sd
-        self._begun = counts
+        self._last_ambient = counts
         insort(ordered, counts)
         self._ambient = self._brightest = ordered[len(ordered) // 2]
 
-    def _learn(self, counts: float, dt: float) -> None:
+    def _learn_ambient(self, counts: float, dt: float) -> None:
         share = min(dt / AMBIENT_SECONDS, 1.0)
         self._ambient += share * (counts - self._ambient)
         # From one reading to the next: a level that moves is no noise. The end of a flash is none either.
-        step = 0.0 if math.isnan(self._learnt) else counts - self._learnt
-        self._learnt = counts
+        step = 0.0 if math.isnan(self._last_learnt) else counts - self._last_learnt
+        self._last_learnt = counts
         self._variance += 0.3 * share * (min(0.5 * step * step, 9.0 * self._variance) - self._variance)
         self._brightest += min(dt / MEMORY_SECONDS, 1.0) * (self._ambient - self._brightest)
         self._brightest = min(self._brightest, self._ambient)
 
     def _reading(self, *, fired: bool, refused: bool = False, shorted: bool = False) -> StartLightReading:
         threshold = self.threshold
-        if self._unknown:
+        if self._is_ambient_unknown:
             status = Status.INVALID
-        elif threshold <= (LEAST_COUNTS if self._lamp is None else self._lamp):
+        elif threshold <= (LEAST_COUNTS if self._lamp_counts is None else self._lamp_counts):
             status = Status.UNCERTAIN
         else:
             status = Status.OK

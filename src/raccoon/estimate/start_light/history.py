@@ -8,7 +8,7 @@ from itertools import takewhile
 
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
-WARM_UP = (0.15, 0.75)
+WARM_UP_SHARES = (0.15, 0.75)
 """Shares of the new light between which a bulb's warm-up is timed."""
 WARM_UP_SECONDS = 0.24
 """1.2 time constants of a bulb (0.05..0.2 s); daylight takes longer."""
@@ -55,14 +55,14 @@ class History:
 
         It is taken to move evenly between two readings. Infinite where the rise has no beginning.
         """
-        low, high = (dark + share * (lit - dark) for share in WARM_UP)
+        low, high = (dark + share * (lit - dark) for share in WARM_UP_SHARES)
         most, least = (FULL_SCALE / (1.0 + light) for light in (low, high))
         end, after = math.nan, self._readings[-1]
         for reading in reversed(self._readings):
             if reading[1] > least and math.isnan(end):
-                end = _crossing(reading, after, high)
+                end = _crossing_time(reading, after, high)
             if reading[1] > most:
-                begin = _crossing(reading, after, low)
+                begin = _crossing_time(reading, after, low)
                 # Light that was on its way before has no beginning: it is daylight, learnt halfway.
                 moving = self.light_at(begin - WARM_UP_SECONDS) < dark - (low - dark)
                 # A lamp may have come on late between the two, and then the straight line begins too early.
@@ -71,7 +71,7 @@ class History:
         return math.inf
 
 
-def _crossing(before: tuple[float, float], after: tuple[float, float], light: float) -> float:
+def _crossing_time(before: tuple[float, float], after: tuple[float, float], light: float) -> float:
     """Time at which the light passed `light` between two readings (time, counts)."""
     first, last = light_of(before[1]), light_of(after[1])
     share = (light - first) / (last - first) if last > first else 1.0

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import CalibrationError
 
-CLEAR = 6.0  # standard deviations that leave no error worth counting
+CLEAR_SDS = 6.0  # standard deviations that leave no error worth counting
 LEAST_SD = 1.0  # counts; no reading is better known than the converter's step and its noise
 
 
@@ -92,6 +92,30 @@ class TophatCalibration:
         odds = log_odds(inside, white, black) - log_odds(threshold, white, black)
         return np.asarray(1.0 / (1.0 + np.exp(-np.clip(odds, -700.0, 700.0))))
 
+    @classmethod
+    def of_surfaces(
+        cls, verdict: Verdict, reason: str, white: Surface, black: Surface, share_black: float
+    ) -> TophatCalibration:
+        """The calibration of these two surfaces: threshold, band and expected error follow from them."""
+        threshold = half_covered_counts(white, black) or best_threshold(white, black)
+        # The band holds the noise at the threshold, but leaves 60 % of the way to each mean outside of it.
+        low = max(threshold - 1.5 * white.sd, white.mean + 0.6 * (threshold - white.mean))
+        high = min(threshold + 1.5 * black.sd, black.mean - 0.6 * (black.mean - threshold))
+        missed = normal_tail((black.mean - threshold) / black.sd)
+        false = normal_tail((threshold - white.mean) / white.sd)
+        return cls(
+            verdict=verdict,
+            reason=reason,
+            white=white,
+            black=black,
+            threshold=threshold,
+            low=low,
+            high=high,
+            separation=(black.mean - white.mean) / (white.sd + black.sd),
+            share_black=share_black,
+            error_rate=0.5 * missed + 0.5 * false,
+        )
+
     def surfaces(self) -> tuple[Surface, Surface]:
         """(white, black).
 
@@ -111,7 +135,7 @@ def log_odds(counts: Number, white: Surface, black: Surface) -> Number:
     Beyond them it would fall again where the spreads differ, so clip first. Where the surfaces are far apart
     what lies between is an edge, no noise: each spread counts as at least a twelfth of the contrast.
     """
-    least = (black.mean - white.mean) / (2.0 * CLEAR)
+    least = (black.mean - white.mean) / (2.0 * CLEAR_SDS)
     sd_white, sd_black = max(white.sd, least), max(black.sd, least)
     from_white, from_black = (counts - white.mean) / sd_white, (counts - black.mean) / sd_black
     return 0.5 * (from_white * from_white - from_black * from_black) + math.log(sd_white / sd_black)
@@ -143,39 +167,15 @@ def best_threshold(white: Surface, black: Surface) -> float:
     return root if white.mean < root < black.mean else balanced
 
 
-def half_covered(white: Surface, black: Surface) -> float | None:
+def half_covered_counts(white: Surface, black: Surface) -> float | None:
     """Counts where half of the spot is on black, moved as little as keeps it clear of both surfaces.
 
     Where the surfaces are far apart every threshold between them has no error over a surface, but at an edge
     this one is right: light adds up over the spot, and counts are 4095 / (1 + light)
     (raccoon.model.reflectance). None where no threshold is clear of both.
     """
-    clear_of_white, clear_of_black = white.mean + CLEAR * white.sd, black.mean - CLEAR * black.sd
+    clear_of_white, clear_of_black = white.mean + CLEAR_SDS * white.sd, black.mean - CLEAR_SDS * black.sd
     if not clear_of_white <= clear_of_black:
         return None
     half = 2.0 / (1.0 / max(white.mean, 1.0) + 1.0 / black.mean)
     return min(max(half, clear_of_white), clear_of_black)
-
-
-def believed(
-    verdict: Verdict, reason: str, white: Surface, black: Surface, share_black: float
-) -> TophatCalibration:
-    """The calibration of two surfaces in which one believes: threshold, band and expected error follow."""
-    threshold = half_covered(white, black) or best_threshold(white, black)
-    # The band holds what noise does at the threshold, but leaves 60 % of the way to each mean outside of it.
-    low = max(threshold - 1.5 * white.sd, white.mean + 0.6 * (threshold - white.mean))
-    high = min(threshold + 1.5 * black.sd, black.mean - 0.6 * (black.mean - threshold))
-    missed = normal_tail((black.mean - threshold) / black.sd)
-    false = normal_tail((threshold - white.mean) / white.sd)
-    return TophatCalibration(
-        verdict=verdict,
-        reason=reason,
-        white=white,
-        black=black,
-        threshold=threshold,
-        low=low,
-        high=high,
-        separation=(black.mean - white.mean) / (white.sd + black.sd),
-        share_black=share_black,
-        error_rate=0.5 * missed + 0.5 * false,
-    )

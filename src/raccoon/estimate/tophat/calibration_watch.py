@@ -8,15 +8,16 @@ from enum import StrEnum
 
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import TophatCalibration
-from raccoon.estimate.tophat.quality import WANDERING
-from raccoon.estimate.tophat.sensor import explanations
+from raccoon.estimate.tophat.quality import WANDERING_COUNTS
+from raccoon.estimate.tophat.sensor import explain_levels
 
-WINDOW = 200  # readings: one second at 200 Hz
-LEAST = 40  # readings before anything is said
-MOST_STRANGE = 0.3  # of the readings may lie on no surface: edges, lines along the way
-REACH = 6.0  # standard deviations within which a reading lies on a surface
-SHARE = 0.08  # of the contrast, that a level may have moved
-FAR = 1.5e-3  # m between them from which a sensor that goes to and fro over an edge jumps about as well
+WINDOW_READINGS = 200  # readings: one second at 200 Hz
+LEAST_READINGS = 40  # readings before anything is said
+MAX_UNEXPLAINED_SHARE = 0.3  # of the readings may lie on no surface: edges, lines along the way
+SURFACE_SDS = 6.0  # standard deviations within which a reading lies on a surface
+MOVED_LEVEL_SHARE = 0.08  # of the contrast, that a level may have moved
+JUMP_WAY_M = 1.5e-3
+"""M between them from which a sensor that goes to and fro over an edge jumps about as well."""
 
 
 class Fit(StrEnum):
@@ -37,15 +38,21 @@ class CalibrationWatch:
 
     def __init__(self, calibration: TophatCalibration) -> None:
         white, black = calibration.surfaces()
-        slack = SHARE * (black.mean - white.mean)
-        self._white = (white.mean - REACH * white.sd - slack, white.mean + REACH * white.sd + slack)
-        self._black = (black.mean - REACH * black.sd - slack, black.mean + REACH * black.sd + slack)
-        self._readings: deque[float] = deque(maxlen=WINDOW)
-        self._steps: deque[float] = deque(maxlen=WINDOW)
+        slack = MOVED_LEVEL_SHARE * (black.mean - white.mean)
+        self._white = (
+            white.mean - SURFACE_SDS * white.sd - slack,
+            white.mean + SURFACE_SDS * white.sd + slack,
+        )
+        self._black = (
+            black.mean - SURFACE_SDS * black.sd - slack,
+            black.mean + SURFACE_SDS * black.sd + slack,
+        )
+        self._readings: deque[float] = deque(maxlen=WINDOW_READINGS)
+        self._steps: deque[float] = deque(maxlen=WINDOW_READINGS)
 
     def update(self, counts: float, way: float = 0.0) -> None:
         """Take a reading (counts). way: m that the sensor went since the one before."""
-        if self._readings and way < FAR:
+        if self._readings and way < JUMP_WAY_M:
             self._steps.append(abs(counts - self._readings[-1]))
         self._readings.append(counts)
 
@@ -58,36 +65,36 @@ class CalibrationWatch:
     def fit(self) -> Fit:
         """The verdict over the last second."""
         readings = list(self._readings)
-        if len(readings) < LEAST:
+        if len(readings) < LEAST_READINGS:
             return Fit.UNKNOWN
         ordered = sorted(readings)
         steps = sorted(self._steps)
-        jumps = len(steps) >= LEAST and steps[len(steps) // 2] > WANDERING
+        jumps = len(steps) >= LEAST_READINGS and steps[len(steps) // 2] > WANDERING_COUNTS
         if jumps or ordered[len(ordered) // 10] >= ANALOG_TOP:
             return Fit.UNPLUGGED
         if ordered[-1 - len(ordered) // 10] <= ANALOG_BOTTOM:
             return Fit.SATURATED
-        strange = sum(1 for each in readings if not self._explained(each))
-        return Fit.CHANGED if strange > MOST_STRANGE * len(readings) else Fit.FITS
+        strange = sum(1 for each in readings if not self._is_explained(each))
+        return Fit.CHANGED if strange > MAX_UNEXPLAINED_SHARE * len(readings) else Fit.FITS
 
-    def _explained(self, counts: float) -> bool:
+    def _is_explained(self, counts: float) -> bool:
         return self._white[0] <= counts <= self._white[1] or self._black[0] <= counts <= self._black[1]
 
 
-def height_changed(stored: TophatCalibration, now: TophatCalibration) -> bool:
+def has_height_changed(stored: TophatCalibration, now: TophatCalibration) -> bool:
     """Whether the sensor sits higher or lower than when calibrated: its own light changed, not the sun.
 
     Two calibrations are needed for that: one level alone cannot tell height from light.
     """
     before, after = (
-        {each.generation: each.height for each in explanations(white.mean, black.mean)}
+        {each.generation: each.height for each in explain_levels(white.mean, black.mean)}
         for white, black in (stored.surfaces(), now.surfaces())
     )
     shared = before.keys() & after.keys()
     return not any(0.6 < after[generation] / before[generation] < 1.6 for generation in shared)
 
 
-def swapped(
+def find_swapped(
     stored: Mapping[str, TophatCalibration], floor: Mapping[str, Sequence[float]]
 ) -> tuple[str, str] | None:
     """The two sensors whose plugs are in each other's place, or None.
@@ -99,12 +106,18 @@ def swapped(
     names = sorted(levels.keys() & stored.keys())
     for index, one in enumerate(names):
         for other in names[index + 1 :]:
-            crossed = _reads(stored[other], levels[one]) and _reads(stored[one], levels[other])
-            if crossed and not _reads(stored[one], levels[one]) and not _reads(stored[other], levels[other]):
+            crossed = _fits_white(stored[other], levels[one]) and _fits_white(stored[one], levels[other])
+            if (
+                crossed
+                and not _fits_white(stored[one], levels[one])
+                and not _fits_white(stored[other], levels[other])
+            ):
                 return one, other
     return None
 
 
-def _reads(calibration: TophatCalibration, level: float) -> bool:
+def _fits_white(calibration: TophatCalibration, level: float) -> bool:
     white, black = calibration.surfaces()
-    return abs(level - white.mean) <= REACH * white.sd + 0.5 * SHARE * (black.mean - white.mean)
+    return abs(level - white.mean) <= SURFACE_SDS * white.sd + 0.5 * MOVED_LEVEL_SHARE * (
+        black.mean - white.mean
+    )

@@ -10,14 +10,16 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Status
 from raccoon.estimate.tophat.calibration import TophatCalibration
 from raccoon.estimate.tophat.flicker import FlickerWatch
-from raccoon.estimate.tophat.levels import GATE
+from raccoon.estimate.tophat.levels import GATE_SDS
 from raccoon.estimate.tophat.tracker import LightTracker
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
 LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
-SPIKE = 4.0  # times as far from the reading after it as that is from the one before
-SPIKES_APART, EDGES_APART = 20, 4  # readings after two, or after an edge; lamps that flicker come sooner
-LAMPS_LAST = 200  # readings after which lamps that were not seen any more are out, and not hidden by edges
+SPIKE_RATIO = 4.0  # times as far from the reading after it as that is from the one before
+READINGS_BETWEEN_SPIKES, READINGS_AFTER_EDGE = 20, 4
+"""Readings after two, or after an edge; lamps that flicker come sooner."""
+READINGS_AFTER_LAMPS = 200
+"""Readings after which lamps that were not seen any more are out, and not hidden by edges."""
 BEYOND_READINGS = 4  # in a row beyond both surfaces, which is no edge
 
 
@@ -70,16 +72,20 @@ class Tophat:
         levels = self.levels
         levels.threshold = calibration.threshold or levels.threshold
         levels.low, levels.high = calibration.low or levels.low, calibration.high or levels.high
-        self._state: bool | None = None
-        self._other = 0  # readings in a row on the side that is not the state's
+        self._is_black: bool | None = None
+        self._opposite_readings = 0  # readings in a row on the side that is not the state's
         self._last_time = self._last_counts = self._last_coverage = 0.0
-        self._before = 0.0  # the last reading that the levels were told of
-        self._held: tuple[float, float | None] | None = None  # one that waits, and its way
-        self._wait = 0  # readings until another may wait, after an edge or lamps that flickered
-        self._spikes = 0  # readings, `SPIKES_APART` for each spike, until there were none for long
-        self._beyond = 0  # readings in a row that are lighter than white or darker than black
+        self._last_followed = 0.0  # the last reading that the levels were told of
+        self._waiting: tuple[float, float | None] | None = None  # one that waits, and its way
+        self._readings_until_wait = (
+            0  # readings until another may wait, after an edge or lamps that flickered
+        )
+        self._spike_readings = (
+            0  # readings, `READINGS_BETWEEN_SPIKES` for each spike, until there were none for long
+        )
+        self._beyond_readings = 0  # readings in a row that are lighter than white or darker than black
         self._edge_time = 0.0  # the last passage through half coverage
-        self._seen_jumps = 0
+        self._seen_changes = 0
         self.missed = True
         """Whether the last reading was none, or was taken for none."""
 
@@ -92,14 +98,14 @@ class Tophat:
     def adapt(self, on: bool) -> None:
         if on and not self._adapt:
             self.levels.restart()
-            self._held, self._before = None, self._last_counts
-        self._adapt, self._beyond = on, 0
+            self._waiting, self._last_followed = None, self._last_counts
+        self._adapt, self._beyond_readings = on, 0
 
     @property
     def other_light(self) -> bool:
         """Whether the readings speak for another light, so much another that it moves half an edge by 2 mm,
         while the light is not followed."""
-        return self._beyond >= BEYOND_READINGS
+        return self._beyond_readings >= BEYOND_READINGS
 
     def relearn(self, white: float, black: float) -> bool:
         """Take these counts for the two surfaces from now on, both sides of an edge in the light of now.
@@ -108,7 +114,7 @@ class Tophat:
         """
         if not self.levels.relearn(white, black):
             return False
-        self._beyond, self._state = 0, self._last_counts >= self.levels.threshold
+        self._beyond_readings, self._is_black = 0, self._last_counts >= self.levels.threshold
         return True
 
     @property
@@ -135,20 +141,20 @@ class Tophat:
         way: m that the sensor went over the floor since the last tick (None: not known, 0.24 m/s is assumed);
         how long an edge takes tells it from a change of light.
         """
-        self.missed = counts is None or self._at_an_end(counts)
+        self.missed = counts is None or self._is_at_rail(counts)
         if counts is None or self.missed:
-            held, self._held = self._held, None  # nobody knows what it was
-            self.levels.unread += (way or 0.0) + (0.0 if held is None else held[1] or 0.0)
-            if self._state is None:
+            waiting, self._waiting = self._waiting, None  # nobody knows what it was
+            self.levels.unread_way += (way or 0.0) + (0.0 if waiting is None else waiting[1] or 0.0)
+            if self._is_black is None:
                 return UNKNOWN
-            return TophatReading(self._state, 0.5, self._last_coverage, Status.UNCERTAIN, None)
+            return TophatReading(self._is_black, 0.5, self._last_coverage, Status.UNCERTAIN, None)
         counts = float(counts)
         levels = self.levels
         flicker = self._flicker
         flicker.update(counts)
         light = light_of(counts)
-        if self._state is None:
-            self._before = counts
+        if self._is_black is None:
+            self._last_followed = counts
         # What the classifier goes by are readings in which lamps that flicker do not show.
         time, light = flicker.mean(time, light)
         if flicker.hertz:
@@ -157,20 +163,20 @@ class Tophat:
         if self._adapt:
             self._follow(counts, others_lost, way)
         else:
-            self._beyond = self._beyond + 1 if levels.is_beyond(counts, light) else 0
+            self._beyond_readings = self._beyond_readings + 1 if levels.is_beyond(counts, light) else 0
         coverage = (levels.light - light) / (levels.light - levels.dark)
         coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
         last = self._last_coverage
-        if levels.jumps != self._seen_jumps:
+        if levels.late_changes != self._seen_changes:
             # The light changed a while ago and only now is that sure: another answer, but no edge.
-            self._seen_jumps, last = levels.jumps, coverage
-            self._state, self._other = counts >= levels.threshold, 0
+            self._seen_changes, last = levels.late_changes, coverage
+            self._is_black, self._opposite_readings = counts >= levels.threshold, 0
         if (coverage >= 0.5) is not (last >= 0.5):
             share = (0.5 - last) / (coverage - last)
             self._edge_time = self._last_time + share * (time - self._last_time)
         self._last_time, self._last_coverage = time, coverage
         edge = self._decide(counts)
-        return TophatReading(self._state, self._probability(counts), coverage, levels.status, edge)
+        return TophatReading(self._is_black, self._probability(counts), coverage, levels.status, edge)
 
     def _follow(self, counts: float, others_lost: bool | None, way: float | None) -> None:
         """Hand the reading to what follows the light.
@@ -178,31 +184,31 @@ class Tophat:
         One far from that before it waits for that after it: a spike is far from both, and not followed. Lamps
         that flicker swing so at every reading, and spikes do not.
         """
-        levels, held, before = self.levels, self._held, self._before
-        self._held, self._before = None, counts
+        levels, waiting, before = self.levels, self._waiting, self._last_followed
+        self._waiting, self._last_followed = None, counts
         if self._flicker.hertz:
-            self._wait = LAMPS_LAST
+            self._readings_until_wait = READINGS_AFTER_LAMPS
             levels.update(counts, others_lost, way)
             return
-        if held is not None:
-            first, gone = held
-            self._wait = EDGES_APART
-            if abs(counts - first) > SPIKE * abs(counts - before):
-                first, self._wait = before, -1
-                self._spikes += SPIKES_APART
-            levels.update(0.5 * (before + first), others_lost, gone)
-            before = first
-        spread = GATE * (levels.sd_black if before >= levels.threshold else levels.sd_white)
-        self._wait -= 1
-        if self._spikes:
-            self._spikes -= 1
-        waits = self._wait < 0 and self._spikes < SPIKES_APART
-        if waits and not -spread <= counts - before <= spread:
-            self._held, self._before = (counts, way), before
+        if waiting is not None:
+            waiting_counts, waiting_way = waiting
+            self._readings_until_wait = READINGS_AFTER_EDGE
+            if abs(counts - waiting_counts) > SPIKE_RATIO * abs(counts - before):
+                waiting_counts, self._readings_until_wait = before, -1
+                self._spike_readings += READINGS_BETWEEN_SPIKES
+            levels.update(0.5 * (before + waiting_counts), others_lost, waiting_way)
+            before = waiting_counts
+        spread = GATE_SDS * (levels.sd_black if before >= levels.threshold else levels.sd_white)
+        self._readings_until_wait -= 1
+        if self._spike_readings:
+            self._spike_readings -= 1
+        may_wait = self._readings_until_wait < 0 and self._spike_readings < READINGS_BETWEEN_SPIKES
+        if may_wait and not -spread <= counts - before <= spread:
+            self._waiting, self._last_followed = (counts, way), before
             return
         levels.update(0.5 * (before + counts), others_lost, way)
 
-    def _at_an_end(self, counts: float) -> bool:
+    def _is_at_rail(self, counts: float) -> bool:
         """Whether the converter is at an end of its range, and neither surface is: a wire is loose, or two of
         them touch. No floor reads that, and no abyss.
         """
@@ -216,28 +222,28 @@ class Tophat:
     @property
     def lost(self) -> bool:
         """Whether neither surface explains the readings, or it is being weighed what changed."""
-        return self.levels.stray >= LOST_READINGS or self.levels.in_doubt
+        return self.levels.unexplained >= LOST_READINGS or self.levels.is_in_doubt
 
     def _decide(self, counts: float) -> Edge | None:
         levels = self.levels
-        state = self._state
-        if state is None:
-            self._state = counts >= levels.threshold
+        is_black = self._is_black
+        if is_black is None:
+            self._is_black = counts >= levels.threshold
             return None
-        if counts < levels.high if not state else counts > levels.low:
-            self._other = 0
+        if counts < levels.high if not is_black else counts > levels.low:
+            self._opposite_readings = 0
             return None
-        self._other += 1
-        if self._other < self._debounce + self._flicker.extra(to_black=not state):
+        self._opposite_readings += 1
+        if self._opposite_readings < self._debounce + self._flicker.extra_debounce(to_black=not is_black):
             return None
-        self._state, self._other = not state, 0
-        return Edge(self._edge_time, not state)
+        self._is_black, self._opposite_readings = not is_black, 0
+        return Edge(self._edge_time, not is_black)
 
     def _probability(self, counts: float) -> float:
-        """What the stories give that are weighed; else logistic in the distance to the threshold, in units of
+        """What the bank says while it is at work; else logistic in the distance to the threshold, in units of
         the surfaces' spread."""
         levels = self.levels
-        weighed = levels.weighed if self._adapt else None
+        weighed = levels.bank_probability if self._adapt else None
         if weighed is not None:
             return weighed
         gap = levels.black - levels.white

@@ -13,10 +13,10 @@ Array = NDArray[np.float64]
 
 VARIANCE_FLOOR = 1.0  # counts^2: below the converter's own noise a component only counts one value
 MOST_ITERATIONS = 40
-STARTS = 2  # of the cuts for two components, those that look best
-TAILS = (2.5, 4.0, 8.0, 40.0)  # degrees of freedom tried for one surface: heavy tails to nearly none
-MODES = (0.03, 0.2, 0.35, 0.5, 0.65, 0.8, 0.97)  # quantiles tried as its mode
-SEARCHED = 250  # readings for that search; the best one is then measured on all
+MULTI_STARTS = 2  # of the cuts for two components, those that look best
+TAIL_DEGREES = (2.5, 4.0, 8.0, 40.0)  # degrees of freedom tried for one surface: heavy tails to nearly none
+MODE_QUANTILES = (0.03, 0.2, 0.35, 0.5, 0.65, 0.8, 0.97)  # quantiles tried as its mode
+SEARCH_READINGS = 250  # readings for that search; the best one is then measured on all
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +38,13 @@ class Mixture:
 
 def best_mixture(ordered: Array) -> Mixture:
     """The mixture of one to three components with the least BIC; `ordered` ascending, shape (n,)."""
-    fits = [_one(ordered)]
-    starts = sorted(_first_cuts(ordered), key=lambda cut: _misfit(ordered, [cut]))[:STARTS]
-    pairs = [_fit(ordered, [cut], alike) for cut in starts for alike in (True, False)]
+    fits = [_fit_single(ordered)]
+    starts = sorted(_first_cuts(ordered), key=lambda cut: _misfit(ordered, [cut]))[:MULTI_STARTS]
+    pairs = [_fit_mixture(ordered, [cut], alike) for cut in starts for alike in (True, False)]
     if pairs:
         base = min(pairs, key=lambda each: each.bic)
         thirds = sorted(_second_cuts(ordered, base), key=lambda cuts: _misfit(ordered, cuts))[:1]
-        fits += pairs + [_fit(ordered, cuts) for cuts in thirds]
+        fits += pairs + [_fit_mixture(ordered, cuts) for cuts in thirds]
     return min(fits, key=lambda each: each.bic)
 
 
@@ -55,14 +55,14 @@ def single_surface_bic(ordered: Array) -> float:
     density 2 / (s_left + s_right) t((x - mode) / s_side). Scales by expectation maximisation, mode and tails
     on a grid. Four parameters.
     """
-    few = ordered[:: -(-len(ordered) // SEARCHED)]
-    shapes = [(float(mode), tail) for mode in np.quantile(ordered, MODES) for tail in TAILS]
-    best = sorted(shapes, key=lambda shape: -_two_piece_likelihood(few, *shape))[:3]
-    likelihood = max(_two_piece_likelihood(ordered, *shape) for shape in best)
+    few = ordered[:: -(-len(ordered) // SEARCH_READINGS)]
+    shapes = [(float(mode), tail) for mode in np.quantile(ordered, MODE_QUANTILES) for tail in TAIL_DEGREES]
+    best = sorted(shapes, key=lambda shape: -_two_piece_log_likelihood(few, *shape))[:3]
+    likelihood = max(_two_piece_log_likelihood(ordered, *shape) for shape in best)
     return -2.0 * likelihood + 4.0 * math.log(len(ordered))
 
 
-def _two_piece_likelihood(x: Array, mode: float, tail: float) -> float:
+def _two_piece_log_likelihood(x: Array, mode: float, tail: float) -> float:
     away = x - mode
     left = away < 0.0
     squares = away * away
@@ -110,20 +110,20 @@ def _two_means_cut(ordered: Array) -> float:
     return 0.5 * float(ordered[at] + ordered[at + 1])
 
 
-def _parts(ordered: Array, cuts: list[float]) -> list[Array]:
+def _split_at(ordered: Array, cuts: list[float]) -> list[Array]:
     return [part for part in np.split(ordered, np.searchsorted(ordered, cuts)) if len(part)]
 
 
 def _misfit(ordered: Array, cuts: list[float]) -> float:
     """How badly one normal density a part fits: its negative classification likelihood, without constants."""
-    parts = _parts(ordered, cuts)
+    parts = _split_at(ordered, cuts)
     return sum(
         len(part) * (0.5 * math.log(float(part.var()) + VARIANCE_FLOOR) - math.log(len(part)))
         for part in parts
     )
 
 
-def _one(ordered: Array) -> Mixture:
+def _fit_single(ordered: Array) -> Mixture:
     n = len(ordered)
     variance = float(ordered.var()) + VARIANCE_FLOOR
     squares = float(((ordered - ordered.mean()) ** 2).sum())
@@ -132,7 +132,7 @@ def _one(ordered: Array) -> Mixture:
     return Mixture((whole,), -2.0 * likelihood + 2.0 * math.log(n))
 
 
-def _fit(ordered: Array, cuts: list[float], alike: bool = False) -> Mixture:
+def _fit_mixture(ordered: Array, cuts: list[float], alike: bool = False) -> Mixture:
     """Expectation maximisation (scikit-learn) from the moments of the parts between `cuts`.
 
     alike: all components have one spread, which a few readings of a rare surface cannot tell on their own.
@@ -141,7 +141,7 @@ def _fit(ordered: Array, cuts: list[float], alike: bool = False) -> Mixture:
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.mixture import GaussianMixture
 
-    parts = _parts(ordered, cuts)
+    parts = _split_at(ordered, cuts)
     precisions = np.array([[1.0 / (part.var() + VARIANCE_FLOOR)] for part in parts])
     model = GaussianMixture(
         len(parts),

@@ -1,4 +1,5 @@
-"""The stories that a tophat's readings may tell, and how likely one follows on another (see `hypotheses`)."""
+"""The modes of a tophat's readings (surface and light), and the probability of one after another, for
+`hypotheses`."""
 
 from __future__ import annotations
 
@@ -15,64 +16,76 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 STAGES = 6  # of an edge
-FASTEST = 4  # stages in one reading
+MAX_STAGES_PER_READING = 4  # stages in one reading
 PACE_SPREAD, LEAST_SPREAD = 0.3, 0.35  # of the stages in one reading: speed and spot are known roughly
-SLOWER = 2.0  # times, that a robot of which nobody says it may be than is assumed
-STANDS = 0.003  # of u, sd of its change in one reading while the light stands
-PACES = (0.06, 0.4)  # of u, sd of the change in one reading where the light begins to move
-SUNLIGHT = 15.0  # sd of that change where the sun comes out at once, light
-BEGINS, ENDS = (1.0 / 1500, 1.0 / 4000, 1.0 / 4000), 1.0 / 30  # chance in one reading that it does, or stops
-UNEVEN = 0.15  # of the pace, sd by which it changes from one reading to the next
-WITH_OTHERS = {None: 1.0, True: 8.0, False: 0.5}  # times likelier, by whether other sensors are at a loss
-BETWEEN_LINES, LINE_WIDTH = 0.2, 0.05  # m, on the average
-NARROW = 0.1  # of what is begun like a line, that is narrower than the spot: seams, scratches
-LIGHTS = 2  # standing, moving
-FLOORS = (2.0, 0.3)  # m between borders of the floor, on the average: to any other, and back to the first
-STEPS = 2 + 2 * STAGES
+UNKNOWN_WAY_FACTOR = 2.0  # times by which a robot may be slower than assumed where its way is not known
+STANDING_LIGHT_SD = 0.003  # of u, sd of its change in one reading while the light stands
+LIGHT_PACE_SDS = (0.06, 0.4)  # of u, sd of the change in one reading where the light begins to move
+SUNLIGHT_SD = 15.0  # sd of that change where the sun comes out at once, light
+LIGHT_CHANGE_BEGINS = (1.0 / 1500, 1.0 / 4000, 1.0 / 4000)  # probability in one reading, at each pace
+LIGHT_CHANGE_ENDS = 1.0 / 30  # probability in one reading
+PACE_CHANGE_SD = 0.15  # of the pace, sd by which it changes from one reading to the next
+OTHERS_LOST_FACTORS = {None: 1.0, True: 8.0, False: 0.5}
+"""Times likelier that light changes, by whether other sensors are lost (None: there are none)."""
+BETWEEN_LINES_M, LINE_WIDTH_M = 0.2, 0.05  # m, on the average
+NARROW_LINE_SHARE = 0.1  # of what is begun like a line, that is narrower than the spot: seams, scratches
+LIGHT_STATES = 2  # standing, moving
+FLOOR_BORDERS_M = (2.0, 0.3)
+"""m between borders of the floor, on the average: to any other, and back to the first."""
+FIRST_BORDER_PHASE = 2 + 2 * STAGES
 """The first phase on the way to another floor, which is as white: its light is in the place of black's."""
-OTHER = STEPS + len(FLOORS) * STAGES
+OTHER_FLOOR_PHASE = FIRST_BORDER_PHASE + len(FLOOR_BORDERS_M) * STAGES
 """The phase of white on another floor, from which the one of before comes back."""
-PHASES = OTHER + 1
-STORIES = PHASES * LIGHTS
+PHASES = OTHER_FLOOR_PHASE + 1
+MODES = PHASES * LIGHT_STATES
+EDGE_MODES = slice(2 * LIGHT_STATES, FIRST_BORDER_PHASE * LIGHT_STATES, LIGHT_STATES)
+"""The stages of an edge, in a light that stands."""
+BORDER_MODES = slice(FIRST_BORDER_PHASE * LIGHT_STATES, OTHER_FLOOR_PHASE * LIGHT_STATES, LIGHT_STATES)
+OTHER_FLOOR_MODE = OTHER_FLOOR_PHASE * LIGHT_STATES
 
 _coverage = edge_coverage(1.0 - 2.0 * (np.arange(STAGES) + 0.5) / STAGES, 1.0)
-DARKNESS: Array = np.concatenate([[0.0, 1.0], _coverage, _coverage[::-1], *[_coverage] * len(FLOORS), [0.0]])
+PHASE_COVERAGE: Array = np.concatenate(
+    [[0.0, 1.0], _coverage, _coverage[::-1], *[_coverage] * len(FLOOR_BORDERS_M), [0.0]]
+)
 """Share of the spot on black, or on the floor ahead, by phase: white, black, entering, leaving, to each
 floor, there."""
-MORE_BLACK: Array = (DARKNESS[2:STEPS] > 0.5).astype(float)
-GROUP: Index = np.repeat([0, 1] + [2] * 2 * STAGES + [3] * len(FLOORS) * STAGES + [0], LIGHTS)
+IS_MOSTLY_BLACK: Array = (PHASE_COVERAGE[2:FIRST_BORDER_PHASE] > 0.5).astype(float)
+MODE_GROUPS: Index = np.repeat(
+    [0, 1] + [2] * 2 * STAGES + [3] * len(FLOOR_BORDERS_M) * STAGES + [0], LIGHT_STATES
+)
 
 
-class Moves(NamedTuple):
-    """Every step from story to story: where from, where to, by how many stages (-1: none), how light went.
+class ModeTransitions(NamedTuple):
+    """Every transition from mode to mode, one array each: from, to, stages (-1: none) and change of light.
 
-    In the order of their targets: those of `reached[place]` begin at `starts`.
-    source: the story, or from `STORIES` on one that comes to another floor or leaves for it
-    (`Hypotheses._with_floors`). floor: which of `FLOORS` it leads to, -1 of none. not_stepping: 1, but 0
-    on the way there. brighter: by how much the light in black's place may be above u: any, on that way.
+    In the order of their targets: those to `reached_modes[reached_index]` begin at `reached_starts`.
+    source: the mode, or from `MODES` on one that comes to another floor or leaves for it
+    (`HypothesisBank._with_floor_modes`). floor: which of `FLOOR_BORDERS_M` it leads to, -1 of none.
+    is_not_on_border: 1, but 0 on the way there. max_excess_light: by how much the light in black's place may
+    be above u: any, on that way.
     """
 
     source: Index
-    reached: Index
-    starts: Index
-    place: Index
+    reached_modes: Index
+    reached_starts: Index
+    reached_index: Index
     stages: Index
     change: Index
     from_white: NDArray[np.bool_]
     on_other: NDArray[np.bool_]
-    settles: NDArray[np.bool_]
+    adopts_floor: NDArray[np.bool_]
     floor: Index
-    not_stepping: Array
-    brighter: Array
+    is_not_on_border: Array
+    max_excess_light: Array
     on_edge: NDArray[np.bool_]
     entering: NDArray[np.bool_]
-    turns: NDArray[np.bool_]
-    moves_on: Array
-    part: Array
-    uneven: Array
-    wander: Array
-    pace: Array
-    sun: Array
+    leaves_narrow_line: NDArray[np.bool_]
+    keeps_pace: Array
+    pace_share: Array
+    pace_change_variance: Array
+    standing_variance: Array
+    pace_variance: Array
+    sunlight_variance: Array
     white_part: Array
     black_part: Array
     blur: Array
@@ -81,120 +94,130 @@ class Moves(NamedTuple):
 # What light does from one reading to the next: from, to, sd of its change and of its pace in shares of u and
 # of its pace in light, and the part of the pace by which it changes with the variance of that. It stops
 # anywhere between two readings.
-_CHANGES = (
-    (0, 0, STANDS, 0.0, 0.0, 0.0, 0.0),
-    (0, 1, 0.0, PACES[0], 0.0, 1.0, 0.0),
-    (0, 1, 0.0, PACES[1], 0.0, 1.0, 0.0),
-    (0, 1, 0.0, 0.0, SUNLIGHT, 1.0, 0.0),
-    (1, 1, 0.0, 0.0, 0.0, 1.0, UNEVEN**2),
-    (1, 0, STANDS, 0.0, 0.0, 0.5, 1.0 / 12.0),
+_LIGHT_CHANGES = (
+    (0, 0, STANDING_LIGHT_SD, 0.0, 0.0, 0.0, 0.0),
+    (0, 1, 0.0, LIGHT_PACE_SDS[0], 0.0, 1.0, 0.0),
+    (0, 1, 0.0, LIGHT_PACE_SDS[1], 0.0, 1.0, 0.0),
+    (0, 1, 0.0, 0.0, SUNLIGHT_SD, 1.0, 0.0),
+    (1, 1, 0.0, 0.0, 0.0, 1.0, PACE_CHANGE_SD**2),
+    (1, 0, STANDING_LIGHT_SD, 0.0, 0.0, 0.5, 1.0 / 12.0),
 )
 
 
 @lru_cache(maxsize=1)
-def moves_of_stories() -> Moves:
-    """All moves; the arrays are shared, so leave them as they are."""
-    ways = _ways()
-    after = np.array([each[1] for each in _CHANGES], dtype=np.intp)
-    ways.sort(key=lambda way: (way[1], after[way[3]]))
-    source, target, stages, change, floors = np.array(ways, dtype=np.intp).T
+def mode_transitions() -> ModeTransitions:
+    """All transitions; the arrays are shared, so leave them as they are."""
+    transitions = _list_transitions()
+    after = np.array([each[1] for each in _LIGHT_CHANGES], dtype=np.intp)
+    transitions.sort(key=lambda way: (way[1], after[way[3]]))
+    source, target, stages, change, floors = np.array(transitions, dtype=np.intp).T
     reached, starts, place = np.unique(
-        target * LIGHTS + after[change], return_index=True, return_inverse=True
+        target * LIGHT_STATES + after[change], return_index=True, return_inverse=True
     )
-    from_white, floor = (source == 0) | (source == OTHER), floors >= 0
-    before, _, wander, pace, sun, part, uneven = np.array(_CHANGES).T
-    dark, entering = DARKNESS[target], (source >= 2) & (source < 2 + STAGES)
-    stepping = (target >= STEPS) & (target < OTHER)
-    return Moves(
+    from_white, floor = (source == 0) | (source == OTHER_FLOOR_PHASE), floors >= 0
+    before, _, wander, pace, sun, part, uneven = np.array(_LIGHT_CHANGES).T
+    dark, entering = PHASE_COVERAGE[target], (source >= 2) & (source < 2 + STAGES)
+    stepping = (target >= FIRST_BORDER_PHASE) & (target < OTHER_FLOOR_PHASE)
+    return ModeTransitions(
         source=np.where(
-            floor, _on_floors(source, target, floors), source * LIGHTS + before[change].astype(np.intp)
+            floor,
+            _floor_sources(source, target, floors),
+            source * LIGHT_STATES + before[change].astype(np.intp),
         ),
-        reached=reached,
-        starts=starts,
-        place=place,
+        reached_modes=reached,
+        reached_starts=starts,
+        reached_index=place,
         stages=stages,
         change=change,
         from_white=from_white,
-        on_other=source == OTHER,
-        settles=(source == OTHER) & (target == 0),
+        on_other=source == OTHER_FLOOR_PHASE,
+        adopts_floor=(source == OTHER_FLOOR_PHASE) & (target == 0),
         floor=floors,
-        not_stepping=(~stepping).astype(float),
-        brighter=np.where(stepping, np.inf, 0.0),
+        is_not_on_border=(~stepping).astype(float),
+        max_excess_light=np.where(stepping, np.inf, 0.0),
         on_edge=~from_white & (source > 1),
         entering=entering,
-        turns=entering & ((target == 0) | (target >= 2 + STAGES)),
-        moves_on=after[change].astype(float),
-        part=part[change],
-        uneven=uneven[change],
-        wander=wander[change] ** 2,
-        pace=pace[change] ** 2,
-        sun=sun[change] ** 2,
+        leaves_narrow_line=entering & ((target == 0) | (target >= 2 + STAGES)),
+        keeps_pace=after[change].astype(float),
+        pace_share=part[change],
+        pace_change_variance=uneven[change],
+        standing_variance=wander[change] ** 2,
+        pace_variance=pace[change] ** 2,
+        sunlight_variance=sun[change] ** 2,
         white_part=1.0 - dark,
         black_part=dark,
         blur=np.where((dark > 0.0) & (dark < 1.0), 0.3 / STAGES, 0.0),
     )
 
 
-def _ways() -> list[tuple[int, int, int, int, int]]:
-    """Each move: from and to which phase, by how many stages, which of `_CHANGES`, and to which floor."""
-    steps = [(phase, phase, -1) for phase in (0, 1, OTHER)] + [(OTHER, 0, -1)]
-    steps += [*_over_edge((0, OTHER), 2, 1), *_over_edge((1,), 2 + STAGES, 0)]
-    ways = [(*step, change, -1) for step in steps for change in range(len(_CHANGES))]
-    ways += [(*step, 0, -1) for step in _over_narrow()]
-    for floor, (begins, end) in enumerate((((0, OTHER), OTHER), ((OTHER,), 0))):
-        first = STEPS + floor * STAGES
-        ways += [(*step, 0, floor) for step in _over_edge(begins, first, end)]  # under a light that stands
-    return ways
+def _list_transitions() -> list[tuple[int, int, int, int, int]]:
+    """Each transition: phases from and to, stages, which of `_LIGHT_CHANGES`, and to which floor."""
+    steps = [(phase, phase, -1) for phase in (0, 1, OTHER_FLOOR_PHASE)] + [(OTHER_FLOOR_PHASE, 0, -1)]
+    steps += [*_edge_transitions((0, OTHER_FLOOR_PHASE), 2, 1), *_edge_transitions((1,), 2 + STAGES, 0)]
+    transitions = [(*step, change, -1) for step in steps for change in range(len(_LIGHT_CHANGES))]
+    transitions += [(*step, 0, -1) for step in _narrow_line_transitions()]
+    borders = (((0, OTHER_FLOOR_PHASE), OTHER_FLOOR_PHASE), ((OTHER_FLOOR_PHASE,), 0))
+    for floor, (begins, end) in enumerate(borders):  # under a light that stands
+        first = FIRST_BORDER_PHASE + floor * STAGES
+        transitions += [(*step, 0, floor) for step in _edge_transitions(begins, first, end)]
+    return transitions
 
 
-def _over_edge(begins: tuple[int, ...], first: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """From and to which phase, by how many stages: from where an edge begins, over its stages, to its end."""
+def _edge_transitions(begins: tuple[int, ...], first: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """Phases from and to, and stages: from where an edge begins, over its stages, to its end."""
     for phase in begins:
-        yield from ((phase, first + k - 1, k) for k in range(1, FASTEST + 1))
+        yield from ((phase, first + k - 1, k) for k in range(1, MAX_STAGES_PER_READING + 1))
     for stage in range(STAGES):
-        for k in range(FASTEST + 1):
+        for k in range(MAX_STAGES_PER_READING + 1):
             yield first + stage, first + stage + k if stage + k < STAGES else end, k
 
 
-def _over_narrow() -> Iterator[tuple[int, int, int]]:
+def _narrow_line_transitions() -> Iterator[tuple[int, int, int]]:
     """From the stages of an edge to black to those of one from black, where the spot is on as much of it:
     what is narrower than the spot ends before that is all on it."""
     for stage in range(STAGES):
-        for k in range(FASTEST + 1):
+        for k in range(MAX_STAGES_PER_READING + 1):
             left = STAGES - 1 - stage + k
             yield 2 + stage, 2 + STAGES + left if left < STAGES else 0, k
 
 
-def _on_floors(source: Index, target: Index, floors: Index) -> Index:
-    """Where the stories that move along a border stand, after what changes there: its stages at the end of
-    it, one by one, behind them white at its beginning, from white of the first floor and of another, and
-    from that back."""
-    begins = (source == 0) | (source == OTHER)
-    ends = (target == 0) | (target == OTHER)
-    leaving = STORIES + len(FLOORS) * STAGES + floors + (source == OTHER)
-    return np.where(begins, leaving, np.where(ends, STORIES + source - STEPS, source * LIGHTS))
+def _floor_sources(source: Index, target: Index, floors: Index) -> Index:
+    """Index of the source of each transition along a border in `HypothesisBank._with_floor_modes`: behind
+    the modes the stages that reach its end, one by one, and behind them white that leaves for it, of the
+    first floor, of another, and of that back."""
+    begins = (source == 0) | (source == OTHER_FLOOR_PHASE)
+    ends = (target == 0) | (target == OTHER_FLOOR_PHASE)
+    leaving = MODES + len(FLOOR_BORDERS_M) * STAGES + floors + (source == OTHER_FLOOR_PHASE)
+    return np.where(
+        begins, leaving, np.where(ends, MODES + source - FIRST_BORDER_PHASE, source * LIGHT_STATES)
+    )
 
 
 @lru_cache(maxsize=128)
-def chances(pace_tenths: int, spot_microns: int, others_lost: bool | None, known: bool = True) -> Array:
-    """Probability of every move at a pace (stages a reading); where it is not known, `SLOWER` as well."""
-    moves = moves_of_stories()
+def transition_probabilities(
+    pace_tenths: int, spot_microns: int, others_lost: bool | None, way_known: bool = True
+) -> Array:
+    """Probability of every transition at a pace (stages a reading); of a way that is not known the mean with
+    that of a pace slower by `UNKNOWN_WAY_FACTOR`."""
+    transitions = mode_transitions()
     pace = 0.1 * pace_tenths
     way = pace * 1e-6 * spot_microns / STAGES
-    number = np.arange(FASTEST + 1)
-    paces = np.array([[pace], [pace / (1.0 if known else SLOWER)]])
-    each = np.exp(-0.5 * ((number - paces) / (PACE_SPREAD * paces + LEAST_SPREAD)) ** 2)
-    advance = (each / each.sum(axis=1, keepdims=True)).mean(axis=0)
-    rate = np.where(moves.from_white, min(way / BETWEEN_LINES, 0.1), min(way / LINE_WIDTH, 0.2))
-    along = advance[moves.stages]
-    borders = np.array([min(way / FLOORS[0], 0.1), min(way / FLOORS[1], 0.1), 0.0])
-    begun = np.where(moves.floor >= 0, borders[moves.floor], rate)
+    number = np.arange(MAX_STAGES_PER_READING + 1)
+    paces = np.array([[pace], [pace / (1.0 if way_known else UNKNOWN_WAY_FACTOR)]])
+    weights = np.exp(-0.5 * ((number - paces) / (PACE_SPREAD * paces + LEAST_SPREAD)) ** 2)
+    advance = (weights / weights.sum(axis=1, keepdims=True)).mean(axis=0)
+    rate = np.where(transitions.from_white, min(way / BETWEEN_LINES_M, 0.1), min(way / LINE_WIDTH_M, 0.2))
+    along = advance[transitions.stages]
+    borders = np.array([min(way / FLOOR_BORDERS_M[0], 0.1), min(way / FLOOR_BORDERS_M[1], 0.1), 0.0])
+    begun = np.where(transitions.floor >= 0, borders[transitions.floor], rate)
     entering = begun * along / (1.0 - advance[0])
-    stays = 1.0 - rate - moves.from_white * borders[0] - moves.on_other * 2.0 * borders[1]
-    stays = np.where(moves.settles, borders[1], stays)  # and is the floor
-    turning = NARROW * min(pace / STAGES, 1.0)
-    along = along * np.where(moves.turns, turning, np.where(moves.entering, 1.0 - turning, 1.0))
-    chance = np.where(moves.stages < 0, stays, np.where(moves.on_edge, along, entering))
-    begins = WITH_OTHERS[others_lost] * np.array(BEGINS)
-    changes = np.array([1.0 - begins.sum(), *begins, 1.0 - ENDS, ENDS])
-    return np.asarray(chance * np.where(moves.floor < 0, changes[moves.change], 1.0))
+    stay = 1.0 - rate - transitions.from_white * borders[0] - transitions.on_other * 2.0 * borders[1]
+    stay = np.where(transitions.adopts_floor, borders[1], stay)  # and is the floor
+    turning = NARROW_LINE_SHARE * min(pace / STAGES, 1.0)
+    along = along * np.where(
+        transitions.leaves_narrow_line, turning, np.where(transitions.entering, 1.0 - turning, 1.0)
+    )
+    probability = np.where(transitions.stages < 0, stay, np.where(transitions.on_edge, along, entering))
+    begins = OTHERS_LOST_FACTORS[others_lost] * np.array(LIGHT_CHANGE_BEGINS)
+    changes = np.array([1.0 - begins.sum(), *begins, 1.0 - LIGHT_CHANGE_ENDS, LIGHT_CHANGE_ENDS])
+    return np.asarray(probability * np.where(transitions.floor < 0, changes[transitions.change], 1.0))

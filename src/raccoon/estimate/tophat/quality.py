@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
-from raccoon.estimate.tophat.flicker import lamps
+from raccoon.estimate.tophat.flicker import detect_flicker_hz
 from raccoon.estimate.tophat.sequence import longest_above
 from raccoon.model.reflectance import FULL_SCALE
 
@@ -16,16 +16,18 @@ Array = NDArray[np.float64]
 
 LEAST_READINGS = 40  # 0.2 s at 200 Hz
 MOST_AT_RAIL = 0.9
-MAINS = 10  # readings averaged: whole periods of lamps on mains of 50 and of 60 Hz
-APART = 6  # readings between such means
-RESTLESS = 10.0  # counts by which they change at random under a robot that stands: plugged in, below 5
-LEFT = 0.5  # of the readings' spread under lamps, which such means may have where words come unevenly
-NO_LIGHT, DROWNED = 3900.0, 30.0  # counts: a white at 23 mm reads less than that, in the sun more than this
+MAINS_READINGS = 10  # readings averaged: whole periods of lamps on mains of 50 and of 60 Hz
+MEANS_APART = 6  # readings between such means
+RESTLESS_COUNTS = 10.0  # counts by which they change at random under a robot that stands: plugged in, below 5
+FLICKER_REST_SHARE = 0.5
+"""Of the readings' spread under lamps, which such means may have where words come unevenly."""
+NO_LIGHT_COUNTS, DROWNED_COUNTS = 3900.0, 30.0
+"""Counts: a white at 23 mm reads less than that, in the sun more than this."""
 NARROWEST = 0.010  # m; tapes are 12 mm and wider, and a spot sees any seam as 9 mm at the most
-WANDERING = 250.0  # counts between successive readings: no floor under a sensor does that
+WANDERING_COUNTS = 250.0  # counts between successive readings: no floor under a sensor does that
 
 
-def checked(samples: ArrayLike) -> Array:
+def check_counts(samples: ArrayLike) -> Array:
     """The samples as floats, shape (n,).
 
     Raises ConfigError naming the first reading that is not a 12-bit count, or the shape that is not 1-D.
@@ -43,7 +45,7 @@ def checked(samples: ArrayLike) -> Array:
     return counts
 
 
-def refusal(counts: Array) -> TophatCalibration | None:
+def find_refusal(counts: Array) -> TophatCalibration | None:
     """A verdict that needs no search, or None."""
     if len(counts) < LEAST_READINGS:
         return TophatCalibration(
@@ -62,21 +64,21 @@ def refusal(counts: Array) -> TophatCalibration | None:
     return None
 
 
-def nothing(counts: Array) -> TophatCalibration:
+def no_surfaces_calibration(counts: Array) -> TophatCalibration:
     """The calibration where no two surfaces were found. Readings that jump about are of an open input."""
-    if float(np.median(np.abs(np.diff(counts)))) > WANDERING:
+    if float(np.median(np.abs(np.diff(counts)))) > WANDERING_COUNTS:
         return TophatCalibration(Verdict.FLOATING, "the readings jump about as an open input does")
     mean, ask = float(counts.mean()), "drive over white and black"
-    if mean > NO_LIGHT:
+    if mean > NO_LIGHT_COUNTS:
         ask = "over black alone, or too high above the floor to see it"
-    elif mean < DROWNED:
+    elif mean < DROWNED_COUNTS:
         ask = "it is in more light than it can tell: shade it"
     return TophatCalibration(
         Verdict.ONE_SURFACE, f"one surface at {mean:.0f} counts; {ask}", white=Surface.of(counts)
     )
 
 
-def wide_enough(found: TophatCalibration, counts: Array, ways: ArrayLike) -> TophatCalibration:
+def refuse_narrow(found: TophatCalibration, counts: Array, ways: ArrayLike) -> TophatCalibration:
     """The calibration, or its refusal where nothing dark is as wide as a line. ways: see `cluster.calibrate`.
 
     Raises ConfigError for another number of ways than of counts.
@@ -96,7 +98,7 @@ def wide_enough(found: TophatCalibration, counts: Array, ways: ArrayLike) -> Top
     return TophatCalibration(Verdict.ONE_SURFACE, reason, white=found.white)
 
 
-def restless(standing: ArrayLike) -> bool:
+def is_restless(standing: ArrayLike) -> bool:
     """True where the readings of a robot that stands wander as an open input does, which may follow its
     neighbour and so show white and black.
 
@@ -106,7 +108,11 @@ def restless(standing: ArrayLike) -> bool:
     counts = np.asarray(standing, dtype=float)
     if len(counts) < LEAST_READINGS:
         return False
-    means = np.convolve(counts, np.full(MAINS, 1.0 / MAINS), "valid")
-    bends = means[2 * APART :] - 2.0 * means[APART:-APART] + means[: -2 * APART]
-    limit = max(RESTLESS, LEFT * float(counts.std())) if lamps(counts) else RESTLESS
+    means = np.convolve(counts, np.full(MAINS_READINGS, 1.0 / MAINS_READINGS), "valid")
+    bends = means[2 * MEANS_APART :] - 2.0 * means[MEANS_APART:-MEANS_APART] + means[: -2 * MEANS_APART]
+    limit = (
+        max(RESTLESS_COUNTS, FLICKER_REST_SHARE * float(counts.std()))
+        if detect_flicker_hz(counts)
+        else RESTLESS_COUNTS
+    )
     return float(np.median(np.abs(bends))) > limit

@@ -9,12 +9,12 @@ from functools import cache
 from raccoon.model.reflectance import GENERATIONS, NEAR, SensorModel, fit, light_of
 
 LEAST_HEIGHT, MOST_HEIGHT = 0.003, 0.035  # m; where people mount them
-MISFIT_OF_BLACK, MISFIT_OF_WHITE = 0.10, 0.015  # of the lights v and u: tapes and sensors differ
-SUN_BY_BLACK = 0.03  # sd of black's share of the sun's light
-DARKEST = 0.8  # of its own light from white, that the darkest white sends back
-MOSTLY = 0.6  # of a way: more of it is seldom black
-DIM = 0.3  # of the light that white sends back: in lamps' light black seldom sends more
-FARTHEST = 0.4  # of that from the greatest height, which sensors may miss by so much
+BLACK_MISFIT, WHITE_MISFIT = 0.10, 0.015  # of the lights v and u: tapes and sensors differ
+SUN_BY_BLACK_SD = 0.03  # sd of black's share of the sun's light
+DARKEST_WHITE_SHARE = 0.8  # of its own light from white, that the darkest white sends back
+MOSTLY_DARK_SHARE = 0.6  # of a way: more of it is seldom black
+DIM_LIGHT_SHARE = 0.3  # of the light that white sends back: in lamps' light black seldom sends more
+FARTHEST_LIGHT_SHARE = 0.4  # of that from the greatest height, which sensors may miss by so much
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Explanation:
     farthest: float
 
 
-def explanations(white: float, black: float) -> list[Explanation]:
+def explain_levels(white: float, black: float) -> list[Explanation]:
     """The sensor generations that can read `white` and `black` (counts), the likelier first; none, one or
     two.
 
@@ -46,24 +46,24 @@ def explanations(white: float, black: float) -> list[Explanation]:
     """
     u, v = light_of(max(white, 1.0)), light_of(max(black, 1.0))
     found = [_explain(fit(generation), u, v) for generation in GENERATIONS]
-    return sorted((each for each in found if each is not None), key=_strangeness)
+    return sorted((each for each in found if each is not None), key=_implausibility)
 
 
 @cache
-def most_by_black() -> float:
+def max_black_share() -> float:
     """The most that black sends back, as a share of white's light: what it does of nothing but sunlight. It
     sends back less of lamps and of the sensor's own."""
-    return (1.0 + MISFIT_OF_BLACK) * max(fit(generation).sun_by_black for generation in GENERATIONS)
+    return (1.0 + BLACK_MISFIT) * max(fit(generation).sun_by_black for generation in GENERATIONS)
 
 
-def not_black(white: float, black: float, share: float) -> tuple[str, bool]:
+def why_not_black(white: float, black: float, share: float) -> tuple[str, bool]:
     """Why the darker of two levels (counts) is another white, "" where it may be black; and whether it is so
     for sure. share: of the readings that are the darker one."""
     sent = light_of(max(black, 1.0)) / light_of(max(white, 1.0))
     told = f"{black:.0f} counts beside {white:.0f} are {sent:.0%} of its light"
-    if sent > most_by_black():
-        return f"{told}, and black is at most {most_by_black():.0%}: a board or a seam, and no line", True
-    if share > MOSTLY and sent > DIM:
+    if sent > max_black_share():
+        return f"{told}, and black is at most {max_black_share():.0%}: a board or a seam, and no line", True
+    if share > MOSTLY_DARK_SHARE and sent > DIM_LIGHT_SHARE:
         return f"{told}, and most of the way: if that was white, the other was glare and no line seen", False
     return "", False
 
@@ -74,17 +74,17 @@ def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:
     most, least = (model.at(height).reflected for height in (LEAST_HEIGHT, MOST_HEIGHT))
     reflected = min(max(reflected, least), most, max(u - model.leak, least))
     sun = max(u - model.leak - reflected, 0.0)
-    if abs(r * reflected + model.leak + s * sun - v) > MISFIT_OF_BLACK * v + MISFIT_OF_WHITE * u:
+    if abs(r * reflected + model.leak + s * sun - v) > BLACK_MISFIT * v + WHITE_MISFIT * u:
         return None
     height = NEAR * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
     ambient = sun / (model.sun_near * (height / NEAR) ** model.sun_exponent)
-    doubt = math.hypot(MISFIT_OF_BLACK * v, SUN_BY_BLACK * sun) / (s - r)
-    farthest = FARTHEST * least
-    sure = max(DARKEST * reflected - 2.0 * doubt, farthest)
+    doubt = math.hypot(BLACK_MISFIT * v, SUN_BY_BLACK_SD * sun) / (s - r)
+    farthest = FARTHEST_LIGHT_SHARE * least
+    sure = max(DARKEST_WHITE_SHARE * reflected - 2.0 * doubt, farthest)
     return Explanation(model.generation, height, ambient, reflected, s, sure, farthest)
 
 
-def _strangeness(explanation: Explanation) -> float:
+def _implausibility(explanation: Explanation) -> float:
     """How far from usual: heights of 5 to 25 mm, and indoors before sunshine."""
     below = max(0.005 / explanation.height - 1.0, 0.0)
     above = max(explanation.height / 0.025 - 1.0, 0.0)

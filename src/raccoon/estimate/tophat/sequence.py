@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-STEEP = 5.0  # noise standard deviations between the means of three readings before and three after
-BETWEEN = 0.25  # of the way from before to after, from both ends
-LONE = 8.0  # noise standard deviations between a reading and its neighbours
-LOST = 0.5  # share of those readings that may be alone
-ROW = 6  # readings in a row, on the average, that a surface under a driving robot gives
+STEEP_SDS = 5.0  # noise standard deviations between the means of three readings before and three after
+BETWEEN_SHARE = 0.25  # of the way from before to after, from both ends
+LONE_SDS = 8.0  # noise standard deviations between a reading and its neighbours
+MAX_LONE_SHARE = 0.5  # share of those readings that may be alone
+READINGS_PER_RUN = 6  # readings in a row, on the average, that a surface under a driving robot gives
 NOISE_SHARE = 15.0  # a fifteenth of the contrast may be left of the noise
 QUICK_READINGS, QUICK_SHARE = 10, 0.03  # an edge takes at most this many readings, or this share of the drive
 TREND_POINTS, TREND_WINDOW = 20, 0.2  # of the running median; a line is much narrower than the window
@@ -33,7 +33,7 @@ def noise_sd(counts: Array) -> float:
     return max(1.0, float(np.median(np.abs(second))) / (0.6745 * math.sqrt(6.0)))
 
 
-def settled(counts: Array, *, ends: bool = False) -> Mask:
+def settled_mask(counts: Array, *, ends: bool = False) -> Mask:
     """False where an edge is being crossed, shape (n,).
 
     There the readings before and after differ by more than noise and this one lies between them. A reading on
@@ -43,43 +43,43 @@ def settled(counts: Array, *, ends: bool = False) -> Mask:
     threes = np.convolve(counts, np.ones(3) / 3.0, mode="valid")  # threes[i] is the mean of i, i+1, i+2
     before, after, here = threes[:-4], threes[4:], counts[3:-3]
     rise, noise = after - before, noise_sd(counts)
-    steep = np.abs(rise) > STEEP * math.sqrt(2.0 / 3.0) * noise
+    steep = np.abs(rise) > STEEP_SDS * math.sqrt(2.0 / 3.0) * noise
     way = np.where(rise == 0.0, 1.0, rise)
     share = (here - before) / way
-    least = np.minimum(BETWEEN, STEEP * noise / np.abs(way)) if ends else BETWEEN
+    least = np.minimum(BETWEEN_SHARE, STEEP_SDS * noise / np.abs(way)) if ends else BETWEEN_SHARE
     calm = np.ones(len(counts), dtype=bool)
     calm[3:-3] = ~(steep & (share > least) & (share < 1.0 - least))
     return calm
 
 
-def spikes(counts: Array) -> Mask:
+def spike_mask(counts: Array) -> Mask:
     """True where a single reading differs from both sides of it, shape (n,)."""
-    limit = LONE * noise_sd(counts)
+    limit = LONE_SDS * noise_sd(counts)
     away = np.abs(np.diff(counts)) > limit
     lone = np.zeros(len(counts), dtype=bool)
     lone[1:-1] = away[1:] & away[:-1] & (np.abs(counts[2:] - counts[:-2]) <= limit)
     return lone
 
 
-def runs(mask: Mask) -> int:
+def count_runs(mask: Mask) -> int:
     """How many unbroken runs of True there are."""
     return int(mask[0]) + int(np.count_nonzero(mask[1:] & ~mask[:-1]))
 
 
-def in_runs(counts: Array, cut: float) -> bool:
+def comes_in_runs(counts: Array, cut: float) -> bool:
     """True where the readings above `cut` come in rows, as a surface that is driven over gives them.
 
     Judged on medians of three: lone readings beyond the cut, which noise makes on either side, do not count.
     """
     raw = counts > cut
     above = (raw[2:].astype(int) + raw[1:-1] + raw[:-2]) >= 2
-    if abs(np.count_nonzero(above) - np.count_nonzero(raw)) > LOST * np.count_nonzero(raw):
+    if abs(np.count_nonzero(above) - np.count_nonzero(raw)) > MAX_LONE_SHARE * np.count_nonzero(raw):
         return False
     rarer = int(min(np.count_nonzero(above), np.count_nonzero(~above)))
-    return 0 < runs(above) <= max(1, rarer // ROW)
+    return 0 < count_runs(above) <= max(1, rarer // READINGS_PER_RUN)
 
 
-def changes_quickly(counts: Array, bright: float, dark: float) -> bool:
+def has_quick_edge(counts: Array, bright: float, dark: float) -> bool:
     """True where some passage between the two levels takes no longer than an edge does.
 
     Timed from 30 to 70 % of the way, on a mean over as many readings as keep noise from shortening it.
@@ -95,7 +95,7 @@ def changes_quickly(counts: Array, bright: float, dark: float) -> bool:
     return quickest <= max(QUICK_READINGS, QUICK_SHARE * len(counts)) + width
 
 
-def trend(counts: Array) -> tuple[Array, slice]:
+def running_trend(counts: Array) -> tuple[Array, slice]:
     """The slow part of the readings, shape (n,): a running median over a fifth of the drive.
 
     And the part of the drive where it is known: half a window from each end the median has no other side.

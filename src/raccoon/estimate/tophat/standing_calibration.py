@@ -7,33 +7,36 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict, believed
-from raccoon.estimate.tophat.cluster import SURE, calibrate_two_phase
-from raccoon.estimate.tophat.levels import PATTERN
-from raccoon.estimate.tophat.quality import checked
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
+from raccoon.estimate.tophat.cluster import SURE_SEPARATION, calibrate_two_phase
+from raccoon.estimate.tophat.levels import PATTERN_SHARE
+from raccoon.estimate.tophat.quality import check_counts
 from raccoon.estimate.tophat.sequence import noise_sd
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
-PIECE = 20  # readings: 0.1 s at 200 Hz, whole periods of lamps on mains of 50 and of 60 Hz
-HALF = 0.42  # of white's light, that black sends back in nothing but the sun, or one half beside the line
-MOVED = 0.15  # of its light, by which a sensor that is held, or shaded by a hand, changes
-BY_NOISE = 6.0  # standard deviations of such a mean
+PIECE_READINGS = 20  # readings: 0.1 s at 200 Hz, whole periods of lamps on mains of 50 and of 60 Hz
+DOUBTFUL_BLACK_SHARE = 0.42
+"""Of white's light, that black sends back in nothing but the sun, or one half beside the line."""
+MOVED_LIGHT_SHARE = 0.15  # of its light, by which a sensor that is held, or shaded by a hand, changes
+NOISE_SDS = 6.0  # standard deviations of such a mean
 
 
-def moved(standing: ArrayLike) -> bool:
+def was_moved(standing: ArrayLike) -> bool:
     """Whether what a sensor read was not one place in one light: it was moved, held or shaded meanwhile.
 
     standing: counts, in order of time. False where they are too few to tell.
     """
-    counts = checked(standing)
-    pieces = len(counts) // PIECE
+    counts = check_counts(standing)
+    pieces = len(counts) // PIECE_READINGS
     if pieces < 2:
         return False
-    means = counts[: pieces * PIECE].reshape(pieces, PIECE).mean(axis=1)
+    means = counts[: pieces * PIECE_READINGS].reshape(pieces, PIECE_READINGS).mean(axis=1)
     least, most = float(means.min()), float(means.max())
     light = FULL_SCALE / max(least, 1.0) - FULL_SCALE / max(most, 1.0)
-    noise = noise_sd(counts) / PIECE**0.5
-    return light > MOVED * (FULL_SCALE / max(least, 1.0) - 1.0) and most - least > BY_NOISE * noise
+    noise = noise_sd(counts) / PIECE_READINGS**0.5
+    return (
+        light > MOVED_LIGHT_SHARE * (FULL_SCALE / max(least, 1.0) - 1.0) and most - least > NOISE_SDS * noise
+    )
 
 
 def calibrate_standing(white: ArrayLike, black: ArrayLike) -> TophatCalibration:
@@ -45,18 +48,18 @@ def calibrate_standing(white: ArrayLike, black: ArrayLike) -> TophatCalibration:
     found = calibrate_two_phase(white, black)
     if not found.usable:
         return found
-    bright, dark = (_uneven(each) for each in found.surfaces())
-    wide = believed(found.verdict, found.reason, bright, dark, found.share_black)
+    bright, dark = (_with_uneven_spread(each) for each in found.surfaces())
+    wide = TophatCalibration.of_surfaces(found.verdict, found.reason, bright, dark, found.share_black)
     told = f"white reads {bright.mean:.0f} and black {dark.mean:.0f}"
-    if wide.separation < SURE:
+    if wide.separation < SURE_SEPARATION:
         return replace(wide, verdict=Verdict.WEAK, reason=f"{told}, which is close")
     sent = light_of(dark.mean) / light_of(bright.mean)
-    if sent > HALF:
+    if sent > DOUBTFUL_BLACK_SHARE:
         told = f"{told}, {sent:.0%} of its light: that is black in the sun, or a sensor half beside the line"
         return replace(wide, verdict=Verdict.WEAK, reason=told)
     return wide if wide.verdict is Verdict.WEAK else replace(wide, reason=told)
 
 
-def _uneven(surface: Surface) -> Surface:
-    pattern = PATTERN * (surface.mean - surface.mean**2 / FULL_SCALE)
+def _with_uneven_spread(surface: Surface) -> Surface:
+    pattern = PATTERN_SHARE * (surface.mean - surface.mean**2 / FULL_SCALE)
     return replace(surface, sd=float(np.hypot(surface.sd, pattern)))

@@ -14,7 +14,7 @@ from raccoon.estimate.tophat.stored_calibration import StoredCalibration, parse_
 __all__ = ["StoredCalibration", "TophatStore"]
 
 FORMAT = 1
-KEPT = 50  # calibrations of one robot's sensor and surface
+MAX_STORED = 50  # calibrations of one robot's sensor and surface
 
 
 class TophatStore:
@@ -58,7 +58,7 @@ class TophatStore:
         for each in reversed([*self._load(), *entries]):
             whose = each.sensor, each.set_name, each.robot
             counts[whose] += 1
-            if counts[whose] <= KEPT:
+            if counts[whose] <= MAX_STORED:
                 kept.append(each)
         self._write(kept[::-1])
 

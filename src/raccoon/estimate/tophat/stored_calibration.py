@@ -9,14 +9,14 @@ from typing import Any
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds, finite, refuse_unknown, shown
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
-from raccoon.estimate.tophat.flicker import KINDS
+from raccoon.estimate.tophat.flicker import FLICKER_HZ
 from raccoon.model.reflectance import FULL_SCALE, GENERATIONS
 
-COUNTS = Bounds(0.0, FULL_SCALE)
-SPREAD = Bounds(positive=True, high=FULL_SCALE)
-SHARE = Bounds(0.0, 1.0)
-FROM_ZERO = Bounds(0.0)
-VOLTAGE = Bounds(0.0, 30.0)
+COUNTS_BOUNDS = Bounds(0.0, FULL_SCALE)
+SPREAD_BOUNDS = Bounds(positive=True, high=FULL_SCALE)
+SHARE_BOUNDS = Bounds(0.0, 1.0)
+FROM_ZERO_BOUNDS = Bounds(0.0)
+VOLTAGE_BOUNDS = Bounds(0.0, 30.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,48 +42,49 @@ def parse_entry(table: object, where: str) -> StoredCalibration:
 
     Raises ConfigError naming the entry, its sensor, the key, the value and what is allowed.
     """
-    values = _table(StoredCalibration, table, where)
-    sensor = _text(values["sensor"], f"{where}.sensor")
+    values = _check_table(StoredCalibration, table, where)
+    sensor = _check_text(values["sensor"], f"{where}.sensor")
     here = f"{where} (sensor {sensor})"
     generation = values.get("generation")
     if generation is not None and generation not in GENERATIONS:
         raise ConfigError(f"{here}.generation = {shown(generation)}: allowed are null, old and new")
     return StoredCalibration(
         sensor,
-        _text(values["set_name"], f"{here}.set_name"),
-        _text(values["time"], f"{here}.time"),
-        _calibration(values["calibration"], f"{here}.calibration"),
-        _text(values.get("robot", ""), f"{here}.robot"),
-        _maybe(values.get("ambient"), FROM_ZERO, f"{here}.ambient"),
-        _maybe(values.get("battery_voltage"), VOLTAGE, f"{here}.battery_voltage"),
+        _check_text(values["set_name"], f"{here}.set_name"),
+        _check_text(values["time"], f"{here}.time"),
+        _parse_calibration(values["calibration"], f"{here}.calibration"),
+        _check_text(values.get("robot", ""), f"{here}.robot"),
+        _optional_number(values.get("ambient"), FROM_ZERO_BOUNDS, f"{here}.ambient"),
+        _optional_number(values.get("battery_voltage"), VOLTAGE_BOUNDS, f"{here}.battery_voltage"),
         generation,
     )
 
 
-def _calibration(table: object, where: str) -> TophatCalibration:
-    values = _table(TophatCalibration, table, where)
+def _parse_calibration(table: object, where: str) -> TophatCalibration:
+    values = _check_table(TophatCalibration, table, where)
     verdict = values["verdict"]
     if verdict not in tuple(Verdict):
         raise ConfigError(f"{where}.verdict = {shown(verdict)}: allowed is {' | '.join(Verdict)}")
     flickers = values.get("flickers", 0)
     if isinstance(flickers, bool):  # of files from before lamps of 120 Hz were known
         flickers = 100 if flickers else 0
-    if flickers not in (0, *KINDS):
+    if flickers not in (0, *FLICKER_HZ):
         raise ConfigError(f"{where}.flickers = {shown(flickers)}: allowed are 0, 100, 120 and 250 (Hz)")
     threshold, low, high = (
-        _maybe(values.get(key), COUNTS, f"{where}.{key}") for key in ("threshold", "low", "high")
+        _optional_number(values.get(key), COUNTS_BOUNDS, f"{where}.{key}")
+        for key in ("threshold", "low", "high")
     )
     found = TophatCalibration(
         Verdict(verdict),
-        _text(values["reason"], f"{where}.reason"),
-        _surface(values.get("white"), f"{where}.white"),
-        _surface(values.get("black"), f"{where}.black"),
+        _check_text(values["reason"], f"{where}.reason"),
+        _parse_surface(values.get("white"), f"{where}.white"),
+        _parse_surface(values.get("black"), f"{where}.black"),
         threshold,
         low,
         high,
-        separation=_number(values.get("separation", 0.0), FROM_ZERO, f"{where}.separation"),
-        share_black=_number(values.get("share_black", 0.0), SHARE, f"{where}.share_black"),
-        error_rate=_maybe(values.get("error_rate"), SHARE, f"{where}.error_rate"),
+        separation=_check_number(values.get("separation", 0.0), FROM_ZERO_BOUNDS, f"{where}.separation"),
+        share_black=_check_number(values.get("share_black", 0.0), SHARE_BOUNDS, f"{where}.share_black"),
+        error_rate=_optional_number(values.get("error_rate"), SHARE_BOUNDS, f"{where}.error_rate"),
         flickers=flickers,
     )
     _check_order(found, where)
@@ -110,18 +111,18 @@ def _check_order(found: TophatCalibration, where: str) -> None:
         raise ConfigError(f"{where}: {said}: they must rise in this order")
 
 
-def _surface(table: object, where: str) -> Surface | None:
+def _parse_surface(table: object, where: str) -> Surface | None:
     if table is None:
         return None
-    values = _table(Surface, table, where)
+    values = _check_table(Surface, table, where)
     count = values["count"]
     if isinstance(count, bool) or not isinstance(count, int) or count < 0:
         raise ConfigError(f"{where}.count = {shown(count)}: allowed are whole numbers from 0")
-    mean = _number(values["mean"], COUNTS, f"{where}.mean")
-    return Surface(mean, _number(values["sd"], SPREAD, f"{where}.sd"), count)
+    mean = _check_number(values["mean"], COUNTS_BOUNDS, f"{where}.mean")
+    return Surface(mean, _check_number(values["sd"], SPREAD_BOUNDS, f"{where}.sd"), count)
 
 
-def _table(kind: type[Any], table: object, where: str) -> Mapping[str, Any]:
+def _check_table(kind: type[Any], table: object, where: str) -> Mapping[str, Any]:
     """The table, with no key that `kind` does not have and all that it needs."""
     if not isinstance(table, Mapping):
         raise ConfigError(f"{where} = {shown(table)}: it must be a table")
@@ -132,18 +133,18 @@ def _table(kind: type[Any], table: object, where: str) -> Mapping[str, Any]:
     return table
 
 
-def _text(value: object, where: str) -> str:
+def _check_text(value: object, where: str) -> str:
     if not isinstance(value, str):
         raise ConfigError(f"{where} = {shown(value)}: it must be a text")
     return value
 
 
-def _number(value: object, bounds: Bounds, where: str) -> float:
+def _check_number(value: object, bounds: Bounds, where: str) -> float:
     found = finite(value)
     if found is None or not bounds.allows(found):
         raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds}")
     return found
 
 
-def _maybe(value: object, bounds: Bounds, where: str) -> float | None:
-    return None if value is None else _number(value, bounds, where)
+def _optional_number(value: object, bounds: Bounds, where: str) -> float | None:
+    return None if value is None else _check_number(value, bounds, where)

@@ -114,12 +114,12 @@ class _Asking:
 
 def _strange(name: str, port: int, counts: Sequence[float]) -> str:
     """What keeps readings from being those of one place, "" where nothing does."""
-    from raccoon.estimate.tophat.quality import LEAST_READINGS, restless
-    from raccoon.estimate.tophat.standing_calibration import moved
+    from raccoon.estimate.tophat.quality import LEAST_READINGS, is_restless
+    from raccoon.estimate.tophat.standing_calibration import was_moved
 
     if len(counts) < LEAST_READINGS:
         return f"tophat {name} is not read: its port, analog {port}, gave {len(counts)} words"
-    if restless(counts) or moved(counts):
+    if is_restless(counts) or was_moved(counts):
         low, high = min(counts), max(counts)
         return (
             f"tophat {name} did not stay the same, it read {low:.0f} to {high:.0f} counts: put the robot "

@@ -89,11 +89,11 @@ def _compare(
 ) -> None:
     """Say which sensors to use with care, and which sit higher or lower than at the calibration before."""
     from raccoon.estimate.tophat.calibration import Verdict
-    from raccoon.estimate.tophat.calibration_watch import height_changed, swapped
+    from raccoon.estimate.tophat.calibration_watch import find_swapped, has_height_changed
 
     known = {name: each for name, each in before.items() if each is not None}
     floors = {name: (each.surfaces()[0].mean,) for name, each in found.items()}
-    pair = swapped(known, floors) or ()
+    pair = find_swapped(known, floors) or ()
     if pair:
         say(
             robot,
@@ -104,21 +104,21 @@ def _compare(
         if now.verdict is Verdict.WEAK:
             say(robot, f"tophat {name} is to be used with care: {now.reason}")
         last = before[name]
-        if last is not None and name not in pair and height_changed(last, now):
+        if last is not None and name not in pair and has_height_changed(last, now):
             say(robot, f"tophat {name} sits higher or lower than at its last calibration")
 
 
 def _store(robot: Robot, found: Mapping[str, TophatCalibration], store: Path, set_name: str) -> None:
     from datetime import UTC, datetime
 
-    from raccoon.estimate.tophat.sensor import explanations
+    from raccoon.estimate.tophat.sensor import explain_levels
     from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 
     now = datetime.now(UTC).isoformat(timespec="seconds")
     entries = []
     for name, each in found.items():
         white, black = each.surfaces()
-        known = explanations(white.mean, black.mean)
+        known = explain_levels(white.mean, black.mean)
         ambient, generation = (known[0].ambient, known[0].generation) if len(known) == 1 else (None, None)
         entries.append(
             StoredCalibration(

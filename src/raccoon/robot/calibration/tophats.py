@@ -115,14 +115,14 @@ def _useless(
     robot: Robot, found: Mapping[str, TophatCalibration], standing: Sequence[Sequence[Inputs]]
 ) -> dict[str, str]:
     """Why a tophat cannot be used, by name. standing: what was read while the robot stood."""
-    from raccoon.estimate.tophat.quality import restless
+    from raccoon.estimate.tophat.quality import is_restless
 
     useless = {}
     for name, sensor in robot.tophats.items():
         port, each = sensor.config.analog, found[name]
         if each.threshold is None:
             useless[name] = f"{each.verdict}, {each.reason}{_ASKED.get(each.verdict, '').format(port)}"
-        if any(restless(counts_of(inputs, port)) for inputs in standing):
+        if any(is_restless(counts_of(inputs, port)) for inputs in standing):
             useless[name] = f"floating, it wanders while the robot stands: is it plugged into analog {port}?"
     return useless
 

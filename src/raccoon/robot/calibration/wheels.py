@@ -45,7 +45,7 @@ def calibrate_drive(
     robot on its way, saying what to do; TypeError before anything moves where `taped` is no function, and
     TypeError or ValueError where it gives no such distance when asked for the third time.
     """
-    from raccoon.estimate.drive_calibration.disturbance import disturbance
+    from raccoon.estimate.drive_calibration.disturbance import describe_disturbance
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
     check_robot(robot, "calibrate_drive()")
@@ -56,7 +56,7 @@ def calibrate_drive(
     readings: list[Inputs] = []
     driven(robot, watched(wait(REST), readings))
     result = driven(robot, watched(straight(distance, speed), readings))
-    if why := disturbance(result.held, robot.odometry.slipped, result.remarks):
+    if why := describe_disturbance(result.held, robot.odometry.slipped, result.remarks):
         raise CalibrationError(f"the drive of the calibration tells nothing: {why}")
     driven(robot, watched(wait(REST), readings))
     found = calibrate_straight(robot.config, readings, _asked(taped), distance_std=tape_std)

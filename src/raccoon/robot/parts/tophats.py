@@ -119,9 +119,9 @@ class TophatSensor(Part):
 
         self.silent = self._heard is not None and time - self._heard > SILENT
         if len(self._standing) == STANDING:
-            from raccoon.estimate.tophat.quality import restless
+            from raccoon.estimate.tophat.quality import is_restless
 
-            step = 1 if restless(self._standing) else -1
+            step = 1 if is_restless(self._standing) else -1
             self._wandered = min(max(self._wandered + step, 0), WANDERS)
             if self._wandered in (0, WANDERS):
                 self.floating = self._wandered == WANDERS
@@ -250,10 +250,10 @@ class Floor:
 
     def _swapped(self, sensor: TophatSensor) -> str | None:
         """What to say where it reads the floor as another sensor should."""
-        from raccoon.estimate.tophat.calibration_watch import swapped
+        from raccoon.estimate.tophat.calibration_watch import find_swapped
 
         stored = {each.name: each.calibration for each in self._sensors if each.calibration is not None}
-        pair = swapped(stored, {each.name: each.recent for each in self._sensors})
+        pair = find_swapped(stored, {each.name: each.recent for each in self._sensors})
         if pair is None or sensor.name not in pair:
             return None
         other = pair[pair[0] == sensor.name]

@@ -12,7 +12,7 @@ from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import Fault, Inputs, Outputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.estimate.ekf.bridge import bridged
+from raccoon.estimate.ekf.bridge import bridge_gap
 from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.model.drive import DriveGeometry
 
@@ -206,7 +206,7 @@ def test_the_bridge_has_the_derivatives_of_its_motion() -> None:
     pose = [State.X, State.Y, State.HEADING]
 
     def end(state: np.ndarray, left: float = angles[0], right: float = angles[1]) -> np.ndarray:
-        found: np.ndarray = bridged(
+        found: np.ndarray = bridge_gap(
             state, np.zeros((SIZE, SIZE)), seconds, (left, right), np.zeros((2, 2)), geometry, after
         )[0][pose]
         return found
@@ -224,8 +224,8 @@ def test_the_bridge_has_the_derivatives_of_its_motion() -> None:
     B = 0.01 * generator.normal(size=(2, 2))
     spread, noise = A @ A.T, B @ B.T
     sure = np.zeros((SIZE, SIZE)), seconds, angles, np.zeros((2, 2))
-    _, known, travel = bridged(mean, *sure, geometry, after)
-    _, P, _ = bridged(mean, spread, seconds, angles, noise, geometry, after)
+    _, known, travel = bridge_gap(mean, *sure, geometry, after)
+    _, P, _ = bridge_gap(mean, spread, seconds, angles, noise, geometry, after)
     np.testing.assert_allclose((P - known)[np.ix_(pose, pose)], exact(spread, noise), rtol=0.02, atol=3e-6)
     assert travel == pytest.approx(1.02 * 0.5 * 0.0345 * (1.083 / 0.99 + 2.334 / 1.01))
     assert np.linalg.eigvalsh(P).min() > 0.0

@@ -37,7 +37,7 @@ def driven(velocity: float, turn_rate: float, wheel_turn: float = 1.0) -> DriveF
         read = moves * means + (before + now) * (0.5, 0.0, 0.5) + now * (0.0, 1.0, 0.0)
         drive.step(0.02, tuple(read.tolist()), tuple((stds**2).tolist()), 0.0)
         if not moves:
-            drive.still(4e-8, 4e-8)
+            drive.apply_standstill(4e-8, 4e-8)
     return drive
 
 

@@ -103,7 +103,7 @@ def test_a_doubt_of_the_way_is_one_of_all_that_hangs_together_with_it() -> None:
     drive_filter = odometry._stepper.fusion.drive
     way, place = variance_index(State.WAY), covariance_index(State.X, State.WAY)
     before = drive_filter.flat
-    drive_filter.doubt_way(0.03, 0.04)
+    drive_filter.widen_way(0.03, 0.04)
     after = drive_filter.flat
     assert after[way] == pytest.approx(before[way] + 0.05**2)
     # Metres that the place is off for a way that is off: the same as before, about those that it went.

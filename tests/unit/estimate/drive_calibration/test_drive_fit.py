@@ -14,10 +14,10 @@ from drive_traces import RADIUS, TRACK, Errors, Segment, drive
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS
-from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre, TapedWay, manoeuvre
+from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre, TapedWay, manoeuvre_from_columns
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
-from raccoon.estimate.drive_calibration.paths import START, off_shape, off_truth, path
-from raccoon.estimate.drive_calibration.plausibility import surprises
+from raccoon.estimate.drive_calibration.paths import START_S, integrate_path, shape_residuals, truth_residuals
+from raccoon.estimate.drive_calibration.plausibility import describe_surprises
 from raccoon.model.bemf import counts_scale
 from shared_data import data_path
 
@@ -80,24 +80,24 @@ def test_few_rows_of_an_arc_end_where_many_do() -> None:
     """Each goes along the middle of its headings: an eighth as many rows are 64 times, not 8 times, as far
     off."""
     for rows, off in ((81, 7e-6), (11, 5e-4)):
-        end = path(np.ones(3), ROBOT, quarter_circle(rows))[-1]
+        end = integrate_path(np.ones(3), ROBOT, quarter_circle(rows))[-1]
         assert end == pytest.approx((0.4, 0.4, 0.5 * math.pi), abs=off)
 
 
 def test_the_shape_of_a_path_is_right_where_its_start_was_seen_wrong() -> None:
     """Half a degree in the first half second turns all the rest about its start."""
     wrong = math.radians(0.5)
-    truth = path(np.ones(3), ROBOT, quarter_circle(400))
-    first = quarter_circle(400).t <= START
+    truth = integrate_path(np.ones(3), ROBOT, quarter_circle(400))
+    first = quarter_circle(400).t <= START_S
     truth[first, 2] += wrong
     seen = quarter_circle(400, truth)
-    end, shape = (off(np.ones(3), ROBOT, seen)[-1] for off in (off_truth, off_shape))
+    end, shape = (off(np.ones(3), ROBOT, seen)[-1] for off in (truth_residuals, shape_residuals))
     assert end == pytest.approx((-0.4 * wrong, 0.4 * wrong, wrong), rel=0.1)
     assert np.abs(shape).max() < 0.1 * 0.4 * wrong
 
 
 def test_motion_capture_gives_everything() -> None:
-    made = manoeuvre(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT]), ROBOT)
+    made = manoeuvre_from_columns(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT]), ROBOT)
     assert_found(calibrate_drive(ROBOT, [made]))
 
 
@@ -107,7 +107,7 @@ def test_gyro_and_one_taped_side_give_everything() -> None:
     side = math.hypot(
         table["truth.x"][end] - table["truth.x"][begin], table["truth.y"][end] - table["truth.y"][begin]
     )
-    made = manoeuvre(without(table, "truth"), ROBOT, taped=[TapedWay(1.0, 5.1, side)])
+    made = manoeuvre_from_columns(without(table, "truth"), ROBOT, taped=[TapedWay(1.0, 5.1, side)])
     found = calibrate_drive(ROBOT, [made])
     assert_found(found)
     assert found.left.std / found.left.value > 0.002, "cannot be better than the tape"
@@ -119,7 +119,7 @@ def test_a_tape_that_cannot_be_or_surprises_is_told() -> None:
 
     def taped(begin: float, end: float, metres: float) -> Any:
         piece = [TapedWay(begin, end, metres)]
-        return calibrate_drive(ROBOT, [manoeuvre(without(table, "truth"), ROBOT, taped=piece)])
+        return calibrate_drive(ROBOT, [manoeuvre_from_columns(without(table, "truth"), ROBOT, taped=piece)])
 
     assert taped(1.0, 5.1, 0.6).remarks == ()
     assert "was this motor or wheel changed, or the tape misread?" in taped(1.0, 5.1, 0.5).remarks[0]
@@ -132,7 +132,7 @@ def test_a_tape_that_cannot_be_or_surprises_is_told() -> None:
 
 def test_both_wheels_alike_off_are_the_tape_s_or_its_times() -> None:
     ticks = counts_scale(ROBOT, "left", SI_WORDS) * SI_WORDS.position_counts_seconds
-    (remark,) = surprises(ROBOT, SI_WORDS, [Measured(0.7 * ticks, 0.001 * ticks)] * 2)
+    (remark,) = describe_surprises(ROBOT, SI_WORDS, [Measured(0.7 * ticks, 0.001 * ticks)] * 2)
     assert remark == (
         "both motors' radians_per_tick are 0.700 times what robot.toml says: read the tape and its times "
         "again, or the reference"
@@ -144,8 +144,10 @@ def test_a_tape_that_outweighs_motion_capture_is_no_better_for_it() -> None:
     table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
     begin, end = np.searchsorted(table["t"], [1.0, 5.1])
     side = math.dist(*([table["truth.x"][row], table["truth.y"][row]] for row in (begin, end)))
-    exact = calibrate_drive(ROBOT, [manoeuvre(table, ROBOT)])
-    found = calibrate_drive(ROBOT, [manoeuvre(table, ROBOT, taped=[TapedWay(1.0, 5.1, 1.01 * side, 0.006)])])
+    exact = calibrate_drive(ROBOT, [manoeuvre_from_columns(table, ROBOT)])
+    found = calibrate_drive(
+        ROBOT, [manoeuvre_from_columns(table, ROBOT, taped=[TapedWay(1.0, 5.1, 1.01 * side, 0.006)])]
+    )
     for name in ("left", "right"):
         moved = getattr(found, name).value - getattr(exact, name).value
         assert abs(moved) > 2.0 * getattr(exact, name).std
@@ -162,7 +164,7 @@ def test_four_ways_taped_with_one_tape_are_twice_as_sure_as_one() -> None:
             rows = np.searchsorted(table["t"], [begin, end])
             way = math.hypot(*np.diff(table["truth.x"][rows]), *np.diff(table["truth.y"][rows]))
             taped.append(TapedWay(begin, end, way, 0.01))
-        found = calibrate_drive(ROBOT, [manoeuvre(without(table, "truth"), ROBOT, taped=taped)])
+        found = calibrate_drive(ROBOT, [manoeuvre_from_columns(without(table, "truth"), ROBOT, taped=taped)])
         shares.append(found.left.std / found.left.value)
     assert shares == pytest.approx([0.01 / 0.6, 0.5 * 0.01 / 0.6], rel=0.15)
 
@@ -172,7 +174,7 @@ def test_motion_capture_that_is_slower_than_the_rows_gives_everything() -> None:
     rows = np.arange(len(table["t"]))
     blank = (rows % 8 != 3) | ((rows > 2000) & (rows < 2200))
     table |= {name: np.where(blank, np.nan, table[name]) for name in table if name.startswith("truth")}
-    assert_found(calibrate_drive(ROBOT, [manoeuvre(table, ROBOT)]))
+    assert_found(calibrate_drive(ROBOT, [manoeuvre_from_columns(table, ROBOT)]))
 
 
 def test_the_gyro_is_read_at_the_scale_that_robot_toml_gives_it() -> None:
@@ -184,7 +186,7 @@ def test_the_gyro_is_read_at_the_scale_that_robot_toml_gives_it() -> None:
     table = without(table, "truth")
     table["imu.gyro.z"] = 1.03 * table["imu.gyro.z"]
     robot = parse_robot({"model": {"imu": {"gyro_scale": {"value": 1.03, "std": 0.02}}}})
-    found = calibrate_drive(robot, [manoeuvre(table, robot, taped=[TapedWay(1.0, 5.1, side)])])
+    found = calibrate_drive(robot, [manoeuvre_from_columns(table, robot, taped=[TapedWay(1.0, 5.1, side)])])
     assert found.track_width.value == pytest.approx(TRACK * 1.03, rel=0.005)
     share = found.track_width.std / found.track_width.value
     assert 0.019 < share < 0.025, "cannot be better than the gyro's scale"
@@ -192,24 +194,26 @@ def test_the_gyro_is_read_at_the_scale_that_robot_toml_gives_it() -> None:
     deviations = []
     for scale in (1.03, {"value": 1.03, "std": 0.005 * 1.03}):  # what a plain number is known to
         robot = parse_robot({"model": {"imu": {"gyro_scale": scale}}})
-        found = calibrate_drive(robot, [manoeuvre(table, robot, taped=[TapedWay(1.0, 5.1, side)])])
+        found = calibrate_drive(
+            robot, [manoeuvre_from_columns(table, robot, taped=[TapedWay(1.0, 5.1, side)])]
+        )
         deviations.append(found.track_width.std)
     assert deviations[0] == pytest.approx(deviations[1])
 
 
 def test_calibration_makes_the_path_true() -> None:
     table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
-    found = calibrate_drive(ROBOT, [manoeuvre(table, ROBOT)])
+    found = calibrate_drive(ROBOT, [manoeuvre_from_columns(table, ROBOT)])
     robot = found.applied(ROBOT)
-    again = manoeuvre(columns([*WAIT, *RIGHT_SQUARE, *LEFT_SQUARE, *WAIT], seed=5), robot)
-    end = path(np.ones(3), robot, again)[-1]
+    again = manoeuvre_from_columns(columns([*WAIT, *RIGHT_SQUARE, *LEFT_SQUARE, *WAIT], seed=5), robot)
+    end = integrate_path(np.ones(3), robot, again)[-1]
     assert again.truth is not None
     assert math.dist(end[:2], again.truth[-1, :2]) < 0.03
 
 
 def test_recordings_of_several_drives_are_fitted_together() -> None:
     made = [
-        manoeuvre(columns([*WAIT, *square, *WAIT], seed=seed), ROBOT)
+        manoeuvre_from_columns(columns([*WAIT, *square, *WAIT], seed=seed), ROBOT)
         for seed, square in enumerate((LEFT_SQUARE, RIGHT_SQUARE, LEFT_SQUARE, RIGHT_SQUARE))
     ]
     assert_found(calibrate_drive(ROBOT, made))
@@ -219,14 +223,14 @@ def test_inverted_motor_and_back_emf_alone_give_the_same() -> None:
     table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
     table["motor.0.bemf"] = -table["motor.0.bemf"]
     robot = RobotConfig(motors={0: MotorConfig(inverted=True)})
-    found = calibrate_drive(robot, [manoeuvre(without(table, "motor.0.p", "motor.1.p"), robot)])
+    found = calibrate_drive(robot, [manoeuvre_from_columns(without(table, "motor.0.p", "motor.1.p"), robot)])
     assert found.left_offset is not None
     assert found.left_offset.value == pytest.approx(-31.5, abs=1.0)
     assert found.track_width.value == pytest.approx(TRACK * 1.03, rel=0.01)
 
 
 def test_entries_are_keys_that_robot_toml_knows() -> None:
-    made = manoeuvre(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT]), ROBOT)
+    made = manoeuvre_from_columns(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT]), ROBOT)
     found = calibrate_drive(ROBOT, [made])
     table: dict[str, Any] = {}
     for key, value in found.entries(ROBOT).items():
@@ -240,7 +244,7 @@ def test_entries_are_keys_that_robot_toml_knows() -> None:
 
 
 def made(segments: Sequence[Segment], *leave_out: str) -> Manoeuvre:
-    return manoeuvre(without(columns(segments), *leave_out), ROBOT)
+    return manoeuvre_from_columns(without(columns(segments), *leave_out), ROBOT)
 
 
 @pytest.mark.parametrize(
@@ -263,7 +267,7 @@ def test_a_manoeuvre_that_cannot_tell_is_refused(
 def test_a_tape_without_a_gyro_is_refused() -> None:
     table = without(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE]), "truth", "imu")
     with pytest.raises(CalibrationError, match="no turn is known"):
-        calibrate_drive(ROBOT, [manoeuvre(table, ROBOT, taped=[TapedWay(1.0, 5.0, 0.6)])])
+        calibrate_drive(ROBOT, [manoeuvre_from_columns(table, ROBOT, taped=[TapedWay(1.0, 5.0, 0.6)])])
 
 
 def test_no_recording_at_all_is_refused() -> None:
@@ -275,7 +279,7 @@ def test_no_recording_at_all_is_refused() -> None:
 def test_a_missing_column_is_named(missing: str) -> None:
     reason = "no column t" if missing == "t" else "motor 0 has neither"
     with pytest.raises(CalibrationError, match=reason):
-        manoeuvre(without(columns([*WAIT, *LEFT_SQUARE]), missing), ROBOT)
+        manoeuvre_from_columns(without(columns([*WAIT, *LEFT_SQUARE]), missing), ROBOT)
 
 
 def recorded_runs(parity: int) -> list[dict[str, Array]]:
@@ -308,15 +312,15 @@ def recorded_robot() -> RobotConfig:
 
 def test_recorded_squares_calibrated_on_odd_runs_hold_on_even_ones() -> None:
     robot = recorded_robot()
-    odd = [manoeuvre(table, robot) for table in recorded_runs(1)]
+    odd = [manoeuvre_from_columns(table, robot) for table in recorded_runs(1)]
     found = calibrate_drive(robot, odd).applied(robot)
     errors: dict[str, list[float]] = {"nominal": [], "fitted": []}
     for table in recorded_runs(0):
         for name, used in (("nominal", robot), ("fitted", found)):
-            each = manoeuvre(table, used)
+            each = manoeuvre_from_columns(table, used)
             assert each.truth is not None
             start = each.truth[0]
-            driven = path(np.ones(3), used, each)
+            driven = integrate_path(np.ones(3), used, each)
             turn = np.array(
                 [[math.cos(start[2]), -math.sin(start[2])], [math.sin(start[2]), math.cos(start[2])]]
             )

@@ -17,8 +17,8 @@ from raccoon.estimate.drive.prior import process_noise, scale_covariance, scale_
 from raccoon.estimate.drive.readings import DriveReadings
 from raccoon.estimate.drive.standstill import CreepDetector, StandstillDetector
 from raccoon.estimate.drive.wheel_track import WheelTrack
-from raccoon.estimate.ekf.bridge import bridged
-from raccoon.estimate.ekf.filter import DriveFilter, ProcessNoise, covariance_of, flattened, mean_of
+from raccoon.estimate.ekf.bridge import bridge_gap
+from raccoon.estimate.ekf.filter import DriveFilter, ProcessNoise, covariance_of, flatten, mean_of
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import SIZE, OdometrySettings, State, wheel_scales
 from raccoon.model.bemf import counts_scale
@@ -53,10 +53,10 @@ def test_a_gap_carries_all_that_is_not_known_along_its_slopes() -> None:
 
     def moved(both: Array) -> Array:
         state, turned = both[:SIZE], (both[SIZE], both[SIZE + 1])
-        return bridged(state, 0.0 * P, 3.0, turned, 0.0 * noise, GEOMETRY, 0.1)[0][POSE]
+        return bridge_gap(state, 0.0 * P, 3.0, turned, 0.0 * noise, GEOMETRY, 0.1)[0][POSE]
 
     F = slopes(moved, np.concatenate([MEAN, angles]))
-    mean, found, travel = bridged(MEAN, P, 3.0, angles, noise, GEOMETRY, 0.1)
+    mean, found, travel = bridge_gap(MEAN, P, 3.0, angles, noise, GEOMETRY, 0.1)
     expected = F[:, :SIZE] @ P @ F[:, :SIZE].T + F[:, SIZE:] @ noise @ F[:, SIZE:].T
     np.testing.assert_allclose(found[POSE, POSE], expected, rtol=1e-5, atol=1e-15)
     assert travel == pytest.approx(1.05 * (left - 0.5 * early * 0.97 * 0.16))
@@ -68,7 +68,7 @@ def test_when_it_turned_in_a_gap_nobody_knows() -> None:
     mean = MEAN.copy()
     mean[[State.LEFT_OFFSET, State.RIGHT_OFFSET, State.GYRO_DELAY]] = 0.0
     nothing = np.zeros((SIZE, SIZE))
-    _, P, travel = bridged(mean, nothing, 3.0, angles, nothing[:2, :2], GEOMETRY, 0.0)
+    _, P, travel = bridge_gap(mean, nothing, 3.0, angles, nothing[:2, :2], GEOMETRY, 0.0)
     aside = travel * 0.3 / math.sqrt(3.0)
     np.testing.assert_allclose(P[POSE, POSE], np.diag([aside**2, aside**2, 0.0]), rtol=1e-9, atol=1e-18)
 
@@ -108,7 +108,7 @@ def test_a_doubt_ahead_is_none_across_and_one_aside_is_none_along() -> None:
 
 def test_a_bias_that_is_doubted_has_turned_the_heading_the_other_way_all_the_while() -> None:
     drive = certain()
-    drive.doubt_bias(0.02, 3.0)
+    drive.widen_bias(0.02, 3.0)
     J = np.zeros(SIZE)
     J[State.GYRO_BIAS], J[State.HEADING] = 0.02, -0.02 * 3.0
     np.testing.assert_allclose(covariance_of(drive.flat), np.outer(J, J), atol=1e-15)
@@ -126,24 +126,24 @@ def test_a_doubt_of_the_way_leaves_what_is_known_of_the_rest_for_each_way() -> N
 
     P = some_covariance()
     drive = DriveFilter(MEAN, P, GEOMETRY, STILL)
-    drive.doubt_way(0.05, 0.0)
+    drive.widen_way(0.05, 0.0)
     found = covariance_of(drive.flat)
     assert found[State.WAY, State.WAY] == pytest.approx(P[State.WAY, State.WAY] + 0.05**2)
     np.testing.assert_allclose(given_the_way(found), given_the_way(P), atol=1e-12)
-    drive.flat = flattened(MEAN, P)
-    drive.doubt_way(0.0, 0.05)
+    drive.flat = flatten(MEAN, P)
+    drive.widen_way(0.0, 0.05)
     more = covariance_of(drive.flat) - P
     assert more[State.WAY, State.WAY] == pytest.approx(0.05**2)
     assert not more[[State.WHEEL_TURN, State.GYRO_SCALE, State.GYRO_DELAY]].any()
     drive = certain()
-    drive.doubt_way(0.05, 0.05)  # of a way that is known nothing hangs together
+    drive.widen_way(0.05, 0.05)  # of a way that is known nothing hangs together
     assert drive.flat == certain().flat
 
 
 def test_the_pose_of_another_belief_is_all_that_is_taken_of_it() -> None:
     P = some_covariance()
-    drive, other = DriveFilter(MEAN, P, GEOMETRY, STILL), flattened(2.0 * MEAN, 3.0 * P)
-    drive.take_pose(other)
+    drive, other = DriveFilter(MEAN, P, GEOMETRY, STILL), flatten(2.0 * MEAN, 3.0 * P)
+    drive.copy_pose(other)
     mean, found = mean_of(drive.flat), covariance_of(drive.flat)
     pose, rest = slice(State.X, State.VELOCITY), slice(State.VELOCITY, SIZE)
     np.testing.assert_array_equal(mean, [*2.0 * MEAN[pose], *MEAN[rest]])
@@ -178,7 +178,7 @@ def test_a_motor_without_ticks_is_as_sure_as_its_wheel_and_its_magnet_and_as_suc
 def test_scales_that_are_doubted_and_that_wander_do_so_as_both_wheels_scales() -> None:
     scales = slice(State.WAY, State.GYRO_SCALE)
     drive = certain()
-    drive.doubt_scales(0.05)
+    drive.widen_scales(0.05)
     np.testing.assert_allclose(covariance_of(drive.flat)[scales, scales], scale_covariance(0.05, 0.05, 0.0))
     drive = certain(noise=process_noise(RobotConfig(), OdometrySettings(scale_walk=0.05), 1.0))
     drive.predict(4.0)
@@ -299,7 +299,7 @@ def test_a_robot_stands_when_all_is_quiet_for_longer_than_it_coasts() -> None:
 
 def test_a_belief_survives_being_flattened() -> None:
     A = np.random.default_rng(2).normal(size=(SIZE, SIZE))
-    flat = flattened(MEAN, A @ A.T)
+    flat = flatten(MEAN, A @ A.T)
     np.testing.assert_array_equal(mean_of(flat), MEAN)
     np.testing.assert_array_equal(covariance_of(flat), np.triu(A @ A.T) + np.triu(A @ A.T, 1).T)
 

@@ -52,7 +52,7 @@ def test_generated_filter_equals_filterpy_over_a_drive() -> None:
             fast.step(dt, (left, right, gyro), (0.01, 0.02, 1e-5), swing, 0.03)
             stock.step(dt, (left, right, gyro), (0.01, 0.02, 1e-5), swing, 0.03)
         if cycle % 11 == 5:
-            fast.still(1e-6, 1e-6)
+            fast.apply_standstill(1e-6, 1e-6)
             stock.still(1e-6, 1e-6)
         if cycle % 13 == 5:
             fast.predict(dt)
@@ -65,10 +65,10 @@ def test_jacobians_are_the_slopes_of_the_model(seed: int) -> None:
     mean, _ = belief(seed)
     step = 1e-6
     models: list[tuple[Callable[[drive_model.Array], drive_model.Array], drive_model.Array]] = [
-        (lambda x: drive_model.moved(x, 0.02), drive_model.motion_jacobian(mean, 0.02)),
+        (lambda x: drive_model.predict_state(x, 0.02), drive_model.motion_jacobian(mean, 0.02)),
         (
-            lambda x: drive_model.readings(x, GEOMETRY, 4.0),
-            drive_model.readings_jacobian(mean, GEOMETRY, 4.0),
+            lambda x: drive_model.expected_readings(x, GEOMETRY, 4.0),
+            drive_model.expected_readings_jacobian(mean, GEOMETRY, 4.0),
         ),
     ]
     for function, jacobian in models:
@@ -80,9 +80,9 @@ def test_innovation_and_its_variance_are_those_of_the_textbook() -> None:
     fast, stock = pair(3)
     stock.predict(0.01)
     mean, P = mean_of(stock.flat), covariance_of(stock.flat)
-    H = drive_model.readings_jacobian(mean, GEOMETRY)[0]
+    H = drive_model.expected_readings_jacobian(mean, GEOMETRY)[0]
     innovation, variance = fast.step(0.01, (5.0, 5.5, 0.2), (0.01, 0.01, 1e-5), 0.0)[:2]
-    assert innovation == pytest.approx(5.0 - drive_model.readings(mean, GEOMETRY)[0], rel=1e-9)
+    assert innovation == pytest.approx(5.0 - drive_model.expected_readings(mean, GEOMETRY)[0], rel=1e-9)
     assert variance == pytest.approx(H @ P @ H + 0.01, rel=1e-9)
 
 

@@ -9,9 +9,9 @@ from scipy.stats import norm
 
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
-from raccoon.estimate.tophat.calibration import Surface, believed, best_threshold
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, best_threshold
 from raccoon.estimate.tophat.mixture import best_mixture
-from raccoon.estimate.tophat.quality import restless
+from raccoon.estimate.tophat.quality import is_restless
 from raccoon.estimate.tophat.standing_calibration import calibrate_standing
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
 from raccoon.model.reflectance import LINE_WIDTH, WAY_A_READING, fit, line_coverage, read, spot_radius
@@ -70,7 +70,7 @@ def test_the_odds_of_black_are_those_of_the_densities_around_the_threshold(
     white_sd: float, black_sd: float
 ) -> None:
     white, black = Surface(1000.0, white_sd, 100), Surface(1100.0, black_sd, 100)
-    found = believed(Verdict.OK, "", white, black, 0.5)
+    found = TophatCalibration.of_surfaces(Verdict.OK, "", white, black, 0.5)
     assert found.threshold is not None
     assert found.probability_black(found.threshold) == pytest.approx(0.5)
     for counts in (1010.0, 1090.0):
@@ -90,7 +90,7 @@ def test_the_odds_of_black_are_those_of_the_densities_around_the_threshold(
 def test_the_threshold_is_where_half_of_the_spot_is_black_but_six_deviations_from_both(
     white: Surface, black: Surface, threshold: float
 ) -> None:
-    found = believed(Verdict.OK, "", white, black, 0.5)
+    found = TophatCalibration.of_surfaces(Verdict.OK, "", white, black, 0.5)
     assert found.threshold == pytest.approx(threshold)
     assert (found.low, found.high) == pytest.approx(
         (threshold - 1.5 * white.sd, threshold + 1.5 * black.sd), rel=1e-12
@@ -98,7 +98,9 @@ def test_the_threshold_is_where_half_of_the_spot_is_black_but_six_deviations_fro
 
 
 def test_the_band_leaves_most_of_the_way_to_each_surface_outside() -> None:
-    found = believed(Verdict.WEAK, "", Surface(1000.0, 50.0, 9), Surface(1200.0, 50.0, 9), 0.5)
+    found = TophatCalibration.of_surfaces(
+        Verdict.WEAK, "", Surface(1000.0, 50.0, 9), Surface(1200.0, 50.0, 9), 0.5
+    )
     assert (found.low, found.threshold, found.high) == pytest.approx((1060.0, 1100.0, 1140.0))
 
 
@@ -259,10 +261,10 @@ def test_one_that_is_plugged_in_is_calm_while_the_robot_stands(hertz: float) -> 
     time = 0.005 * np.arange(80)
     lamp = 200.0 * np.sin(2.0 * np.pi * hertz * time + 1.0)
     shadow = np.where(time > 0.2, -600.0, 0.0) - 800.0 * time
-    assert not restless(1500.0 + random.normal(0.0, 5.0, 80) + lamp + shadow)
+    assert not is_restless(1500.0 + random.normal(0.0, 5.0, 80) + lamp + shadow)
     wandering = np.cumsum(random.normal(0.0, 15.0, 80))
-    assert restless(1500.0 + wandering)
-    assert not restless(1500.0 + wandering[:20])
+    assert is_restless(1500.0 + wandering)
+    assert not is_restless(1500.0 + wandering[:20])
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5])

@@ -46,7 +46,7 @@ def test_a_sensor_that_stands_half_on_a_line_is_in_no_doubt() -> None:
     run(tophat, [180.0] * 20)
     for index in range(100):
         reading = tophat.update(0.1 + index / RATE, 400.0 + index % 2, way=0.0)
-        assert (reading.status, tophat.levels.in_doubt) == (Status.OK, False)
+        assert (reading.status, tophat.levels.is_in_doubt) == (Status.OK, False)
 
 
 def test_a_floor_at_the_bottom_of_the_converter_is_white() -> None:

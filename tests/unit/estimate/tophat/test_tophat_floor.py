@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from raccoon.estimate.tophat import Tophat, TophatCalibration, calibrate
 from raccoon.estimate.tophat.calibration import Surface
-from raccoon.estimate.tophat.hypotheses import Hypotheses
+from raccoon.estimate.tophat.hypotheses import HypothesisBank
 from raccoon.estimate.tophat.levels import Levels
 from raccoon.estimate.tophat.tracker import LightTracker
 from raccoon.model import reflectance
@@ -78,7 +78,7 @@ def test_the_floor_after_a_seam_is_white_again(condition: TophatReading, seam: t
     tracker = LightTracker(
         Surface(condition.white, 0.015 * condition.white, 300), Surface(condition.black, 6.0, 9)
     )
-    bank = Hypotheses(tracker._sensor, tracker._belief()._replace(on_black=False))
+    bank = HypothesisBank(tracker._sensor, tracker._belief()._replace(on_black=False))
     for times in (*[1.0] * 10, *seam, *[1.0] * 20):
         bank.update(4095.0 / (1.0 + times * light_of(condition.white)), WAY)
     assert bank.black < 0.01
@@ -91,9 +91,9 @@ def test_the_floor_that_comes_back_after_glare_is_another_place_of_it(condition:
         Surface(condition.white, 0.015 * condition.white, 300), Surface(condition.black, 6.0, 9)
     )
     home = tracker._belief()._replace(on_black=False)
-    more = 0.5 * tracker._sensor.share * 1.4 * home.light  # black knows half of it
+    more = 0.5 * tracker._sensor.black_share * 1.4 * home.light  # black knows half of it
     start = home._replace(light=2.4 * home.light, dark=home.dark + more, dark_var=home.dark_var + more * more)
-    bank = Hypotheses(tracker._sensor, start, home)
+    bank = HypothesisBank(tracker._sensor, start, home)
     position, radius = np.arange(-0.03, 0.03, WAY), reflectance.spot_radius(condition.height)
     for there in reflectance.edge_coverage(-position, radius):
         bank.update(4095.0 / (1.0 + home.light * (2.4 - 1.36 * there)), WAY)
@@ -106,7 +106,7 @@ def test_a_slow_robot_of_which_nobody_says_the_way_sees_lines_and_no_light(condi
     tophat = Tophat(calibration)
     black = [tophat.update(i / RATE, float(each)).black for i, each in enumerate(counts)]
     assert wrong(np.array(black, dtype=float), dark) == 0.0
-    assert tophat.levels.jumps == 0
+    assert tophat.levels.late_changes == 0
 
 
 def test_what_lasts_longer_than_any_line_is_black_or_not_with_even_odds() -> None:
@@ -128,8 +128,8 @@ def test_what_is_said_while_it_is_weighed_is_what_the_stories_say() -> None:
     weighed = []
     for i in range(100, 160):
         reading = tophat.update(i / RATE, 600.0, None, WAY)
-        if tophat.levels.weighed is not None:
-            weighed.append((reading.darkness, tophat.levels.weighed))
+        if tophat.levels.bank_probability is not None:
+            weighed.append((reading.darkness, tophat.levels.bank_probability))
     assert weighed
     assert all(darkness == story for darkness, story in weighed)
 

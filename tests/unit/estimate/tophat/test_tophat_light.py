@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat import Tophat, Verdict, calibrate
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration
-from raccoon.estimate.tophat.flicker import UNEVEN, FlickerWatch, demodulated, lamps
-from raccoon.estimate.tophat.quality import restless
+from raccoon.estimate.tophat.flicker import UNEVEN_HZ, FlickerWatch, average_out_flicker, detect_flicker_hz
+from raccoon.estimate.tophat.quality import is_restless
 from raccoon.estimate.tophat.tracker import LightTracker
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
@@ -102,9 +102,9 @@ def test_flicker_is_told_from_noise_and_edges(flicker: float, hertz: int) -> Non
     noise = 1000.0 + rng.normal(0.0, 5.0, 400)
     wave = 20.0 * np.sin(2.0 * np.pi * flicker / RATE * np.arange(400) + 1.0)
     lines = np.where(np.arange(400) // 12 % 4 == 0, 800.0, 0.0)
-    assert lamps(noise) == lamps(noise + lines) == 0
-    assert lamps(noise + wave) == lamps(noise + wave + lines) == hertz
-    assert np.std(demodulated(noise + wave, hertz)) < 0.5 * np.std(noise + wave)
+    assert detect_flicker_hz(noise) == detect_flicker_hz(noise + lines) == 0
+    assert detect_flicker_hz(noise + wave) == detect_flicker_hz(noise + wave + lines) == hertz
+    assert np.std(average_out_flicker(noise + wave, hertz)) < 0.5 * np.std(noise + wave)
 
 
 @MAINS
@@ -166,9 +166,9 @@ def test_uneven_words_are_told(flicker: float) -> None:
     rng = np.random.default_rng(1)
     wave = 20.0 * np.sin(2.0 * np.pi * flicker * as_renewed(400, 0.0013) + 1.0)
     counts = 1000.0 + wave + rng.normal(0.0, 5.0, 400)
-    assert lamps(counts) == UNEVEN
-    assert np.std(demodulated(counts, UNEVEN)) < 0.4 * np.std(counts)
-    assert not restless(1000.0 + 5.0 * (counts - 1000.0))
+    assert detect_flicker_hz(counts) == UNEVEN_HZ
+    assert np.std(average_out_flicker(counts, UNEVEN_HZ)) < 0.4 * np.std(counts)
+    assert not is_restless(1000.0 + 5.0 * (counts - 1000.0))
 
 
 @MAINS
@@ -180,19 +180,19 @@ def test_faint_lamps_over_even_readings_are_no_uneven_words(flicker: float, hert
         noise, phase = rng.normal(0.0, 5.0, 600), rng.uniform(0.0, math.tau)
         even, uneven = np.arange(600) / RATE, as_renewed(600, float(rng.uniform(0.0, 0.004)))
         waves = (9.0 * np.sin(math.tau * flicker * at + phase) for at in (even, uneven))
-        found.append(tuple(lamps(1000.0 + wave + noise) for wave in waves))
-    assert set(found) == {(hertz, UNEVEN)}
+        found.append(tuple(detect_flicker_hz(1000.0 + wave + noise) for wave in waves))
+    assert set(found) == {(hertz, UNEVEN_HZ)}
 
 
 @pytest.mark.parametrize("flicker", [100.3, 119.7])
 def test_the_watch_over_uneven_words_looks_whether_the_lamps_still_burn(flicker: float) -> None:
-    rng, watch, seen = np.random.default_rng(2), FlickerWatch(UNEVEN), []
+    rng, watch, seen = np.random.default_rng(2), FlickerWatch(UNEVEN_HZ), []
     wave = 30.0 * np.sin(2.0 * np.pi * flicker * as_renewed(1600, 0.002))
     wave[400:1200] = 0.0
     for each in 1000.0 + wave + rng.normal(0.0, 4.0, 1600):
         watch.update(float(each))
         seen.append(watch.hertz)
-    assert set(seen[200:400]) == set(seen[1500:]) == {UNEVEN}
+    assert set(seen[200:400]) == set(seen[1500:]) == {UNEVEN_HZ}
     assert not any(seen[1050:1200])
 
 
@@ -256,7 +256,7 @@ def test_single_readings_of_anything_at_all_are_no_change_of_light(
     black = [tophat.update(i / RATE, float(each), None, WAY).black for i, each in enumerate(counts)]
     assert len(spikes) > 20
     assert not ((np.array(black) != (dark > 0.5)) & clear).any()
-    assert tophat.levels.jumps == 0
+    assert tophat.levels.late_changes == 0
 
 
 def test_where_lamps_flickered_lately_the_light_is_followed_by_every_reading_at_once(

@@ -8,8 +8,8 @@ import pytest
 
 from raccoon.core.errors import ConfigError
 from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
-from raccoon.estimate.tophat.calibration_watch import CalibrationWatch, Fit, height_changed, swapped
-from raccoon.estimate.tophat.store import KEPT, StoredCalibration, TophatStore
+from raccoon.estimate.tophat.calibration_watch import CalibrationWatch, Fit, find_swapped, has_height_changed
+from raccoon.estimate.tophat.store import MAX_STORED, StoredCalibration, TophatStore
 
 
 @cache
@@ -54,18 +54,18 @@ def test_several_are_stored_all_or_none(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="right: a calibration that is one_surface"):
         store.add(entry("left", time="later"), failed)
     assert [each.sensor for each in store.history()] == ["left", "right"]
-    store._write([entry("left")] * KEPT + [entry("right")])
+    store._write([entry("left")] * MAX_STORED + [entry("right")])
     store.add(entry("left", time="later"), entry("right", time="later"))
-    assert [len(store.history(sensor)) for sensor in ("left", "right")] == [KEPT, 2]
+    assert [len(store.history(sensor)) for sensor in ("left", "right")] == [MAX_STORED, 2]
     assert [store.history(sensor)[-1].time for sensor in ("left", "right")] == ["later", "later"]
 
 
 def test_history_is_bounded(tmp_path: Path) -> None:
     store = TophatStore(tmp_path / "tophats.json")
     kept = entry()
-    store._write([kept] * KEPT)
+    store._write([kept] * MAX_STORED)
     store.add(entry(time="later"))
-    assert len(store.history()) == KEPT
+    assert len(store.history()) == MAX_STORED
     assert store.history()[-1].time == "later"
 
 
@@ -185,15 +185,15 @@ def test_watch_says_nothing_of_a_few_readings() -> None:
 
 
 def test_height_is_told_from_light() -> None:
-    assert height_changed(made(180, 2930), made(1830, 3810))
-    assert not height_changed(made(180, 2930), made(50, 170))
-    assert not height_changed(made(1270, 3800), made(140, 250))
+    assert has_height_changed(made(180, 2930), made(1830, 3810))
+    assert not has_height_changed(made(180, 2930), made(50, 170))
+    assert not has_height_changed(made(1270, 3800), made(140, 250))
 
 
 def test_swapped_plugs_are_named() -> None:
     stored = {"left": made(180, 2930), "right": made(1270, 3800), "rear": made(600, 3300)}
-    assert swapped(stored, {"left": [182.0] * 9, "right": [1268.0] * 9, "rear": [600.0] * 9}) is None
-    assert swapped(stored, {"left": [1268.0] * 9, "right": [182.0] * 9, "rear": [600.0] * 9}) == (
+    assert find_swapped(stored, {"left": [182.0] * 9, "right": [1268.0] * 9, "rear": [600.0] * 9}) is None
+    assert find_swapped(stored, {"left": [1268.0] * 9, "right": [182.0] * 9, "rear": [600.0] * 9}) == (
         "left",
         "right",
     )

@@ -5,9 +5,9 @@ import pytest
 
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat import Tophat, TophatGroup, Verdict, calibrate
-from raccoon.estimate.tophat.calibration import Surface, believed, half_covered
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, half_covered_counts
 from raccoon.estimate.tophat.levels import Levels
-from raccoon.estimate.tophat.sensor import explanations
+from raccoon.estimate.tophat.sensor import explain_levels
 from raccoon.model import reflectance
 from raccoon.model.paper import tophat_reading
 
@@ -47,7 +47,7 @@ def test_steady_light_has_no_errors_and_no_jumps(sun: float) -> None:
     for seed in range(4):
         wrong, _, tophat = adapted(np.full(2000, sun), seed)
         assert not wrong[100:].any()
-        assert tophat.levels.jumps == 0
+        assert tophat.levels.late_changes == 0
 
 
 def test_cloud_is_followed() -> None:
@@ -125,14 +125,14 @@ def test_group_needs_a_reading_for_every_sensor() -> None:
     ],
 )
 def test_sensor_is_recognised(white: float, black: float, generation: str, height: float) -> None:
-    found = explanations(white, black)
+    found = explain_levels(white, black)
     assert found[0].generation == generation
     assert found[0].height == pytest.approx(height, rel=0.3)
     assert found[0].ambient == pytest.approx(1.0 if white < 145 and black < 300 else 0.0, abs=0.1)
 
 
 def test_far_old_sensor_may_be_a_near_new_one() -> None:
-    assert {each.generation for each in explanations(1830, 3810)} == {"old", "new"}
+    assert {each.generation for each in explain_levels(1830, 3810)} == {"old", "new"}
 
 
 @pytest.mark.parametrize("black", [(3000.0, 10.0), (3000.0, 300.0), (1200.0, 50.0), (1200.0, 20.0)])
@@ -142,9 +142,9 @@ def test_threshold_and_band_are_where_a_calibration_puts_them(
 ) -> None:
     """Where the surfaces are near each other: as many deviations from one as from the other."""
     white, dark = Surface(1000.0, white_sd, 400), Surface(*black, 400)
-    levels, told = Levels(white, dark), believed(Verdict.OK, "", white, dark, 0.5)
+    levels, told = Levels(white, dark), TophatCalibration.of_surfaces(Verdict.OK, "", white, dark, 0.5)
     threshold = told.threshold
-    if half_covered(white, dark) is None:
+    if half_covered_counts(white, dark) is None:
         threshold = 1000.0 + (dark.mean - 1000.0) * white_sd / (white_sd + dark.sd)
     assert levels.threshold == pytest.approx(threshold, abs=1.5)
     low = max(levels.threshold - 1.5 * white_sd, 1000.0 + 0.6 * (levels.threshold - 1000.0))

@@ -4,7 +4,7 @@ import numpy as np
 
 from raccoon.core.config import TophatConfig
 from raccoon.core.readings import SIMULATOR, Inputs, Status
-from raccoon.estimate.tophat.calibration import Surface, Verdict, believed
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.model import reflectance
 from raccoon.robot.parts.tophats import TophatSensor
 
@@ -17,7 +17,7 @@ def test_the_way_of_cycles_without_a_reading_is_driven_all_the_same() -> None:
     dark = reflectance.line_coverage(np.arange(0.0, 0.15, WAY), 0.09, 0.03, radius)
     counts = reflectance.read(np.random.default_rng(4), dark, optics)
     surfaces = Surface(1270.0, 5.0, 400), Surface(3800.0, 8.0, 60)
-    calibration = believed(Verdict.OK, "", *surfaces, share_black=0.1)
+    calibration = TophatCalibration.of_surfaces(Verdict.OK, "", *surfaces, share_black=0.1)
     for start in range(50, 64):
         sensor = TophatSensor("front", TophatConfig(analog=0))
         sensor.calibrate(calibration)

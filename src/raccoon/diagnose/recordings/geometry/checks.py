@@ -132,9 +132,9 @@ def _jump_text(name: str, step: float, when: float) -> str:
 
 def check_wheels(each: Manoeuvre, robot: RobotConfig) -> None:
     """Raise CalibrationError where a wheel never turns although the robot does, or counts backwards."""
-    if each.truth is None or not len(each.known):
+    if each.truth is None or not len(each.known_rows):
         return
-    known = each.known
+    known = each.known_rows
     time = each.t[known]
     ends = known[np.unique(ends_of(time, time[0], time[-1], WINDOW))]
     turns = np.diff(each.truth[ends, 2])

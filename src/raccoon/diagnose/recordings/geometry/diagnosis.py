@@ -38,9 +38,9 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
-from raccoon.estimate.drive_calibration.fit import fitted_drive
-from raccoon.estimate.drive_calibration.paths import off_truth
+from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre_from_columns
+from raccoon.estimate.drive_calibration.fit import fit_drive
+from raccoon.estimate.drive_calibration.paths import truth_residuals
 from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ def diagnose_geometry(
     fitted, unseen = _shared([each for each, _ in ready], [each for each, _ in others])
     faults = tuple(fault for _, each in ready for fault in each)
     try:
-        found = fitted_drive(robot, fitted, device=device)
+        found = fit_drive(robot, fitted, device=device)
     except CalibrationError as error:
         return replace(_cannot_tell(str(error), fitted, robot, begin), sensor_faults=faults)
     radius, track = robot.model.drive.wheel_radius.value, robot.model.drive.track_width.value
@@ -108,7 +108,7 @@ def usable(
     check_time(moments[np.isfinite(moments)], SLOWEST)
     columns, faults = without_spikes(columns, robot, device)
     check_reference(columns, robot, device)
-    made = manoeuvre(columns, robot, device=device)
+    made = manoeuvre_from_columns(columns, robot, device=device)
     check_wheels(made, robot)
     return made, faults
 
@@ -137,7 +137,7 @@ def _shared(made: list[Manoeuvre], others: list[Manoeuvre]) -> tuple[list[Manoeu
     if len(made) > 1:
         return made[::2], made[1::2]
     count = len(made[0].t)
-    rows = made[0].known if made[0].truth is not None else np.arange(count)
+    rows = made[0].known_rows if made[0].truth is not None else np.arange(count)
     split = int(rows[int(SHARE_FITTED * len(rows))])
     return [made[0].piece(0, split)], [made[0].piece(split, count)]
 
@@ -245,8 +245,8 @@ def _curves(fit: Fitted, before: Array, after: Array) -> tuple[Curve, ...]:
     """Distance from the reference along the unseen runs, put one behind the other."""
     times, curves, offset = [], [], 0.0
     for each in fit.unseen:
-        pair = [np.hypot(*off_truth(factors, fit.robot, each)[:, :2].T) for factors in (before, after)]
-        times.append(offset + each.t[each.known] - each.t[0])
+        pair = [np.hypot(*truth_residuals(factors, fit.robot, each)[:, :2].T) for factors in (before, after)]
+        times.append(offset + each.t[each.known_rows] - each.t[0])
         curves.append(np.column_stack(pair))
         offset += float(each.t[-1] - each.t[0])
     table = np.concatenate(curves)

@@ -13,7 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import cause_name
 from raccoon.diagnose.recordings.reference.stretches import ends_of
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
-from raccoon.estimate.drive_calibration.paths import off_shape, off_truth
+from raccoon.estimate.drive_calibration.paths import shape_residuals, truth_residuals
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class Fitted:
 
     def errors(self, factors: Array, from_start: bool = True) -> Errors:
         """Over the unseen runs; each starts at the reference's pose, or in the pose that fits best."""
-        off = off_truth if from_start else off_shape
+        off = truth_residuals if from_start else shape_residuals
         parts = [off(factors, self.robot, each) for each in self.unseen]
         whole = np.concatenate(parts)
         return Errors(
@@ -59,7 +59,7 @@ def leaves_its_wheels(fit: Fitted, factors: Array) -> str:
     """Where the unseen runs' paths part from their wheels most, in a sentence."""
     most, when = 0.0, 0.0
     for each in fit.unseen:
-        rest, time = off_truth(factors, fit.robot, each), each.t[each.known]
+        rest, time = truth_residuals(factors, fit.robot, each), each.t[each.known_rows]
         ends = ends_of(time, time[0], time[-1], 0.25 * WINDOW)
         ahead = np.minimum(np.searchsorted(time, time[ends] + WINDOW), len(time) - 1)
         moved = rest[ahead] - rest[ends]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
-from raccoon.estimate.drive_calibration.columns import integral, manoeuvre
+from raccoon.estimate.drive_calibration.columns import integral, manoeuvre_from_columns
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -95,7 +95,7 @@ def wheel_ways(
     if tick is not None and abs(tick / device.position_counts_seconds - 1.0) > TICK:
         device = replace(device, position_counts_seconds=tick)
     try:
-        driven = manoeuvre(columns, replace(robot, motors=motors), device=device)
+        driven = manoeuvre_from_columns(columns, replace(robot, motors=motors), device=device)
     except CalibrationError:
         return None
     ways = [robot.model.drive.wheel_radius.value * each for each in (driven.left, driven.right)]
