@@ -48,7 +48,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     from raccoon.core.config import load_robot
     from raccoon.core.errors import RaccoonError, TraceError
     from raccoon.diagnose.recordings.diagnosis import NO_CAUSES, NO_MODEL
-    from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, usable
+    from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, prepare_run
     from raccoon.diagnose.recordings.kind import Kind, kind_of
     from raccoon.trace.loading import load_run
 
@@ -64,7 +64,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
             own, file, _ = robot_of(each, args.robot)
             kind = kind_of(each.recording.columns, own)
             if kind is Kind.GEOMETRY:
-                usable(each.recording.columns, own, each.recording.device)
+                prepare_run(each.recording.columns, own, each.recording.device)
                 before = seen.setdefault(each.recording.fingerprint(), name)
                 if before != name:
                     raise TraceError(TWICE.format(before))
@@ -93,7 +93,7 @@ def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Colu
     """What pooled runs are to be judged on. Raises TraceError for a recording of another kind, or one that
     cannot be used."""
     from raccoon.core.errors import CalibrationError, TraceError
-    from raccoon.diagnose.recordings.geometry.diagnosis import usable
+    from raccoon.diagnose.recordings.geometry.diagnosis import prepare_run
     from raccoon.diagnose.recordings.holdout_check import check_holdout
     from raccoon.diagnose.recordings.kind import Kind, kind_of
     from raccoon.trace.loading import load_run
@@ -102,7 +102,7 @@ def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Colu
     try:
         for each in fitted:
             check_holdout(each, other.columns, Kind.GEOMETRY, kind_of(other.columns, robot))
-        usable(other.columns, robot, other.device)
+        prepare_run(other.columns, robot, other.device)
     except (CalibrationError, TraceError) as error:
         raise TraceError(f"--holdout {path}: {error}") from None
     return other.columns

@@ -34,25 +34,28 @@ from raccoon.diagnose.recordings.channels.volt_commands import (
     has_volt_commands,
     with_battery_rejected,
 )
-from raccoon.diagnose.recordings.doubts.battery_reading import with_battery_reading
-from raccoon.diagnose.recordings.doubts.command_scale import with_command_scale
-from raccoon.diagnose.recordings.doubts.encoder_reading import with_encoder_reading
-from raccoon.diagnose.recordings.doubts.implausible import speeds_told, with_doubts
-from raccoon.diagnose.recordings.doubts.outranked import outranked
-from raccoon.diagnose.recordings.doubts.reference_scale import with_reference_scale
-from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
-from raccoon.diagnose.recordings.firmware.named import Named, named
-from raccoon.diagnose.recordings.firmware.recognised import recognised
+from raccoon.diagnose.recordings.firmware.filter_prior import with_device_filter
+from raccoon.diagnose.recordings.firmware.identity import FirmwareIdentity, identify_firmware
+from raccoon.diagnose.recordings.firmware.recognition import recognise_firmware
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.holdout_check import check_holdout
 from raccoon.diagnose.recordings.joint_checks import check_joint_commands, check_joint_recordings
 from raccoon.diagnose.recordings.kind import Kind, as_float_columns, check_robot, kind_of
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
-from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
+from raccoon.diagnose.recordings.motors.step_response import diagnose_step, step_port
 from raccoon.diagnose.recordings.no_comparison import diagnose_without_comparison
-from raccoon.diagnose.recordings.reference.start import start_of
-from raccoon.diagnose.recordings.reference.truth import with_reference
-from raccoon.diagnose.recordings.reference.units import strange_reference
+from raccoon.diagnose.recordings.plausibility.battery_scale import explain_by_battery_scale
+from raccoon.diagnose.recordings.plausibility.command_scale import explain_by_command_scale
+from raccoon.diagnose.recordings.plausibility.encoder_scale import explain_by_encoder_scale
+from raccoon.diagnose.recordings.plausibility.implausible import (
+    diagnose_speed_commands,
+    with_plausibility_hints,
+)
+from raccoon.diagnose.recordings.plausibility.overridden_model import overridden_model_notes
+from raccoon.diagnose.recordings.plausibility.reference_scale import explain_by_reference_scale
+from raccoon.diagnose.recordings.reference.findings import with_reference_findings
+from raccoon.diagnose.recordings.reference.search_start import search_start
+from raccoon.diagnose.recordings.reference.units import unrelated_reference_note
 from raccoon.diagnose.recordings.rows.repeated import without_duplicate_times
 from raccoon.diagnose.recordings.rows.selection import (
     select_rows,
@@ -138,11 +141,13 @@ def diagnose_recording(
         found = diagnose_without_comparison(columns, robot)
     else:
         open_robot, exact = with_usual_stds(robot)
-        made_by = recognised(named(device, columns, robot, port), columns, open_robot)
+        made_by = recognise_firmware(identify_firmware(device, columns, robot, port), columns, open_robot)
         with counters_named_in_errors(columns):
             asked = _Asked(model, truth_free, own, made_by)
             found = _driven(columns, open_robot, holdout, more, asked)
-        found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
+        found = replace(
+            found, notes=(*found.notes, *without_std(exact), *overridden_model_notes(found.causes, robot))
+        )
     if model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS):
         problems = (*problems, NO_MODEL)
     if own and kind is not Kind.DRIVE:
@@ -164,7 +169,7 @@ class _Asked:
     model: Parameters | None
     truth_free: bool
     own: Sequence[OwnEffect]
-    made_by: Named
+    made_by: FirmwareIdentity
 
 
 def _driven(
@@ -200,9 +205,9 @@ def _drive(
     columns = sound.columns
     holdout, more, others = _others(holdout, more, robot, device)
     firmware = firmware_of(device)
-    if firmware is not None and asked.made_by.said:
+    if firmware is not None and asked.made_by.is_external:
         firmware = replace(firmware, units=False)
-    told = with_lag_of(device, robot)
+    told = with_device_filter(device, robot)
     filters, robot = told is not robot, told
     if firmware is not None:
         robot = firmware.known_of(robot)
@@ -211,14 +216,14 @@ def _drive(
         more = [firmware.before_cutting(each) for each in more]
     by_volts = has_volt_commands(columns, robot)
     check_joint_commands([columns, *more], robot)
-    speeds = None if by_volts else speeds_told(columns, robot, firmware)
+    speeds = None if by_volts else diagnose_speed_commands(columns, robot, firmware)
     if speeds is not None:
         found = speeds
     elif by_volts:
         found = _by_volts(columns, robot, holdout, asked.own, device)
         others += [] if model is None else [NO_MODEL]
     else:
-        start = start_of(columns, robot, model, device)
+        start = search_start(columns, robot, model, device)
         tried = start.undecided([*drive_causes(), *map(own_cause, asked.own)])
         known = model
         if firmware is not None:
@@ -226,16 +231,16 @@ def _drive(
         found = diagnose(
             columns, start.robot, holdout=holdout, more=more, causes=tried, model=known, firmware=firmware
         )
-        found = with_reference(found, start, model)
+        found = with_reference_findings(found, start, model)
     found = with_missing_columns_named(found, columns, robot, sound.left_out)
     if not by_volts:
-        found = with_battery_reading(with_doubts(found, columns, robot), robot)
-        found = with_command_scale(with_encoder_reading(found, robot), robot)
-    found = with_reference_scale(found)
+        found = explain_by_battery_scale(with_plausibility_hints(found, columns, robot), robot)
+        found = explain_by_command_scale(explain_by_encoder_scale(found, robot), robot)
+    found = explain_by_reference_scale(found)
     found = counted.annotate(with_channel_faults(found, columns, sound, robot))
     gravity = strange_acceleration(columns)
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
-    strange = tuple(filter(None, (strange_reference(columns, robot, device),)))
+    strange = tuple(filter(None, (unrelated_reference_note(columns, robot, device),)))
     anew = counter_reset_notes(columns, robot)
     found = replace(found, notes=(*found.notes, *unit, *strange, *anew, *asked.made_by.notes, *others))
     return _with_tophats(found, columns, robot, model, asked.truth_free)
@@ -268,10 +273,10 @@ def _by_volts(
     """A drive whose commands are volts: there is nothing to be said of its battery."""
     changed, stiff, causes = duties_of_stiff_battery(columns, robot, holdout)
     other = None if holdout is None else duties_of_stiff_battery(holdout, stiff)[0]
-    start = start_of(columns, stiff, None, device)
+    start = search_start(columns, stiff, None, device)
     tried = start.undecided([*causes, *map(own_cause, own)])
     found = diagnose(changed, start.robot, holdout=other, causes=tried)
-    return with_battery_rejected(with_reference(found, start))
+    return with_battery_rejected(with_reference_findings(found, start))
 
 
 def _with_tophats(

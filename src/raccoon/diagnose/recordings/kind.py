@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.diagnose.recordings.motors.diagnosis import motor_ports
-from raccoon.diagnose.recordings.motors.step import step_port
+from raccoon.diagnose.recordings.motors.step_response import step_port
 from raccoon.trace.recording import check_lengths, numbers_of
 
 Columns = Mapping[str, NDArray[np.float64]]

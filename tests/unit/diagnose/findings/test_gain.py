@@ -18,7 +18,7 @@ from raccoon.diagnose.findings.gain import HeldOut, _spread, contributions, firs
 from raccoon.diagnose.fit.noise_model import EVENT
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
-from raccoon.diagnose.recordings.reference.rescaled import Rescaled
+from raccoon.diagnose.recordings.reference.gyro_rescaling import GyroRescaling
 from raccoon.diagnose.result import ChannelResult, Curve
 from raccoon.diagnose.select.state import Search, start_search
 from raccoon.diagnose.unknown.probes import probes_for
@@ -167,7 +167,7 @@ def test_another_factor_on_the_gyro_is_judged_by_half_seconds_of_whole_swings_as
     time = np.asarray(width * np.arange(bins), np.float64)
     curves = [Curve(name, "", time, residual[:, index], nothing, nothing) for index, name in enumerate(names)]
     results = [ChannelResult(name, "", 1.0, 1.0, 1.0, 0.5) for name in names]
-    found = Rescaled(tuple(results), tuple(curves)).size(1.0)
+    found = GyroRescaling(tuple(results), tuple(curves)).residual_size(1.0)
     assert half_second(width) == 3
     assert found == pytest.approx(size_of(residual, np.ones(2), 3))
     assert found < 1.3

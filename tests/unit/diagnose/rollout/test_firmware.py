@@ -20,7 +20,7 @@ from raccoon.diagnose.habits.lags import _open_instead
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
-from raccoon.diagnose.recordings.firmware.filtered import with_lag_of
+from raccoon.diagnose.recordings.firmware.filter_prior import with_device_filter
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout.dead_zone_evidence import ZONE
 from raccoon.diagnose.rollout.firmware import FIRMWARES, LAG, firmware_of
@@ -131,7 +131,7 @@ def test_the_simulation_differs_by_a_part_of_what_it_did(understood: tuple[Firmw
     firmware, before, log = understood
     name = {"stock": "wombat-stock", 17: "wombat-raccoon-17", 21: "wombat-raccoon-21"}[firmware]
     device = next(each for each in (STOCK, RACCOON_17, RACCOON_21) if each.name == name)
-    robot, habits = with_lag_of(device, ROBOT), Habits(FIRMWARES[name].chain, False)
+    robot, habits = with_device_filter(device, ROBOT), Habits(FIRMWARES[name].chain, False)
     errors = []
     for each in (before, log):
         run = PlantRollout(each, robot, habits, plain=True).samples([neutral_settings(robot)])

@@ -6,16 +6,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from raccoon.diagnose.recordings.axis.fit import Number
+from raccoon.diagnose.recordings.axis.fit import FreeParameter
 from raccoon.diagnose.recordings.axis.log import AxisLog
-from raccoon.diagnose.recordings.axis.start import Rough
+from raccoon.diagnose.recordings.axis.rough_estimate import RoughAxis
 
-SHARE = 0.95
+MAX_ASYMMETRY = 0.95
 """Of friction, by which it may differ by direction at most."""
-LATEST = 0.25
+MAX_LATENCY_S = 0.25
 """s by which a command may be late at most."""
-LATENCIES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-DEAD = (0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0)
+LATENCY_SCAN = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+DEAD_BAND_SCAN = (0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0)
 """u that are tried before a fit."""
 
 
@@ -26,13 +26,13 @@ class AxisCause:
     not find its way from afar. An effect may be here twice, with two rules; one of them is named."""
 
     id: str
-    numbers: tuple[Number, ...]
-    names: tuple[str, ...]
+    parameters: tuple[FreeParameter, ...]
+    contract_names: tuple[str, ...]
     starts: tuple[float, ...]
     scan: tuple[float, ...] = ()
 
 
-def axis_causes(log: AxisLog, rough: Rough) -> tuple[AxisCause, ...]:
+def axis_causes(log: AxisLog, rough: RoughAxis) -> tuple[AxisCause, ...]:
     """Candidates in the order in which equal evidence prefers them.
 
     Dry and viscous friction and a constant force are part of the base model where a force drives the axis:
@@ -41,69 +41,81 @@ def axis_causes(log: AxisLog, rough: Rough) -> tuple[AxisCause, ...]:
     that of the simulated robot (nothing up to it, then linearly to everything at full) or a threshold (small
     commands do nothing, larger ones all that they say).
     """
-    mechanism = log.effort_unit != "V"
-    found = [] if mechanism else [_positive("friction.coulomb", "torque", "coulomb", 0.2 * rough.force, 0.3)]
-    if log.electrical:
+    is_mechanism = log.effort_unit != "V"
+    causes = (
+        []
+        if is_mechanism
+        else [_non_negative_cause("friction.coulomb", "torque", "coulomb", 0.2 * rough.force, 0.3)]
+    )
+    if log.is_electrical:
         width = 0.2 * rough.force / rough.speed
-        found.append(_positive("friction.viscous", "coefficient", "viscous", width, 0.2))
-    found += [
-        _positive("actuation.latency", "seconds", "latency", 0.02, 0.2, LATEST, LATENCIES),
-        _direction(log, mechanism),
-        _stiction(rough),
-        _positive("friction.load_dependent", "coefficient", "load", 0.2, 0.1, 0.9),
-        _positive("friction.quadratic", "coefficient", "quadratic", 0.2 * rough.force / rough.speed**2, 0.1),
+        causes.append(_non_negative_cause("friction.viscous", "coefficient", "viscous", width, 0.2))
+    causes += [
+        _non_negative_cause(
+            "actuation.latency", "seconds", "latency", 0.02, 0.2, MAX_LATENCY_S, LATENCY_SCAN
+        ),
+        _direction_cause(log, is_mechanism),
+        _stiction_cause(rough),
+        _non_negative_cause("friction.load_dependent", "coefficient", "load", 0.2, 0.1, 0.9),
+        _non_negative_cause(
+            "friction.quadratic", "coefficient", "quadratic", 0.2 * rough.force / rough.speed**2, 0.1
+        ),
     ]
-    if not mechanism:
-        width, most = 0.05 * rough.effort, 0.5 * rough.effort
-        found += [
-            _positive("actuation.deadband", "duty", number, width, 0.3, most, DEAD)
+    if not is_mechanism:
+        width, max_dead_band = 0.05 * rough.effort, 0.5 * rough.effort
+        causes += [
+            _non_negative_cause(
+                "actuation.deadband", "duty", number, width, 0.3, max_dead_band, DEAD_BAND_SCAN
+            )
             for number in ("deadband", "dead_below")
         ]
-        found.append(AxisCause("drive.slope", (constant_force(rough),), ("along_x",), (0.1,)))
-    return tuple(found)
+        causes.append(AxisCause("drive.slope", (constant_force(rough),), ("along_x",), (0.1,)))
+    return tuple(causes)
 
 
-def _positive(
+def _non_negative_cause(
     id: str,  # noqa: A002
-    name: str,
-    number: str,
+    contract_name: str,
+    model_name: str,
     width: float,
     start: float,
     high: float = math.inf,
     scan: tuple[float, ...] = (),
 ) -> AxisCause:
     """A cause of one number that is not below 0."""
-    freed = Number(number, 0.0, width, low=0.0, high=high, prior=True)
-    return AxisCause(id, (freed,), (name,), (start,), scan)
+    free = FreeParameter(model_name, 0.0, width, low=0.0, high=high, prior=True)
+    return AxisCause(id, (free,), (contract_name,), (start,), scan)
 
 
-def constant_force(rough: Rough) -> Number:
+def constant_force(rough: RoughAxis) -> FreeParameter:
     """A force that pulls one way."""
-    return Number("offset", 0.0, 0.1 * rough.force, prior=True)
+    return FreeParameter("offset", 0.0, 0.1 * rough.force, prior=True)
 
 
-def dry_asymmetry() -> Number:
+def dry_friction_asymmetry() -> FreeParameter:
     """Of dry friction, forwards more than backwards."""
-    return Number("asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
+    return FreeParameter("asymmetry", 0.0, 0.4, low=-MAX_ASYMMETRY, high=MAX_ASYMMETRY, prior=True)
 
 
-def _direction(log: AxisLog, mechanism: bool) -> AxisCause:
+def _direction_cause(log: AxisLog, is_mechanism: bool) -> AxisCause:
     """Asymmetric dry friction is a constant force as long as the axis moves: where the base model has that
     force, only the viscous part can be told."""
-    viscous = Number("viscous_asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
-    dry = dry_asymmetry()
+    viscous = FreeParameter("viscous_asymmetry", 0.0, 0.4, low=-MAX_ASYMMETRY, high=MAX_ASYMMETRY, prior=True)
+    dry = dry_friction_asymmetry()
     id_ = "friction.direction_dependent"
-    if mechanism:
+    if is_mechanism:
         return AxisCause(id_, (viscous,), ("viscous_asymmetry",), (0.1,))
-    if log.electrical:
+    if log.is_electrical:
         return AxisCause(id_, (dry, viscous), ("asymmetry", "viscous_asymmetry"), (0.1, 0.1))
     return AxisCause(id_, (dry,), ("asymmetry",), (0.1,))
 
 
-def _stiction(rough: Rough) -> AxisCause:
-    torque = Number("stiction", 0.0, 0.1 * rough.force, low=0.0, prior=True)
-    most = 0.3 * rough.speed
-    speed = Number("stiction_speed", 0.05 * rough.speed, 0.7, positive=True, high=most, prior=True)
+def _stiction_cause(rough: RoughAxis) -> AxisCause:
+    torque = FreeParameter("stiction", 0.0, 0.1 * rough.force, low=0.0, prior=True)
+    max_speed = 0.3 * rough.speed
+    speed = FreeParameter(
+        "stiction_speed", 0.05 * rough.speed, 0.7, positive=True, high=max_speed, prior=True
+    )
     return AxisCause("friction.stiction", (torque, speed), ("torque", "speed"), (0.3, 0.0))
 
 
@@ -113,7 +125,7 @@ def unit_of(name: str, log: AxisLog) -> str:
     per_speed = speed.replace("/s", "")
     units: Mapping[str, str] = {
         "resistance": "ohm",
-        "inductance": "H" if log.electrical else "s",
+        "inductance": "H" if log.is_electrical else "s",
         "back_emf": f"V s/{per_speed}",
         "inertia": "kg" if torque == "N" else "kg m2" if torque == "N m" else f"V s2/{per_speed}",
         "viscous": f"{torque} s/{per_speed}",

@@ -16,35 +16,35 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.binned import runs
 from raccoon.diagnose.recordings.axis.log import AxisLog
-from raccoon.diagnose.recordings.axis.model import NEUTRAL, Stretches, simulated
+from raccoon.diagnose.recordings.axis.model import NEUTRAL_VALUES, Stretches, simulate
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
-Keep = Callable[[Rows], NDArray[np.bool_]]
+RowFilter = Callable[[Rows], NDArray[np.bool_]]
 """Which rows of a recording count."""
 
-SECANT = 1e-3
+SECANT_STEP = 1e-3
 """Widths over which a column is the difference of two simulations."""
 DAMPINGS = (1e-6, 1e-2, 1.0, 100.0)
 """Of Levenberg and Marquardt's method, all tried at once: side by side simulations cost little."""
-ROUNDS, ENOUGH = 20, 1e-5
+MAX_STEPS, MIN_RELATIVE_GAIN = 20, 1e-5
 """Most steps of a fit, and the part of its cost up to which a step that gains no more is the last."""
-NEAR_END = 1.02
+BOUND_TOLERANCE = 1.02
 """Times a bound, up to which a number is said to be at it."""
-ROWS_OF_POSITION, ROWS_OF_SPEED = 100, 8000
+MAX_POSITION_ROWS, MAX_SPEED_ROWS = 100, 8000
 """Of a stretch, that are compared at most."""
-FEWEST_STRETCHES = 10
+MIN_STRETCHES = 10
 """Of a position, that a recording is cut into at least."""
-RUN_CONSTANTS, RUN_SECONDS = 20.0, 60.0
+RUN_TIME_CONSTANTS, RUN_SECONDS = 20.0, 60.0
 """A speed is run on freely for the longer of the two."""
-LARGEST_WAY = 200.0
+MAX_LOG_CHANGE = 200.0
 """Most by which the logarithm of a number may change."""
-NO_NUMBER = 1e60
+MAX_RESIDUAL = 1e60
 """Times the noise, of which squares can still be added up."""
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
+class FreeParameter:
     """One number of the model. start: value at u = 0. width: change at u = 1, in the logarithm where
     `positive`.
     low, high: bounds of the value. prior: whether u is held near 0 with a standard deviation of 1."""
@@ -57,17 +57,17 @@ class Number:
     high: float = math.inf
     prior: bool = False
 
-    def at_its_end(self, value: float) -> bool:
+    def is_at_bound(self, value: float) -> bool:
         """Whether a value of a number that is positive by nature stands at a bound: there it was not found,
         only not allowed to go on."""
-        return self.positive and (value <= NEAR_END * self.low or value >= self.high / NEAR_END)
+        return self.positive and (value <= BOUND_TOLERANCE * self.low or value >= self.high / BOUND_TOLERANCE)
 
     def value(self, u: Array) -> Array:
         """The number at u."""
         # Where nothing holds a number a step may be any size: its exponential must stay a number.
-        way = np.clip(self.width * u, -LARGEST_WAY, LARGEST_WAY) if self.positive else self.width * u
-        moved = self.start * np.exp(way) if self.positive else self.start + way
-        return np.asarray(np.clip(moved, self.low, self.high))
+        change = np.clip(self.width * u, -MAX_LOG_CHANGE, MAX_LOG_CHANGE) if self.positive else self.width * u
+        value = self.start * np.exp(change) if self.positive else self.start + change
+        return np.asarray(np.clip(value, self.low, self.high))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,39 +76,40 @@ class AxisFit:
 
     group (rows,): the stretch of each row."""
 
-    numbers: tuple[Number, ...]
+    parameters: tuple[FreeParameter, ...]
     u: Array
     residual: Array
     jacobian: Array
-    group: NDArray[np.intp]
+    stretch_of_row: NDArray[np.intp]
 
     @property
     def values(self) -> Mapping[str, float]:
         """The numbers by name."""
         return {
-            each.name: float(each.value(np.asarray(u))) for each, u in zip(self.numbers, self.u, strict=True)
+            each.name: float(each.value(np.asarray(u)))
+            for each, u in zip(self.parameters, self.u, strict=True)
         }
 
     @property
     def misfit(self) -> float:
         """Sum of the squares of the residual and the prior."""
-        held = np.array([each.prior for each in self.numbers])
-        return float(self.residual @ self.residual + self.u[held] @ self.u[held])
+        has_prior = np.array([each.prior for each in self.parameters])
+        return float(self.residual @ self.residual + self.u[has_prior] @ self.u[has_prior])
 
     def stds(self) -> Mapping[str, float]:
         """Standard deviations by the spread of the stretches' own scores (a sandwich): residuals within a
         stretch are one push of the same disturbance, not so many independent ones."""
         J = self.jacobian
-        prior = np.diag([float(each.prior) for each in self.numbers])
+        prior = np.diag([float(each.prior) for each in self.parameters])
         inverse = np.linalg.pinv(J.T @ J + prior)
-        count = int(self.group.max()) + 1
+        count = int(self.stretch_of_row.max()) + 1
         scores = np.zeros((count, len(self.u)))
-        np.add.at(scores, self.group, J * self.residual[:, None])
+        np.add.at(scores, self.stretch_of_row, J * self.residual[:, None])
         spread = scores.T @ scores * count / max(count - 1, 1) + prior
         std = np.sqrt(np.maximum(np.diag(inverse @ spread @ inverse), 0.0))
         return {
             each.name: float(s * each.width * (abs(each.value(np.asarray(u))) if each.positive else 1.0))
-            for each, s, u in zip(self.numbers, std, self.u, strict=True)
+            for each, s, u in zip(self.parameters, std, self.u, strict=True)
         }
 
 
@@ -117,77 +118,77 @@ class AxisData:
     """A recording cut into stretches, with the scale of each channel's noise. scales: motion, current."""
 
     log: AxisLog
-    parts: Stretches
+    stretches: Stretches
     scales: Array = field(default_factory=lambda: np.ones(2))
 
-    def residuals(self, numbers: Sequence[Number], points: Array) -> Array:
+    def residuals(self, parameters: Sequence[FreeParameter], points: Array) -> Array:
         """Simulated minus measured over the scale, (points, rows); 0 where nothing is known or fitted."""
-        named = {name: np.full(len(points), value) for name, value in NEUTRAL.items()}
-        named["full"] = np.full(len(points), self.log.full)
-        for index, each in enumerate(numbers):
+        named = {name: np.full(len(points), value) for name, value in NEUTRAL_VALUES.items()}
+        named["full"] = np.full(len(points), self.log.full_effort)
+        for index, each in enumerate(parameters):
             named[each.name] = each.value(points[:, index])
-        position, speed, current = simulated(
-            named, self.log.effort, self.log.step, self.parts, self.log.electrical
+        position, speed, current = simulate(
+            named, self.log.effort, self.log.step, self.stretches, self.log.is_electrical
         )
-        rows = [self._weighted(speed if self.log.is_speed else position, self.parts.measured, 0)]
-        if self.parts.current is not None:
-            rows.append(self._weighted(current, self.parts.current, 1))
+        rows = [self._whitened(speed if self.log.is_speed else position, self.stretches.measured, 0)]
+        if self.stretches.current is not None:
+            rows.append(self._whitened(current, self.stretches.current, 1))
         return np.concatenate(rows, axis=1)
 
-    def _weighted(self, model: Array, measured: Array, channel: int) -> Array:
+    def _whitened(self, model: Array, measured: Array, channel: int) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):
-            error = (model - measured[:, None, :]) * self.parts.weight[:, None, :] / self.scales[channel]
-        error = np.clip(error, -NO_NUMBER, NO_NUMBER)
+            error = (model - measured[:, None, :]) * self.stretches.weight[:, None, :] / self.scales[channel]
+        error = np.clip(error, -MAX_RESIDUAL, MAX_RESIDUAL)
         lanes = error.shape[1]
         return np.asarray(np.nan_to_num(np.moveaxis(error, 1, 0).reshape(lanes, -1)))
 
-    def groups(self) -> NDArray[np.intp]:
+    def stretch_of_rows(self) -> NDArray[np.intp]:
         """Index of a piece of time for each row of the residual."""
-        rows = self.parts.rows()
-        if len(self.parts.first) > 5:
+        rows = self.stretches.rows()
+        if len(self.stretches.first) > 5:
             group = np.broadcast_to(np.arange(rows.shape[1])[None, :], rows.shape)
         else:
             group = (12 * (rows - rows.min())) // (np.ptp(rows) + 1)
-        channels = 1 if self.parts.current is None else 2
+        channels = 1 if self.stretches.current is None else 2
         return np.tile(np.asarray(group).ravel(), channels).astype(np.intp)
 
 
-def fit_axis(data: AxisData, numbers: Sequence[Number], start: Array | None = None) -> AxisFit:
+def fit_axis(data: AxisData, parameters: Sequence[FreeParameter], start: Array | None = None) -> AxisFit:
     """Levenberg-Marquardt; every step tries all dampings at once. start: u, by default 0."""
-    u = np.zeros(len(numbers)) if start is None else start
-    prior = np.array([float(each.prior) for each in numbers])
-    bounds = _bounds(numbers)
-    residual = data.residuals(numbers, u[None])[0]
-    J = _jacobian(data, numbers, u, residual, bounds)
-    _check_numbers(residual)
+    u = np.zeros(len(parameters)) if start is None else start
+    prior = np.array([float(each.prior) for each in parameters])
+    bounds = _bounds(parameters)
+    residual = data.residuals(parameters, u[None])[0]
+    J = _jacobian(data, parameters, u, residual, bounds)
+    _check_finite(residual)
     cost = float(residual @ residual + prior @ u**2)
-    for _ in range(ROUNDS):
-        trials = _trials(J, residual, u, prior, bounds)
-        errors = data.residuals(numbers, trials)
+    for _ in range(MAX_STEPS):
+        trials = _trial_points(J, residual, u, prior, bounds)
+        errors = data.residuals(parameters, trials)
         costs = (errors**2).sum(axis=1) + (prior * trials**2).sum(axis=1)
         best = int(np.argmin(costs))
         gained = cost - float(costs[best])
         if gained > 0.0:
             u, residual, cost = trials[best], errors[best], float(costs[best])
-            J = _jacobian(data, numbers, u, residual, bounds)
-        if gained <= ENOUGH * cost:
+            J = _jacobian(data, parameters, u, residual, bounds)
+        if gained <= MIN_RELATIVE_GAIN * cost:
             break
-    return AxisFit(tuple(numbers), u, residual, J, data.groups())
+    return AxisFit(tuple(parameters), u, residual, J, data.stretch_of_rows())
 
 
-def _check_numbers(residual: Array) -> None:
+def _check_finite(residual: Array) -> None:
     """Raise TraceError where the model has no numbers for a motion."""
-    if len(residual) and float(np.abs(residual).max()) >= NO_NUMBER:
+    if len(residual) and float(np.abs(residual).max()) >= MAX_RESIDUAL:
         raise TraceError(
             "no numbers of a motor or an axis give such a motion: are its effort, its motion and its current "
             "in the right columns and units, and of one time?"
         )
 
 
-def _bounds(numbers: Sequence[Number]) -> tuple[Array, Array]:
+def _bounds(parameters: Sequence[FreeParameter]) -> tuple[Array, Array]:
     """Limits of u."""
 
-    def inverse(each: Number, value: float) -> float:
+    def inverse(each: FreeParameter, value: float) -> float:
         if math.isinf(value):
             return value
         if each.positive:
@@ -195,63 +196,69 @@ def _bounds(numbers: Sequence[Number]) -> tuple[Array, Array]:
         return (value - each.start) / each.width
 
     return (
-        np.array([inverse(each, each.low) for each in numbers]),
-        np.array([inverse(each, each.high) for each in numbers]),
+        np.array([inverse(each, each.low) for each in parameters]),
+        np.array([inverse(each, each.high) for each in parameters]),
     )
 
 
 def _jacobian(
-    data: AxisData, numbers: Sequence[Number], u: Array, residual: Array, bounds: tuple[Array, Array]
+    data: AxisData,
+    parameters: Sequence[FreeParameter],
+    u: Array,
+    residual: Array,
+    bounds: tuple[Array, Array],
 ) -> Array:
     # At the upper bound the secant goes inwards.
-    steps = np.where(u + SECANT > bounds[1], -SECANT, SECANT)
-    errors = data.residuals(numbers, u + np.diag(steps))
+    steps = np.where(u + SECANT_STEP > bounds[1], -SECANT_STEP, SECANT_STEP)
+    errors = data.residuals(parameters, u + np.diag(steps))
     return np.asarray((errors - residual).T / steps)
 
 
-def _trials(J: Array, residual: Array, u: Array, prior: Array, bounds: tuple[Array, Array]) -> Array:
+def _trial_points(J: Array, residual: Array, u: Array, prior: Array, bounds: tuple[Array, Array]) -> Array:
     A, b = J.T @ J + np.diag(prior), J.T @ residual + prior * u
     size = np.maximum(np.diag(A), 1e-12 * float(np.diag(A).max()))
     steps = [-np.linalg.lstsq(A + each * np.diag(size), b, rcond=None)[0] for each in DAMPINGS]
     return np.clip(u + np.array(steps), *bounds)
 
 
-def nice_stretch(constant: float) -> float:
+def stretch_duration(constant: float) -> float:
     """s, two time constants, rounded (by ratio) to 1, 2 or 5 times a power of ten."""
-    wanted = math.log10(2.0 * constant)
-    whole = math.floor(wanted)
-    choices = [whole + math.log10(each) for each in (1.0, 2.0, 5.0, 10.0)]
-    return float(10.0 ** min(choices, key=lambda each: abs(each - wanted)))
+    exponent = math.log10(2.0 * constant)
+    decade = math.floor(exponent)
+    choices = [decade + math.log10(each) for each in (1.0, 2.0, 5.0, 10.0)]
+    return float(10.0 ** min(choices, key=lambda each: abs(each - exponent)))
 
 
-def cut(log: AxisLog, constant: float, keep: Keep, overlap: int) -> Stretches | None:
+def cut_stretches(log: AxisLog, constant: float, keep: RowFilter, overlap: int) -> Stretches | None:
     """Stretches for a time constant in s. keep: which rows count. overlap: stretches over any instant.
 
     None where not a single one fits."""
     count = len(log.time)
     if log.is_speed:
-        length = min(count, round(max(RUN_CONSTANTS * constant, RUN_SECONDS) / log.step) + 1)
+        length = min(count, round(max(RUN_TIME_CONSTANTS * constant, RUN_SECONDS) / log.step) + 1)
         if length >= count:
-            return _stretches(log, np.zeros(1, np.intp), count, constant, keep)
+            return _make_stretches(log, np.zeros(1, np.intp), count, constant, keep)
     else:
-        seconds = min(nice_stretch(constant), nice_stretch(0.5 * count * log.step / FEWEST_STRETCHES))
+        seconds = min(stretch_duration(constant), stretch_duration(0.5 * count * log.step / MIN_STRETCHES))
         length = min(count, round(seconds / log.step) + 1)
-    first = np.arange(0, count - length + 1, max(1, (length - 1) // overlap)).astype(np.intp)
-    whole = [index for index in first if keep(np.arange(index, index + length, dtype=np.intp)).all()]
-    if log.is_speed and not whole:  # as where the last 30 % of 100 s are kept, and a run is 60 s
-        kept = keep(np.arange(count, dtype=np.intp))
-        begin, end = max(runs(kept), key=lambda each: each[1] - each[0], default=(0, 0))
+    first_rows = np.arange(0, count - length + 1, max(1, (length - 1) // overlap)).astype(np.intp)
+    kept_rows = [index for index in first_rows if keep(np.arange(index, index + length, dtype=np.intp)).all()]
+    if log.is_speed and not kept_rows:  # as where the last 30 % of 100 s are kept, and a run is 60 s
+        is_kept = keep(np.arange(count, dtype=np.intp))
+        begin, end = max(runs(is_kept), key=lambda each: each[1] - each[0], default=(0, 0))
         length = min(length, end - begin)
-        whole = [np.intp(begin)] if length > 1 else []
-    return _stretches(log, np.array(whole, np.intp), length, constant, keep) if whole else None
+        kept_rows = [np.intp(begin)] if length > 1 else []
+    return _make_stretches(log, np.array(kept_rows, np.intp), length, constant, keep) if kept_rows else None
 
 
-def _every(log: AxisLog, length: int) -> int:
+def _samples_per_row(log: AxisLog, length: int) -> int:
     """Samples to a row: a position is smooth and needs few, a speed's noise averages over many."""
-    return max(1, (length - 1) // (ROWS_OF_SPEED if log.is_speed else ROWS_OF_POSITION))
+    return max(1, (length - 1) // (MAX_SPEED_ROWS if log.is_speed else MAX_POSITION_ROWS))
 
 
-def _stretches(log: AxisLog, first: NDArray[np.intp], length: int, constant: float, keep: Keep) -> Stretches:
+def _make_stretches(
+    log: AxisLog, first: NDArray[np.intp], length: int, constant: float, keep: RowFilter
+) -> Stretches:
     from scipy.signal import savgol_filter
 
     known = np.isfinite(log.motion)
@@ -263,10 +270,10 @@ def _stretches(log: AxisLog, first: NDArray[np.intp], length: int, constant: flo
     speed = smooth if order == 0 else savgol_filter(filled, width, 2, deriv=1, delta=log.step)
     if log.is_speed:
         speed = np.where(np.arange(len(speed)) == 0, filled[0], speed)
-    every = _every(log, length)
+    every = _samples_per_row(log, length)
     rows = first[None, :] + np.arange(0, length, every, dtype=np.intp)[:, None]
     weight = keep(rows).astype(float)
     weight[0] = 0.0 if not log.is_speed else weight[0]
-    current = None if log.current is None or not log.electrical else log.current[rows]
+    current = None if log.current is None or not log.is_electrical else log.current[rows]
     position = filled[first] if not log.is_speed else np.zeros(len(first))
     return Stretches(first, len(rows), every, position, speed[first], log.motion[rows], current, weight)

@@ -10,25 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.axis.causes import axis_causes, constant_force, dry_asymmetry
-from raccoon.diagnose.recordings.axis.fit import AxisData, AxisFit, Keep, Rows, cut, fit_axis
+from raccoon.diagnose.recordings.axis.causes import axis_causes, constant_force, dry_friction_asymmetry
+from raccoon.diagnose.recordings.axis.fit import AxisData, AxisFit, RowFilter, Rows, cut_stretches, fit_axis
 from raccoon.diagnose.recordings.axis.log import AxisLog
-from raccoon.diagnose.recordings.axis.search import AxisSearch, Tried, search_axis
-from raccoon.diagnose.recordings.axis.start import Rough, rough_axis
+from raccoon.diagnose.recordings.axis.rough_estimate import RoughAxis, estimate_rough_axis
+from raccoon.diagnose.recordings.axis.search import AxisSearch, TriedCause, search_axis
 
 Array = NDArray[np.float64]
 
-LEAST_GAIN = 0.03
+MIN_GAIN = 0.03
 """Share of the error on unseen data that a cause must save to be named."""
-LEAST_SIZE = 0.1
+MIN_SIZE = 0.1
 """Share of its usual size (its width) below which a cause is nothing that a team could act on."""
-MUCH = 0.3
+LARGE_GAIN = 0.3
 """Share of the error on unseen data from which a cause is named however small it is."""
 OVERLAP = 2
 """Stretches that are fitted over any instant."""
 TINY = 1e-12
 """In the place of an error, or a friction, of 0 that is divided by."""
-SHORTEST = 4.0
+MIN_TIME_CONSTANTS = 4.0
 """Time constants that a recording must last."""
 
 
@@ -43,18 +43,18 @@ class JudgedAxis:
     the numbers, on everything there is of the recording.
     """
 
-    rough: Rough
+    rough: RoughAxis
     data: AxisData
-    unseen: AxisData
+    heldout_data: AxisData
     search: AxisSearch
-    causes: tuple[Tried, ...]
-    useless: tuple[Tried, ...]
+    causes: tuple[TriedCause, ...]
+    unhelpful: tuple[TriedCause, ...]
     before: Array
     after: Array
     floor: Array
-    without: tuple[float, ...]
+    errors_without: tuple[float, ...]
     fit: AxisFit
-    final: AxisFit
+    final_fit: AxisFit
 
     @property
     def log(self) -> AxisLog:
@@ -67,91 +67,102 @@ def judge_axis(log: AxisLog, holdout: AxisLog | None) -> JudgedAxis:
 
     Raises TraceError where the recording is too short for both.
     """
-    rough = rough_axis(log)
+    rough = estimate_rough_axis(log)
     if holdout is not None:
-        data, unseen = _data(log, rough, _all, OVERLAP), _data(holdout, rough, _all, 1)
+        data, heldout_data = (
+            _make_data(log, rough, _all_rows, OVERLAP),
+            _make_data(holdout, rough, _all_rows, 1),
+        )
     else:
-        data = _data(log, rough, lambda rows: rows < log.split, OVERLAP)
-        unseen = _data(log, rough, lambda rows: rows >= log.split, 1)
+        data = _make_data(log, rough, lambda rows: rows < log.holdout_row, OVERLAP)
+        heldout_data = _make_data(log, rough, lambda rows: rows >= log.holdout_row, 1)
     causes = axis_causes(log, rough)
-    search = search_axis(data, rough.numbers, causes)
+    search = search_axis(data, rough.parameters, causes)
     # All candidates at once may get lost where the named ones did not.
-    floor = np.maximum(np.fmin(errors(data, search.saturated), errors(data, search.fit)), TINY)
-    fits = _Fits(data, search)
-    kept, useless = _helpful(fits, unseen, floor)
-    fit = fits.of(kept)
-    before, after = errors(unseen, search.base), errors(unseen, fit)
-    without = [
-        overall(errors(unseen, fits.of([other for other in kept if other is not each])), floor)
+    floor = np.maximum(
+        np.fmin(channel_errors(data, search.saturated), channel_errors(data, search.fit)), TINY
+    )
+    fits = _FitCache(data, search)
+    kept, unhelpful = _split_by_gain(fits, heldout_data, floor)
+    fit = fits.fit_with(kept)
+    before, after = channel_errors(heldout_data, search.base), channel_errors(heldout_data, fit)
+    errors_without = [
+        combined_error(
+            channel_errors(heldout_data, fits.fit_with([other for other in kept if other is not each])), floor
+        )
         for each in kept
     ]
-    order = np.argsort([-each for each in without], kind="stable")
+    order = np.argsort([-each for each in errors_without], kind="stable")
     return JudgedAxis(
         rough,
         data,
-        unseen,
+        heldout_data,
         search,
         tuple(kept[index] for index in order),
-        tuple(useless),
+        tuple(unhelpful),
         before,
         after,
         floor,
-        tuple(without[index] for index in order),
+        tuple(errors_without[index] for index in order),
         fit,
-        fit if holdout is not None else _on_everything(log, rough, data, fit),
+        fit if holdout is not None else _refit_on_everything(log, rough, data, fit),
     )
 
 
-def _all(rows: Rows) -> NDArray[np.bool_]:
+def _all_rows(rows: Rows) -> NDArray[np.bool_]:
     return np.ones(np.shape(rows), np.bool_)
 
 
-def _data(log: AxisLog, rough: Rough, keep: Keep, overlap: int) -> AxisData:
-    parts = cut(log, rough.constant, keep, overlap)
-    if parts is None or not parts.weight.any() or len(log.time) * log.step < SHORTEST * rough.constant:
+def _make_data(log: AxisLog, rough: RoughAxis, keep: RowFilter, overlap: int) -> AxisData:
+    parts = cut_stretches(log, rough.time_constant, keep, overlap)
+    if (
+        parts is None
+        or not parts.weight.any()
+        or len(log.time) * log.step < MIN_TIME_CONSTANTS * rough.time_constant
+    ):
         raise TraceError(
             f"{len(log.time) * log.step:.3g} s are too short for an axis with a time constant of "
-            f"{rough.constant:.2g} s: record at least {10 * rough.constant:.2g} s"
+            f"{rough.time_constant:.2g} s: record at least {10 * rough.time_constant:.2g} s"
         )
     return AxisData(log, parts)
 
 
-def _on_everything(log: AxisLog, rough: Rough, data: AxisData, fit: AxisFit) -> AxisFit:
-    whole = _data(log, rough, _all, OVERLAP)
-    whole.scales = data.scales
-    return fit_axis(whole, fit.numbers, fit.u)
+def _refit_on_everything(log: AxisLog, rough: RoughAxis, data: AxisData, fit: AxisFit) -> AxisFit:
+    everything = _make_data(log, rough, _all_rows, OVERLAP)
+    everything.scales = data.scales
+    return fit_axis(everything, fit.parameters, fit.u)
 
 
 @dataclass(slots=True)
-class _Fits:
+class _FitCache:
     """The base model with any set of causes, each set fitted once, from where the search had ended."""
 
     data: AxisData
     search: AxisSearch
-    known: dict[frozenset[str], AxisFit] = field(default_factory=dict)
+    by_causes: dict[frozenset[str], AxisFit] = field(default_factory=dict)
 
-    def of(self, causes: Sequence[Tried]) -> AxisFit:
+    def fit_with(self, causes: Sequence[TriedCause]) -> AxisFit:
         """The fit with exactly these."""
         key = frozenset(each.cause.id for each in causes)
-        if key not in self.known:
-            found = dict(zip((n.name for n in self.search.fit.numbers), self.search.fit.u, strict=True))
-            numbers = [*self.search.base.numbers, *(n for each in causes for n in each.cause.numbers)]
+        if key not in self.by_causes:
+            found = dict(zip((n.name for n in self.search.fit.parameters), self.search.fit.u, strict=True))
+            numbers = [*self.search.base.parameters, *(n for each in causes for n in each.cause.parameters)]
             start = np.array([found[each.name] for each in numbers])
-            self.known[key] = fit_axis(self.data, numbers, start)
-        return self.known[key]
+            self.by_causes[key] = fit_axis(self.data, numbers, start)
+        return self.by_causes[key]
 
 
-def error_with(judged: JudgedAxis, rival: Tried, instead_of: Tried) -> float:
+def error_with_rival(judged: JudgedAxis, rival: TriedCause, replaced: TriedCause) -> float:
     """Error on unseen data over the floor with another cause in place of a named one."""
-    kept = [each for each in judged.causes if each is not instead_of]
+    kept = [each for each in judged.causes if each is not replaced]
     numbers = [
-        *judged.search.base.numbers,
-        *(number for each in (*kept, rival) for number in each.cause.numbers),
+        *judged.search.base.parameters,
+        *(number for each in (*kept, rival) for number in each.cause.parameters),
     ]
-    starts = dict(zip((each.name for each in judged.fit.numbers), judged.fit.u, strict=True))
-    starts |= dict(zip((each.name for each in rival.fit.numbers), rival.fit.u, strict=True))
+    starts = dict(zip((each.name for each in judged.fit.parameters), judged.fit.u, strict=True))
+    starts |= dict(zip((each.name for each in rival.fit.parameters), rival.fit.u, strict=True))
     fit = fit_axis(judged.data, numbers, np.array([starts[each.name] for each in numbers]))
-    return overall(errors(judged.unseen, fit), judged.floor)
+    return combined_error(channel_errors(judged.heldout_data, fit), judged.floor)
 
 
 def error_with_twin(judged: JudgedAxis) -> float:
@@ -160,11 +171,11 @@ def error_with_twin(judged: JudgedAxis) -> float:
     found = judged.fit.values
     coulomb = found.get("coulomb", 0.0)
     old, new, value = (
-        ("offset", dry_asymmetry(), found.get("offset", 0.0) / max(coulomb, TINY))
+        ("offset", dry_friction_asymmetry(), found.get("offset", 0.0) / max(coulomb, TINY))
         if "offset" in found
         else ("asymmetry", constant_force(judged.rough), found.get("asymmetry", 0.0) * coulomb)
     )
-    base = {each.name for each in judged.search.base.numbers}
+    base = {each.name for each in judged.search.base.parameters}
     if (
         coulomb <= 0.0
         or old not in found
@@ -173,40 +184,47 @@ def error_with_twin(judged: JudgedAxis) -> float:
         or not new.low < value < new.high
     ):
         return math.inf
-    numbers = [new if each.name == old else each for each in judged.fit.numbers]
+    numbers = [new if each.name == old else each for each in judged.fit.parameters]
     start = np.where([each is new for each in numbers], value / new.width, judged.fit.u)
-    return overall(errors(judged.unseen, fit_axis(judged.data, numbers, start)), judged.floor)
+    return combined_error(
+        channel_errors(judged.heldout_data, fit_axis(judged.data, numbers, start)), judged.floor
+    )
 
 
-def _helpful(fits: _Fits, unseen: AxisData, floor: Array) -> tuple[list[Tried], list[Tried]]:
+def _split_by_gain(
+    fits: _FitCache, heldout: AxisData, floor: Array
+) -> tuple[list[TriedCause], list[TriedCause]]:
     """Accepted causes that lower the error on unseen data, and those that do not."""
-    kept, useless = list(fits.search.accepted), []
+    kept, unhelpful = list(fits.search.accepted), []
     while kept:
-        whole = overall(errors(unseen, fits.of(kept)), floor)
+        whole = combined_error(channel_errors(heldout, fits.fit_with(kept)), floor)
         others = [[other for other in kept if other is not each] for each in kept]
-        gains = [1.0 - whole / overall(errors(unseen, fits.of(each)), floor) for each in others]
         gains = [
-            0.0 if gain < MUCH and _tiny(each, fits.search) else gain
+            1.0 - whole / combined_error(channel_errors(heldout, fits.fit_with(each)), floor)
+            for each in others
+        ]
+        gains = [
+            0.0 if gain < LARGE_GAIN and _is_tiny(each, fits.search) else gain
             for each, gain in zip(kept, gains, strict=True)
         ]
         worst = int(np.argmin(gains))
-        if gains[worst] >= LEAST_GAIN:
+        if gains[worst] >= MIN_GAIN:
             break
-        useless.append(kept.pop(worst))
-    return kept, useless
+        unhelpful.append(kept.pop(worst))
+    return kept, unhelpful
 
 
-def _tiny(tried: Tried, search: AxisSearch) -> bool:
-    found = dict(zip((each.name for each in search.fit.numbers), search.fit.u, strict=True))
-    return all(abs(found[each.name]) < LEAST_SIZE for each in tried.cause.numbers)
+def _is_tiny(tried: TriedCause, search: AxisSearch) -> bool:
+    found = dict(zip((each.name for each in search.fit.parameters), search.fit.u, strict=True))
+    return all(abs(found[each.name]) < MIN_SIZE for each in tried.cause.parameters)
 
 
-def overall(error: Array, floor: Array) -> float:
+def combined_error(error: Array, floor: Array) -> float:
     """Both channels' errors in units of their floors, as one root mean square."""
     return _rms(error / floor)
 
 
-def errors(data: AxisData, fit: AxisFit) -> Array:
+def channel_errors(data: AxisData, fit: AxisFit) -> Array:
     """Root mean square error of motion and current under a fit; NaN for a current that is not there."""
     motion, current = model_errors(data, fit)
     return np.array([_rms(motion), np.nan if current is None else _rms(current)])
@@ -221,13 +239,13 @@ def model_errors(data: AxisData, fit: AxisFit) -> tuple[Array, Array | None]:
     """Simulated minus measured, (rows, stretches) each, NaN where nothing counts."""
     scales, data.scales = data.scales, np.ones(2)
     try:
-        flat = data.residuals(fit.numbers, fit.u[None])[0]
+        flat = data.residuals(fit.parameters, fit.u[None])[0]
     finally:
         data.scales = scales
-    shape = data.parts.measured.shape
-    ignored = (data.parts.weight == 0.0) | ~np.isfinite(data.parts.measured)
+    shape = data.stretches.measured.shape
+    ignored = (data.stretches.weight == 0.0) | ~np.isfinite(data.stretches.measured)
     motion = np.where(ignored, np.nan, flat[: ignored.size].reshape(shape))
-    if data.parts.current is None:
+    if data.stretches.current is None:
         return motion, None
-    ignored = (data.parts.weight == 0.0) | ~np.isfinite(data.parts.current)
+    ignored = (data.stretches.weight == 0.0) | ~np.isfinite(data.stretches.current)
     return motion, np.where(ignored, np.nan, flat[ignored.size :].reshape(shape))

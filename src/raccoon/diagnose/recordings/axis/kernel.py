@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def run(
+def simulate_stretches(
     table: Array, effort: Array, step: float, first: NDArray[np.intp], position: Array, speed: Array,
     every: int, pieces: int, electrical: bool, out: Array,
 ) -> None:  # fmt: skip

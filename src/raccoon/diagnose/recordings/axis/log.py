@@ -14,11 +14,11 @@ from raccoon.trace.recording import mistaken_step
 
 Array = NDArray[np.float64]
 
-FEWEST_SAMPLES = 100
+MIN_SAMPLES = 100
 """Numbers from which a column is one."""
-EFFORTS = {"force": "N", "torque": "N m", "voltage": "V"}
+EFFORT_UNITS = {"force": "N", "torque": "N m", "voltage": "V"}
 """What may drive an axis, and its unit; the first one that the recording holds is taken."""
-MOTIONS = {"travel": "m", "angle": "rad", "speed": "rad/s"}
+MOTION_UNITS = {"travel": "m", "angle": "rad", "speed": "rad/s"}
 """What may be measured of its motion; `travel` belongs to a force, the others to a torque or a voltage."""
 
 
@@ -40,8 +40,8 @@ class AxisLog:
     motion_unit: str
     current: Array | None
     names: tuple[str, str, str]
-    split: int
-    full: float
+    holdout_row: int
+    full_effort: float
 
     @property
     def is_speed(self) -> bool:
@@ -54,14 +54,14 @@ class AxisLog:
         return self.motion_unit if self.is_speed else f"{self.motion_unit}/s"
 
     @property
-    def electrical(self) -> bool:
+    def is_electrical(self) -> bool:
         """Whether a voltage drives it and the current tells winding from mechanics."""
         return self.effort_unit == "V" and self.current is not None
 
     @property
     def torque_unit(self) -> str:
         """Unit of what moves the axis; V where a voltage does and no current tells its torque."""
-        return "N m" if self.electrical else self.effort_unit
+        return "N m" if self.is_electrical else self.effort_unit
 
 
 def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
@@ -70,10 +70,10 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
     Raises TraceError where effort or motion is missing, never changes, or the time is too uneven.
     """
     time = _even_time(columns["t"])
-    effort_name, effort_unit = _chosen(columns, port, EFFORTS)
-    motion_name, motion_unit = _chosen(columns, port, MOTIONS)
-    effort = _held(columns[effort_name], columns["t"], time)
-    motion = _onto(columns[motion_name], columns["t"], time)
+    effort_name, effort_unit = _find_column(columns, port, EFFORT_UNITS)
+    motion_name, motion_unit = _find_column(columns, port, MOTION_UNITS)
+    effort = _sample_and_hold(columns[effort_name], columns["t"], time)
+    motion = _resample(columns[motion_name], columns["t"], time)
     if float(np.ptp(effort)) == 0.0:
         raise TraceError(
             f"{effort_name} is {float(effort[0]):g} {effort_unit} all the time: one steady state cannot tell "
@@ -81,7 +81,7 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
         )
     current_name = f"motor.{port}.current"
     current = columns.get(current_name)
-    known = current is not None and np.isfinite(current).sum() > FEWEST_SAMPLES
+    known = current is not None and np.isfinite(current).sum() > MIN_SAMPLES
     return AxisLog(
         time,
         float(time[1] - time[0]),
@@ -89,25 +89,29 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
         effort_unit,
         motion,
         motion_unit,
-        _onto(current, columns["t"], time) if known and current is not None else None,
+        _resample(current, columns["t"], time) if known and current is not None else None,
         (effort_name, motion_name, current_name),
-        held_back(effort),
-        _full(columns, effort, effort_unit),
+        holdout_start(effort),
+        _full_effort(columns, effort, effort_unit),
     )
 
 
-def like(log: AxisLog, other: AxisLog) -> AxisLog:
+def with_channels_of(fitted: AxisLog, other: AxisLog) -> AxisLog:
     """The other log of the same axis with what this one has. Raises TraceError naming what it lacks."""
-    check_has([ours for ours, theirs in zip(log.names[:2], other.names[:2], strict=True) if ours != theirs])
-    if other.full <= float(np.abs(other.effort).max()):  # the largest of two efforts is no command's in full
-        other = replace(other, full=log.full)
-    if log.current is None:
+    check_has(
+        [ours for ours, theirs in zip(fitted.names[:2], other.names[:2], strict=True) if ours != theirs]
+    )
+    if other.full_effort <= float(
+        np.abs(other.effort).max()
+    ):  # the largest of two efforts is no command's in full
+        other = replace(other, full_effort=fitted.full_effort)
+    if fitted.current is None:
         return replace(other, current=None)
-    check_has([log.names[2]] if other.current is None else [])
+    check_has([fitted.names[2]] if other.current is None else [])
     return other
 
 
-def _full(columns: Mapping[str, Array], effort: Array, unit: str) -> float:
+def _full_effort(columns: Mapping[str, Array], effort: Array, unit: str) -> float:
     largest = float(np.abs(effort).max())
     battery = columns.get("battery.voltage")
     if unit != "V" or battery is None or not np.isfinite(battery).any():
@@ -115,48 +119,48 @@ def _full(columns: Mapping[str, Array], effort: Array, unit: str) -> float:
     return max(float(np.nanmedian(battery)), largest)
 
 
-def _chosen(columns: Mapping[str, Array], port: int, kinds: Mapping[str, str]) -> tuple[str, str]:
+def _find_column(columns: Mapping[str, Array], port: int, kinds: Mapping[str, str]) -> tuple[str, str]:
     for kind, unit in kinds.items():
         name = f"motor.{port}.{kind}"
-        if name in columns and np.isfinite(columns[name]).sum() >= FEWEST_SAMPLES:
+        if name in columns and np.isfinite(columns[name]).sum() >= MIN_SAMPLES:
             return name, unit
-    wanted = ", ".join(f"motor.{port}.{kind}" for kind in kinds)
-    raise TraceError(f"one of {wanted} with at least {FEWEST_SAMPLES} numbers is needed")
+    names = ", ".join(f"motor.{port}.{kind}" for kind in kinds)
+    raise TraceError(f"one of {names} with at least {MIN_SAMPLES} numbers is needed")
 
 
 def _even_time(recorded: Array) -> Array:
-    if len(recorded) < FEWEST_SAMPLES:
-        raise TraceError(f"the recording has {len(recorded)} samples: at least {FEWEST_SAMPLES} are needed")
+    if len(recorded) < MIN_SAMPLES:
+        raise TraceError(f"the recording has {len(recorded)} samples: at least {MIN_SAMPLES} are needed")
     steps = np.diff(recorded)
     if (steps <= 0.0).any():
         row = int(np.argmax(steps <= 0.0)) + 1
         raise TraceError(f"t does not advance at row {row}: {recorded[row - 1]:.6g} to {recorded[row]:.6g} s")
     step = float(np.median(steps))
-    if told := mistaken_step(step):
-        raise TraceError(told)
+    if problem := mistaken_step(step):
+        raise TraceError(problem)
     if float(steps.max()) > max(0.1, 20.0 * step):
         raise TraceError(f"t has a gap of {float(steps.max()):.3g} s: the motion in it is not known")
     return np.linspace(recorded[0], recorded[-1], round(float(np.ptp(recorded)) / step) + 1)
 
 
-def _held(values: Array, recorded: Array, time: Array) -> Array:
+def _sample_and_hold(values: Array, recorded: Array, time: Array) -> Array:
     """The latest known value at each time."""
     known = np.isfinite(values)
     rows = np.searchsorted(recorded[known], time + 1e-9, side="right") - 1
     return np.asarray(values[known][np.maximum(rows, 0)], float)
 
 
-def _onto(values: Array, recorded: Array, time: Array) -> Array:
+def _resample(values: Array, recorded: Array, time: Array) -> Array:
     """Interpolated, NaN where the sample next to it is."""
     known = np.isfinite(values)
     if len(time) == len(recorded) and np.abs(time - recorded).max() < 0.1 * (time[1] - time[0]):
         return np.where(known, values, np.nan)
     found = np.interp(time, recorded[known], values[known])
-    gone = np.interp(time, recorded, (~known).astype(float)) > 0.5
-    return np.where(gone, np.nan, found)
+    is_missing = np.interp(time, recorded, (~known).astype(float)) > 0.5
+    return np.where(is_missing, np.nan, found)
 
 
-def held_back(effort: Array) -> int:
+def holdout_start(effort: Array) -> int:
     """First row of the later part that judges: at a step of the effort around the middle, else at 70 %."""
     count = len(effort)
     changes = np.flatnonzero(np.diff(effort) != 0.0) + 1

@@ -26,16 +26,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-NEUTRAL: Mapping[str, float] = {
+NEUTRAL_VALUES: Mapping[str, float] = {
     "resistance": 1.0, "inductance": 0.0, "back_emf": 1.0, "inertia": 1.0, "coulomb": 0.0, "viscous": 0.0,
     "offset": 0.0, "asymmetry": 0.0, "viscous_asymmetry": 0.0, "stiction": 0.0, "stiction_speed": 1.0,
     "quadratic": 0.0, "load": 0.0, "latency": 0.0, "deadband": 0.0,
     "dead_below": 0.0, "full": 1e9,
 }  # fmt: skip
 """Every number of the model, neutral or (for the first four) to be set."""
-LONGEST_STEP, LONGEST_STEP_OF_A_WINDING = 0.001, 0.0005
+MAX_STEP_S, MAX_WINDING_STEP_S = 0.001, 0.0005
 """s of a step of the simulation, and where a winding's current follows with its inductance."""
-MOST_PARTS = 10
+MAX_SUBSTEPS = 10
 """Steps into which a row is cut at most, however far rows are apart."""
 TINY = 1e-12
 """In the place of a 0 that is divided by, where the quotient is not used."""
@@ -64,55 +64,55 @@ class Stretches:
         return np.asarray(self.first[None, :] + self.every * np.arange(self.count)[:, None])
 
 
-def simulated(
-    numbers: Mapping[str, Array], effort: Array, step: float, parts: Stretches, electrical: bool
+def simulate(
+    parameters: Mapping[str, Array], effort: Array, step: float, stretches: Stretches, electrical: bool
 ) -> tuple[Array, Array, Array]:
     """Position, speed and current, each (rows, lanes, stretches), for numbers (lanes,)."""
-    out = np.empty((3, parts.count, len(numbers["inertia"]), len(parts.first)))
-    longest = LONGEST_STEP_OF_A_WINDING if np.any(numbers["inductance"]) else LONGEST_STEP
-    pieces = min(MOST_PARTS, max(1, int(np.ceil(step / longest - 1e-9))))
-    compiled = _compiled()
+    out = np.empty((3, stretches.count, len(parameters["inertia"]), len(stretches.first)))
+    longest = MAX_WINDING_STEP_S if np.any(parameters["inductance"]) else MAX_STEP_S
+    substeps = min(MAX_SUBSTEPS, max(1, int(np.ceil(step / longest - 1e-9))))
+    compiled = _compiled_kernel()
     if compiled is None:
-        _side_by_side(numbers, effort, step, parts, electrical, pieces, out)
+        _simulate_vectorised(parameters, effort, step, stretches, electrical, substeps, out)
     else:
-        table = np.column_stack([np.asarray(numbers[name], float) for name in NEUTRAL])
-        starts = (parts.first, parts.position, parts.speed)
-        compiled(table, effort, step, *starts, parts.every, pieces, electrical, out)
+        table = np.column_stack([np.asarray(parameters[name], float) for name in NEUTRAL_VALUES])
+        starts = (stretches.first, stretches.position, stretches.speed)
+        compiled(table, effort, step, *starts, stretches.every, substeps, electrical, out)
     return out[0], out[1], out[2]
 
 
 @cache
-def _compiled() -> Any:
+def _compiled_kernel() -> Any:
     """The kernel compiled, None without numba."""
     if importlib.util.find_spec("numba") is None:
         return None
     import numba
 
-    from raccoon.diagnose.recordings.axis.kernel import run
+    from raccoon.diagnose.recordings.axis.kernel import simulate_stretches
 
-    return numba.njit(cache=True, error_model="numpy")(run)
+    return numba.njit(cache=True, error_model="numpy")(simulate_stretches)
 
 
-def _side_by_side(
-    numbers: Mapping[str, Array],
+def _simulate_vectorised(
+    parameters: Mapping[str, Array],
     effort: Array,
     step: float,
-    parts: Stretches,
+    stretches: Stretches,
     electrical: bool,
-    pieces: int,
+    substeps: int,
     out: Array,
 ) -> None:
     """The same with arrays over lanes and stretches, for where numba is not installed."""
-    p = {name: np.asarray(value, float)[:, None] for name, value in numbers.items()}
-    state = _State.start(parts, len(p["inertia"]), p, effort, electrical)
-    for row in range(parts.count):
+    p = {name: np.asarray(value, float)[:, None] for name, value in parameters.items()}
+    state = _State.start(stretches, len(p["inertia"]), p, effort, electrical)
+    for row in range(stretches.count):
         out[:, row] = state.position, state.speed, state.current
-        for sample in range(row * parts.every, (row + 1) * parts.every):
-            at = np.minimum(parts.first + sample, len(effort) - 1)
-            sooner, later, share = _commanded(effort, at, step, p)
-            for piece in range(pieces):
-                part = np.clip(share * pieces - piece, 0.0, 1.0)
-                _advance(state, (sooner, later, part), p, step / pieces, electrical)
+        for sample in range(row * stretches.every, (row + 1) * stretches.every):
+            at = np.minimum(stretches.first + sample, len(effort) - 1)
+            sooner, later, share = _delayed_efforts(effort, at, step, p)
+            for piece in range(substeps):
+                part = np.clip(share * substeps - piece, 0.0, 1.0)
+                _advance(state, (sooner, later, part), p, step / substeps, electrical)
 
 
 @dataclass(slots=True)
@@ -123,28 +123,28 @@ class _State:
 
     @classmethod
     def start(
-        cls, parts: Stretches, lanes: int, p: Mapping[str, Array], effort: Array, electrical: bool
+        cls, stretches: Stretches, lanes: int, p: Mapping[str, Array], effort: Array, electrical: bool
     ) -> _State:
-        shape = (lanes, len(parts.first))
-        speed = np.broadcast_to(parts.speed, shape).copy()
-        running = (parts.first > 0)[None, :]
-        before = effort[np.maximum(parts.first - 1, 0)]
+        shape = (lanes, len(stretches.first))
+        speed = np.broadcast_to(stretches.speed, shape).copy()
+        running = (stretches.first > 0)[None, :]
+        before = effort[np.maximum(stretches.first - 1, 0)]
         if electrical:
             before = (before - p["back_emf"] * speed) / p["resistance"]
         current = np.broadcast_to(np.where(running, before, 0.0), shape).copy()
-        return cls(np.broadcast_to(parts.position, shape).copy(), speed, current)
+        return cls(np.broadcast_to(stretches.position, shape).copy(), speed, current)
 
 
-def _commanded(
+def _delayed_efforts(
     effort: Array, rows: NDArray[np.intp], step: float, p: Mapping[str, Array]
 ) -> tuple[Array, Array, Array]:
     """The efforts that act at these rows, late and with a dead band, (lanes, stretches): the one before, the
     one after it changes, and the share of the sample until then."""
     late = p["latency"] / step
     whole = np.floor(late).astype(np.intp)
-    efforts = (_at(effort, rows[None, :] - whole - back) for back in (1, 0))
-    sooner, later = (_with_dead_band(each, p) for each in efforts)
-    return sooner, later, np.asarray(late - whole)
+    efforts = (_effort_at(effort, rows[None, :] - whole - back) for back in (1, 0))
+    before, after = (_with_dead_band(each, p) for each in efforts)
+    return before, after, np.asarray(late - whole)
 
 
 def _with_dead_band(u: Array, p: Mapping[str, Array]) -> Array:
@@ -158,7 +158,7 @@ def _with_dead_band(u: Array, p: Mapping[str, Array]) -> Array:
     return np.asarray(u)
 
 
-def _at(effort: Array, rows: NDArray[np.intp]) -> Array:
+def _effort_at(effort: Array, rows: NDArray[np.intp]) -> Array:
     return np.asarray(np.where(rows >= 0, effort[np.maximum(rows, 0)], 0.0))
 
 

@@ -23,7 +23,7 @@ from raccoon.diagnose.recordings.channels.saturation import (
     saturation_fault,
     without_saturated_samples,
 )
-from raccoon.diagnose.recordings.reference.faults import reference_faults
+from raccoon.diagnose.recordings.reference.pose_faults import check_pose
 from raccoon.diagnose.result import SensorFault
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def without_faulty_channels(columns: Columns, robot: RobotConfig) -> CheckedColu
     if no_sag := missing_sag_fault(kept, robot):
         faults.append(no_sag)
         del kept[no_sag.channel]
-    pose, pose_faults = reference_faults(kept, robot)
+    pose, pose_faults = check_pose(kept, robot)
     kept |= pose
     time_notes = _uneven_time_notes(columns["t"])
     rate_notes = _row_rate_notes(columns["t"], robot.controller.rate_hz)

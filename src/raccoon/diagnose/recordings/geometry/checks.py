@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
-from raccoon.diagnose.recordings.reference.stretches import ends_of
+from raccoon.diagnose.recordings.reference.stretches import stretch_ends
 from raccoon.diagnose.result import SensorFault
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.model.bemf import counts_scale
@@ -18,25 +18,25 @@ from raccoon.model.bemf import counts_scale
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-JUMP, USUAL = 20.0, 0.98
+MIN_JUMP_RATIO, USUAL_QUANTILE = 20.0, 0.98
 """Times the usual largest rate, that of this share of the rows, from which a column jumps."""
-FASTEST = 5.0
+MIN_JUMP_SPEED = 5.0
 """m/s that it must jump by as well: no small robot is as fast."""
-FAR_ABOVE, FAST = 5.0, 1.0
+MIN_BEMF_RATIO, MIN_BEMF_SPEED = 5.0, 1.0
 """The same of a back-EMF: times the usual largest, and m/s that it means."""
-FARTHEST = 1e6
+MAX_DISTANCE_M = 1e6
 """m that nothing says."""
-SPIKE = 3
+MAX_SPIKE_ROWS = 3
 """Rows that may be off in a row; more is another zero, as of a counter that was reset."""
-LEAST_ROWS = 50
+MIN_ROWS = 50
 """Numbers of a column in which spikes are looked for."""
-WINDOW = 0.5
+WINDOW_S = 0.5
 """s over which the turns of the wheels are compared with those of the reference."""
-LEAST_TURN = 0.5
+MIN_TURN_RAD = 0.5
 """rad that a robot must turn for that."""
-BACKWARDS = -0.4
+BACKWARDS_FACTOR = -0.4
 """Factor on a wheel's way from which it counts the other way round."""
-MOST_ALIKE = 10.0
+MAX_CONDITION = 10.0
 """Condition number of both wheels' ways: on the spot they turn as one, and nothing tells which is wrong."""
 
 
@@ -48,7 +48,7 @@ def without_spikes(
     Raises CalibrationError for a counter or a reference that goes on from elsewhere after a jump, or that
     reaches what no robot does.
     """
-    found = dict(columns)
+    cleaned = dict(columns)
     faults: list[SensorFault] = []
     metres = {"truth.x": 1.0, "truth.y": 1.0}
     for side, port in (("left", robot.drive.left), ("right", robot.drive.right)):
@@ -57,65 +57,67 @@ def without_spikes(
         name = f"motor.{port}.bemf"
         if name in columns:
             speed = counts_scale(robot, side, device) * robot.model.drive.wheel_radius.value
-            found[name], wild = _below(columns[name], speed)
-            faults += _told(name, wild)
+            cleaned[name], spikes = _without_fast_bemf(columns[name], speed)
+            faults += _spike_faults(name, spikes)
     for name in (each for each in metres if each in columns):
-        values, wild = _smooth(np.asarray(columns["t"], float), columns[name], name, metres[name])
-        faults += _told(name, wild)
-        if float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) * metres[name] > FARTHEST:
+        values, spikes = _without_jumps(np.asarray(columns["t"], float), columns[name], name, metres[name])
+        faults += _spike_faults(name, spikes)
+        if float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) * metres[name] > MAX_DISTANCE_M:
             raise CalibrationError(f"{name} reaches {np.nanmax(np.abs(values)):.3g}, as no robot's does")
-        found[name] = values
-    return found, tuple(faults)
+        cleaned[name] = values
+    return cleaned, tuple(faults)
 
 
-def _told(name: str, wild: Sequence[float]) -> list[SensorFault]:
+def _spike_faults(name: str, spikes: Sequence[float]) -> list[SensorFault]:
     """What is said of values that were left out."""
-    if not len(wild):
+    if not len(spikes):
         return []
-    text = f"{name} has {len(wild)} impossible values such as {wild[0]:.3g}: left out"
+    text = f"{name} has {len(spikes)} impossible values such as {spikes[0]:.3g}: left out"
     return [SensorFault(name, "impossible", text)]
 
 
-def _below(counts: Array, speed: float) -> tuple[Array, list[float]]:
-    """Back-EMF without readings of a wheel that is faster by far than it ever is, and these. speed: m/s of a
-    count."""
+def _without_fast_bemf(counts: Array, metres_per_second: float) -> tuple[Array, list[float]]:
+    """Back-EMF without readings of a wheel that is faster by far than it ever is, and these.
+    metres_per_second: m/s of a count."""
     size = np.abs(np.nan_to_num(counts))
-    wild = (size > FAR_ABOVE * np.quantile(size, USUAL)) & (size * speed > FAST)
-    if wild.mean() > 1.0 - USUAL:
+    is_spike = (size > MIN_BEMF_RATIO * np.quantile(size, USUAL_QUANTILE)) & (
+        size * metres_per_second > MIN_BEMF_SPEED
+    )
+    if is_spike.mean() > 1.0 - USUAL_QUANTILE:
         return counts, []
-    return np.where(wild, np.nan, counts), counts[wild].tolist()
+    return np.where(is_spike, np.nan, counts), counts[is_spike].tolist()
 
 
-def _smooth(time: Array, values: Array, name: str, metre: float) -> tuple[Array, list[float]]:
-    """Values without spikes, and the spikes. metre: m that 1 is."""
+def _without_jumps(time: Array, values: Array, name: str, metres: float) -> tuple[Array, list[float]]:
+    """Values without spikes, and the spikes. metres: m that 1 is."""
     rows = np.flatnonzero(np.isfinite(values) & np.isfinite(time))
-    wild: list[float] = []
-    while len(rows) >= LEAST_ROWS:
+    spikes: list[float] = []
+    while len(rows) >= MIN_ROWS:
         with np.errstate(over="ignore"):
             steps = np.diff(values[rows])
             rates = np.abs(steps) / np.maximum(np.diff(time[rows]), 1e-6)
-        usual = float(np.quantile(rates, USUAL))
-        jumps = np.flatnonzero((rates > JUMP * usual) & (rates * metre > FASTEST))
+        usual = float(np.quantile(rates, USUAL_QUANTILE))
+        jumps = np.flatnonzero((rates > MIN_JUMP_RATIO * usual) & (rates * metres > MIN_JUMP_SPEED))
         if usual == 0.0 or not len(jumps):
             break
-        off = _spike(jumps, len(rows))
-        if off is None:
+        spike_rows = _find_spike_rows(jumps, len(rows))
+        if spike_rows is None:
             raise CalibrationError(_jump_text(name, float(steps[jumps[0]]), float(time[rows[jumps[0] + 1]])))
-        wild += values[rows[off]].tolist()
-        rows = np.delete(rows, off)
+        spikes += values[rows[spike_rows]].tolist()
+        rows = np.delete(rows, spike_rows)
     kept = np.full(len(values), np.nan)
     kept[rows] = values[rows]
-    return kept, wild
+    return kept, spikes
 
 
-def _spike(jumps: NDArray[np.intp], count: int) -> slice | None:
+def _find_spike_rows(jumps: NDArray[np.intp], count: int) -> slice | None:
     """The few rows of so many that are off where the first jump is; None where all that follow are."""
     first = int(jumps[0])
-    if len(jumps) > 1 and jumps[1] - first <= SPIKE:
+    if len(jumps) > 1 and jumps[1] - first <= MAX_SPIKE_ROWS:
         return slice(first + 1, int(jumps[1]) + 1)
-    if first < SPIKE:
+    if first < MAX_SPIKE_ROWS:
         return slice(0, first + 1)
-    return slice(first + 1, count) if count - 1 - first <= SPIKE else None
+    return slice(first + 1, count) if count - 1 - first <= MAX_SPIKE_ROWS else None
 
 
 def _jump_text(name: str, step: float, when: float) -> str:
@@ -130,16 +132,16 @@ def _jump_text(name: str, step: float, when: float) -> str:
     )
 
 
-def check_wheels(each: Manoeuvre, robot: RobotConfig) -> None:
+def check_wheels(run: Manoeuvre, robot: RobotConfig) -> None:
     """Raise CalibrationError where a wheel never turns although the robot does, or counts backwards."""
-    if each.truth is None or not len(each.known_rows):
+    if run.truth is None or not len(run.known_rows):
         return
-    known = each.known_rows
-    time = each.t[known]
-    ends = known[np.unique(ends_of(time, time[0], time[-1], WINDOW))]
-    turns = np.diff(each.truth[ends, 2])
-    ways = np.column_stack([-np.diff(each.left[ends]), np.diff(each.right[ends])])
-    if float(np.abs(turns).sum()) < LEAST_TURN:
+    known = run.known_rows
+    time = run.t[known]
+    ends = known[np.unique(stretch_ends(time, time[0], time[-1], WINDOW_S))]
+    turns = np.diff(run.truth[ends, 2])
+    ways = np.column_stack([-np.diff(run.left[ends]), np.diff(run.right[ends])])
+    if float(np.abs(turns).sum()) < MIN_TURN_RAD:
         return
     names = [f"motor.{port}" for port in (robot.drive.left, robot.drive.right)]
     still = [name for name, way in zip(names, ways.T, strict=True) if not way.any()]
@@ -147,12 +149,12 @@ def check_wheels(each: Manoeuvre, robot: RobotConfig) -> None:
         raise CalibrationError(
             f"{still[0]} never turns although the robot does: check its encoder and its plug"
         )
-    if still or np.linalg.cond(ways) > MOST_ALIKE:
+    if still or np.linalg.cond(ways) > MAX_CONDITION:
         return
     scale = robot.model.drive.wheel_radius.value / robot.model.drive.track_width.value
     factors, *_ = np.linalg.lstsq(scale * ways, turns, rcond=None)
     for name, factor, other in zip(names, factors, factors[::-1], strict=True):
-        if factor < BACKWARDS and other > -BACKWARDS:
+        if factor < BACKWARDS_FACTOR and other > -BACKWARDS_FACTOR:
             raise CalibrationError(
                 f"{name} turns against what the reference says: set inverted for it in robot.toml, or write "
                 "its counter with the other sign"

@@ -19,13 +19,13 @@ from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
 from raccoon.diagnose.recordings.channels.review import wrong_robot_notes
 from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
 from raccoon.diagnose.recordings.geometry.fit import (
-    Errors,
-    Fitted,
+    GeometryFit,
+    PoseErrors,
     candidates,
-    combined,
-    leaves_its_wheels,
+    combine_factors,
+    describe_departure,
 )
-from raccoon.diagnose.recordings.geometry.words import RULER, geometry_cause
+from raccoon.diagnose.recordings.geometry.sentences import MEASURE_WITH_RULER, geometry_cause
 from raccoon.diagnose.recordings.reference.units import check_reference
 from raccoon.diagnose.reports.manoeuvre_words import MANOEUVRES
 from raccoon.diagnose.result import (
@@ -46,16 +46,16 @@ from raccoon.sim.effects.parameters import Parameters
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-LEAST_GAIN = 0.03
+MIN_GAIN = 0.03
 """Share of the error on unseen runs that a cause must save."""
-FAR = 3.0
+MAX_ERROR_RATIO = 3.0
 """Times the error of what was fitted from which that of unseen runs is more than wheels, whatever their size,
 make of it."""
-LARGEST_FACTOR = 2.5
-"""By which wheels and track may be off, as in a drive with commands (`doubts/implausible.py`)."""
-SHARE_FITTED = 0.7
+MAX_FACTOR = 2.5
+"""By which wheels and track may be off, as in a drive with commands (`plausibility/implausible.py`)."""
+FITTED_SHARE = 0.7
 """Of a single run; the rest is there to judge on."""
-SLOWEST = 0.9
+MAX_STEP_S = 0.9
 """s a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""
 POSITION, HEADING = "truth position", "truth.heading"
 NO_COMMANDS = "not identifiable: motor.N.duty is missing, so what drove the wheels is unknown"
@@ -76,27 +76,31 @@ def diagnose_geometry(
     """
     begin = time.perf_counter()
     try:
-        ready = [usable(each, robot, device) for each in runs]
-        others = [usable(each, robot, device) for each in holdout]
+        prepared = [prepare_run(each, robot, device) for each in runs]
+        prepared_holdout = [prepare_run(each, robot, device) for each in holdout]
     except CalibrationError as error:
-        return _cannot_tell(str(error), [], robot, begin)
-    fitted, unseen = _shared([each for each, _ in ready], [each for each, _ in others])
-    faults = tuple(fault for _, each in ready for fault in each)
+        return _not_identifiable(str(error), [], robot, begin)
+    fitted, unseen = _split_runs([each for each, _ in prepared], [each for each, _ in prepared_holdout])
+    faults = tuple(fault for _, each in prepared for fault in each)
     try:
-        found = fit_drive(robot, fitted, device=device)
+        calibrated = fit_drive(robot, fitted, device=device)
     except CalibrationError as error:
-        return replace(_cannot_tell(str(error), fitted, robot, begin), sensor_faults=faults)
+        return replace(_not_identifiable(str(error), fitted, robot, begin), sensor_faults=faults)
     radius, track = robot.model.drive.wheel_radius.value, robot.model.drive.track_width.value
-    pairs = ((found.left_radius, radius), (found.right_radius, radius), (found.track_width, track))
-    whole = np.array([number.value / nominal for number, nominal in pairs])
+    pairs = (
+        (calibrated.left_radius, radius),
+        (calibrated.right_radius, radius),
+        (calibrated.track_width, track),
+    )
+    factors = np.array([number.value / nominal for number, nominal in pairs])
     stds = np.array([number.std / nominal for number, nominal in pairs])
-    strange = strange_factor(whole)
-    if strange:
-        return _cannot_tell(strange, fitted, robot, begin)
-    return replace(_judged(Fitted(robot, whole, stds, fitted, unseen), begin), sensor_faults=faults)
+    impossible = describe_impossible_factor(factors)
+    if impossible:
+        return _not_identifiable(impossible, fitted, robot, begin)
+    return replace(_judge(GeometryFit(robot, factors, stds, fitted, unseen), begin), sensor_faults=faults)
 
 
-def usable(
+def prepare_run(
     columns: Columns, robot: RobotConfig, device: Device = SI_WORDS
 ) -> tuple[Manoeuvre, tuple[SensorFault, ...]]:
     """A recording as it can be fitted, and what is said of single values that were left out.
@@ -105,15 +109,15 @@ def usable(
     other units.
     """
     moments = np.unique(np.asarray(columns["t"], float))  # a sample that was written twice does no harm here
-    check_time(moments[np.isfinite(moments)], SLOWEST)
+    check_time(moments[np.isfinite(moments)], MAX_STEP_S)
     columns, faults = without_spikes(columns, robot, device)
     check_reference(columns, robot, device)
-    made = manoeuvre_from_columns(columns, robot, device=device)
-    check_wheels(made, robot)
-    return made, faults
+    run = manoeuvre_from_columns(columns, robot, device=device)
+    check_wheels(run, robot)
+    return run, faults
 
 
-def strange_factor(factors: Array) -> str:
+def describe_impossible_factor(factors: Array) -> str:
     """What is to be said where a wheel or the track is no robot's of this robot.toml; "" where all may be.
 
     A reference that never moved, and counters in another unit, ended at the bounds of what is tried, each
@@ -121,7 +125,7 @@ def strange_factor(factors: Array) -> str:
     """
     logs = np.abs(np.log(factors))
     worst = int(np.argmax(logs))
-    if logs[worst] < math.log(LARGEST_FACTOR):
+    if logs[worst] < math.log(MAX_FACTOR):
         return ""
     name = ("the left wheel", "the right wheel", "the track")[worst]
     return (
@@ -131,61 +135,65 @@ def strange_factor(factors: Array) -> str:
     )
 
 
-def _shared(made: list[Manoeuvre], others: list[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
-    if others:
-        return made, others
-    if len(made) > 1:
-        return made[::2], made[1::2]
-    count = len(made[0].t)
-    rows = made[0].known_rows if made[0].truth is not None else np.arange(count)
-    split = int(rows[int(SHARE_FITTED * len(rows))])
-    return [made[0].piece(0, split)], [made[0].piece(split, count)]
+def _split_runs(
+    runs: list[Manoeuvre], holdout_runs: list[Manoeuvre]
+) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
+    if holdout_runs:
+        return runs, holdout_runs
+    if len(runs) > 1:
+        return runs[::2], runs[1::2]
+    count = len(runs[0].t)
+    rows = runs[0].known_rows if runs[0].truth is not None else np.arange(count)
+    split = int(rows[int(FITTED_SHARE * len(rows))])
+    return [runs[0].piece(0, split)], [runs[0].piece(split, count)]
 
 
-def _judged(fit: Fitted, begin: float) -> Diagnosis:
+def _judge(fit: GeometryFit, begin: float) -> Diagnosis:
     nominal = np.ones(3)
     before = fit.errors(nominal)
-    parts = candidates(fit)
-    named = [each for each in parts if each.sure]
-    after_factors = combined(named)
+    all_candidates = candidates(fit)
+    named = [each for each in all_candidates if each.is_significant]
+    after_factors = combine_factors(named)
     after = fit.errors(after_factors)
-    causes, useless = [], []
+    causes, unhelpful = [], []
     for each in named:
-        without = fit.errors(combined([other for other in named if other is not each]))
-        if after.position > (1.0 - LEAST_GAIN) * without.position:
-            useless.append(each)
+        without = fit.errors(combine_factors([other for other in named if other is not each]))
+        if after.position > (1.0 - MIN_GAIN) * without.position:
+            unhelpful.append(each)
         else:
             causes.append((without, each))
     causes.sort(key=lambda pair: -pair[0].position)
-    in_sample = replace(fit, unseen=fit.fitted)
+    in_sample = replace(fit, heldout=fit.fitted)
     floor = in_sample.errors(fit.factors)
     results = tuple(
         geometry_cause(*pair, (before, after, floor), rank + 1, fit.robot) for rank, pair in enumerate(causes)
     )
     rejected = [
-        Rejected(each.name, "inside its deviation" if each not in useless else "it does not help unseen runs")
-        for each in parts
-        if each in useless or not each.sure
+        Rejected(
+            each.name, "inside its deviation" if each not in unhelpful else "it does not help unseen runs"
+        )
+        for each in all_candidates
+        if each in unhelpful or not each.is_significant
     ]
     # A start that is a little off turns a whole path, and is no path that leaves its wheels.
-    shapes = [
+    shape_errors = [
         each.errors(factors, from_start=False)
         for each, factors in ((fit, after_factors), (in_sample, fit.factors))
     ]
-    far = shapes[0].position > FAR * shapes[1].position
+    is_unexplained = shape_errors[0].position > MAX_ERROR_RATIO * shape_errors[1].position
     return Diagnosis(
-        _verdict(bool(results), far),
+        _verdict(bool(results), is_unexplained),
         _channels(before, after, floor),
         results,
-        (*rejected, *_without_commands()),
-        _unexplained(before, after, far),
-        (RULER,) if any(each.confounded_with for each in results) else (),
+        (*rejected, *_rejected_without_commands()),
+        _unexplained(before, after, is_unexplained),
+        (MEASURE_WITH_RULER,) if any(each.confounded_with for each in results) else (),
         time.perf_counter() - begin,
         with_causes(Parameters.from_robot(fit.robot), results),
         (
-            _shared_how(fit),
+            _split_note(fit),
             *wrong_robot_notes(results),
-            *([leaves_its_wheels(fit, after_factors)] if far else []),
+            *([describe_departure(fit, after_factors)] if is_unexplained else []),
         ),
         _identified(fit),
         (),
@@ -193,38 +201,38 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
     )
 
 
-def _unexplained(before: Errors, after: Errors, far: bool) -> Unexplained:
+def _unexplained(before: PoseErrors, after: PoseErrors, is_unexplained: bool) -> Unexplained:
     """What is left where that is more than wheels make of it; what chance makes is no part of it."""
-    if not far:
+    if not is_unexplained:
         return Unexplained(0.0)
     share = after.position**2 / max(before.position**2, 1e-300)
     return Unexplained(float(np.clip(share, 0.0, 1.0)), ("time",))
 
 
-def _verdict(causes: bool, far: bool) -> Verdict:
-    if far:
-        return Verdict.PARTLY if causes else Verdict.UNKNOWN
-    return Verdict.EXPLAINED if causes else Verdict.ADEQUATE
+def _verdict(has_causes: bool, is_unexplained: bool) -> Verdict:
+    if is_unexplained:
+        return Verdict.PARTLY if has_causes else Verdict.UNKNOWN
+    return Verdict.EXPLAINED if has_causes else Verdict.ADEQUATE
 
 
-def _shared_how(fit: Fitted) -> str:
-    fitted, unseen = len(fit.fitted), len(fit.unseen)
-    if fitted == unseen == 1 and fit.fitted[0].t[-1] < fit.unseen[0].t[0]:
-        return f"the first {100 * SHARE_FITTED:.0f} % of the run was fitted, the rest is there to judge on"
+def _split_note(fit: GeometryFit) -> str:
+    fitted, unseen = len(fit.fitted), len(fit.heldout)
+    if fitted == unseen == 1 and fit.fitted[0].t[-1] < fit.heldout[0].t[0]:
+        return f"the first {100 * FITTED_SHARE:.0f} % of the run was fitted, the rest is there to judge on"
     return (
         f"{fitted} run{'' if fitted == 1 else 's'} fitted, {unseen} other{'' if unseen == 1 else 's'} to "
         "judge on"
     )
 
 
-def _channels(before: Errors, after: Errors, floor: Errors) -> tuple[ChannelResult, ...]:
+def _channels(before: PoseErrors, after: PoseErrors, floor: PoseErrors) -> tuple[ChannelResult, ...]:
     return (
         ChannelResult(POSITION, "m", before.position, after.position, floor.position),
         ChannelResult(HEADING, "rad", before.heading, after.heading, floor.heading),
     )
 
 
-def _identified(fit: Fitted) -> Mapping[str, ParameterResult]:
+def _identified(fit: GeometryFit) -> Mapping[str, ParameterResult]:
     drive = fit.robot.model.drive
     radius, track = drive.wheel_radius.value, drive.track_width.value
     left, right, wide = fit.factors
@@ -235,16 +243,16 @@ def _identified(fit: Fitted) -> Mapping[str, ParameterResult]:
     }
 
 
-def _without_commands() -> tuple[Rejected, ...]:
+def _rejected_without_commands() -> tuple[Rejected, ...]:
     return tuple(
         Rejected(each, NO_COMMANDS) for each in ("motor.*", "friction.*", "actuation.*", "battery.*")
     )
 
 
-def _curves(fit: Fitted, before: Array, after: Array) -> tuple[Curve, ...]:
+def _curves(fit: GeometryFit, before: Array, after: Array) -> tuple[Curve, ...]:
     """Distance from the reference along the unseen runs, put one behind the other."""
     times, curves, offset = [], [], 0.0
-    for each in fit.unseen:
+    for each in fit.heldout:
         pair = [np.hypot(*truth_residuals(factors, fit.robot, each)[:, :2].T) for factors in (before, after)]
         times.append(offset + each.t[each.known_rows] - each.t[0])
         curves.append(np.column_stack(pair))
@@ -258,17 +266,17 @@ def _curves(fit: Fitted, before: Array, after: Array) -> tuple[Curve, ...]:
     )  # fmt: skip
 
 
-def _cannot_tell(reason: str, runs: Sequence[Manoeuvre], robot: RobotConfig, begin: float) -> Diagnosis:
+def _not_identifiable(reason: str, runs: Sequence[Manoeuvre], robot: RobotConfig, begin: float) -> Diagnosis:
     rejected = tuple(Rejected(each, f"not identifiable: {reason}") for each in OF_TURNS)
     channels: tuple[ChannelResult, ...] = ()
     if runs and all(each.truth is not None for each in runs):
-        nominal = Fitted(robot, np.ones(3), np.zeros(3), runs, runs).errors(np.ones(3))
+        nominal = GeometryFit(robot, np.ones(3), np.zeros(3), runs, runs).errors(np.ones(3))
         channels = _channels(nominal, nominal, nominal)
     return Diagnosis(
         Verdict.NOT_IDENTIFIABLE,
         channels,
         (),
-        (*rejected, *_without_commands()),
+        (*rejected, *_rejected_without_commands()),
         Unexplained(0.0),
         (MANOEUVRES["turns"],),
         time.perf_counter() - begin,

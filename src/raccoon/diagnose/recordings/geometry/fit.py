@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import cause_name
-from raccoon.diagnose.recordings.reference.stretches import ends_of
+from raccoon.diagnose.recordings.reference.stretches import stretch_ends
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.estimate.drive_calibration.paths import shape_residuals, truth_residuals
 
 Array = NDArray[np.float64]
 
-SURE = 3.0
+MIN_SIGMAS = 3.0
 """Standard deviations from the configured value at which a factor is a cause."""
-LEAST_FACTOR = 0.001
+MIN_FACTOR_CHANGE = 0.001
 """A wheel that is 0.1 % off is as good as a wheel gets."""
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class PoseErrors:
     """Pooled root mean squares: position m, heading rad."""
 
     position: float
@@ -32,44 +32,45 @@ class Errors:
 
 
 @dataclass(frozen=True, slots=True)
-class Fitted:
+class GeometryFit:
     """Factors (3,) on left way, right way and track width, with deviations, and the runs."""
 
     robot: RobotConfig
     factors: Array
     stds: Array
     fitted: Sequence[Manoeuvre]
-    unseen: Sequence[Manoeuvre]
+    heldout: Sequence[Manoeuvre]
 
-    def errors(self, factors: Array, from_start: bool = True) -> Errors:
+    def errors(self, factors: Array, from_start: bool = True) -> PoseErrors:
         """Over the unseen runs; each starts at the reference's pose, or in the pose that fits best."""
         off = truth_residuals if from_start else shape_residuals
-        parts = [off(factors, self.robot, each) for each in self.unseen]
+        parts = [off(factors, self.robot, each) for each in self.heldout]
         whole = np.concatenate(parts)
-        return Errors(
+        return PoseErrors(
             float(np.sqrt((whole[:, :2] ** 2).sum(axis=1).mean())), float(np.sqrt((whole[:, 2] ** 2).mean()))
         )
 
 
-WINDOW = 1.0
+DEPARTURE_WINDOW_S = 1.0
 """s over which is looked for where a robot leaves its wheels."""
 
 
-def leaves_its_wheels(fit: Fitted, factors: Array) -> str:
+def describe_departure(fit: GeometryFit, factors: Array) -> str:
     """Where the unseen runs' paths part from their wheels most, in a sentence."""
-    most, when = 0.0, 0.0
-    for each in fit.unseen:
-        rest, time = truth_residuals(factors, fit.robot, each), each.t[each.known_rows]
-        ends = ends_of(time, time[0], time[-1], 0.25 * WINDOW)
-        ahead = np.minimum(np.searchsorted(time, time[ends] + WINDOW), len(time) - 1)
-        moved = rest[ahead] - rest[ends]
-        away = np.hypot(moved[:, 0], moved[:, 1])
-        worst = int(np.argmax(away))
-        if away[worst] > most:
-            most, when = float(away[worst]), float(time[ends[worst]])
+    largest, when = 0.0, 0.0
+    for each in fit.heldout:
+        errors, time = truth_residuals(factors, fit.robot, each), each.t[each.known_rows]
+        ends = stretch_ends(time, time[0], time[-1], 0.25 * DEPARTURE_WINDOW_S)
+        later = np.minimum(np.searchsorted(time, time[ends] + DEPARTURE_WINDOW_S), len(time) - 1)
+        moved = errors[later] - errors[ends]
+        departures = np.hypot(moved[:, 0], moved[:, 1])
+        worst = int(np.argmax(departures))
+        if departures[worst] > largest:
+            largest, when = float(departures[worst]), float(time[ends[worst]])
     return (
-        f"from {when:.1f} s on the robot and its wheels part by {1000 * most:.0f} mm within {WINDOW:.0f} s, "
-        "which no size of wheels explains: was it held or pushed, or did it slip?"
+        f"from {when:.1f} s on the robot and its wheels part by {1000 * largest:.0f} mm within "
+        f"{DEPARTURE_WINDOW_S:.0f} s, which no size of wheels explains: was it held or pushed, or did "
+        "it slip?"
     )
 
 
@@ -88,29 +89,31 @@ class Candidate:
         return cause_name(self.id, self.where)
 
     @property
-    def sure(self) -> bool:
-        return abs(self.factor - 1.0) > max(SURE * self.std, LEAST_FACTOR)
+    def is_significant(self) -> bool:
+        return abs(self.factor - 1.0) > max(MIN_SIGMAS * self.std, MIN_FACTOR_CHANGE)
 
 
-def candidates(fit: Fitted) -> list[Candidate]:
+def candidates(fit: GeometryFit) -> list[Candidate]:
     """Both wheels' common factor, what the left has beyond it, and the track.
 
     Wheels that differ by less than their deviations are one cause, both wheels'; else each is its own.
     """
     left, right, track = (float(each) for each in fit.factors)
-    one, two, wide = (float(each) for each in fit.stds)
-    found = [Candidate("drive.track_width", None, track, wide, np.array([1.0, 1.0, track]))]
-    if abs(left - right) > SURE * math.hypot(one, two):
-        found.append(Candidate("drive.wheel_radius", "left", left, one, np.array([left, 1.0, 1.0])))
-        found.append(Candidate("drive.wheel_radius", "right", right, two, np.array([1.0, right, 1.0])))
+    left_std, right_std, track_std = (float(each) for each in fit.stds)
+    found = [Candidate("drive.track_width", None, track, track_std, np.array([1.0, 1.0, track]))]
+    if abs(left - right) > MIN_SIGMAS * math.hypot(left_std, right_std):
+        found.append(Candidate("drive.wheel_radius", "left", left, left_std, np.array([left, 1.0, 1.0])))
+        found.append(Candidate("drive.wheel_radius", "right", right, right_std, np.array([1.0, right, 1.0])))
     else:
         both = 0.5 * (left + right)
         found.append(
-            Candidate("drive.wheel_radius", None, both, 0.5 * (one + two), np.array([left, right, 1.0]))
+            Candidate(
+                "drive.wheel_radius", None, both, 0.5 * (left_std + right_std), np.array([left, right, 1.0])
+            )
         )
     return found
 
 
-def combined(parts: Sequence[Candidate]) -> Array:
+def combine_factors(parts: Sequence[Candidate]) -> Array:
     """Factors (3,) of all together."""
     return np.asarray(np.prod([np.ones(3), *(each.factors for each in parts)], axis=0))

@@ -13,39 +13,44 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.drives.unseen import are_missing
-from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
-from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
+from raccoon.diagnose.recordings.axis.diagnosis import AxisName, diagnose_axis
+from raccoon.diagnose.recordings.axis.log import EFFORT_UNITS, MOTION_UNITS
 from raccoon.diagnose.recordings.channels.invalid_samples import without_invalid_samples
-from raccoon.diagnose.recordings.motors.supply import Supply, judge_supply, power_of
-from raccoon.diagnose.recordings.motors.units import BATTERY, check_volts, speed_cut_off, unlike
+from raccoon.diagnose.recordings.motors.supply import Supply, judge_supply, motor_power
+from raccoon.diagnose.recordings.motors.units import (
+    BATTERY,
+    check_volts,
+    speed_saturation_fault,
+    unlike_motor_notes,
+)
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-DEAD_AMPS = 0.01
+MAX_DEAD_CURRENT_A = 0.01
 """A driven motor that never draws more has no working current sensor."""
-MOST_AMPS = 100.0
+MAX_CURRENT_A = 100.0
 """That no motor of a robot draws."""
-REST_AMPS = 0.06
+MAX_REST_CURRENT_A = 0.06
 """More at rest with no voltage is an offset of the sensor: the best of them drift by 0.02."""
-AT_REST = 0.02
+MAX_REST_SPEED_SHARE = 0.02
 """Share of the largest speed below which a motor stands."""
-UNRELATED = 0.3
+MIN_CURRENT_R2 = 0.3
 """R2 of the current over voltage and speed below which it is no current of this motor."""
-FEWEST = 50
+MIN_SAMPLES = 50
 """Samples from which something is said of them."""
-SLOWEST_STEP = 0.9
+MAX_STEP_S = 0.9
 """s between samples. An axis may be slow, but not so slow."""
-MOST_VOLTS = 100.0
+MAX_BATTERY_V = 100.0
 """V of a battery's reading."""
-NO_LOAD = "not visible: battery.voltage, or what the motors take, never changes"
+NO_LOAD_CHANGE = "not visible: battery.voltage, or what the motors take, never changes"
 _WORST_FIRST = (Verdict.UNKNOWN, Verdict.PARTLY, Verdict.EXPLAINED, Verdict.ADEQUATE)
 
 
 @dataclass(frozen=True, slots=True)
-class _Checked:
+class _CheckedMotor:
     """Columns without what is broken, and what that was."""
 
     columns: dict[str, Array]
@@ -55,11 +60,15 @@ class _Checked:
 
 def motor_ports(columns: Columns) -> list[int]:
     """Ports with something that drives (force, torque, voltage) and a motion."""
-    ports = sorted({port for kind in EFFORTS for port in ports_in(columns, "motor", kind)})
-    return [port for port in ports if _has(columns, port, EFFORTS) and _has(columns, port, MOTIONS)]
+    ports = sorted({port for kind in EFFORT_UNITS for port in ports_in(columns, "motor", kind)})
+    return [
+        port
+        for port in ports
+        if _has_any(columns, port, EFFORT_UNITS) and _has_any(columns, port, MOTION_UNITS)
+    ]
 
 
-def _has(columns: Columns, port: int, kinds: Mapping[str, str]) -> bool:
+def _has_any(columns: Columns, port: int, kinds: Mapping[str, str]) -> bool:
     return any(f"motor.{port}.{kind}" in columns for kind in kinds)
 
 
@@ -69,34 +78,34 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
     Raises TraceError where no motor has both what drives it and how it moves.
     """
     begin = time.perf_counter()
-    check_time(np.asarray(columns["t"], float), SLOWEST_STEP)
+    check_time(np.asarray(columns["t"], float), MAX_STEP_S)
     ports = motor_ports(columns)
     if not ports:
         raise TraceError("no motor has both a force, torque or voltage and a travel, angle or speed")
-    found: list[Diagnosis] = []
+    diagnoses: list[Diagnosis] = []
     notes: list[str] = []
-    ruled_out: list[Rejected] = []
-    done: list[int] = []
-    clean, faults = _with_battery(columns)
+    rejected: list[Rejected] = []
+    diagnosed_ports: list[int] = []
+    cleaned, faults = _check_battery(columns)
     for port in ports:
-        checked = _check(clean, port)
+        checked = _check_motor(cleaned, port)
         check_volts(checked.columns, port)
-        clean = checked.columns
+        cleaned = checked.columns
         faults += checked.faults
         notes += checked.notes
         try:
-            other = None if holdout is None else _check(dict(holdout), port).columns
-            found.append(diagnose_axis(clean, port, _place(robot, port, ports), other))
-            done.append(port)
+            other = None if holdout is None else _check_motor(dict(holdout), port).columns
+            diagnoses.append(diagnose_axis(cleaned, port, _axis_name(robot, port, ports), other))
+            diagnosed_ports.append(port)
         except HoldoutError:
             raise
         except TraceError as error:
-            ruled_out.append(Rejected(f"motor {port}", f"not diagnosed: {error}"))
-    supply, missing = _supply(clean, ports)
-    return _joined(found, done, supply, missing, faults, notes, ruled_out, begin)
+            rejected.append(Rejected(f"motor {port}", f"not diagnosed: {error}"))
+    supply, missing = _supply(cleaned, ports)
+    return _join(diagnoses, diagnosed_ports, supply, missing, faults, notes, rejected, begin)
 
 
-def _with_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]]:
+def _check_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]]:
     """The columns with a battery's reading that is none left out, and what it was."""
     found = dict(columns)
     battery = found.get(BATTERY)
@@ -105,37 +114,37 @@ def _with_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]
     found[BATTERY], faults = without_invalid_samples(BATTERY, "battery", found["t"], battery, None)
     if not (np.nan_to_num(battery) > 0.0).any():
         del found[BATTERY]
-    elif (middle := float(np.nanmedian(found[BATTERY]))) > MOST_VOLTS:
+    elif (median := float(np.nanmedian(found[BATTERY]))) > MAX_BATTERY_V:
         raise TraceError(
-            f"{BATTERY} is around {middle:g} V: allowed are {MOST_VOLTS:g}; it looks like counts or "
+            f"{BATTERY} is around {median:g} V: allowed are {MAX_BATTERY_V:g}; it looks like counts or "
             "millivolts, not volts"
         )
     return found, list(faults)
 
 
-def _place(robot: RobotConfig, port: int, ports: list[int]) -> Place:
+def _axis_name(robot: RobotConfig, port: int, ports: list[int]) -> AxisName:
     if len(ports) == 1:
-        return Place(None, "the axis")
+        return AxisName(None, "the axis")
     sides = {robot.drive.left: "left", robot.drive.right: "right"}
     side = sides.get(port)
-    return Place(side or str(port), f"the {side} motor" if side else f"motor {port}")
+    return AxisName(side or str(port), f"the {side} motor" if side else f"motor {port}")
 
 
-def _check(columns: dict[str, Array], port: int) -> _Checked:
+def _check_motor(columns: dict[str, Array], port: int) -> _CheckedMotor:
     """Take away a current that is none, and the sign of a motor that is wired the other way round."""
     names = [f"motor.{port}.{kind}" for kind in ("voltage", "current", "speed")]
     voltage, current, speed = (columns.get(name) for name in names)
     faults: list[SensorFault] = []
     notes: list[str] = []
-    if voltage is not None and speed is not None and _turns_back(voltage, speed):
+    if voltage is not None and speed is not None and _is_inverted(voltage, speed):
         if current is not None and float(np.nansum(voltage * current)) > 0.0:  # it flows as commanded
             columns[names[1]] = current = -current
         columns[names[0]] = voltage = -voltage
         notes.append(
             f"motor {port} turns against its command: its wires are swapped; the sign was taken away"
         )
-    if speed is not None and (whole := speed_cut_off(names[2], speed)):
-        faults.append(whole)
+    if speed is not None and (saturated := speed_saturation_fault(names[2], speed)):
+        faults.append(saturated)
         columns = {**columns, names[2]: np.full_like(speed, np.nan)}
         speed = None
     if current is not None and voltage is not None:
@@ -143,69 +152,71 @@ def _check(columns: dict[str, Array], port: int) -> _Checked:
         if fault is not None:
             faults.append(fault)
             columns = {**columns, names[1]: np.full_like(current, np.nan)}
-    return _Checked(columns, tuple(faults), tuple(notes))
+    return _CheckedMotor(columns, tuple(faults), tuple(notes))
 
 
-def _turns_back(voltage: Array, speed: Array) -> bool:
+def _is_inverted(voltage: Array, speed: Array) -> bool:
     known = np.isfinite(voltage) & np.isfinite(speed) & (voltage != 0.0)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_SAMPLES:
         return False
-    pull = voltage[known] * np.clip(speed[known], *np.percentile(speed[known], [2.0, 98.0]))
-    return float(pull.sum()) < -0.3 * float(np.abs(pull).sum())
+    power = voltage[known] * np.clip(speed[known], *np.percentile(speed[known], [2.0, 98.0]))
+    return float(power.sum()) < -0.3 * float(np.abs(power).sum())
 
 
 def _current_fault(name: str, voltage: Array, current: Array, speed: Array | None) -> SensorFault | None:
     known = np.isfinite(current) & np.isfinite(voltage)
-    if speed is not None and np.isfinite(speed).sum() < FEWEST:
+    if speed is not None and np.isfinite(speed).sum() < MIN_SAMPLES:
         speed = None
     if speed is not None:
         known &= np.isfinite(speed)
     largest = float(np.abs(current[known]).max(initial=0.0))
-    if largest > MOST_AMPS:
-        told = f"{name} reaches {largest:g} A: it looks like milliamperes or counts, and was not used"
-        return SensorFault(name, "unit", told)
-    if known.sum() < FEWEST or largest < DEAD_AMPS:
+    if largest > MAX_CURRENT_A:
+        text = f"{name} reaches {largest:g} A: it looks like milliamperes or counts, and was not used"
+        return SensorFault(name, "unit", text)
+    if known.sum() < MIN_SAMPLES or largest < MAX_DEAD_CURRENT_A:
         return SensorFault(
             name, "dead", f"{name} shows no current although the motor is driven: its sensor is dead; R, K_E "
             "and friction torque of this motor cannot be told apart without it"
         )  # fmt: skip
     if speed is None:
         return None
-    offset = _at_rest(voltage[known], current[known], speed[known])
-    if abs(offset) > REST_AMPS:
+    offset = _rest_current(voltage[known], current[known], speed[known])
+    if abs(offset) > MAX_REST_CURRENT_A:
         return SensorFault(
             name, "offset", f"{name} reads {offset:+.2f} A while the motor stands without voltage: its zero "
             "is wrong or moves, and it was not used"
         )  # fmt: skip
     columns = np.column_stack([voltage, speed, np.ones_like(voltage)])[known]
-    found = np.linalg.lstsq(columns, current[known], rcond=None)[0]
-    left = current[known] - columns @ found
-    share = 1.0 - float(left.var()) / max(float(current[known].var()), 1e-12)
-    if share < UNRELATED or found[0] <= 0.0:
+    coefficients = np.linalg.lstsq(columns, current[known], rcond=None)[0]
+    residuals = current[known] - columns @ coefficients
+    r_squared = 1.0 - float(residuals.var()) / max(float(current[known].var()), 1e-12)
+    if r_squared < MIN_CURRENT_R2 or coefficients[0] <= 0.0:
         return SensorFault(
-            name, "implausible", f"{name} does not follow voltage and speed (R2 {share:.2f}, "
-            f"{found[0]:+.3f} A/V): it is not this motor's current and was not used"
+            name, "implausible", f"{name} does not follow voltage and speed (R2 {r_squared:.2f}, "
+            f"{coefficients[0]:+.3f} A/V): it is not this motor's current and was not used"
         )  # fmt: skip
     return None
 
 
-def _at_rest(voltage: Array, current: Array, speed: Array) -> float:
+def _rest_current(voltage: Array, current: Array, speed: Array) -> float:
     """Median current while there is neither voltage nor motion; 0 where there is no such time."""
-    still = (voltage == 0.0) & (np.abs(speed) < AT_REST * float(np.percentile(np.abs(speed), 95.0)))
+    still = (voltage == 0.0) & (
+        np.abs(speed) < MAX_REST_SPEED_SHARE * float(np.percentile(np.abs(speed), 95.0))
+    )
     return float(np.median(current[still])) if still.sum() >= 20 else 0.0
 
 
 def _supply(columns: Columns, ports: list[int]) -> tuple[Supply | None, tuple[str, ...]]:
     if BATTERY not in columns:
         return None, (BATTERY,)
-    power, missing = power_of(columns, ports)
+    power, missing = motor_power(columns, ports)
     if power is None:
         return None, missing
     return judge_supply(columns["t"], columns[BATTERY], power), ()
 
 
-def _joined(
-    found: list[Diagnosis],
+def _join(
+    diagnoses: list[Diagnosis],
     ports: list[int],
     supply: Supply | None,
     missing: tuple[str, ...],
@@ -214,44 +225,54 @@ def _joined(
     ruled_out: list[Rejected],
     begin: float,
 ) -> Diagnosis:
-    causes = [cause for each in found for cause in each.causes]
-    channels = [channel for each in found for channel in each.channels]
-    rejected = [each for one in found for each in one.rejected if each.id != "battery.internal_resistance"]
+    causes = [cause for each in diagnoses for cause in each.causes]
+    channels = [channel for each in diagnoses for channel in each.channels]
+    rejected = [
+        each for one in diagnoses for each in one.rejected if each.id != "battery.internal_resistance"
+    ]
     rejected += ruled_out
     if supply is not None:
         channels.append(supply.channel)
         rejected += supply.rejected
         causes += [] if supply.cause is None else [supply.cause]
     else:
-        why = f"not identifiable: {are_missing(missing)}" if missing else NO_LOAD
-        rejected.append(Rejected("battery.internal_resistance", why))
+        reason = f"not identifiable: {are_missing(missing)}" if missing else NO_LOAD_CHANGE
+        rejected.append(Rejected("battery.internal_resistance", reason))
     identified = {
         name if len(ports) == 1 else f"motor.{port}.{name}": value
-        for port, each in zip(ports, found, strict=True)
+        for port, each in zip(ports, diagnoses, strict=True)
         for name, value in each.identified.items()
     }
-    verdicts = [each.verdict for each in found]
+    verdicts = [each.verdict for each in diagnoses]
     verdict = next((each for each in _WORST_FIRST if each in verdicts), Verdict.NOT_IDENTIFIABLE)
     return Diagnosis(
         Verdict.EXPLAINED if verdict is Verdict.ADEQUATE and causes else verdict,
         tuple(channels),
-        _ranked(causes),
+        _rank(causes),
         tuple(dict.fromkeys(rejected)),
         Unexplained(
-            float(np.mean([each.unexplained.share for each in found])) if found else 1.0,
-            tuple(dict.fromkeys(name for each in found for name in each.unexplained.depends_on)),
+            float(np.mean([each.unexplained.share for each in diagnoses])) if diagnoses else 1.0,
+            tuple(dict.fromkeys(name for each in diagnoses for name in each.unexplained.depends_on)),
         ),
         (),
         time.perf_counter() - begin,
         None,
-        tuple(dict.fromkeys([*notes, *unlike(identified), *(note for each in found for note in each.notes)])),
+        tuple(
+            dict.fromkeys(
+                [
+                    *notes,
+                    *unlike_motor_notes(identified),
+                    *(note for each in diagnoses for note in each.notes),
+                ]
+            )
+        ),
         identified,
         tuple(faults),
-        tuple(curve for each in found for curve in each.curves),
+        tuple(curve for each in diagnoses for curve in each.curves),
     )
 
 
-def _ranked(causes: list[CauseResult]) -> tuple[CauseResult, ...]:
+def _rank(causes: list[CauseResult]) -> tuple[CauseResult, ...]:
     """By how much of the error on unseen data each removes, relative to the noise."""
 
     def worth(each: CauseResult) -> float:

@@ -8,21 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.recordings.axis.log import held_back
+from raccoon.diagnose.recordings.axis.log import holdout_start
 from raccoon.diagnose.result import CauseResult, ChannelResult, Gain, ParameterResult, Rejected
 
 Array = NDArray[np.float64]
 
-ID = "battery.internal_resistance"
-LEAST_GAIN = 0.1
+BATTERY_RESISTANCE = "battery.internal_resistance"
+MIN_GAIN = 0.1
 """Share of the error on unseen data that the resistance, or then a second branch, must save."""
-CLEARLY, LITTLE_GAIN = 10.0, 0.01
+MIN_CLEAR_SIGMAS, MIN_CLEAR_GAIN = 10.0, 0.01
 """Deviations from 0 from which a resistance that saves less is named, and what it must save then."""
-CONSTANTS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+BRANCH_TIME_CONSTANTS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """s after which a battery's further branch may have followed the current; the one that fits best is taken."""
-FEWEST = 100
+MIN_SAMPLES = 100
 """Samples from which anything is said."""
-BLOCKS = 8
+JACKKNIFE_BLOCKS = 8
 """Of time, which are left out one by one: by what they change a number's deviation is told (a jackknife)."""
 
 
@@ -43,31 +43,43 @@ def judge_supply(time: Array, voltage: Array, power: Array) -> Supply | None:
     give and judged after it. None where too little is known, or one of both never changes.
     """
     known = np.isfinite(voltage) & np.isfinite(power)
-    if known.sum() < FEWEST or not (np.ptp(power[known]) > 0.0 and np.ptp(voltage[known]) > 0.0):
+    if known.sum() < MIN_SAMPLES or not (np.ptp(power[known]) > 0.0 and np.ptp(voltage[known]) > 0.0):
         return None
     time, voltage, power = time[known], voltage[known], power[known]
     current = power / voltage
-    split = held_back(np.round(power, 1))
-    plain, _, _ = _judged(voltage, np.ones((len(time), 1)), split)
-    with_sag, found, spread = _judged(voltage, np.column_stack([np.ones(len(time)), -current]), split)
-    branch = min(
-        _judged(
-            voltage, np.column_stack([np.ones(len(time)), -current, -_lagged(time, current, each)]), split
+    split = holdout_start(np.round(power, 1))
+    error_without, _, _ = _fit_and_score(voltage, np.ones((len(time), 1)), split)
+    error_with, numbers, std = _fit_and_score(voltage, np.column_stack([np.ones(len(time)), -current]), split)
+    branch_error = min(
+        _fit_and_score(
+            voltage, np.column_stack([np.ones(len(time)), -current, -_low_passed(time, current, each)]), split
         )[0]
-        for each in CONSTANTS
+        for each in BRANCH_TIME_CONSTANTS_S
     )
     noise = float(np.std(np.diff(voltage)) / np.sqrt(2.0))
-    resistance = ParameterResult(float(found[1]), spread, "ohm", 0.0)
-    least, deviations = (LITTLE_GAIN, CLEARLY) if found[1] > CLEARLY * spread else (LEAST_GAIN, 3.0)
-    helps = with_sag < (1.0 - least) * plain and found[1] > deviations * spread
-    channel = ChannelResult("battery.voltage", "V", plain, with_sag if helps else plain, noise)
-    rejected = [_branch(1.0 - branch / with_sag)] if branch > (1.0 - LEAST_GAIN) * with_sag else []
-    if not helps:
-        rejected.append(Rejected(ID, "the voltage does not follow the current on data that was not fitted"))
-    return Supply(channel, _cause(channel, resistance) if helps else None, tuple(rejected), resistance)
+    resistance = ParameterResult(float(numbers[1]), std, "ohm", 0.0)
+    min_gain, min_sigmas = (
+        (MIN_CLEAR_GAIN, MIN_CLEAR_SIGMAS) if numbers[1] > MIN_CLEAR_SIGMAS * std else (MIN_GAIN, 3.0)
+    )
+    is_named = error_with < (1.0 - min_gain) * error_without and numbers[1] > min_sigmas * std
+    channel = ChannelResult(
+        "battery.voltage", "V", error_without, error_with if is_named else error_without, noise
+    )
+    rejected = (
+        [_reject_branch(1.0 - branch_error / error_with)]
+        if branch_error > (1.0 - MIN_GAIN) * error_with
+        else []
+    )
+    if not is_named:
+        rejected.append(
+            Rejected(
+                BATTERY_RESISTANCE, "the voltage does not follow the current on data that was not fitted"
+            )
+        )
+    return Supply(channel, _cause(channel, resistance) if is_named else None, tuple(rejected), resistance)
 
 
-def _branch(gain: float) -> Rejected:
+def _reject_branch(gain: float) -> Rejected:
     return Rejected(
         "battery.*",
         f"a second, slower branch (RC) saves {max(100.0 * gain, 0.0):.0f} % of the error on unseen data: not "
@@ -75,20 +87,26 @@ def _branch(gain: float) -> Rejected:
     )
 
 
-def _judged(voltage: Array, columns: Array, split: int) -> tuple[float, Array, float]:
+def _fit_and_score(voltage: Array, columns: Array, split: int) -> tuple[float, Array, float]:
     """Error after the split; the numbers fitted before it; deviation of the last by leaving out blocks."""
     rows = np.arange(split)
-    found = np.linalg.lstsq(columns[:split], voltage[:split], rcond=None)[0]
-    others = [
+    numbers = np.linalg.lstsq(columns[:split], voltage[:split], rcond=None)[0]
+    jackknifed = [
         np.linalg.lstsq(columns[:split][keep], voltage[:split][keep], rcond=None)[0][-1]
-        for keep in (rows * BLOCKS // split != block for block in range(BLOCKS))
+        for keep in (rows * JACKKNIFE_BLOCKS // split != block for block in range(JACKKNIFE_BLOCKS))
     ]
-    spread = float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((np.array(others) - np.mean(others)) ** 2)))
-    error = voltage[split:] - columns[split:] @ found
-    return float(np.sqrt(np.mean(error**2))), np.asarray(found, float), spread
+    std = float(
+        np.sqrt(
+            (JACKKNIFE_BLOCKS - 1)
+            / JACKKNIFE_BLOCKS
+            * np.sum((np.array(jackknifed) - np.mean(jackknifed)) ** 2)
+        )
+    )
+    error = voltage[split:] - columns[split:] @ numbers
+    return float(np.sqrt(np.mean(error**2))), np.asarray(numbers, float), std
 
 
-def _lagged(time: Array, current: Array, constant: float) -> Array:
+def _low_passed(time: Array, current: Array, constant: float) -> Array:
     """The current behind a first-order lag."""
     out = np.empty_like(current)
     out[0] = 0.0
@@ -108,14 +126,14 @@ def _cause(channel: ChannelResult, found: ParameterResult) -> CauseResult:
         f"The battery's resistance is {found.value:.3f} ohm instead of {found.nominal:.3f}: its voltage sags "
         "under load; command volts, not shares of the battery, or use a fresher battery."
     )
-    return CauseResult(ID, None, 1, {"resistance": found}, gain, 0.99, (), sentence)
+    return CauseResult(BATTERY_RESISTANCE, None, 1, {"resistance": found}, gain, 0.99, (), sentence)
 
 
-def power_of(columns: Mapping[str, Array], ports: list[int]) -> tuple[Array | None, tuple[str, ...]]:
+def motor_power(columns: Mapping[str, Array], ports: list[int]) -> tuple[Array | None, tuple[str, ...]]:
     """W that all motors take, and the columns that it would need but that are not there."""
     names = [f"motor.{port}.{kind}" for port in ports for kind in ("voltage", "current")]
     missing = tuple(
-        name for name in names if name not in columns or np.isfinite(columns[name]).sum() < FEWEST
+        name for name in names if name not in columns or np.isfinite(columns[name]).sum() < MIN_SAMPLES
     )
     if missing:
         return None, missing

@@ -15,32 +15,32 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
-FEWEST = 50
+MIN_SAMPLES = 50
 """Samples from which something is said of them."""
-LEAST_BATTERY = 3.0
+MIN_BATTERY_V = 3.0
 """V, of which no experiment gives a motor less than 1 V all the time."""
-BEYOND = 1.3
+MAX_VOLTS_RATIO = 1.3
 """Of the battery's voltage, that no driver gives a motor."""
-ONE_WAY = 0.2
+MIN_OPPOSITE_SHARE = 0.2
 """Part of the larger way of a motor from which it goes the other one as well."""
-UNLIKE = 3.0
+MAX_K_E_RATIO = 3.0
 """Times the smallest K_E of a robot's motors that none of them has: with their gears they are of one size."""
-AT_ONCE = 0.005
+MIN_SATURATION_STEP = 0.005
 """Part of a speed's largest value from which it goes there at once. One without noise nears what it has at
 last, and stays there too."""
 
 
-def speed_cut_off(name: str, speed: Array) -> SensorFault | None:
+def speed_saturation_fault(name: str, speed: Array) -> SensorFault | None:
     """A speed that is cut off, None where it is not. It was a friction twice as large as there is."""
     fault = saturation_fault(name, "speed", speed)
     known = speed[np.isfinite(speed)]
     if fault is None:
         return None
-    ends = (known == known.max()) | (known == known.min())
-    come = np.flatnonzero(ends[1:] & ~ends[:-1])
-    before = np.maximum(come - 1, 0)  # the last one may be anywhere between
-    step = float(np.median(np.abs(known[come + 1] - known[before]))) if len(come) else 0.0
-    return fault if step > AT_ONCE * float(np.abs(known).max()) else None
+    at_limit = (known == known.max()) | (known == known.min())
+    arrivals = np.flatnonzero(at_limit[1:] & ~at_limit[:-1])
+    before = np.maximum(arrivals - 1, 0)  # the last one may be anywhere between
+    step = float(np.median(np.abs(known[arrivals + 1] - known[before]))) if len(arrivals) else 0.0
+    return fault if step > MIN_SATURATION_STEP * float(np.abs(known).max()) else None
 
 
 def check_volts(columns: Columns, port: int) -> None:
@@ -51,12 +51,12 @@ def check_volts(columns: Columns, port: int) -> None:
         return
     largest = float(np.nanmax(np.abs(voltage)))
     full = 0.0 if battery is None or not np.isfinite(battery).any() else float(np.nanmedian(battery))
-    if full > 0.0 and largest > BEYOND * full:
+    if full > 0.0 and largest > MAX_VOLTS_RATIO * full:
         raise TraceError(
             f"motor.{port}.voltage reaches {largest:g} V of a battery of {full:.3g} V: it looks like "
             "percent, millivolts or counts, or the battery's reading is in another unit"
         )
-    if full > LEAST_BATTERY and 0.0 < largest <= 1.0:
+    if full > MIN_BATTERY_V and 0.0 < largest <= 1.0:
         raise TraceError(
             f"motor.{port}.voltage reaches {largest:g} V at most, of {full:.3g} V: it looks like "
             "a duty from -1 to 1, not volts; multiply it by the battery's voltage"
@@ -64,38 +64,38 @@ def check_volts(columns: Columns, port: int) -> None:
     if speed is None:
         return
     for values, other, name in ((voltage, speed, "voltage"), (speed, voltage, "speed")):
-        if _told_apart(values) and _one_way(values) and not _one_way(other):
+        if _has_varying_values(values) and _is_one_way(values) and not _is_one_way(other):
             raise TraceError(
                 f"motor.{port}.{name} has one sign only, and the motor went both ways: it holds how large it "
                 "was, not which way; write it with its sign"
             )
 
 
-def _told_apart(values: Array) -> bool:
+def _has_varying_values(values: Array) -> bool:
     """Whether there are numbers, and not one alone: what is missing or stuck is said elsewhere."""
     known = values[np.isfinite(values)]
-    return len(known) >= FEWEST and float(np.ptp(known)) > 0.0
+    return len(known) >= MIN_SAMPLES and float(np.ptp(known)) > 0.0
 
 
-def _one_way(values: Array) -> bool:
+def _is_one_way(values: Array) -> bool:
     known = values[np.isfinite(values)]
-    if len(known) < FEWEST:
+    if len(known) < MIN_SAMPLES:
         return True
     low, high = (float(each) for each in np.percentile(known, [5.0, 95.0]))
-    return low * high >= -(ONE_WAY**2) * max(abs(low), abs(high)) ** 2
+    return low * high >= -(MIN_OPPOSITE_SHARE**2) * max(abs(low), abs(high)) ** 2
 
 
-def unlike(identified: Mapping[str, ParameterResult]) -> tuple[str, ...]:
+def unlike_motor_notes(identified: Mapping[str, ParameterResult]) -> tuple[str, ...]:
     """That motors of one recording have a K_E that differs as that of a speed in another unit does: friction
     and inertia of one in rpm or degrees a second are as much too small. identified: numbers by name."""
-    found = {name: each.value for name, each in identified.items() if name.endswith(".back_emf")}
-    if len(found) < 2 or not min(found.values()) > 0.0:
+    constants = {name: each.value for name, each in identified.items() if name.endswith(".back_emf")}
+    if len(constants) < 2 or not min(constants.values()) > 0.0:
         return ()
-    low, high = min(found, key=found.__getitem__), max(found, key=found.__getitem__)
-    if found[high] < UNLIKE * found[low]:
+    low, high = min(constants, key=constants.__getitem__), max(constants, key=constants.__getitem__)
+    if constants[high] < MAX_K_E_RATIO * constants[low]:
         return ()
     speed = f"{low.removesuffix('.back_emf')}.speed"
     return (
-        f"{high} is {found[high] / found[low]:.1f} times {low}: if the motors are alike, {speed} is in "
-        "another unit than rad/s, and its motor's numbers mean nothing",
+        f"{high} is {constants[high] / constants[low]:.1f} times {low}: if the motors are alike, {speed} is "
+        "in another unit than rad/s, and its motor's numbers mean nothing",
     )

@@ -22,17 +22,17 @@ from raccoon.estimate.drive_calibration.columns import integral, manoeuvre_from_
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-STRETCH = 0.5
+STRETCH_S = 0.5
 """s of a stretch."""
-FEWEST = 50
+MIN_SAMPLES = 50
 """Samples of a reference, and a tenth of them stretches in which something moves."""
-LEAST_TURN, LEAST_WAY = math.pi, 0.3
+MIN_TURN, MIN_WAY = math.pi, 0.3
 """rad and m that a recording must turn and drive to be judged."""
-SPEED_OVER = 0.02
+SPEED_HALF_WINDOW_S = 0.02
 """s to either side over which a wheel's speed is taken: single ticks say little."""
-TICK = 0.02
+TICK_TOLERANCE = 0.02
 """Share by which a tick may be worth something else than its device says, as by a firmware's clock."""
-MOST_ASKEW = 0.35
+MAX_MISALIGNMENT = 0.35
 """rad between where a reference moves and where it says that the robot points; less is how a marker sits."""
 
 
@@ -51,20 +51,20 @@ class Stretches:
     wheels: tuple[Array, Array] | None
 
 
-def stretches_of(columns: Columns, robot: RobotConfig, device: Device) -> Stretches | None:
+def cut_stretches(columns: Columns, robot: RobotConfig, device: Device) -> Stretches | None:
     """The stretches of a recording; None where its reference has too few samples."""
     heading = columns.get("truth.heading")
-    if heading is None or np.isfinite(heading).sum() < FEWEST:
+    if heading is None or np.isfinite(heading).sum() < MIN_SAMPLES:
         return None
     time = np.asarray(columns["t"], float)
     known = time[np.isfinite(heading)]
-    ends = ends_of(time, known[0], known[-1], STRETCH)
-    if len(ends) < FEWEST // 5:
+    ends = stretch_ends(time, known[0], known[-1], STRETCH_S)
+    if len(ends) < MIN_SAMPLES // 5:
         return None
     truth = heading_at(time, heading, 2.0 * math.pi)
     gyro = _gyro_turns(columns, time, ends)
     wheels = wheel_ways(columns, robot, device, time, ends)
-    way = _way(columns, time, truth, ends, wheels)
+    way = _way_along_heading(columns, time, truth, ends, wheels)
     return Stretches(time, ends, np.diff(time[ends]), np.diff(truth[ends]), way, gyro, wheels)
 
 
@@ -75,11 +75,11 @@ def heading_at(time: Array, heading: Array, period: float) -> Array:
 
 
 def _gyro_turns(columns: Columns, time: Array, ends: NDArray[np.intp]) -> tuple[Array, Array] | None:
-    rates = _at_every_row(columns, "imu.gyro.z", time)
+    rates = _filled_column(columns, "imu.gyro.z", time)
     if rates is None:
         return None
-    turned = integral(time, rates)
-    return np.diff(turned[ends]), np.diff(_speed(time, turned)[ends])
+    angle = integral(time, rates)
+    return np.diff(angle[ends]), np.diff(_rate_of_change(time, angle)[ends])
 
 
 def wheel_ways(
@@ -91,79 +91,81 @@ def wheel_ways(
         port: replace(each, radians_per_tick=None) if f"motor.{port}.bemf" in columns else each
         for port, each in robot.motors.items()
     }
-    tick = _tick(columns, robot, time, ends)
-    if tick is not None and abs(tick / device.position_counts_seconds - 1.0) > TICK:
+    tick = _measured_tick(columns, robot, time, ends)
+    if tick is not None and abs(tick / device.position_counts_seconds - 1.0) > TICK_TOLERANCE:
         device = replace(device, position_counts_seconds=tick)
     try:
         driven = manoeuvre_from_columns(columns, replace(robot, motors=motors), device=device)
     except CalibrationError:
         return None
     ways = [robot.model.drive.wheel_radius.value * each for each in (driven.left, driven.right)]
-    speeds = [_speed(time, each) for each in ways]
+    speeds = [_rate_of_change(time, each) for each in ways]
     both = [np.diff(np.column_stack(each)[ends], axis=0) for each in (ways, speeds)]
     return both[0], both[1]
 
 
-def _tick(columns: Columns, robot: RobotConfig, time: Array, ends: NDArray[np.intp]) -> float | None:
+def _measured_tick(columns: Columns, robot: RobotConfig, time: Array, ends: NDArray[np.intp]) -> float | None:
     """Counts times seconds of back-EMF in a tick of the counters, by what both say of the faster stretches;
     None without both. A CSV's counters are those of any firmware, and one's tick is 181 of another's."""
     ticks = []
     for port in (robot.drive.left, robot.drive.right):
-        counts = _at_every_row(columns, f"motor.{port}.bemf", time)
-        position = _at_every_row(columns, f"motor.{port}.position", time)
+        counts = _filled_column(columns, f"motor.{port}.bemf", time)
+        position = _filled_column(columns, f"motor.{port}.position", time)
         if counts is None or position is None:
             continue
         moved, advance = np.diff(integral(time, counts)[ends]), np.diff(position[ends])
         fast = (np.abs(moved) >= np.median(np.abs(moved))) & (advance != 0.0)
         ticks.extend(moved[fast] / advance[fast])
-    found = float(np.median(ticks)) if ticks else 0.0
-    return found if found > 0.0 else None
+    tick = float(np.median(ticks)) if ticks else 0.0
+    return tick if tick > 0.0 else None
 
 
-def _at_every_row(columns: Columns, name: str, time: Array) -> Array | None:
+def _filled_column(columns: Columns, name: str, time: Array) -> Array | None:
     """A column without blanks; None where it has too few numbers."""
     values = columns.get(name)
-    if values is None or np.isfinite(values).sum() < FEWEST:
+    if values is None or np.isfinite(values).sum() < MIN_SAMPLES:
         return None
     known = np.isfinite(values)
     return np.interp(time, time[known], values[known])
 
 
-def _speed(time: Array, along: Array) -> Array:
+def _rate_of_change(time: Array, along: Array) -> Array:
     """Rate of change over a few samples; what a sensor that is late has seen less is its rise times that."""
-    ahead, behind = (np.interp(time + each, time, along) for each in (SPEED_OVER, -SPEED_OVER))
-    return np.asarray((ahead - behind) / (2.0 * SPEED_OVER), float)
+    ahead, behind = (
+        np.interp(time + each, time, along) for each in (SPEED_HALF_WINDOW_S, -SPEED_HALF_WINDOW_S)
+    )
+    return np.asarray((ahead - behind) / (2.0 * SPEED_HALF_WINDOW_S), float)
 
 
-def place_at(columns: Columns, time: Array) -> NDArray[np.complex128] | None:
+def position_at(columns: Columns, time: Array) -> NDArray[np.complex128] | None:
     """The reference's x + iy at every row; None where there is none."""
     x, y = columns.get("truth.x"), columns.get("truth.y")
     if x is None or y is None:
         return None
     known = np.isfinite(x) & np.isfinite(y)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_SAMPLES:
         return None
     both = [np.interp(time, time[known], np.asarray(each, float)[known]) for each in (x, y)]
     return np.asarray(both[0] + 1j * both[1], complex)
 
 
-def _way(
+def _way_along_heading(
     columns: Columns, time: Array, heading: Array, ends: NDArray[np.intp], wheels: tuple[Array, Array] | None
 ) -> Array | None:
     """m along the heading, turned by how the reference's marker sits."""
-    place = place_at(columns, time)
-    if place is None:
+    position = position_at(columns, time)
+    if position is None:
         return None
     middle = np.exp(-0.5j * (heading[1:] + heading[:-1]))
-    along = np.concatenate([[0.0], np.cumsum(np.diff(place) * middle)])
+    along = np.concatenate([[0.0], np.cumsum(np.diff(position) * middle)])
     steps = np.diff(along[ends])
     if wheels is not None:
-        askew = cmath.phase(complex(wheels[0].mean(axis=1) @ steps))
-        steps = steps * cmath.exp(-1j * askew) if abs(askew) < MOST_ASKEW else steps
+        misalignment = cmath.phase(complex(wheels[0].mean(axis=1) @ steps))
+        steps = steps * cmath.exp(-1j * misalignment) if abs(misalignment) < MAX_MISALIGNMENT else steps
     return np.asarray(steps.real, float)
 
 
-def ends_of(time: Array, first: float, last: float, seconds: float) -> NDArray[np.intp]:
+def stretch_ends(time: Array, first: float, last: float, seconds: float) -> NDArray[np.intp]:
     """Rows of `time` at which stretches of so many seconds begin, from `first` to before `last`."""
     begins = np.arange(first, last, seconds)
     return np.searchsorted(time, begins[begins < last])  # arange may go a rounding beyond its end

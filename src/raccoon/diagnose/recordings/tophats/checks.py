@@ -8,69 +8,70 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.recordings.tophats.fit import FITS, LevelFit, Nominal, level_fits
-from raccoon.diagnose.recordings.tophats.levels import Levels, levels_of
+from raccoon.diagnose.recordings.tophats.fit import MAX_MISFIT, LevelFit, NominalSensor, fit_levels
+from raccoon.diagnose.recordings.tophats.levels import SurfaceLevels, sort_levels
 from raccoon.diagnose.result import SensorFault
 from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
 
-SWAPPED = 0.1
+MAX_SWAPPED_AGREEMENT = 0.1
 """Share of readings on the surface that their label says, below which black and white are exchanged."""
-MOST_VOLTS = 5.5
+MAX_VOLTS = 5.5
 """What volts of a board, or shares of its range, reach at most."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class ReadingScale:
     """Another scale than counts of 12 bits. counts: that one step of it is. most: its largest reading."""
 
     words: str
-    counts: float
-    most: float
+    counts_per_step: float
+    max_reading: float
 
 
 FEWER_BITS = (
-    Scale("readings of 10 bits (0..1023)", 4.0, 1023.0),
-    Scale("readings of 8 bits (0..255)", 16.0, 255.0),
+    ReadingScale("readings of 10 bits (0..1023)", 4.0, 1023.0),
+    ReadingScale("readings of 8 bits (0..255)", 16.0, 255.0),
 )
 """KIPR's analog10() and analog8()."""
-SCALES = (*FEWER_BITS, Scale("percent", (FULL_SCALE + 1.0) / 100.0, 100.0))
+SCALES = (*FEWER_BITS, ReadingScale("percent", (FULL_SCALE + 1.0) / 100.0, 100.0))
 
 
-def possible(counts: Array, port: int) -> tuple[Array, tuple[SensorFault, ...]]:
+def without_impossible_counts(counts: Array, port: int) -> tuple[Array, tuple[SensorFault, ...]]:
     """Readings that the converter can give, NaN for the others, and what is said of those."""
-    wild = (counts < 0.0) | (counts > FULL_SCALE)
-    if not wild.any():
+    impossible = (counts < 0.0) | (counts > FULL_SCALE)
+    if not impossible.any():
         return counts, ()
     name = f"analog.{port}"
-    text = f"{name} has {int(wild.sum())} impossible values such as {float(counts[wild][0]):.3g}: left out"
-    return np.where(wild, np.nan, counts), (SensorFault(name, "impossible", text),)
+    example = f"{float(counts[impossible][0]):.3g}"
+    text = f"{name} has {int(impossible.sum())} impossible values such as {example}: left out"
+    return np.where(impossible, np.nan, counts), (SensorFault(name, "impossible", text),)
 
 
-def strange_labels(time: Array, counts: Array, surface: Array | None, port: int) -> str:
+def describe_wrong_labels(time: Array, counts: Array, surface: Array | None, port: int) -> str:
     """That labels by which nothing can be told are not this sensor's, or not in time, where its readings
     alone tell white from black; "" where they do not, and of labels that are swapped."""
-    alone = "" if surface is None else levels_of(time, counts, None)
-    if surface is None or isinstance(alone, str) or not alone.sorted_surely:
+    by_readings = "" if surface is None else sort_levels(time, counts, None)
+    if surface is None or isinstance(by_readings, str) or not by_readings.is_sorting_certain:
         return ""
-    agree = float((alone.black == (surface[np.searchsorted(time, alone.time)] > 0.5)).mean())
-    if agree < SWAPPED:
+    agreement = float((by_readings.black == (surface[np.searchsorted(time, by_readings.time)] > 0.5)).mean())
+    if agreement < MAX_SWAPPED_AGREEMENT:
         return ""
-    white, dark = alone.usual
+    white, dark = by_readings.medians
     return (
         f"its own readings go from white ({white:.0f}) to black ({dark:.0f} counts) and back, and "
         f"truth.surface.{port} is of something else or of another time, since by it"
     )
 
 
-def other_unit(counts: Array, levels: Levels | str, nominal: Nominal) -> str:
+def describe_other_unit(counts: Array, levels: SurfaceLevels | str, nominal: NominalSensor) -> str:
     """What readings seem to be that are no counts of the converter; "" where they are.
 
     levels: of the readings, or why there are none, as of all that are small.
     """
     known = counts[np.isfinite(counts)]
-    if len(known) and float(known.max()) <= MOST_VOLTS and not np.all(known == np.rint(known)):
+    if len(known) and float(known.max()) <= MAX_VOLTS and not np.all(known == np.rint(known)):
         return (
             f"it reaches {float(known.max()):.3g}, in parts: it looks like volts or shares of the largest "
             "reading, not counts of 12 bits (0..4095)"
@@ -78,24 +79,28 @@ def other_unit(counts: Array, levels: Levels | str, nominal: Nominal) -> str:
     if isinstance(levels, str):
         return ""
     # Of fewer bits as assumed are the levels of KIPR's analog10() and analog8().
-    scale = scale_of(levels, nominal, SCALES, lambda found: found[0].misfit <= FITS)
+    scale = find_scale(levels, nominal, SCALES, lambda found: found[0].misfit <= MAX_MISFIT)
     if scale is None:
         return ""
     return (
-        f"white ({levels.usual[0]:.0f}) and black ({levels.usual[1]:.0f}) are the usual counts over "
-        f"{scale.counts:g}: it looks like {scale.words}, not counts of 12 bits (0..4095)"
+        f"white ({levels.medians[0]:.0f}) and black ({levels.medians[1]:.0f}) are the usual counts over "
+        f"{scale.counts_per_step:g}: it looks like {scale.words}, not counts of 12 bits (0..4095)"
     )
 
 
-def scale_of(
-    levels: Levels, nominal: Nominal, scales: Sequence[Scale], fits: Callable[[list[LevelFit]], bool]
-) -> Scale | None:
-    """The first of these scales on which the levels may be. fits: whether what is fitted on one is good."""
-    if levels.cut != (0, 0):
+def find_scale(
+    levels: SurfaceLevels,
+    nominal: NominalSensor,
+    scales: Sequence[ReadingScale],
+    is_good: Callable[[list[LevelFit]], bool],
+) -> ReadingScale | None:
+    """The first of these scales on which the levels may be. is_good: whether what is fitted on one is
+    good."""
+    if levels.clipped != (0, 0):
         return None
-    table = levels.both(np.ones(len(levels.time), np.bool_))
+    table = levels.surface_levels(np.ones(len(levels.time), np.bool_))
     for each in scales:
-        counted = table * np.array([1.0, each.counts, each.counts])
-        if levels.counts.max() <= each.most and fits(level_fits(counted, nominal)):
+        scaled = table * np.array([1.0, each.counts_per_step, each.counts_per_step])
+        if levels.counts.max() <= each.max_reading and is_good(fit_levels(scaled, nominal)):
             return each
     return None

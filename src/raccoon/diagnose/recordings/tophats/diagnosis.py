@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
-from raccoon.diagnose.recordings.tophats.fit import Nominal
-from raccoon.diagnose.recordings.tophats.judge import SensorResult, judge_tophat
-from raccoon.diagnose.recordings.tophats.words import HEIGHT, NAMES
+from raccoon.diagnose.recordings.tophats.fit import NominalSensor
+from raccoon.diagnose.recordings.tophats.judge import SensorDiagnosis, diagnose_sensor
+from raccoon.diagnose.recordings.tophats.sentences import HEIGHT, PARAMETER_NAMES
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
-SLOWEST = 0.9
+MAX_STEP_S = 0.9
 """s between samples: a sensor that is held over a surface may be read slowly. A time in ms advances by more.
 """
 Columns = Mapping[str, Array]
@@ -35,18 +35,18 @@ Columns = Mapping[str, Array]
 
 def tophat_ports(columns: Columns, robot: RobotConfig) -> list[int]:
     """Analog ports of the robot's tophats that were recorded; all recorded ones where it names none."""
-    recorded = _recorded(columns)
+    recorded = _recorded_ports(columns)
     named = [each.analog for each in robot.tophats.values() if each.analog in recorded]
     return named or recorded
 
 
-def _recorded(columns: Columns) -> list[int]:
+def _recorded_ports(columns: Columns) -> list[int]:
     return ports_in(columns, "analog")
 
 
-def _left_out(columns: Columns, ports: list[int]) -> tuple[str, ...]:
+def _unjudged_notes(columns: Columns, ports: list[int]) -> tuple[str, ...]:
     """A note on ports that were recorded but are no tophat of the robot."""
-    others = [port for port in _recorded(columns) if port not in ports]
+    others = [port for port in _recorded_ports(columns) if port not in ports]
     if not others:
         return ()
     names = ", ".join(f"analog.{port}" for port in others)
@@ -69,10 +69,10 @@ def diagnose_tophats(
     Raises TraceError for a time that is no number, does not advance or is in another unit.
     """
     begin = clock.perf_counter()
-    check_time(columns["t"], SLOWEST)
+    check_time(columns["t"], MAX_STEP_S)
     ports = tophat_ports(columns, robot)
-    parts = [
-        judge_tophat(
+    sensors = [
+        diagnose_sensor(
             columns["t"],
             columns[f"analog.{port}"],
             None if truth_free else columns.get(f"truth.surface.{port}"),
@@ -81,47 +81,52 @@ def diagnose_tophats(
         )
         for port in ports
     ]
-    causes = [cause for each in parts for cause in each.causes]
+    causes = [cause for each in sensors for cause in each.causes]
     causes.sort(key=lambda each: each.gain.heldout_rmse_after - each.gain.heldout_rmse_before)
     ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(causes, start=1))
-    channels = tuple(each.channel for each in parts if each.channel is not None)
+    channels = tuple(each.channel for each in sensors if each.channel is not None)
     return Diagnosis(
-        _verdict(bool(channels), bool(causes), any(each.unknown for each in parts)),
+        _verdict(bool(channels), bool(causes), any(each.depends_on for each in sensors)),
         channels,
         ranked,
-        (*(rejected for each in parts for rejected in each.rejected), *_missing(columns, robot, of_a_drive)),
+        (
+            *(rejected for each in sensors for rejected in each.rejected),
+            *_rejected_missing(columns, robot, of_a_drive),
+        ),
         Unexplained(
             # What chance makes, of levels that are as assumed or explained, is no part of it.
-            float(np.mean([each.rest if each.unknown else 0.0 for each in parts])) if parts else 0.0,
-            tuple(dict.fromkeys(name for each in parts for name in each.unknown)),
+            float(np.mean([each.unexplained_share if each.depends_on else 0.0 for each in sensors]))
+            if sensors
+            else 0.0,
+            tuple(dict.fromkeys(name for each in sensors for name in each.depends_on)),
         ),
-        tuple(dict.fromkeys(text for each in parts for text in each.advice)),
+        tuple(dict.fromkeys(text for each in sensors for text in each.advice)),
         clock.perf_counter() - begin,
         with_causes(model or Parameters.from_robot(robot), ranked) if robot.tophats else None,
-        _notes(parts, columns, ports, of_a_drive),
-        {name: value for each in parts for name, value in each.identified.items()},
-        tuple(fault for each in parts for fault in each.faults),
-        tuple(curve for each in parts for curve in each.curves),
+        _notes(sensors, columns, ports, of_a_drive),
+        {name: value for each in sensors for name, value in each.identified.items()},
+        tuple(fault for each in sensors for fault in each.faults),
+        tuple(curve for each in sensors for curve in each.curves),
     )
 
 
-def _missing(columns: Columns, robot: RobotConfig, of_a_drive: bool) -> list[Rejected]:
+def _rejected_missing(columns: Columns, robot: RobotConfig, of_a_drive: bool) -> list[Rejected]:
     """What cannot be told of tophats that the robot has and the recording has not."""
-    recorded = _recorded(columns)
+    recorded = _recorded_ports(columns)
     ports = [] if of_a_drive else sorted({each.analog for each in robot.tophats.values()} - set(recorded))
     return [
         Rejected(f"{id_}@{port}", f"not identifiable: analog.{port} is missing")
         for port in ports
-        for id_ in NAMES
+        for id_ in PARAMETER_NAMES
     ]
 
 
 def _notes(
-    parts: Sequence[SensorResult], columns: Columns, ports: list[int], of_a_drive: bool
+    sensors: Sequence[SensorDiagnosis], columns: Columns, ports: list[int], of_a_drive: bool
 ) -> tuple[str, ...]:
     if of_a_drive:
-        return tuple(note for each in parts if each.channel is not None for note in each.notes)
-    return (*(note for each in parts for note in each.notes), *_left_out(columns, ports))
+        return tuple(note for each in sensors if each.channel is not None for note in each.notes)
+    return (*(note for each in sensors for note in each.notes), *_unjudged_notes(columns, ports))
 
 
 def _verdict(seen: bool, causes: bool, unknown: bool) -> Verdict:
@@ -132,7 +137,7 @@ def _verdict(seen: bool, causes: bool, unknown: bool) -> Verdict:
     return Verdict.UNKNOWN if unknown else Verdict.ADEQUATE
 
 
-def _nominal(model: Parameters | None, port: int) -> Nominal:
+def _nominal(model: Parameters | None, port: int) -> NominalSensor:
     if model is None:
-        return Nominal(height=float(effect(HEIGHT).parameters[0].neutral or 0.007))
-    return Nominal(*(model.value(id_, name, str(port)) for id_, name in NAMES.items()))
+        return NominalSensor(height=float(effect(HEIGHT).parameters[0].neutral or 0.007))
+    return NominalSensor(*(model.value(id_, name, str(port)) for id_, name in PARAMETER_NAMES.items()))

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.recordings.tophats.words import AMBIENT, GAIN, HEIGHT
+from raccoon.diagnose.recordings.tophats.sentences import AMBIENT_LIGHT, GAIN, HEIGHT
 from raccoon.model.reflectance import (
     FULL_SCALE,
     LEAST_HEIGHT,
@@ -28,20 +28,20 @@ from raccoon.sim.tophats import GENERATION
 
 Array = NDArray[np.float64]
 
-WIDTHS = {AMBIENT: 200.0, GAIN: 0.2, HEIGHT: 0.006}
+CHANGE_WIDTHS = {AMBIENT_LIGHT: 200.0, GAIN: 0.2, HEIGHT: 0.006}
 """Twice the catalogue's width of a usual deviation."""
 LIGHT = "light"
 """Real light, fitted in place of an offset."""
-OLDER = "old"
-PENALTY = 6.0
+OLDER_GENERATION = "old"
+PARAMETER_COST = 6.0
 """What a number more costs, and the other make of sensor."""
-NEAREST = 0.005
+MIN_DOUBT_HEIGHT = 0.005
 """m below which what is not known of black grows no more: it would explain any level."""
-ROUNDS = 40
+MAX_STEPS = 40
 """Most steps of a fit."""
-FITS = 9.0
+MAX_MISFIT = 9.0
 """Misfit up to which levels count as explained."""
-MOST_OF_TWO = 0.8
+MAX_PROBABILITY_OF_PAIR = 0.8
 """How probable each of two names is at the most: of sensors with two of the causes hidden, and whose levels
 took two, three names in four were right."""
 USUAL_LIGHT = 0.1
@@ -49,7 +49,7 @@ USUAL_LIGHT = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Nominal:
+class NominalSensor:
     """What the simulation assumes of one sensor."""
 
     offset: float = 0.0
@@ -59,9 +59,9 @@ class Nominal:
 
     def level(self, black: float) -> float:
         """Counts over a surface, 1 black, 0 white."""
-        return float(np.clip(self.uncut(black, 0.0, 1.0, 0.0), 0.0, FULL_SCALE))
+        return float(np.clip(self.unclipped_level(black, 0.0, 1.0, 0.0), 0.0, FULL_SCALE))
 
-    def uncut(
+    def unclipped_level(
         self,
         black: float,
         offset: float,
@@ -72,7 +72,7 @@ class Nominal:
     ) -> float:
         """The same with changes of the three on top, before the converter cuts it off. light: share of direct
         sun."""
-        at = _inside(self.height + height)
+        at = _clip_height(self.height + height)
         return self.factor * factor * counts(float(black), generation, at, light) + self.offset + offset
 
 
@@ -91,70 +91,75 @@ class LevelFit:
     stds: Array
     misfit: float
     cost: float
-    numbers: int
+    parameter_count: int
     light: float = 0.0
-    falls: tuple[float, float] = (0.0, 0.0)
+    level_drops: tuple[float, float] = (0.0, 0.0)
     generation: str = GENERATION
 
     @property
-    def exact(self) -> bool:
+    def is_exact(self) -> bool:
         """Whether the numbers of the causes give the levels that were fitted."""
         return self.light == 0.0 and self.generation == GENERATION
 
 
-def _inside(height: float) -> float:
+def _clip_height(height: float) -> float:
     """m at which the reflectance model still holds."""
     return float(np.clip(height, LEAST_HEIGHT, MOST_HEIGHT))
 
 
-def level_fits(table: Array, nominal: Nominal, cut: tuple[int, int] = (0, 0)) -> list[LevelFit]:
+def fit_levels(table: Array, nominal: NominalSensor, clipped: tuple[int, int] = (0, 0)) -> list[LevelFit]:
     """No cause, each alone, and several; each must earn its place.
 
-    table: `Levels.both`. cut: of white and black, as `Levels` has it. A level that is cut off says only that
-    it is beyond, and one level that is left tells no two causes.
+    table: `Levels.both`. clipped: of white and black, as `Levels` has it. A level that is cut off says only
+    that it is beyond, and one level that is left tells no two causes.
     """
-    alone: list[tuple[str, ...]] = [(), *((each,) for each in WIDTHS)]
-    if cut != (0, 0):
-        return [_fit(table, nominal, each, cut) for each in alone]
+    single_causes: list[tuple[str, ...]] = [(), *((each,) for each in CHANGE_WIDTHS)]
+    if clipped != (0, 0):
+        return [_fit_causes(table, nominal, each, clipped) for each in single_causes]
     in_light: list[tuple[str, ...]] = [(LIGHT,), (HEIGHT, LIGHT)]
-    newer = [_fit(table, nominal, each) for each in (*alone, *combinations(WIDTHS, 2), *in_light)]
-    older = [_fit(table, nominal, each, generation=OLDER) for each in ((), (HEIGHT,), *in_light)]
+    newer = [
+        _fit_causes(table, nominal, each)
+        for each in (*single_causes, *combinations(CHANGE_WIDTHS, 2), *in_light)
+    ]
+    older = [
+        _fit_causes(table, nominal, each, generation=OLDER_GENERATION) for each in ((), (HEIGHT,), *in_light)
+    ]
     return [*newer, *older]
 
 
-def _fit(
+def _fit_causes(
     table: Array,
-    nominal: Nominal,
+    nominal: NominalSensor,
     free: tuple[str, ...],
-    cut: tuple[int, int] = (0, 0),
+    clipped: tuple[int, int] = (0, 0),
     generation: str = GENERATION,
 ) -> LevelFit:
     """Gauss-Newton on the levels with usual deviations as priors."""
-    u, misfit, std = _levelled(table, nominal, free, cut, generation)
-    if HEIGHT in free and cut == (0, 0):  # again with what is not known of black at that height
-        at = max(_inside(nominal.height + _moved(free, u)[HEIGHT]), NEAREST)
-        off = np.where(table[:, 0] > 0.5, black_doubt(generation, at), 0.0)
-        wider = np.column_stack([table[:, :2], np.hypot(table[:, 2], off)])
-        u, misfit, std = _levelled(wider, nominal, free, cut, generation)
-    return _in_contract(nominal, free, u, std, misfit, generation)
+    u, misfit, std = _gauss_newton(table, nominal, free, clipped, generation)
+    if HEIGHT in free and clipped == (0, 0):  # again with what is not known of black at that height
+        height = max(_clip_height(nominal.height + _changes(free, u)[HEIGHT]), MIN_DOUBT_HEIGHT)
+        black_std = np.where(table[:, 0] > 0.5, black_doubt(generation, height), 0.0)
+        wider = np.column_stack([table[:, :2], np.hypot(table[:, 2], black_std)])
+        u, misfit, std = _gauss_newton(wider, nominal, free, clipped, generation)
+    return _as_contract_numbers(nominal, free, u, std, misfit, generation)
 
 
-def _levelled(
-    table: Array, nominal: Nominal, free: tuple[str, ...], cut: tuple[int, int], generation: str
+def _gauss_newton(
+    table: Array, nominal: NominalSensor, free: tuple[str, ...], clipped: tuple[int, int], generation: str
 ) -> tuple[Array, float, Array]:
     """Coordinates of the causes, the misfit of the levels, and the deviations of the coordinates."""
     black, level, weight = table[:, 0], table[:, 1], 1.0 / table[:, 2]
 
     def residual(u: Array) -> Array:
-        pair = _pair(nominal, _moved(free, u), generation)
-        return _beyond(np.where(black > 0.5, pair[1], pair[0]) - level, black, cut) * weight
+        pair = _unclipped_pair(nominal, _changes(free, u), generation)
+        return _clipped_residuals(np.where(black > 0.5, pair[1], pair[0]) - level, black, clipped) * weight
 
     def slopes(u: Array, r: Array) -> Array:
         return np.column_stack([(residual(u + 1e-4 * row) - r) / 1e-4 for row in np.eye(len(free))])
 
     # Of light the root is fitted, which keeps it above 0; from 0 itself it would not move.
     u = np.array([0.3 if each == LIGHT else 0.0 for each in free])
-    for _ in range(ROUNDS if free else 0):
+    for _ in range(MAX_STEPS if free else 0):
         r = residual(u)
         J = slopes(u, r)
         step = np.linalg.solve(J.T @ J + np.eye(len(free)), J.T @ r + u)
@@ -169,72 +174,82 @@ def _levelled(
     return u, float(r @ r), std
 
 
-def _moved(free: Sequence[str], u: Array) -> dict[str, float]:
+def _changes(free: Sequence[str], u: Array) -> dict[str, float]:
     """Changes of the causes and the light for coordinates."""
     return {
-        each: USUAL_LIGHT * float(at) ** 2 if each == LIGHT else WIDTHS[each] * float(at)
-        for each, at in zip(free, u, strict=True)
+        each: USUAL_LIGHT * float(coordinate) ** 2
+        if each == LIGHT
+        else CHANGE_WIDTHS[each] * float(coordinate)
+        for each, coordinate in zip(free, u, strict=True)
     }
 
 
-def _in_contract(
-    nominal: Nominal, free: Sequence[str], u: Array, std: Array, misfit: float, generation: str
+def _as_contract_numbers(
+    nominal: NominalSensor, free: Sequence[str], u: Array, std: Array, misfit: float, generation: str
 ) -> LevelFit:
     """Light as the offset, and another make as the factor, that are least wrong over white and black."""
     # Large deviations are rare but happen: their cost grows as a logarithm.
-    numbers = len(free) + (generation != GENERATION)
-    cost = misfit + 2.0 * float(np.log1p(u**2).sum()) + PENALTY * numbers
-    moved = _moved(free, u)
+    parameter_count = len(free) + (generation != GENERATION)
+    cost = misfit + 2.0 * float(np.log1p(u**2).sum()) + PARAMETER_COST * parameter_count
+    changes = _changes(free, u)
     found = {
-        each: (moved[each], WIDTHS[each] * float(off)) for each, off in zip(free, std, strict=True)
+        each: (changes[each], CHANGE_WIDTHS[each] * float(off)) for each, off in zip(free, std, strict=True)
         if each != LIGHT
     }  # fmt: skip
-    height, light = moved.get(HEIGHT, 0.0), moved.get(LIGHT, 0.0)
+    height, light = changes.get(HEIGHT, 0.0), changes.get(LIGHT, 0.0)
     if HEIGHT in found:
-        doubt = height_doubt(_inside(nominal.height + height))
+        doubt = height_doubt(_clip_height(nominal.height + height))
         found[HEIGHT] = height, math.hypot(found[HEIGHT][1], doubt)
-    dark = [nominal.uncut(side, 0.0, 1.0, height, 0.0, generation) for side in (0.0, 1.0)]
+    dark = [nominal.unclipped_level(side, 0.0, 1.0, height, 0.0, generation) for side in (0.0, 1.0)]
     if generation != GENERATION:
-        usual = np.array([nominal.uncut(side, 0.0, 1.0, height) for side in (0.0, 1.0)])
+        usual = np.array([nominal.unclipped_level(side, 0.0, 1.0, height) for side in (0.0, 1.0)])
         factors = np.array(dark) / usual
         factor = float(usual @ np.array(dark) / (usual @ usual))
         found[GAIN] = factor - 1.0, 0.5 * float(np.ptp(factors))
-    falls = (0.0, 0.0)
+    level_drops = (0.0, 0.0)
     if light:
-        lit = [nominal.uncut(side, 0.0, 1.0, height, light, generation) for side in (0.0, 1.0)]
-        falls = dark[0] - lit[0], dark[1] - lit[1]
-        found[AMBIENT] = -0.5 * (falls[0] + falls[1]), 0.5 * abs(falls[1] - falls[0])
-    ids = tuple(each for each in WIDTHS if each in found)
+        lit = [nominal.unclipped_level(side, 0.0, 1.0, height, light, generation) for side in (0.0, 1.0)]
+        level_drops = dark[0] - lit[0], dark[1] - lit[1]
+        found[AMBIENT_LIGHT] = (
+            -0.5 * (level_drops[0] + level_drops[1]),
+            0.5 * abs(level_drops[1] - level_drops[0]),
+        )
+    ids = tuple(each for each in CHANGE_WIDTHS if each in found)
     values, stds = (np.array([found[each][index] for each in ids]) for index in (0, 1))
-    return LevelFit(ids, values, stds, misfit, cost, numbers, light, falls, generation)
+    return LevelFit(ids, values, stds, misfit, cost, parameter_count, light, level_drops, generation)
 
 
-def _beyond(left: Array, black: Array, cut: tuple[int, int]) -> Array:
+def _clipped_residuals(residuals: Array, black: Array, clipped: tuple[int, int]) -> Array:
     """Errors of the levels; none where a level that is cut off is beyond the end."""
-    side = np.where(black > 0.5, cut[1], cut[0])
-    below = np.where(side < 0, np.maximum(left, 0.0), left)
-    return np.asarray(np.where(side > 0, np.minimum(left, 0.0), below))
+    side = np.where(black > 0.5, clipped[1], clipped[0])
+    below = np.where(side < 0, np.maximum(residuals, 0.0), residuals)
+    return np.asarray(np.where(side > 0, np.minimum(residuals, 0.0), below))
 
 
 def probability(fits: Sequence[LevelFit], id_: str) -> float:
-    """Of a cause among all that was fitted: 0.99 at the most, `MOST_OF_TWO` where the best has two."""
+    """Of a cause among all that was fitted: 0.99 at the most, `MAX_PROBABILITY_OF_PAIR` where the best has
+    two."""
     best = min(fits, key=lambda each: each.cost)
-    least, most = best.cost, 0.99 if best.numbers < 2 else MOST_OF_TWO
+    least, most = best.cost, 0.99 if best.parameter_count < 2 else MAX_PROBABILITY_OF_PAIR
     weights = [math.exp(-0.5 * (each.cost - least)) for each in fits]
     mine = sum(weight for each, weight in zip(fits, weights, strict=True) if id_ in each.ids)
     return min(most, mine / sum(weights))
 
 
-def _pair(nominal: Nominal, moved: Mapping[str, float], generation: str = GENERATION) -> tuple[float, float]:
+def _unclipped_pair(
+    nominal: NominalSensor, changes: Mapping[str, float], generation: str = GENERATION
+) -> tuple[float, float]:
     """Counts over white and black with changes of the causes and light, not cut off."""
-    offset, height, light = (moved.get(each, 0.0) for each in (AMBIENT, HEIGHT, LIGHT))
-    factor = max(1.0 + moved.get(GAIN, 0.0), 0.01)
-    white, black = (nominal.uncut(side, offset, factor, height, light, generation) for side in (0.0, 1.0))
+    offset, height, light = (changes.get(each, 0.0) for each in (AMBIENT_LIGHT, HEIGHT, LIGHT))
+    factor = max(1.0 + changes.get(GAIN, 0.0), 0.01)
+    white, black = (
+        nominal.unclipped_level(side, offset, factor, height, light, generation) for side in (0.0, 1.0)
+    )
     return white, black
 
 
-def predicted(black: Array, nominal: Nominal, ids: Sequence[str], values: Array) -> Array:
+def predict_counts(black: Array, nominal: NominalSensor, ids: Sequence[str], values: Array) -> Array:
     """Counts over each surface (1 black, 0 white) with changes `values` of the causes `ids`."""
-    moved = {each: float(value) for each, value in zip(ids, values, strict=True)}
-    pair = np.clip(_pair(nominal, moved), 0.0, FULL_SCALE)
+    changes = {each: float(value) for each, value in zip(ids, values, strict=True)}
+    pair = np.clip(_unclipped_pair(nominal, changes), 0.0, FULL_SCALE)
     return np.asarray(np.where(black > 0.5, pair[1], pair[0]))

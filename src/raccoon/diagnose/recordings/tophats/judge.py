@@ -8,37 +8,41 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.recordings.tophats.alike import also_so, rivals_of
-from raccoon.diagnose.recordings.tophats.checks import other_unit, possible, strange_labels
+from raccoon.diagnose.recordings.tophats.alternatives import alternative_notes, find_rivals
+from raccoon.diagnose.recordings.tophats.checks import (
+    describe_other_unit,
+    describe_wrong_labels,
+    without_impossible_counts,
+)
 from raccoon.diagnose.recordings.tophats.fit import (
-    FITS,
-    WIDTHS,
+    CHANGE_WIDTHS,
+    MAX_MISFIT,
     LevelFit,
-    Nominal,
-    level_fits,
-    predicted,
+    NominalSensor,
+    fit_levels,
+    predict_counts,
     probability,
 )
-from raccoon.diagnose.recordings.tophats.levels import Levels, levels_of
-from raccoon.diagnose.recordings.tophats.over_time import at_a_step, move
-from raccoon.diagnose.recordings.tophats.sorting import labelled
-from raccoon.diagnose.recordings.tophats.words import (
-    ADVICE,
-    AMBIENT,
+from raccoon.diagnose.recordings.tophats.level_changes import find_movement, split_at_step
+from raccoon.diagnose.recordings.tophats.levels import SurfaceLevels, sort_levels
+from raccoon.diagnose.recordings.tophats.sentences import (
+    AMBIENT_LIGHT,
     GAIN,
     HEIGHT,
     NOISE,
-    USUAL_NOISE,
-    cut_text,
-    light_note,
-    light_sentence,
+    RECALIBRATE_ADVICE,
+    USUAL_NOISE_COUNTS,
+    describe_light,
+    describe_light_offset,
+    describe_older_factor,
+    describe_older_sensor,
+    describe_saturation,
+    describe_unsure_surfaces,
     noise_cause,
-    older_note,
-    older_sentence,
+    rejection_reason,
     tophat_cause,
-    unsure_note,
-    why_not,
 )
+from raccoon.diagnose.recordings.tophats.sorting import labelled_readings
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
@@ -53,21 +57,21 @@ from raccoon.sim.tophats import GENERATION
 
 Array = NDArray[np.float64]
 
-FITTED = 0.7
+FITTED_SHARE = 0.7
 """Part of the time that is fitted; the rest is there to judge on."""
-LITTLE_MOVE = 0.25
+MAX_MOVE_SHARE = 0.25
 """Share of what is wrong with the levels by which they may move and still be judged as one."""
 
 
 @dataclass(frozen=True, slots=True)
-class SensorResult:
+class SensorDiagnosis:
     """What was found at one port. unknown: what the rest depends on. rest: its share."""
 
     channel: ChannelResult | None
     causes: tuple[CauseResult, ...] = ()
     rejected: tuple[Rejected, ...] = ()
-    unknown: tuple[str, ...] = ()
-    rest: float = 1.0
+    depends_on: tuple[str, ...] = ()
+    unexplained_share: float = 1.0
     advice: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     identified: Mapping[str, ParameterResult] = field(default_factory=dict)
@@ -75,52 +79,55 @@ class SensorResult:
     curves: tuple[Curve, ...] = ()
 
 
-def judge_tophat(
-    time: Array, counts: Array, surface: Array | None, port: int, nominal: Nominal
-) -> SensorResult:
+def diagnose_sensor(
+    time: Array, counts: Array, surface: Array | None, port: int, nominal: NominalSensor
+) -> SensorDiagnosis:
     """Judge the tophat at `port`. surface: 1 black, 0 white where a reference says so."""
-    counts, faults = possible(counts, port)
-    found = _judged(*labelled(time, counts, surface), port, nominal)
+    counts, faults = without_impossible_counts(counts, port)
+    found = _judge(*labelled_readings(time, counts, surface), port, nominal)
     return replace(found, faults=(*faults, *found.faults))
 
 
-def _judged(time: Array, counts: Array, surface: Array | None, port: int, nominal: Nominal) -> SensorResult:
-    levels = levels_of(time, counts, surface)
-    if unit := other_unit(counts, levels, nominal):
-        return _not_told(port, unit, "record whole counts of 0 to 4095")
-    apart = at_a_step(time, counts, surface, levels)
-    if apart is not None:
-        return _before_and_after(port, nominal, *apart)
-    if isinstance(levels, str) and (strange := strange_labels(time, counts, surface, port)):
-        return _not_told(port, f"{strange} {levels}", "leave such labels out (--truth-free)")
+def _judge(
+    time: Array, counts: Array, surface: Array | None, port: int, nominal: NominalSensor
+) -> SensorDiagnosis:
+    levels = sort_levels(time, counts, surface)
+    if unit := describe_other_unit(counts, levels, nominal):
+        return _not_identifiable(port, unit, "record whole counts of 0 to 4095")
+    step = split_at_step(time, counts, surface, levels)
+    if step is not None:
+        return _judge_both_sides(port, nominal, *step)
+    if isinstance(levels, str) and (problem := describe_wrong_labels(time, counts, surface, port)):
+        return _not_identifiable(port, f"{problem} {levels}", "leave such labels out (--truth-free)")
     if isinstance(levels, str):
-        return _not_told(port, levels, "drive slowly over a black line on white, several times")
-    moved = move(levels)
-    if moved is None:
-        return _standing(levels, port, nominal)
-    return _drifting(levels, port, nominal, moved)
+        return _not_identifiable(port, levels, "drive slowly over a black line on white, several times")
+    movement = find_movement(levels)
+    if movement is None:
+        return _judge_constant(levels, port, nominal)
+    return _judge_drifting(levels, port, nominal, movement)
 
 
-def _not_told(port: int, reason: str, advice: str) -> SensorResult:
-    said = f"not identifiable: analog.{port}: {reason}"
-    rejected = tuple(Rejected(f"{id_}@{port}", said) for id_ in (*WIDTHS, NOISE))
-    return SensorResult(None, rejected=rejected, advice=(advice,), notes=(said,))
+def _not_identifiable(port: int, reason: str, advice: str) -> SensorDiagnosis:
+    text = f"not identifiable: analog.{port}: {reason}"
+    rejected = tuple(Rejected(f"{id_}@{port}", text) for id_ in (*CHANGE_WIDTHS, NOISE))
+    return SensorDiagnosis(None, rejected=rejected, advice=(advice,), notes=(text,))
 
 
-def _before_and_after(
-    port: int, nominal: Nominal, when: float, before: Levels, after: Levels
-) -> SensorResult:
+def _judge_both_sides(
+    port: int, nominal: NominalSensor, when: float, before: SurfaceLevels, after: SurfaceLevels
+) -> SensorDiagnosis:
     """Both parts apart; the later one is how the sensor is now, so its causes are named first."""
-    sooner, later = _standing(before, port, nominal), _standing(after, port, nominal)
-    of_later = bool(later.causes) or not sooner.causes
-    shown, other = (later, sooner) if of_later else (sooner, later)
-    words = f"From {when:.1f} s on" if of_later else f"Until {when:.1f} s"
+    earlier, later = _judge_constant(before, port, nominal), _judge_constant(after, port, nominal)
+    is_later_shown = bool(later.causes) or not earlier.causes
+    shown, other = (later, earlier) if is_later_shown else (earlier, later)
+    words = f"From {when:.1f} s on" if is_later_shown else f"Until {when:.1f} s"
     note = (
-        f"analog.{port} jumps at {when:.1f} s: white from {before.usual[0]:.0f} to {after.usual[0]:.0f}, "
-        f"black from {before.usual[1]:.0f} to {after.usual[1]:.0f} counts; before and after were judged apart"
+        f"analog.{port} jumps at {when:.1f} s: white from {before.medians[0]:.0f} to {after.medians[0]:.0f}, "
+        f"black from {before.medians[1]:.0f} to {after.medians[1]:.0f} counts; before and after were "
+        "judged apart"
     )
     meanwhile = "; ".join(each.explanation for each in other.causes) or "as assumed"
-    note += f"; {'until then' if of_later else 'from then on'}: {meanwhile.rstrip('.')}"
+    note += f"; {'until then' if is_later_shown else 'from then on'}: {meanwhile.rstrip('.')}"
     causes = tuple(
         each
         if each.id == NOISE
@@ -130,16 +137,16 @@ def _before_and_after(
     return replace(
         shown,
         causes=causes,
-        unknown=("time",),
-        advice=ADVICE,
-        notes=tuple(dict.fromkeys((note, *sooner.notes, *later.notes))),
-        faults=tuple(dict.fromkeys((*sooner.faults, *later.faults))),
-        identified=_identified(after if of_later else before, port, nominal),
-        curves=(_joined(sooner.curves[0], later.curves[0]),),
+        depends_on=("time",),
+        advice=RECALIBRATE_ADVICE,
+        notes=tuple(dict.fromkeys((note, *earlier.notes, *later.notes))),
+        faults=tuple(dict.fromkeys((*earlier.faults, *later.faults))),
+        identified=_identified(after if is_later_shown else before, port, nominal),
+        curves=(_join_curves(earlier.curves[0], later.curves[0]),),
     )
 
 
-def _joined(first: Curve, second: Curve) -> Curve:
+def _join_curves(first: Curve, second: Curve) -> Curve:
     pairs = {
         name: np.concatenate([getattr(first, name), getattr(second, name)])
         for name in ("time", "measured", "before", "after")
@@ -147,50 +154,56 @@ def _joined(first: Curve, second: Curve) -> Curve:
     return Curve(first.name, first.unit, **pairs)
 
 
-def _drifting(levels: Levels, port: int, nominal: Nominal, moved: tuple[float, float, float]) -> SensorResult:
+def _judge_drifting(
+    levels: SurfaceLevels, port: int, nominal: NominalSensor, movement: tuple[float, float, float]
+) -> SensorDiagnosis:
     """Levels that move more than they are wrong have no one cause; else the one of their mean is named."""
-    size, lowest, highest = moved
-    wrong = max(abs(levels.usual[side] - nominal.level(side)) for side in (0, 1))
-    found = _standing(levels, port, nominal, (() if size > LITTLE_MOVE * wrong else None))
+    size, lowest, highest = movement
+    largest_error = max(abs(levels.medians[side] - nominal.level(side)) for side in (0, 1))
+    found = _judge_constant(levels, port, nominal, (() if size > MAX_MOVE_SHARE * largest_error else None))
     note = (
         f"analog.{port} moves by {size:.0f} counts on the same surface: lowest around {lowest:.1f} s, "
         f"highest around {highest:.1f} s; changing light, a loose mount or a warming sensor does that"
     )
-    return replace(found, unknown=("time",), advice=ADVICE, notes=(note, *found.notes))
+    return replace(found, depends_on=("time",), advice=RECALIBRATE_ADVICE, notes=(note, *found.notes))
 
 
-def _standing(
-    levels: Levels, port: int, nominal: Nominal, only: tuple[str, ...] | None = None
-) -> SensorResult:
-    """Levels that stand. only: the causes that may be named, all by default."""
-    early = levels.time < levels.time[0] + FITTED * float(np.ptp(levels.time))
-    if not all((early & (levels.black == side)).sum() >= 8 for side in (False, True)):
-        early = np.ones(len(early), np.bool_)
-    fits = level_fits(levels.both(early), nominal, levels.cut)
+def _judge_constant(
+    levels: SurfaceLevels, port: int, nominal: NominalSensor, allowed: tuple[str, ...] | None = None
+) -> SensorDiagnosis:
+    """Levels that stand. allowed: the causes that may be named, all by default."""
+    is_early = levels.time < levels.time[0] + FITTED_SHARE * float(np.ptp(levels.time))
+    if not all((is_early & (levels.black == side)).sum() >= 8 for side in (False, True)):
+        is_early = np.ones(len(is_early), np.bool_)
+    fits = fit_levels(levels.surface_levels(is_early), nominal, levels.clipped)
     best = min(fits, key=lambda each: each.cost)
-    told = levels.sorted_surely or best.numbers < 2
-    if only is not None or not told:
-        named = only or ()
+    is_certain = levels.is_sorting_certain or best.parameter_count < 2
+    if allowed is not None or not is_certain:
+        named = allowed or ()
         best = min((each for each in fits if each.ids == named), key=lambda each: each.cost)
-    late = ~early if (~early).sum() >= 20 else np.ones(len(early), np.bool_)
-    return _result(levels, port, nominal, fits, best, late, told)
+    is_late = ~is_early if (~is_early).sum() >= 20 else np.ones(len(is_early), np.bool_)
+    return _sensor_diagnosis(levels, port, nominal, fits, best, is_late, is_certain)
 
 
-def _result(
-    levels: Levels,
+def _sensor_diagnosis(
+    levels: SurfaceLevels,
     port: int,
-    nominal: Nominal,
+    nominal: NominalSensor,
     fits: Sequence[LevelFit],
     best: LevelFit,
-    late: NDArray[np.bool_],
-    told: bool,
-) -> SensorResult:
-    seen, black = levels.counts[late], levels.black[late].astype(float)
-    spread = float(np.std(seen - np.where(black > 0.5, _mean(seen, black, 1), _mean(seen, black, 0))))
+    is_late: NDArray[np.bool_],
+    is_certain: bool,
+) -> SensorDiagnosis:
+    counts, black = levels.counts[is_late], levels.black[is_late].astype(float)
+    spread = float(
+        np.std(
+            counts - np.where(black > 0.5, _surface_mean(counts, black, 1), _surface_mean(counts, black, 0))
+        )
+    )
     floor = max(levels.noise, 1.0)
 
     def error(ids: Sequence[str], values: Array) -> float:
-        return float(np.sqrt(np.mean((predicted(black, nominal, ids, values) - seen) ** 2)))
+        return float(np.sqrt(np.mean((predict_counts(black, nominal, ids, values) - counts) ** 2)))
 
     before, after = error((), np.zeros(0)), error(best.ids, best.values)
     removable = max(before - spread, 1e-9)
@@ -199,86 +212,88 @@ def _result(
         kept = tuple(each for each in best.ids if each != id_)
         without = min(error(each.ids, each.values) for each in fits if set(each.ids) == set(kept))
         gain = Gain(without / floor, after / floor, float(np.clip((without - after) / removable, 0.0, 1.0)))
-        number = _number(id_, float(best.values[index]), float(best.stds[index]), nominal)
-        rivals = rivals_of(fits, best, id_, levels.whole)
+        number = _parameter_result(id_, float(best.values[index]), float(best.stds[index]), nominal)
+        rivals = find_rivals(fits, best, id_, levels.unclipped_count)
         causes.append(tophat_cause(id_, port, number, gain, rivals, probability(fits, id_)))
-    causes, notes = _as_it_is(causes, port, best)
-    notes = (*notes, *also_so(port, levels, nominal, fits, best))
-    if not told:
-        notes = (*notes, unsure_note(port, levels.usual))
-    if levels.noise > np.hypot(nominal.sd + 2.0 * USUAL_NOISE, levels.pattern):
+    causes, notes = _with_model_sentences(causes, port, best)
+    notes = (*notes, *alternative_notes(port, levels, nominal, fits, best))
+    if not is_certain:
+        notes = (*notes, describe_unsure_surfaces(port, levels.medians))
+    if levels.noise > np.hypot(nominal.sd + 2.0 * USUAL_NOISE_COUNTS, levels.floor_pattern):
         causes = [*causes, noise_cause(port, levels.noise_number(nominal.sd), spread / floor)]
     named = {each.id for each in causes}
     rivals_of_named = {name for each in causes for name in each.confounded_with}
-    return SensorResult(
+    return SensorDiagnosis(
         ChannelResult(f"analog.{port}", "counts", before, after, floor),
         tuple(causes),
         tuple(
-            Rejected(f"{id_}@{port}", why_not(id_ in rivals_of_named))
-            for id_ in (*WIDTHS, NOISE)
+            Rejected(f"{id_}@{port}", rejection_reason(id_ in rivals_of_named))
+            for id_ in (*CHANGE_WIDTHS, NOISE)
             if id_ not in named
         ),
-        () if best.exact and best.misfit <= FITS else ("surface",),
+        () if best.is_exact and best.misfit <= MAX_MISFIT else ("surface",),
         float(np.clip((after**2 - spread**2) / max(before**2 - spread**2, 1e-9), 0.0, 1.0)),
-        ADVICE if best.numbers > 1 or not told else (),
+        RECALIBRATE_ADVICE if best.parameter_count > 1 or not is_certain else (),
         notes,
         _identified(levels, port, nominal),
-        _cut(levels, port, fits),
+        _saturation_faults(levels, port, fits),
         (_curve(levels, port, nominal, best),),
     )
 
 
-def _as_it_is(
+def _with_model_sentences(
     causes: Sequence[CauseResult], port: int, best: LevelFit
 ) -> tuple[list[CauseResult], tuple[str, ...]]:
     """Causes whose sentences say what light or what make of sensor it is, and what the numbers make of it."""
-    said, notes = [], []
+    described, notes = [], []
     for each in causes:
-        if each.id == AMBIENT and best.light:
-            said.append(replace(each, explanation=light_sentence(port, best.light, best.falls)))
-            notes.append(light_note(port, each.parameters["offset"]))
+        if each.id == AMBIENT_LIGHT and best.light:
+            described.append(replace(each, explanation=describe_light(port, best.light, best.level_drops)))
+            notes.append(describe_light_offset(port, each.parameters["offset"]))
         elif each.id == GAIN and best.generation != GENERATION:
-            said.append(replace(each, explanation=older_sentence(port)))
-            notes.append(older_note(port, each.parameters["factor"]))
+            described.append(replace(each, explanation=describe_older_sensor(port)))
+            notes.append(describe_older_factor(port, each.parameters["factor"]))
         else:
-            said.append(each)
-    return said, tuple(notes)
+            described.append(each)
+    return described, tuple(notes)
 
 
-def _cut(levels: Levels, port: int, fits: Sequence[LevelFit]) -> tuple[SensorFault, ...]:
+def _saturation_faults(levels: SurfaceLevels, port: int, fits: Sequence[LevelFit]) -> tuple[SensorFault, ...]:
     """What is said of a level that is cut off."""
-    if levels.whole == 2:
+    if levels.unclipped_count == 2:
         return ()
-    words = {AMBIENT: "light", GAIN: "gain", HEIGHT: "height"}
-    wrong = fits[0].misfit > FITS
-    able = tuple(words[each.ids[0]] for each in fits if wrong and len(each.ids) == 1 and each.misfit <= FITS)
-    text = cut_text(port, levels.cut, able)
+    words = {AMBIENT_LIGHT: "light", GAIN: "gain", HEIGHT: "height"}
+    wrong = fits[0].misfit > MAX_MISFIT
+    able = tuple(
+        words[each.ids[0]] for each in fits if wrong and len(each.ids) == 1 and each.misfit <= MAX_MISFIT
+    )
+    text = describe_saturation(port, levels.clipped, able)
     return (SensorFault(f"analog.{port}", "saturated", text),)
 
 
-def _identified(levels: Levels, port: int, nominal: Nominal) -> dict[str, ParameterResult]:
+def _identified(levels: SurfaceLevels, port: int, nominal: NominalSensor) -> dict[str, ParameterResult]:
     return {
         f"analog.{port} over {name}": ParameterResult(level, levels.noise, "counts", nominal.level(side))
-        for side, (name, level) in enumerate(zip(("white", "black"), levels.usual, strict=True))
+        for side, (name, level) in enumerate(zip(("white", "black"), levels.medians, strict=True))
     }
 
 
-def _curve(levels: Levels, port: int, nominal: Nominal, best: LevelFit) -> Curve:
+def _curve(levels: SurfaceLevels, port: int, nominal: NominalSensor, best: LevelFit) -> Curve:
     black = levels.black.astype(float)
-    plain = predicted(black, nominal, (), np.zeros(0))
-    shown = predicted(black, nominal, best.ids, best.values)
+    plain = predict_counts(black, nominal, (), np.zeros(0))
+    shown = predict_counts(black, nominal, best.ids, best.values)
     return Curve(f"analog.{port}", "counts", levels.time, levels.counts, plain, shown)
 
 
-def _number(id_: str, moved: float, std: float, nominal: Nominal) -> ParameterResult:
+def _parameter_result(id_: str, change: float, std: float, nominal: NominalSensor) -> ParameterResult:
     """The number as the catalogue allows it."""
-    base = {AMBIENT: nominal.offset, GAIN: nominal.factor, HEIGHT: nominal.height}[id_]
+    base = {AMBIENT_LIGHT: nominal.offset, GAIN: nominal.factor, HEIGHT: nominal.height}[id_]
     parameter = effect(id_).parameters[0]
-    value, std = (base * (1.0 + moved), base * std) if id_ == GAIN else (base + moved, std)
+    value, std = (base * (1.0 + change), base * std) if id_ == GAIN else (base + change, std)
     value = float(np.clip(value, parameter.bounds.low, parameter.bounds.high))
     return ParameterResult(value, std, parameter.unit, base)
 
 
-def _mean(seen: Array, black: Array, side: int) -> float:
+def _surface_mean(seen: Array, black: Array, side: int) -> float:
     mine = seen[black == side]
     return float(mine.mean()) if len(mine) else 0.0

@@ -9,17 +9,17 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis import model as axis_model
-from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
-from raccoon.diagnose.recordings.axis.fit import cut, nice_stretch
-from raccoon.diagnose.recordings.axis.log import axis_log, held_back, like
-from raccoon.diagnose.recordings.axis.model import NEUTRAL, Stretches, simulated
+from raccoon.diagnose.recordings.axis.diagnosis import AxisName, diagnose_axis
+from raccoon.diagnose.recordings.axis.fit import cut_stretches, stretch_duration
+from raccoon.diagnose.recordings.axis.log import axis_log, holdout_start, with_channels_of
+from raccoon.diagnose.recordings.axis.model import NEUTRAL_VALUES, Stretches, simulate
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.trace.loading import load_run
 from shared_data import data_path
 from unit.diagnose.axes import Axis, Columns, carriage
 
-HERE = Place(None, "the axis")
+HERE = AxisName(None, "the axis")
 
 
 def named(columns: Columns) -> Diagnosis:
@@ -91,7 +91,7 @@ def test_with_and_without_numba_are_the_same(monkeypatch: pytest.MonkeyPatch) ->
         None,
         np.ones((75, 2)),
     )
-    numbers = {name: np.full(3, value) for name, value in NEUTRAL.items()}
+    numbers = {name: np.full(3, value) for name, value in NEUTRAL_VALUES.items()}
     numbers |= {
         "inductance": np.array([0.0, 1e-3, 2e-3]), "inertia": rng.uniform(0.01, 0.1, 3),
         "stiction": np.array([0.0, 0.1, 0.0]), "latency": np.array([0.0, 0.0123, 0.03]),
@@ -102,19 +102,19 @@ def test_with_and_without_numba_are_the_same(monkeypatch: pytest.MonkeyPatch) ->
         "offset": np.full(3, 0.1),
     }  # fmt: skip
     for electrical in (False, True):
-        fast = simulated(numbers, effort, 0.004, parts, electrical)
+        fast = simulate(numbers, effort, 0.004, parts, electrical)
         with monkeypatch.context() as patch:
-            patch.setattr(axis_model, "_compiled", lambda: None)
-            slow = simulated(numbers, effort, 0.004, parts, electrical)
+            patch.setattr(axis_model, "_compiled_kernel", lambda: None)
+            slow = simulate(numbers, effort, 0.004, parts, electrical)
         for one, other in zip(fast, slow, strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
 
 def test_stretches_are_round_and_the_held_back_part_begins_at_a_step() -> None:
-    assert nice_stretch(0.51) == pytest.approx(1.0)
-    assert nice_stretch(0.04) == pytest.approx(0.1)
-    assert held_back(np.repeat([2.0, 4.0, -4.0, 0.0], [200, 151, 151, 158])) == 351
-    assert held_back(np.sin(np.arange(1000.0))) == 700
+    assert stretch_duration(0.51) == pytest.approx(1.0)
+    assert stretch_duration(0.04) == pytest.approx(0.1)
+    assert holdout_start(np.repeat([2.0, 4.0, -4.0, 0.0], [200, 151, 151, 158])) == 351
+    assert holdout_start(np.sin(np.arange(1000.0))) == 700
 
 
 def test_a_speed_of_minutes_has_a_part_to_be_judged_on() -> None:
@@ -126,7 +126,7 @@ def test_a_speed_of_minutes_has_a_part_to_be_judged_on() -> None:
     for part, seconds in zip(parts, (60.0, 30.0), strict=True):
         flags = np.zeros(10000, bool)
         flags[part] = True
-        found = cut(log, 0.05, flags.__getitem__, 1)
+        found = cut_stretches(log, 0.05, flags.__getitem__, 1)
         assert found is not None
         assert found.weight.all()
         assert found.count * found.every * log.step == pytest.approx(seconds, abs=0.05)
@@ -155,10 +155,10 @@ def test_a_full_command_is_the_same_in_a_recording_of_small_ones() -> None:
     large: Columns = {"t": time, "motor.0.voltage": pulses, "motor.0.speed": 0.5 * pulses}
     small = large | {"motor.0.voltage": 0.5 * pulses}
     log, other = axis_log(large, 0), axis_log(small, 0)
-    assert like(log, other).full == 12.0
-    assert like(other, log).full == 6.0
+    assert with_channels_of(log, other).full_effort == 12.0
+    assert with_channels_of(other, log).full_effort == 6.0
     battery = axis_log(small | {"battery.voltage": np.full(400, 11.0)}, 0)
-    assert like(log, battery).full == 11.0
+    assert with_channels_of(log, battery).full_effort == 11.0
 
 
 def test_a_real_axis_with_a_worn_screw() -> None:

@@ -7,11 +7,11 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.axis.fit import Number
+from raccoon.diagnose.recordings.axis.fit import FreeParameter
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.kind import Kind, kind_of
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
-from raccoon.diagnose.recordings.motors.units import speed_cut_off
+from raccoon.diagnose.recordings.motors.units import speed_saturation_fault
 from raccoon.diagnose.recordings.tophats.diagnosis import tophat_ports
 from raccoon.diagnose.result import Verdict
 from unit.diagnose.axes import Axis, bench, carriage, motor
@@ -49,7 +49,7 @@ def test_columns_that_are_swapped_are_not_diagnosed() -> None:
 
 
 def test_a_number_that_nothing_holds_stays_one() -> None:
-    assert np.isfinite(Number("inertia", 1.0, 0.3, positive=True).value(np.array([-1e6, 1e6]))).all()
+    assert np.isfinite(FreeParameter("inertia", 1.0, 0.3, positive=True).value(np.array([-1e6, 1e6]))).all()
 
 
 def test_names_without_a_port_are_of_another_program() -> None:
@@ -134,5 +134,5 @@ def test_a_speed_that_is_cut_off_is_said_and_not_used(driven: dict[str, np.ndarr
 def test_a_speed_without_noise_that_comes_to_rest_at_its_largest_is_whole() -> None:
     time = 0.001 * np.arange(2000.0)
     speed = np.round(20.0 * (1.0 - np.exp(-time / 0.05)), 3)
-    assert speed_cut_off("motor.0.speed", speed) is None
-    assert speed_cut_off("motor.0.speed", np.minimum(speed, 15.0)) is not None
+    assert speed_saturation_fault("motor.0.speed", speed) is None
+    assert speed_saturation_fault("motor.0.speed", np.minimum(speed, 15.0)) is not None

@@ -7,7 +7,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.axis.diagnosis import Place, _diagnosis
+from raccoon.diagnose.recordings.axis.diagnosis import AxisName, _diagnosis
 from raccoon.diagnose.recordings.axis.judge import judge_axis
 from raccoon.diagnose.recordings.axis.log import axis_log
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
@@ -91,11 +91,13 @@ def test_a_latency_is_found_to_a_part_of_a_sample_and_no_surer() -> None:
 
 
 def test_a_number_at_its_bound_is_not_given_as_measured() -> None:
-    place = Place(None, "the axis")
+    place = AxisName(None, "the axis")
     judged = judge_axis(axis_log(bench(4, seconds=2.0), 0), None)
     assert "inductance" in _diagnosis(judged, place, 0.0).identified
-    ends = np.where([each.name == "inductance" for each in judged.final.numbers], -20.0, judged.final.u)
-    found = _diagnosis(replace(judged, final=replace(judged.final, u=ends)), place, 0.0)
+    ends = np.where(
+        [each.name == "inductance" for each in judged.final_fit.parameters], -20.0, judged.final_fit.u
+    )
+    found = _diagnosis(replace(judged, final_fit=replace(judged.final_fit, u=ends)), place, 0.0)
     assert "inductance" not in found.identified
     (note,) = found.notes
     assert note.startswith("inductance ends at 2")

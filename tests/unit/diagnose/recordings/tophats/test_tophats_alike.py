@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import parse_robot
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
-from raccoon.diagnose.recordings.tophats.fit import Nominal
-from raccoon.diagnose.recordings.tophats.judge import _number
-from raccoon.diagnose.recordings.tophats.words import GAIN
+from raccoon.diagnose.recordings.tophats.fit import NominalSensor
+from raccoon.diagnose.recordings.tophats.judge import _parameter_result
+from raccoon.diagnose.recordings.tophats.sentences import GAIN
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.model.reflectance import counts, fit
 
@@ -82,5 +82,5 @@ def test_a_tophat_that_was_not_recorded_is_named_as_missing() -> None:
 
 
 def test_how_sure_a_gain_is_counts_from_the_one_that_the_model_has() -> None:
-    number = _number(GAIN, 0.1, 0.02, Nominal(factor=0.5))
+    number = _parameter_result(GAIN, 0.1, 0.02, NominalSensor(factor=0.5))
     assert (number.value, number.std, number.nominal) == pytest.approx((0.55, 0.01, 0.5))

@@ -1,0 +1,93 @@
+"""A battery that is read too high or too low: one fault, which looks like several.
+
+The simulated motors get the volts that the battery's reading says. Where that is s times too high, so is all
+that is counted in volts: the battery's voltage is s times robot.toml's, the back-EMF reading seems 1 / s of
+what it should be, and where wheels and gyro tell, so do their scale, a radius, K_E or the track.
+"""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
+from raccoon.diagnose.recordings.plausibility.common_fault import (
+    MAX_SIGMAS_APART,
+    MIN_RELATIVE_ERROR,
+    attribute_to_one_fault,
+)
+from raccoon.diagnose.result import CauseResult, Diagnosis
+
+BATTERY_VOLTAGE, BEMF_SCALE, BATTERY_COLUMN = "battery.open_circuit_voltage", "bemf.scale", "battery.voltage"
+SCALE_POWERS = {
+    "imu.gyro_scale": -1.0,
+    "drive.wheel_radius": -1.0,
+    "drive.track_width": 1.0,
+    "motor.back_emf_constant": 1.0,
+}
+"""Power of s with which each of them stands for what is left where only wheels and gyro are compared."""
+KIPR_VOLTS_PER_COUNT = 0.009175
+"""V, of the C library's own curve of the charge."""
+KIPR_TOLERANCE = 0.01
+"""Part by which a scale may be off from that curve to be of it."""
+
+
+def explain_by_battery_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
+    """A diagnosis that says in one sentence what a wrong scale of the battery's reading has made of it."""
+    by_name = {each.name: each for each in found.causes}
+    voltage, scale = by_name.get(BATTERY_VOLTAGE), by_name.get(BEMF_SCALE)
+    if voltage is None or scale is None or not any(each.name == BATTERY_COLUMN for each in found.channels):
+        return found
+    prior_voltage = robot.model.battery.open_circuit_voltage
+    volts, factor = voltage.parameters["voltage"], scale.parameters["factor"]
+    log_scale = -math.log(factor.value)
+    difference = math.log(volts.value / volts.nominal) - log_scale
+    std = math.hypot(volts.std / volts.value, prior_voltage.std / prior_voltage.value, factor.std)
+    if abs(log_scale) < MIN_RELATIVE_ERROR or abs(difference) > MAX_SIGMAS_APART * std:
+        return found
+    others = [each for each in found.causes if _is_explained(each, log_scale)]
+    names = [BEMF_SCALE, *(each.name for each in others)]
+    return attribute_to_one_fault(
+        found,
+        BATTERY_VOLTAGE,
+        _describe_battery_scale(voltage, log_scale, factor.std, names),
+        names,
+        SEE_BATTERY,
+    )
+
+
+SEE_BATTERY = (
+    f"It is of the size that a wrong scale of the battery's reading makes: see {BATTERY_VOLTAGE} first."
+)
+
+
+def _is_explained(cause: CauseResult, log_scale: float) -> bool:
+    number = cause.parameters.get("factor")
+    power = SCALE_POWERS.get(cause.id)
+    if number is None or power is None or cause.where is not None:
+        return False
+    return (
+        abs(math.log(number.value / (number.nominal or 1.0)) - power * log_scale)
+        < MAX_SIGMAS_APART * number.std
+    )
+
+
+def _describe_battery_scale(voltage: CauseResult, log_scale: float, std: float, names: list[str]) -> str:
+    scale = math.exp(log_scale)
+    direction = "high" if log_scale > 0.0 else "low"
+    kipr_scale = KIPR_VOLTS_PER_COUNT / BATTERY_VOLTS_PER_COUNT
+    kipr_hint = (
+        f" KIPR's library takes {KIPR_VOLTS_PER_COUNT:g} V a count, the controller's divider makes "
+        f"{BATTERY_VOLTS_PER_COUNT:.6f}."
+        if abs(scale / kipr_scale - 1.0) < KIPR_TOLERANCE
+        else ""
+    )
+    *most, last = (voltage.name, *names)
+    number = voltage.parameters["voltage"]
+    size = f"{100.0 * abs(scale - 1.0):.1f} +- {100.0 * std:.1f} % too {direction}"
+    return (
+        f"The battery's reading is {size}, which alone makes {', '.join(most)} and {last}: compare it with a "
+        f"multimeter and mend its scale before anything else.{kipr_hint} If the multimeter agrees with it, "
+        f"the battery has {number.value:.2f} V without load, not {number.nominal:.2f}, and the others are "
+        "causes of their own."
+    )

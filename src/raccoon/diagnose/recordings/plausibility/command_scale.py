@@ -1,0 +1,81 @@
+"""Commands that are written in another scale than -1 to 1, as 127 for all of a driver's 100: one fault, which
+looks like several.
+
+Where the columns hold s of what the motors got, the simulated motors get s of their volts. All speeds are s
+of what they were, so the back-EMF reading seems 1 / s of what it should be, and so does what wheels and gyro
+are compared by. Currents and torques are s of theirs, so is the friction that fits, and what the battery
+carries, duty times current, is s squared: its resistance seems 1 / s squared of what it is.
+"""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings.plausibility.battery_scale import BATTERY_VOLTAGE, BEMF_SCALE
+from raccoon.diagnose.recordings.plausibility.common_fault import (
+    MAX_SIGMAS_APART,
+    MIN_RELATIVE_ERROR,
+    attribute_to_one_fault,
+    inverse_with_error,
+)
+from raccoon.diagnose.result import CauseResult, Diagnosis
+
+SCALE_POWERS = {
+    "imu.gyro_scale": 1.0,
+    "drive.wheel_radius": 1.0,
+    "drive.track_width": -1.0,
+    "friction.coulomb": -1.0,
+    "battery.internal_resistance": 2.0,
+}
+"""Power of the back-EMF's scale with which each of them stands."""
+MIN_EXPLAINED_CAUSES = 2
+"""Causes that follow it: one may by chance, or by the twin of another fault."""
+SEE_BEMF_SCALE = f"It is of the size that commands of another scale make: see {BEMF_SCALE} first."
+
+
+def explain_by_command_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
+    """A diagnosis that says in one sentence what a wrong scale of the commands has made of it."""
+    by_name = {each.name: each for each in found.causes}
+    scale = by_name.get(BEMF_SCALE)
+    if (
+        scale is None
+        or BATTERY_VOLTAGE in by_name
+        or abs(math.log(scale.parameters["factor"].value)) < MIN_RELATIVE_ERROR
+    ):
+        return found
+    prior_stds = {
+        "friction.coulomb": robot.model.friction.coulomb.std,
+        "battery.internal_resistance": robot.model.battery.internal_resistance.std,
+    }
+    names = [each.name for each in found.causes if _is_explained(each, scale, prior_stds.get(each.id, 0.0))]
+    if len(names) < MIN_EXPLAINED_CAUSES:
+        return found
+    return attribute_to_one_fault(
+        found, BEMF_SCALE, _describe_command_scale(scale, names, robot), names, SEE_BEMF_SCALE
+    )
+
+
+def _is_explained(cause: CauseResult, scale: CauseResult, prior_std: float) -> bool:
+    """Whether a cause's number is what the same commands would make of it; prior_std: of robot.toml's."""
+    power = SCALE_POWERS.get(cause.id)
+    if power is None or cause.where is not None or len(cause.parameters) != 1:
+        return False
+    (number,), factor = cause.parameters.values(), scale.parameters["factor"]
+    if not (number.value > 0.0 and number.nominal > 0.0):
+        return False
+    difference = math.log(number.value / number.nominal) - power * math.log(factor.value)
+    relative_std = math.hypot(number.std / number.value, prior_std / number.nominal)
+    return abs(difference) < MAX_SIGMAS_APART * math.hypot(relative_std, power * factor.std / factor.value)
+
+
+def _describe_command_scale(scale: CauseResult, names: list[str], robot: RobotConfig) -> str:
+    inverse, size = inverse_with_error(scale.parameters["factor"])
+    direction = "large" if inverse > 1.0 else "small"
+    *most, last = (BEMF_SCALE, *names)
+    commands = " and ".join(f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right))
+    return (
+        f"The commands {commands} are {size} too {direction}, which alone makes {', '.join(most)} and "
+        f"{last}: look whether all that a driver can give is 1 in them before anything else. If it is, these "
+        "are causes of their own."
+    )

@@ -1,0 +1,28 @@
+"""Numbers of [model] that a robot's program does not go by, since a calibration of robot.toml goes first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.result import CauseResult
+
+
+def overridden_model_notes(causes: Sequence[CauseResult], robot: RobotConfig) -> tuple[str, ...]:
+    """A note where a named cause is a number of [model] that a program of this robot does not look at."""
+    ports = {"left": (robot.drive.left,), "right": (robot.drive.right,)}
+    keys = [
+        (f"motor.{port}.{key}", f"model.{number}")
+        for cause in causes
+        for port in ports.get(cause.where or "", (robot.drive.left, robot.drive.right))
+        for key, numbers in robot.motor(port).before_model().items()
+        for number in numbers
+        if number.startswith(cause.id)  # drive.inertia is that of driving straight
+    ]
+    if not keys:
+        return ()
+    calibrations, model_keys = (", ".join(dict.fromkeys(each)) for each in zip(*keys, strict=True))
+    return (
+        f"robot.toml has {calibrations}, by which programs go before {model_keys}: a new value there changes "
+        "the simulation alone; calibrate again where the robot has changed",
+    )

@@ -1,0 +1,40 @@
+"""A reference whose lengths are wrong by a factor, such as a camera's: one fault, which looks like two.
+
+Where its ways are s times as long as the true ones, the wheels seem to be s times as large, and s times as
+far apart. A robot.toml whose lengths are all wrong by as much looks the same, and is the rarer of the two.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from raccoon.diagnose.recordings.plausibility.common_fault import MAX_SIGMAS_APART, MIN_RELATIVE_ERROR
+from raccoon.diagnose.result import Diagnosis
+
+TRACK_WIDTH, WHEEL_RADIUS = "drive.track_width", "drive.wheel_radius"
+TRACK_BY_REFERENCE = "track width by the reference"
+
+
+def explain_by_reference_scale(found: Diagnosis) -> Diagnosis:
+    """A diagnosis that says where a wrong scale of the reference alone would make track and radius."""
+    lengths = {each.name: each for each in found.causes if each.name in (TRACK_WIDTH, WHEEL_RADIUS)}
+    if len(lengths) < 2 or TRACK_BY_REFERENCE not in found.identified:
+        return found
+    track, radius = (lengths[name].parameters["factor"] for name in (TRACK_WIDTH, WHEEL_RADIUS))
+    log_scale = math.log(track.value / track.nominal)
+    difference = math.log(radius.value / radius.nominal) - log_scale
+    std = math.hypot(track.std / track.value, radius.std / radius.value)
+    if abs(log_scale) < MIN_RELATIVE_ERROR or abs(difference) > MAX_SIGMAS_APART * std:
+        return found
+    direction = "long" if log_scale > 0.0 else "short"
+    size = f"{100.0 * abs(math.expm1(log_scale)):.1f} % too {direction}"
+    hint = (
+        f"If truth.x and truth.y are {size}, that alone makes {TRACK_WIDTH} and {WHEEL_RADIUS}: measure a "
+        "way with a tape first."
+    )
+    causes = tuple(
+        replace(each, explanation=f"{each.explanation} {hint}") if each.name in lengths else each
+        for each in found.causes
+    )
+    return replace(found, causes=causes)

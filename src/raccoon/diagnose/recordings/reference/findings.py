@@ -1,0 +1,281 @@
+"""What a reference of the pose decided, told with what the search from there found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from raccoon.core.config import Measured, RobotConfig
+from raccoon.diagnose.findings.extend import named_origin, rebased
+from raccoon.diagnose.findings.known_together import K_E, TURN_READS
+from raccoon.diagnose.hypotheses.base_coordinates import INSIDE
+from raccoon.diagnose.recordings.reference.factors import Factor, ReferenceFactors
+from raccoon.diagnose.recordings.reference.gyro_rescaling import GYRO_COLUMN, GyroRescaling
+from raccoon.diagnose.recordings.reference.search_start import (
+    GYRO_SCALE,
+    READING_CAUSES,
+    TRACK_WIDTH,
+    WHEEL_RADIUS,
+    SearchStart,
+    assumed_factor,
+)
+from raccoon.diagnose.reports.wording import explanation
+from raccoon.diagnose.result import (
+    LARGE_REST,
+    CauseResult,
+    Diagnosis,
+    Gain,
+    ParameterResult,
+    Rejected,
+    Unexplained,
+    Verdict,
+)
+from raccoon.sim.effects.parameters import SIDES, Parameters
+
+SCALE_CAUSES = ("motor.armature_resistance", "drive.inertia", "friction.coulomb")
+"""Where these are wrong as well, a K_E that is off by as much as the radius does the same, beside others of
+them."""
+RATIO = "times robot.toml's"
+SAID_BY_REFERENCE = "The recorded reference says so."
+
+
+def with_reference_findings(
+    found: Diagnosis, start: SearchStart, model: Parameters | None = None
+) -> Diagnosis:
+    """The diagnosis of a search from there, told from where robot.toml is: with what the reference decided as
+    causes, and what it measured."""
+    if start.reference == ReferenceFactors():
+        return found
+    named = dict(start.significant)
+    if WHEEL_RADIUS in start.factors and not any(each.name == WHEEL_RADIUS for each in found.causes):
+        named[WHEEL_RADIUS] = abs(start.factors[WHEEL_RADIUS].value - 1.0) / _radius_std(start)
+    found = _relative_to_robot(found, start)
+    if named and any(each.name == GYRO_COLUMN for each in found.channels):
+        found = _with_reference_causes(found, start, named, model)
+    elif TRACK_WIDTH in named:
+        found = _with_track_cause(found, start, named[TRACK_WIDTH], model)
+    others = (each for each in found.rejected if each.id not in named)
+    return replace(
+        found,
+        rejected=(*others, *_rejected(found, start)),
+        identified={**found.identified, **_identified(found, start, model)},
+    )
+
+
+def _relative_to_robot(found: Diagnosis, start: SearchStart) -> Diagnosis:
+    """What the search says of the radius, and the model, counted from robot.toml's number."""
+    factors = {id_: each.value for id_, each in start.factors.items()}
+    found = replace(
+        found, model=None if found.model is None else rebased(found.model, start.configured, factors)
+    )
+    if WHEEL_RADIUS not in factors:
+        return found
+    causes = []
+    for each in found.causes:
+        if each.id == WHEEL_RADIUS and each.where is None:
+            number = each.parameters["factor"]
+            values = {
+                "factor": replace(
+                    number, value=factors[WHEEL_RADIUS] * number.value, std=factors[WHEEL_RADIUS] * number.std
+                )
+            }  # fmt: skip
+            text = explanation(each.id, each.where, values)
+            each = replace(each, parameters=values, explanation=text)
+            if abs(values["factor"].value - number.nominal) < INSIDE * values["factor"].std:
+                continue  # the search took back what the reference seemed to say: something else was wrong
+        causes.append(each)
+    return replace(found, causes=tuple(causes))
+
+
+def _with_reference_causes(
+    found: Diagnosis, start: SearchStart, named: Mapping[str, float], model: Parameters | None
+) -> Diagnosis:
+    """With causes that the reference decided. They scale the gyro's reading and nothing else, so what is
+    wrong without one is known from the readings with it."""
+    factors = {id_: start.factors[id_] for id_ in named}
+    if not found.curves:
+        return found
+    gyro_factor = math.prod(start.factors[id_].value ** TURN_READS[id_] for id_ in start.factors)
+    rescaling = GyroRescaling.of_diagnosis(found)
+    size_before, size_after = (
+        rescaling.residual_size(1.0 / gyro_factor, before=True),
+        rescaling.residual_size(1.0),
+    )
+    start_size = rescaling.residual_size(1.0, before=True)
+    share, scale = _rescale_shares(found.unexplained.share, start_size, size_before, size_after)
+    causes = [replace(each, gain=replace(each.gain, share=scale * each.gain.share)) for each in found.causes]
+    for id_, factor in factors.items():
+        power = TURN_READS[id_]
+        without = rescaling.residual_size(factor.value**-power)
+        possible = max(size_before, without) ** 2 - 1.0
+        gained = float(np.clip((without**2 - size_after**2) / max(possible, 1e-6), 0.0, 1.0))
+        change = rescaling.reading_change(factor.value**-power)
+        prior_std = INSIDE * _prior_std(start.configured)
+        unabsorbed = (
+            change * max(1.0 - prior_std / abs(factor.value - 1.0), 0.0) / math.sqrt(len(found.channels))
+        )
+        assumed = assumed_factor(model, id_)
+        std = _radius_std(start) if id_ == WHEEL_RADIUS else factor.std
+        values = {"factor": ParameterResult(assumed * factor.value, assumed * std, "", assumed)}
+        certainty = math.erf(named[id_] / math.sqrt(2.0))
+        rivals = _rivals(id_, found)
+        text = f"{explanation(id_, None, values)} {SAID_BY_REFERENCE}"
+        probability, gain = certainty / (1.0 + len(rivals)), Gain(without, size_after, gained)
+        causes.append(CauseResult(id_, None, 0, values, gain, probability, rivals, text, change, unabsorbed))
+    causes.sort(key=lambda each: (each.little, -each.unabsorbed))
+    ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(causes, start=1))
+    matters = any(not each.little for each in ranked)
+    return replace(
+        found,
+        causes=ranked,
+        verdict=_verdict(found, share) if matters else found.verdict,
+        unexplained=Unexplained(share, found.unexplained.depends_on),
+        channels=rescaling.rescaled_channels(1.0 / gyro_factor),
+        curves=rescaling.rescaled_curves(1.0 / gyro_factor),
+        model=_with_origins(found.model, ranked, factors),
+    )
+
+
+def _with_track_cause(
+    found: Diagnosis, start: SearchStart, sigmas: float, model: Parameters | None
+) -> Diagnosis:
+    """With a track width that no reading shows where there is no gyro, but the reference does."""
+    factor, assumed = start.factors[TRACK_WIDTH], assumed_factor(model, TRACK_WIDTH)
+    values = {"factor": ParameterResult(assumed * factor.value, assumed * factor.std, "", assumed)}
+    normalised = [each.rmse_after / each.noise_floor for each in found.channels if each.noise_floor > 0.0]
+    size = float(np.sqrt(np.mean(np.square(normalised)))) if normalised else 1.0
+    text = f"{explanation(TRACK_WIDTH, None, values)} {SAID_BY_REFERENCE}"
+    rank, certainty = len(found.causes) + 1, math.erf(sigmas / math.sqrt(2.0))
+    cause = CauseResult(TRACK_WIDTH, None, rank, values, Gain(size, size, 0.0), certainty, (), text)
+    causes = (*found.causes, cause)
+    verdict = _verdict(found, found.unexplained.share)
+    return replace(
+        found, causes=causes, verdict=verdict, model=_with_origins(found.model, causes, start.factors)
+    )
+
+
+def _rivals(id_: str, found: Diagnosis) -> tuple[str, ...]:
+    """What stays to be told from a cause that the reference gave."""
+    scaled = any(each.id in SCALE_CAUSES and each.where is None for each in found.causes)
+    return (K_E,) if id_ == WHEEL_RADIUS and scaled else ()
+
+
+def _with_origins(
+    model: Parameters | None, causes: Sequence[CauseResult], factors: Mapping[str, Factor]
+) -> Parameters | None:
+    """A model that says of what the reference decided where it is from."""
+    if model is None:
+        return None
+    for each in causes:
+        for key in list(model.effects):
+            if each.id in factors and key[0] == each.id:
+                model = model.with_origin(*key, named_origin(each))
+    return model
+
+
+def _verdict(found: Diagnosis, share: float) -> Verdict:
+    """Of a diagnosis with something more that matters."""
+    if found.verdict is Verdict.ADEQUATE:
+        return Verdict.EXPLAINED
+    if found.unexplained.depends_on or share >= LARGE_REST:
+        return Verdict.PARTLY
+    return Verdict.EXPLAINED
+
+
+def _rescale_shares(share: float, original: float, before: float, after: float) -> tuple[float, float]:
+    """The share that is left, and by how much all shares are smaller, of an error that was larger before."""
+    reachable = 1.0 if share > 0.99 else (after**2 - share * original**2) / (1.0 - share)
+    reachable = min(max(reachable, 1.0), after**2)
+    possible, possible_before = max(before**2 - reachable, 1e-6), max(original**2 - reachable, 1e-6)
+    remaining = 0.0 if share == 0.0 else float(np.clip((after**2 - reachable) / possible, 0.0, 1.0))
+    return remaining, min(possible_before / possible, 1.0)
+
+
+def _prior_std(robot: RobotConfig) -> float:
+    """How far robot.toml leaves the three open together, relative."""
+    model = robot.model
+    numbers = (model.imu.gyro_scale, model.drive.track_width, model.drive.wheel_radius)
+    return math.hypot(*(each.std / each.value for each in numbers))
+
+
+def _radius_std(start: SearchStart) -> float:
+    """Of a radius that the reference gave: with what robot.toml leaves open of the wheels' readings."""
+    factor, motors = start.factors[WHEEL_RADIUS], (start.configured.model.left, start.configured.model.right)
+    reading = max(each.back_emf_constant.std / each.back_emf_constant.value for each in motors)
+    return math.hypot(factor.std, factor.value * reading)
+
+
+def _rejected(found: Diagnosis, start: SearchStart) -> list[Rejected]:
+    """Why what the reference decided is no cause."""
+    named = {each.id for each in found.causes}
+    reasons = []
+    for id_ in start.decided:
+        if id_ in named:
+            continue
+        factor = start.reference.gyro if id_ == GYRO_SCALE else start.reference.track
+        if factor is None:
+            continue
+        number = f"{factor.value:.4f} +- {factor.std:.2g} {RATIO}"
+        reasons.append(Rejected(id_, f"by the reference it is {number}"))
+    return reasons
+
+
+def _identified(found: Diagnosis, start: SearchStart, model: Parameters | None) -> dict[str, ParameterResult]:
+    """What the reference says of each: of the wheels with their readings as the causes and the model that was
+    asked about have them, or over those where a cause may be a radius as well."""
+    reference, motors = start.reference, (start.configured.model.left, start.configured.model.right)
+    factors = {"gyro scale": reference.gyro, "track width": reference.track}
+    is_radius_known = all(_is_told_from_radius(found.causes, side) for side in SIDES)
+    length = "radius" if is_radius_known else "radius over K_E"
+    sides = []
+    for side, factor, motor in zip(SIDES, (reference.left, reference.right), motors, strict=True):
+        if factor is None:
+            continue
+        if is_radius_known:
+            reading = _reading_factor(found.causes, side, motor.back_emf_constant, model)
+            std = math.hypot(factor.std / factor.value, reading.std)
+            factor = Factor(factor.value * reading.value, std * factor.value * reading.value)
+        sides.append(factor)
+    if len(sides) == len(SIDES):
+        left, right = sides
+        ratio = reference.wheel_ratio
+        if ratio is not None and abs(ratio.value - 1.0) > INSIDE * ratio.std:
+            factors |= {f"left wheel's {length}": left, f"right wheel's {length}": right}
+        else:
+            mean = 0.5 * (left.value + right.value)
+            factors[f"wheel {length}"] = Factor(mean, 0.5 * (left.std + right.std))
+    return {
+        f"{name} by the reference": ParameterResult(each.value, each.std, RATIO, math.nan)
+        for name, each in factors.items()
+        if each is not None
+    }
+
+
+def _reading_causes(causes: Sequence[CauseResult], side: str) -> list[CauseResult]:
+    """The causes that were named which make a wheel's counts other than assumed."""
+    return [each for each in causes if each.id in READING_CAUSES and each.where in (None, side)]
+
+
+def _is_told_from_radius(causes: Sequence[CauseResult], side: str) -> bool:
+    """Whether no such cause may be the wheel's radius as well."""
+    rivals = (rival for each in _reading_causes(causes, side) for rival in each.confounded_with)
+    return not any(rival.partition("@")[0] == WHEEL_RADIUS for rival in rivals)
+
+
+def _reading_factor(
+    causes: Sequence[CauseResult], side: str, k_e: Measured, model: Parameters | None
+) -> Factor:
+    """By what the causes, and the model where none is named, make a wheel's counts larger than robot.toml's.
+    Its std is relative, and of robot.toml's K_E where no cause gives another."""
+    named = _reading_causes(causes, side)
+    factors = [each.parameters["factor"] for each in named]
+    values, stds = [each.value for each in factors], [each.std / each.value for each in factors]
+    ids = {each.id for each in named}
+    if K_E not in ids:
+        stds.append(k_e.std / k_e.value)
+    if model is not None:
+        values += [model.value(id_, "factor", side) for id_ in READING_CAUSES if id_ not in ids]
+    return Factor(math.prod(values), math.hypot(*stds))

@@ -1,0 +1,76 @@
+"""What else two levels may be, beside what is named: other causes, another make of sensor, other counts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from raccoon.diagnose.recordings.tophats.checks import FEWER_BITS, ReadingScale, find_scale
+from raccoon.diagnose.recordings.tophats.fit import (
+    CHANGE_WIDTHS,
+    MAX_MISFIT,
+    OLDER_GENERATION,
+    LevelFit,
+    NominalSensor,
+)
+from raccoon.diagnose.recordings.tophats.levels import SurfaceLevels
+from raccoon.diagnose.recordings.tophats.sentences import (
+    HEIGHT,
+    describe_fewer_bits,
+    describe_older_alternative,
+)
+
+MAX_TIE_COST = 3.0
+"""Cost by which another fit may be above the best one and do about as well."""
+MOUNTING_HEIGHTS_M = (0.003, 0.025)
+"""m above the floor between which sensors are mounted."""
+
+
+def find_rivals(fits: Sequence[LevelFit], best: LevelFit, id_: str, levels_read: int) -> tuple[str, ...]:
+    """Causes of other fits that do about as well without this one. Where one level is left, and where the
+    numbers of the causes are not what was fitted, all that fit the levels are listed. Two numbers give any
+    two levels: beside what was fitted anything else is listed."""
+    if best.parameter_count > 1:
+        return tuple(sorted(set(CHANGE_WIDTHS) - set(best.ids)))
+    is_ambiguous = levels_read < 2 or not best.is_exact
+    found = {
+        name
+        for each in fits
+        if each.cost < best.cost + MAX_TIE_COST or (is_ambiguous and each.misfit <= MAX_MISFIT)
+        if id_ not in each.ids
+        for name in each.ids
+        if name not in best.ids
+    }
+    return tuple(sorted(found))
+
+
+def alternative_notes(
+    port: int, levels: SurfaceLevels, nominal: NominalSensor, fits: Sequence[LevelFit], best: LevelFit
+) -> tuple[str, ...]:
+    """Notes on an older sensor or counts of fewer bits that would read the same as what is named."""
+    notes = []
+    older = [
+        each
+        for each in fits
+        if each.generation == OLDER_GENERATION and each.parameter_count == 2 and each.misfit <= MAX_MISFIT
+    ]
+    heights = [
+        nominal.height + float(each.values[each.ids.index(HEIGHT)]) for each in older if HEIGHT in each.ids
+    ]
+    if best.ids == (HEIGHT,) and any(
+        MOUNTING_HEIGHTS_M[0] <= each <= MOUNTING_HEIGHTS_M[1] for each in heights
+    ):
+        notes.append(describe_older_alternative(port, heights[0]))
+    if best.ids and (scale := _find_fewer_bits(levels, nominal, best)) is not None:
+        notes.append(describe_fewer_bits(port, scale.words, scale.counts_per_step))
+    return tuple(notes)
+
+
+def _find_fewer_bits(levels: SurfaceLevels, nominal: NominalSensor, best: LevelFit) -> ReadingScale | None:
+    """Counts of fewer bits, of which one cause explains the levels at less cost than what is named does."""
+
+    def is_better(found: list[LevelFit]) -> bool:
+        return any(
+            one.parameter_count < 2 and one.misfit <= MAX_MISFIT and one.cost < best.cost for one in found
+        )
+
+    return find_scale(levels, nominal, FEWER_BITS, is_better)

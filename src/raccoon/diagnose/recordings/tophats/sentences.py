@@ -1,0 +1,126 @@
+"""What is said of a reflectance sensor."""
+
+from __future__ import annotations
+
+from raccoon.diagnose.reports.numbers import two_digits
+from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
+from raccoon.model.reflectance import FULL_SCALE
+
+AMBIENT_LIGHT, GAIN, HEIGHT, NOISE = "tophat.ambient_light", "tophat.gain", "tophat.height", "tophat.noise"
+RECALIBRATE_ADVICE = ("read white and black again in another light and at the height of the table",)
+USUAL_NOISE_COUNTS = 5.0
+"""Counts; a standing sensor has 2 to 5."""
+MILLIVOLTS_PER_COUNT, MILLIVOLT_TOLERANCE = 3300.0 / FULL_SCALE, 0.008
+"""Of a count: what a converter of 3.3 V makes of it, and how near a gain is to be told to be it."""
+PARAMETER_NAMES = {AMBIENT_LIGHT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
+"""The parameter of each, as the catalogue calls it."""
+
+
+def tophat_cause(
+    id_: str, port: int, number: ParameterResult, gain: Gain, rivals: tuple[str, ...], probability: float
+) -> CauseResult:
+    """The cause with its sentence."""
+    value, base = number.value, number.nominal
+    sentence = {
+        AMBIENT_LIGHT: f"Light from outside shifts tophat {port} by {value - base:+.0f} counts: shade it, or "
+        "calibrate where it is used.",
+        GAIN: f"Tophat {port} reads {abs(value / max(base, 1e-9) - 1.0) * 100:.0f} % "
+        f"{'more' if value > base else 'less'} than assumed: {_millivolts_hint(value)}calibrate it on white "
+        "and black (raccoon calibrate tophats).",
+        HEIGHT: f"Tophat {port} sits about {two_digits(1000 * value)} mm above the floor instead of "
+        f"{two_digits(1000 * base)} mm: "
+        "mount it where it was meant to be, or calibrate it there.",
+    }[id_]
+    return CauseResult(id_, str(port), 1, {PARAMETER_NAMES[id_]: number}, gain, probability, rivals, sentence)
+
+
+def _millivolts_hint(gain: float) -> str:
+    hint = "if the column is in millivolts, write counts (0..4095); else "
+    return hint if abs(gain - MILLIVOLTS_PER_COUNT) < MILLIVOLT_TOLERANCE else ""
+
+
+def describe_light(port: int, light: float, falls: tuple[float, float]) -> str:
+    """Light that lowers the levels by `falls` (white, black), as the model of the sensor has it."""
+    return (
+        f"Light from outside, about {two_digits(100.0 * light)} % of direct sun, lowers tophat {port} by "
+        f"{falls[0]:.0f} counts over white and {falls[1]:.0f} over black: shade it, or calibrate where it is "
+        "used."
+    )
+
+
+def describe_light_offset(port: int, number: ParameterResult) -> str:
+    """What an offset makes of it."""
+    moved = number.value - number.nominal
+    return (
+        f"analog.{port}: light lowers black more than white, and the offset of {moved:+.0f} counts is only "
+        f"the mean of both, off by {number.std:.0f} on either: the better model needs its light from the "
+        "world, and gain and height together would read the same"
+    )
+
+
+def describe_older_sensor(port: int) -> str:
+    """A sensor of the older make where the simulation has the newer."""
+    return (
+        f"Tophat {port} reads as the older make of the sensor does, which is darker over both surfaces, and "
+        "white far more: calibrate it on white and black (raccoon calibrate tophats), and expect it "
+        "to differ from newer ones."
+    )
+
+
+def describe_older_factor(port: int, number: ParameterResult) -> str:
+    """What a factor makes of it."""
+    return (
+        f"analog.{port}: the simulated sensor is of the newer make, and the factor of {number.value:.2f} is "
+        f"only the one that is least wrong, off by {number.std:.2f} on either surface; gain and height "
+        "together, or light, would read the same"
+    )
+
+
+def describe_older_alternative(port: int, height: float) -> str:
+    """An older sensor that reads at another height what a newer one does at the named one."""
+    return (
+        f"analog.{port}: at about {two_digits(1000.0 * height)} mm a sensor of the older make reads the "
+        "same: measure the height, or look at its make"
+    )
+
+
+def describe_fewer_bits(port: int, words: str, counts: float) -> str:
+    """Readings that may be counts of fewer bits than the recording should have."""
+    return (
+        f"analog.{port}: it may hold {words} instead of counts of 12 bits (0..4095), which a smaller fault "
+        f"would explain: look at what writes it; if so, multiply by {counts:g} and diagnose again"
+    )
+
+
+def describe_unsure_surfaces(port: int, levels: tuple[float, float]) -> str:
+    """Two levels that no single cause gives, of which nobody says that they are white and black."""
+    return (
+        f"analog.{port}: no single cause gives {levels[0]:.0f} and {levels[1]:.0f} counts, which were not "
+        "seen in turns: it may be one surface in changing light; cross several lines, or record "
+        f"truth.surface.{port}"
+    )
+
+
+def describe_saturation(port: int, clipped: tuple[int, int], causes: tuple[str, ...]) -> str:
+    """A level that is cut off, and what cannot be told then. causes: those that fit what is left."""
+    side, other = ("white", "black") if clipped[0] else ("black", "white")
+    end = "4095, the largest value" if 1 in clipped else "0"
+    ambiguity = f"; what is left, {other}, cannot tell {' from '.join(causes)}" if len(causes) > 1 else ""
+    return f"analog.{port} is saturated: {side} reads {end}, so how far it is beyond is not known{ambiguity}"
+
+
+def noise_cause(port: int, number: ParameterResult, error: float) -> CauseResult:
+    """Too much noise. error: of the readings over the floor; naming the noise does not lower it."""
+    sentence = (
+        f"Tophat {port} is noisy: {number.value:.0f} counts from reading to reading where "
+        f"{USUAL_NOISE_COUNTS:.0f} are usual: check its plug and wires, keep it from flickering lamps, and "
+        "average."
+    )
+    return CauseResult(NOISE, str(port), 1, {"sd": number}, Gain(error, error, 0.0), 0.99, (), sentence)
+
+
+def rejection_reason(is_rival: bool) -> str:
+    """Why a cause was not named. is_rival: whether it is listed beside one that was."""
+    if is_rival:
+        return "it explains the levels as well as what is named; it is listed there"
+    return "another cause explains the levels better, or they are as assumed"
