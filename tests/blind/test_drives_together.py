@@ -60,7 +60,7 @@ def test_drives_are_fitted_together_from_the_command_line(
 ) -> None:
     """Of a robot of which only motors are asked after: the way is the same, and shorter."""
     asked = [each for each in drive_causes() if each.id.startswith("motor.")]
-    monkeypatch.setattr("raccoon.diagnose.recordings.diagnosis.drive_causes", lambda: asked)
+    monkeypatch.setattr("raccoon.diagnose.recordings.drive.drive_causes", lambda: asked)
     files = [written(tmp_path / f"{day}.csv", each.columns) for day, each in enumerate(drives(WEAK, 2, 5.0))]
     out, model = tmp_path / "out.json", tmp_path / "model.toml"
     saved = ["--json", str(out), "--save-model", str(model)]

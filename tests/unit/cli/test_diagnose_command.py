@@ -411,7 +411,7 @@ def test_an_accelerometer_in_another_unit_is_said(
     drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sound = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
-    monkeypatch.setattr("raccoon.diagnose.recordings.diagnosis.diagnose", lambda *_, **__: sound)
+    monkeypatch.setattr("raccoon.diagnose.recordings.drive.diagnose", lambda *_, **__: sound)
     axes = {"x": 0.0, "y": 0.0, "z": 1.0}
     columns = drive | {f"imu.accel.{name}": np.full(len(drive["t"]), each) for name, each in axes.items()}
     assert main(["diagnose", str(written(tmp_path / "run.csv", columns))]) == 0

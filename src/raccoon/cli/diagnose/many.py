@@ -47,7 +47,8 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     from raccoon.cli.diagnose.files import short_names
     from raccoon.core.config import load_robot
     from raccoon.core.errors import RaccoonError, TraceError
-    from raccoon.diagnose.recordings.diagnosis import NO_CAUSES, NO_MODEL
+    from raccoon.diagnose.recordings.diagnosis import NO_CAUSES
+    from raccoon.diagnose.recordings.drive import NO_MODEL
     from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, prepare_run
     from raccoon.diagnose.recordings.kind import Kind, kind_of
     from raccoon.trace.loading import load_run

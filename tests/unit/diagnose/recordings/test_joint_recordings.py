@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings import diagnosis as recordings
+from raccoon.diagnose.recordings.drive import Drive, _without_faults_in_others
+from raccoon.diagnose.recordings.firmware.identity import FirmwareIdentity
 from raccoon.diagnose.recordings.joint_checks import check_joint_recordings
 from raccoon.diagnose.result import Diagnosis
 
@@ -42,7 +46,8 @@ def test_one_that_is_empty_is_said_by_its_number(drive: Columns) -> None:
 def test_an_uneven_time_of_another_recording_is_said_as_of_the_first(drive: Columns) -> None:
     rows = np.arange(len(drive["t"]))
     late = {**drive, "t": 0.005 * rows + np.random.default_rng(1).uniform(-0.002, 0.002, len(rows))}
-    _, _, said = recordings._others(late, [late], ROBOT, SI_WORDS)
+    three = Drive(late, ROBOT, FirmwareIdentity(SI_WORDS), holdout=late, more=[late])
+    _, said = _without_faults_in_others(three)
     assert [each.partition(": steps")[0] for each in said] == [
         "the other recording: t is uneven",
         "recording 2: t is uneven",
@@ -52,13 +57,14 @@ def test_an_uneven_time_of_another_recording_is_said_as_of_the_first(drive: Colu
 @pytest.mark.parametrize("which", ["the first", "holdout", "more"])
 def test_truth_free_uses_no_reference_of_any_recording(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those beside the first kept theirs."""
-    asked: list[Columns] = []
+    asked: list[Mapping[str, np.ndarray]] = []
 
-    def driven(columns: Columns, _robot: object, other: Columns, more: list[Columns], _: object) -> Diagnosis:
-        asked.extend((columns, other, *more))
+    def driven(drive: Drive) -> Diagnosis:
+        assert drive.holdout is not None
+        asked.extend((drive.columns, drive.holdout, *drive.more))
         return diagnosis()
 
-    monkeypatch.setattr(recordings, "_driven", driven)
+    monkeypatch.setattr(recordings, "diagnose_drive", driven)
     drives = {
         name: dict(make(seed, seconds=3.0).columns)
         for seed, name in enumerate(("the first", "holdout", "more"), start=4)

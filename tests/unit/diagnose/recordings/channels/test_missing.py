@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.hypotheses.base_coordinates import with_usual_stds
-from raccoon.diagnose.recordings import diagnosis as recordings
+from raccoon.diagnose.recordings import drive as drive_diagnosis
 from raccoon.diagnose.recordings.channels.counters import (
     CounterBemf,
     counters_named_in_errors,
@@ -181,7 +181,7 @@ def test_numbers_without_std_are_said_in_one_note(
         asked.append(robot)
         return read
 
-    monkeypatch.setattr(recordings, "diagnose", said)
+    monkeypatch.setattr(drive_diagnosis, "diagnose", said)
     found = diagnose_recording(weak_right, robot)
     assert asked == [with_usual_stds(robot)[0]]
     notes = [each for each in found.notes if "no std" in each]

@@ -12,13 +12,14 @@ from blind.generator import make
 from blind.hidden import draw
 from diagnoses import cause, diagnosis
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings import diagnosis as recordings
+from raccoon.diagnose.recordings import drive as drive_diagnosis
 from raccoon.diagnose.recordings.channels.volt_commands import (
     BY_READING_NOTE,
     duties_by_battery_reading,
     explains_better,
 )
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
+from raccoon.diagnose.recordings.drive import Drive
 from raccoon.diagnose.result import ChannelResult, Diagnosis, Verdict
 from raccoon.sim.effects.parameters import Parameters
 
@@ -74,11 +75,11 @@ def test_what_is_judged_on_a_drive_by_duty_is_taken_by_its_readings_alone(
     """Where that did not explain it, an error of the other recording came after minutes."""
     drive, asked = dict(make(3, [], seconds=4.0).columns), []
 
-    def partly(columns: Columns, *_: object) -> Diagnosis:
-        asked.append(columns)
+    def partly(drive: Drive) -> Diagnosis:
+        asked.append(drive.columns)
         return told(Verdict.PARTLY, 8.0)
 
-    monkeypatch.setattr(recordings, "_drive", partly)
+    monkeypatch.setattr(drive_diagnosis, "_diagnose", partly)
     found = diagnose_recording(
         in_volts(drive, read_last(drive)), ROBOT, holdout=dict(make(5, seconds=4.0).columns)
     )
@@ -89,10 +90,10 @@ def test_what_is_judged_on_a_drive_by_duty_is_taken_by_its_readings_alone(
 def test_a_model_that_volts_leave_unused_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     drive = in_volts(dict(make(3, [], seconds=4.0).columns), 6.8)
     del drive["battery.voltage"]
-    monkeypatch.setattr(recordings, "diagnose", lambda *_, **__: told(WHOLE, 8.0))
+    monkeypatch.setattr(drive_diagnosis, "diagnose", lambda *_, **__: told(WHOLE, 8.0))
     model = Parameters.from_robot(ROBOT)
-    assert recordings.NO_MODEL in diagnose_recording(drive, ROBOT, model=model).notes
-    assert recordings.NO_MODEL not in diagnose_recording(drive, ROBOT).notes
+    assert drive_diagnosis.NO_MODEL in diagnose_recording(drive, ROBOT, model=model).notes
+    assert drive_diagnosis.NO_MODEL not in diagnose_recording(drive, ROBOT).notes
 
 
 def told(verdict: Verdict, error: float, *names: str) -> Diagnosis:

@@ -13,7 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.speed_loop import speed_loop
-from raccoon.diagnose.recordings import diagnosis as recordings
+from raccoon.diagnose.recordings import drive as drive_diagnosis
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.plausibility.implausible import (
     diagnose_speed_commands,
@@ -75,7 +75,7 @@ def test_a_duty_of_a_robot_that_rubs_less_is_no_speed() -> None:
 
 def test_commands_that_are_clearly_speeds_are_told_before_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """40 s of them took some minutes of searching, after which nothing was named."""
-    monkeypatch.setattr(recordings, "diagnose", None)
+    monkeypatch.setattr(drive_diagnosis, "diagnose", None)
     found = diagnose_recording(slowly(driven(0.02)), ROBOT)
     assert (found.verdict, found.causes, found.model) == (Verdict.NOT_IDENTIFIABLE, (), None)
     assert any("hold a speed, not a duty" in each.text for each in found.sensor_faults)

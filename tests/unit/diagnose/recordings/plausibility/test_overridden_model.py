@@ -7,7 +7,8 @@ import pytest
 from blind.generator import make
 from diagnoses import cause, diagnosis
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
-from raccoon.diagnose.recordings import diagnosis as recordings
+from raccoon.diagnose.recordings import drive as drive_diagnosis
+from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.plausibility.overridden_model import overridden_model_notes
 
 TICKS = Measured(0.00305, 0.00001)
@@ -47,9 +48,9 @@ def test_inertia_is_that_of_driving_straight() -> None:
 
 def test_a_diagnosis_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     named = diagnosis(cause("friction.coulomb", said=""))
-    monkeypatch.setattr(recordings, "diagnose", lambda *_, **__: named)
+    monkeypatch.setattr(drive_diagnosis, "diagnose", lambda *_, **__: named)
     robot = RobotConfig(motors={0: MotorConfig(static_voltage=Measured(0.3, 0.01))})
-    found = recordings.diagnose_recording(dict(make(3, seconds=4.0).columns), robot)
+    found = diagnose_recording(dict(make(3, seconds=4.0).columns), robot)
     assert any("motor.0.static_voltage, by which programs go" in note for note in found.notes)
     plain = replace(robot, motors={})
     assert not any("by which programs go" in note for note in overridden_model_notes(found.causes, plain))
