@@ -29,8 +29,8 @@ from blind.plant import NEUTRAL
 from options import several
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.fleet.course import Piece
-from raccoon.diagnose.fleet.model import Foreseen, common_model, foreseen
+from raccoon.diagnose.fleet.change_points import Piece
+from raccoon.diagnose.fleet.common_model import CrossCheck, common_model, make_cross_check
 from raccoon.diagnose.fleet.summary import Fleet, fleet_of
 from raccoon.diagnose.result import Diagnosis
 from raccoon.sim.effects.parameters import Parameters
@@ -90,7 +90,7 @@ def main() -> int:
 
 def _fleet(
     pool: ProcessPoolExecutor, kind: str, seed: list[int], args: argparse.Namespace
-) -> tuple[Week, Fleet, dict[str, Foreseen]]:
+) -> tuple[Week, Fleet, dict[str, CrossCheck]]:
     rng = np.random.default_rng(seed)
     week = KINDS[kind](args.days, rng)
     robot = int(rng.integers(2**31))
@@ -102,7 +102,7 @@ def _fleet(
     fleet = fleet_of(dict(zip(days, pool.map(_diagnosed, days.values()), strict=True)))
     models = [common_model(fleet, name) for name in days]
     again = dict(zip(days, pool.map(_diagnosed, days.values(), models), strict=True))
-    return week, fleet, {name: foreseen(fleet.results[name], each) for name, each in again.items()}
+    return week, fleet, {name: make_cross_check(fleet.results[name], each) for name, each in again.items()}
 
 
 def _diagnosed(columns: Mapping[str, np.ndarray], model: Parameters | None = None) -> Diagnosis:
@@ -140,7 +140,7 @@ def _told(pieces: tuple[Piece, ...]) -> str:
     return ", ".join(f"{each.start:.4g} to {each.end:.4g} from day {each.first} on" for each in pieces)
 
 
-def _shares(week: Week, seen: Mapping[str, Foreseen]) -> list[float]:
+def _shares(week: Week, seen: Mapping[str, CrossCheck]) -> list[float]:
     """Part of the error's power that a day's own model takes away which the model of the others takes, of
     each day on which that is as much as half the noise and nothing is wrong that the others have not."""
     found = []

@@ -49,7 +49,7 @@ from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.rivals import BETTER, net_lead
 from raccoon.diagnose.select.search import whole
 from raccoon.diagnose.select.state import Search, estimated, lead, look_around, start_search
-from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.probes import make_probe_function
 
 if TYPE_CHECKING:
     from blind.generator import Blind
@@ -120,7 +120,7 @@ def _started(key: str, seed: int) -> tuple[Blind, Search]:
     case = Case.of(key)
     blind = drawn(case, seed)
     problem = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
-    return blind, start_search(problem, probes_for(problem))
+    return blind, start_search(problem, make_probe_function(problem))
 
 
 def _weakest(search: Search, fit: Fit, iterations: int) -> tuple[str, float, Fit]:

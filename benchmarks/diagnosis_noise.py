@@ -22,14 +22,14 @@ from diagnosis_trial import true_coordinate, true_settings
 from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.findings.gain import held_out
+from raccoon.diagnose.findings.held_out import evaluate_held_out
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.select.gates import FLOOR_GATE, gate
 from raccoon.diagnose.select.probe_scores import best_probe
 from raccoon.diagnose.select.refits import refit_candidates
 from raccoon.diagnose.select.state import Search, estimated, lead, start_search
-from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.probes import make_probe_function
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
@@ -49,12 +49,12 @@ def main() -> None:
     for _ in range(args.robots):
         blind = make(int(rng.integers(2**31)), seconds=40.0)
         problem = problem_of(log_from_columns(blind.columns, ROBOT), ROBOT, drive_causes())
-        search = start_search(problem, probes_for(problem))
+        search = start_search(problem, make_probe_function(problem))
         for name, value in _leads(search).items():
             leads[name].append(value)
         last = estimated(search)
         off.append(_deviations(last, true_settings(blind.robot)))
-        leads["error"].append(held_out(last, None).surprise)
+        leads["error"].append(evaluate_held_out(last, None).error_ratio)
     _print(off, leads)
 
 

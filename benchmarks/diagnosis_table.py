@@ -13,8 +13,8 @@ import numpy as np
 
 from diagnosis_trial import POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.experiment.advice import DECIDES
-from raccoon.diagnose.findings.naming import TWINS
+from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE
+from raccoon.diagnose.findings.cause_results import TURN_CLASSES
 from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
 from raccoon.diagnose.result import LITTLE
@@ -340,7 +340,7 @@ def _twins(results: Sequence[Result]) -> str:
 
 
 def _advised(results: Sequence[Result]) -> str:
-    decided = [each for each in results if each["predicted"] >= DECIDES]
+    decided = [each for each in results if each["predicted"] >= DECISIVE_EVIDENCE]
     return f"named first {percent(map(first_right, decided))}, wrong {percent(map(_wrong, decided))}"
 
 
@@ -395,7 +395,7 @@ def _numbers(result: Result, causes: Sequence[dict[str, Any]]) -> Iterator[Numbe
 
 def _twins_of(result: Result, name: str) -> set[str]:
     """What else is hidden of which no drive tells a cause."""
-    twins: set[str] = set().union(*(each for each in TWINS if name in each))
+    twins: set[str] = set().union(*(each for each in TURN_CLASSES if name in each))
     return (twins & set(result["hidden"])) - {name}
 
 

@@ -30,9 +30,9 @@ from diagnosis_trial import said_of
 from options import several
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.findings.over_ways import OF_EACH, OVER_WAYS
+from raccoon.diagnose.findings.path_dependence import PATH_DEPENDENT, PER_RECORDING
 
-HIDDEN = tuple(each for each in CAUSES if each not in (*OVER_WAYS, *OF_EACH))
+HIDDEN = tuple(each for each in CAUSES if each not in (*PATH_DEPENDENT, *PER_RECORDING))
 CLEAN = "none"
 VOLTS, BIAS = 0.3, 0.002
 """By how much the battery's charge (V) and the gyro's bias (rad/s) differ from day to day, one deviation."""

@@ -23,12 +23,12 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.experiment.advice import advise
+from raccoon.diagnose.experiment.advice import rank_manoeuvres
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.noise_model import EVENT
 from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Coordinate, Settings, neutral_settings
-from raccoon.diagnose.reports.as_much import as_much
+from raccoon.diagnose.reports.similar_causes import causes_of_similar_size
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
@@ -281,7 +281,7 @@ def said_of(said: Diagnosis) -> dict[str, Any]:
             }
             for each in said.causes
         ],
-        "as_much": [each.name for each in as_much(said.causes)],
+        "as_much": [each.name for each in causes_of_similar_size(said.causes)],
         "depends_on": list(said.unexplained.depends_on),
         "rejected": {each.id: each.reason for each in said.rejected},
     }
@@ -293,7 +293,9 @@ def run(case: Case, seed: int) -> dict[str, Any]:
     hidden = hidden_of(case, rng)
     predicted = None
     if case.row == "advised":
-        advice = advise(RobotConfig(), hidden[0].name, size=size_of(hidden[0]), seconds=row.seconds)[0]
+        advice = rank_manoeuvres(RobotConfig(), hidden[0].name, size=size_of(hidden[0]), seconds=row.seconds)[
+            0
+        ]
         predicted = advice.evidence
         blind = _advised(advice.manoeuvre, hidden, rng)
     else:

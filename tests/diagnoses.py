@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from raccoon.diagnose.reports.wording import explanation
+from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
 
 Numbers = Mapping[str, ParameterResult]
@@ -22,7 +22,7 @@ def cause(name: str, numbers: Numbers | None = None, said: str | None = None, **
     id_, _, where = name.partition("@")
     values = numbers or {}
     if said is None:
-        said = explanation(id_, where or None, values)
+        said = explanation_sentence(id_, where or None, values)
     plain = CauseResult(id_, where or None, 1, values, Gain(3.0, 1.0, 0.9), 1.0, (), said, 2.0, 1.0)
     return replace(plain, **other)
 

@@ -20,8 +20,8 @@ from raccoon.diagnose.select.refits import SCALE
 from raccoon.diagnose.select.replacements import rearranged
 from raccoon.diagnose.select.search import PROBE_GATE, _with_unknown, grown
 from raccoon.diagnose.select.state import estimated, look_around, start_search
-from raccoon.diagnose.unknown.probes import probes_for
-from raccoon.diagnose.unknown.shapes import shapes_of
+from raccoon.diagnose.unknown.probes import make_probe_function
+from raccoon.diagnose.unknown.shapes import fit_shapes
 
 
 def test_a_single_hidden_cause_is_named_first() -> None:
@@ -79,7 +79,7 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
     hidden = [draw(each, rng) for each in ("actuation.latency", "motor.armature_resistance")]
     log = log_from_columns(make(12, hidden, seconds=8.0).columns, RobotConfig())
     problem = problem_of(log, RobotConfig(), drive_causes())
-    start = start_search(problem, probes_for(problem))
+    start = start_search(problem, make_probe_function(problem))
     wrong = start.fit.point.with_cause("bemf.filter_lag", np.array([0.5]))
     wrong = wrong.with_cause("drive.inertia", np.array([0.3]))
     fit = fit_point(problem, start.whitener, wrong)
@@ -224,11 +224,11 @@ def test_what_no_catalogue_has_is_shown_in_its_course(kind: str, covariate: str)
     hidden = draw_unknown(kind, np.random.default_rng(1))
     log = log_from_columns(make(1, [hidden], seconds=24.0).columns, RobotConfig())
     problem = problem_of(log, RobotConfig(), drive_causes())
-    start = start_search(problem, probes_for(problem))
+    start = start_search(problem, make_probe_function(problem))
     probe = best_probe(start)
     assert probe.name == f"unknown: {covariate}"
     assert probe.lead > PROBE_GATE
-    (shape,) = shapes_of(estimated(_with_unknown(start, probe)))
+    (shape,) = fit_shapes(estimated(_with_unknown(start, probe)))
     assert shape.depends_on == covariate
     if kind == "payload":  # falls on the robot 15 s after the start
         early, late = shape.over < 14.0, shape.over > 16.0

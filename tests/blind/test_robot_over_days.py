@@ -9,7 +9,7 @@ from blind.hidden import Hidden
 from blind.plant import NEUTRAL
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.fleet.model import common_model, foreseen
+from raccoon.diagnose.fleet.common_model import common_model, make_cross_check
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 
@@ -34,6 +34,8 @@ def test_another_battery_and_a_motor_that_is_weak_all_the_time() -> None:
     model = common_model(fleet, "day4")
     assert model is not None
     assert model.value("motor.back_emf_constant", "factor", "right") == pytest.approx(0.9, abs=0.02)
-    seen = foreseen(fleet.results["day4"], diagnose(drives[4], model.robot, causes=ASKED, model=model))
+    seen = make_cross_check(
+        fleet.results["day4"], diagnose(drives[4], model.robot, causes=ASKED, model=model)
+    )
     assert seen.still == ()
     assert seen.before**2 - seen.after**2 > 0.9 * (seen.before**2 - seen.own**2)

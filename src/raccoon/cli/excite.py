@@ -104,11 +104,11 @@ def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     """What a manoeuvre needs and, before it is driven, what it would show."""
     from raccoon.cli.slow import check_compiled
     from raccoon.core.errors import ConfigError
-    from raccoon.diagnose.experiment.advice import Plan, reach_of
+    from raccoon.diagnose.experiment.advice import DrivePlan, estimate_reach
     from raccoon.diagnose.experiment.manoeuvres import RATE, manoeuvre
 
     duty = manoeuvre(name)
-    reach = reach_of(robot, duty)
+    reach = estimate_reach(robot, duty)
     lasts = len(duty) / RATE
     print(f"{name}: {lasts:.1f} s, within {reach:.2f} m of where it starts")
     if args.seconds is not None and lasts > args.seconds:
@@ -123,21 +123,21 @@ def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     if args.record is None and duty.any():
         check_compiled("what it would show is found by simulating it with every cause")
         print("would show, on this robot, if nothing else is wrong:")
-        for id_, size in Plan.of(robot, duty).shows().items():
+        for id_, size in DrivePlan.of(robot, duty).visible_sizes().items():
             print(f"  {id_:30s} {size or 'not at all'}")
 
 
 def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
     from raccoon.cli.slow import check_compiled
     from raccoon.core.errors import ConfigError
-    from raccoon.diagnose.experiment.advice import DECIDES, advise
+    from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE, rank_manoeuvres
 
     check_compiled(
         f"--cause {args.cause}: the best drive for it is found by simulating all of them (with --manoeuvre "
         "and no --cause one is driven at once)"
     )
     longest = LONGEST if args.seconds is None else args.seconds
-    advice = advise(robot, args.cause, args.rival, within=args.within, seconds=longest)
+    advice = rank_manoeuvres(robot, args.cause, args.rival, within=args.within, seconds=longest)
     if not advice:
         raise ConfigError(f"no manoeuvre stays within {args.within:g} m and {longest:g} s: allow more")
     for each in advice:
@@ -149,13 +149,13 @@ def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
             "None of them shows it, however often it is driven: allow more --within or --seconds, or give a "
             "reference such as counted turns."
         )
-    elif advice[0].evidence < DECIDES:
+    elif advice[0].evidence < DECISIVE_EVIDENCE:
         print(
-            f"None of them decides (from an evidence of {DECIDES:.0f} on a drive does): drive it several "
-            "times into one recording, or give a reference such as counted turns."
+            f"None of them decides (from an evidence of {DECISIVE_EVIDENCE:.0f} on a drive does): drive it "
+            "several times into one recording, or give a reference such as counted turns."
         )
     else:
-        print(f"From an evidence of {DECIDES:.0f} on a drive decides.")
+        print(f"From an evidence of {DECISIVE_EVIDENCE:.0f} on a drive decides.")
     return advice[0].manoeuvre
 
 
@@ -163,8 +163,8 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     from dataclasses import replace
     from functools import partial
 
-    from raccoon.diagnose.experiment.advice import reach_of
-    from raccoon.diagnose.experiment.excitation import drive_and_record
+    from raccoon.diagnose.experiment.advice import estimate_reach
+    from raccoon.diagnose.experiment.drive_manoeuvre import drive_and_record
     from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 
     port = None
@@ -181,8 +181,8 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
         port = SimPort(driven, World.empty(), robot=robot, seed=args.seed, rate_hz=robot.controller.rate_hz)
     duty = manoeuvre(name)
     if port is None and duty.any():
-        space = f"{reach_of(robot, duty):.2f} m free of walls and things on every side"
+        space = f"{estimate_reach(robot, duty):.2f} m free of walls and things on every side"
         print(f"the robot will drive: put it on the floor with {space}", file=sys.stderr, flush=True)
     tell = partial(print, file=sys.stderr, flush=True)
     seed = None if port is None else args.seed
-    drive_and_record(robot, duty, args.record, port, say=tell, seed=seed)
+    drive_and_record(robot, duty, args.record, port, tell=tell, seed=seed)

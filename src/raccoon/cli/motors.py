@@ -76,10 +76,10 @@ def room_of(config: RobotConfig) -> float:
 
 def finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
     """Show what was measured by driving, and put it into robot.toml where that was asked for."""
-    from raccoon.diagnose.reports.numbers import measured_text
+    from raccoon.diagnose.reports.numbers import value_with_std_text
 
     for key, value in entries.items():
-        print(f"{key} = {measured_text(value.value, value.std)}, at {value.battery_voltage:.2f} V")
+        print(f"{key} = {value_with_std_text(value.value, value.std)}, at {value.battery_voltage:.2f} V")
     return put_in_if_asked(args, entries, simulated(args))
 
 

@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.loads import loads_told
 from raccoon.diagnose.drives.log import Change, Log
 from raccoon.diagnose.drives.moments import happened
-from raccoon.diagnose.findings.batteries import batteries_told
-from raccoon.diagnose.findings.bent import bent_notes
-from raccoon.diagnose.findings.extend import extended
-from raccoon.diagnose.findings.gain import HeldOut
-from raccoon.diagnose.findings.known_together import unmeasured_note
-from raccoon.diagnose.findings.naming import named_causes, rejections, seen_in, suggestions
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.cause_results import make_cause_results
+from raccoon.diagnose.findings.deviations import deviation_notes
+from raccoon.diagnose.findings.fitted_model import make_fitted_model
+from raccoon.diagnose.findings.held_out import HeldOut
+from raccoon.diagnose.findings.joint_numbers import unmeasured_robot_notes
+from raccoon.diagnose.findings.rejections import effect_visibility, explain_rejections
+from raccoon.diagnose.findings.separate_batteries import separate_battery_notes
+from raccoon.diagnose.findings.suggestions import suggest_manoeuvres
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.backlash_scan import play_of
 from raccoon.diagnose.fit.noise_model import whiteness
 from raccoon.diagnose.habits.notes import less_sure, notes_of
@@ -36,12 +38,12 @@ from raccoon.diagnose.result import (
 )
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.state import Search
-from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, bursting
-from raccoon.diagnose.unknown.one_sided import one_sided
-from raccoon.diagnose.unknown.probes import change_in
-from raccoon.diagnose.unknown.rubbing import clearly_hot
-from raccoon.diagnose.unknown.sensors import PREFIX
-from raccoon.diagnose.unknown.shapes import shapes_of
+from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, find_bursts
+from raccoon.diagnose.unknown.friction_change import is_clearly_heating
+from raccoon.diagnose.unknown.one_sided_error import find_one_sided_error
+from raccoon.diagnose.unknown.probes import find_change
+from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX
+from raccoon.diagnose.unknown.shapes import fit_shapes
 
 Array = NDArray[np.float64]
 
@@ -64,51 +66,51 @@ def faults_of(log: Log) -> tuple[SensorFault, ...]:
 
 def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Found:
     """What a search found, judged on data that it did not fit. begin: when the diagnosis began, s."""
-    spread = Spread.of(search)
-    causes = less_sure(named_causes(search, judged, spread), habits)
+    uncertainty = FitUncertainty.of(search)
+    causes = less_sure(make_cause_results(search, judged, uncertainty), habits)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
-    bursts = bursting(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
+    bursts = find_bursts(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
     depends_on, unknown_notes = _unknown(search, bursts)
-    left = judged.left if judged.is_far or depends_on else 0.0  # what chance makes is no part of it
-    verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
-    settings, seen = search.problem.settings(search.fit.point), seen_in(search, log)
+    left = judged.left if judged.is_model_wrong or depends_on else 0.0  # what chance makes is no part of it
+    verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_model_wrong)
+    settings, seen = search.problem.settings(search.fit.point), effect_visibility(search, log)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     found = Diagnosis(
         verdict,
         _channels(log, judged, whiteness(white)),
         causes,
-        rejections(search, log, seen),
+        explain_rejections(search, log, seen),
         Unexplained(left, depends_on),
-        suggestions(search, causes, log, seen),
+        suggest_manoeuvres(search, causes, log, seen),
         time.perf_counter() - begin,
-        extended(search.problem, spread, causes, habits.chain),
+        make_fitted_model(search.problem, uncertainty, causes, habits.chain),
         (
             *log.notes,
-            *batteries_told(settings, log),
+            *separate_battery_notes(settings, log),
             *loads_told(log, settings[RESISTANCE]),
             *unknown_notes,
             *((happened(bursts.moments),) if bursts.moments else ()),
-            *notes_of(habits, causes, spread),
-            *bent_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
-            *unmeasured_note(search),
+            *notes_of(habits, causes, uncertainty),
+            *deviation_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
+            *unmeasured_robot_notes(search),
             *_not_in_model(search),
         ),
         sensor_faults=faults_of(log),
         curves=_curves(log, judged),
-        shapes=shapes_of(search),
+        shapes=fit_shapes(search),
     )
-    changed = None if log.runs else change_in(search.problem, search.linear)
-    return Found(found, bursts.moments, changed, partial(clearly_hot, search))
+    changed = None if log.runs else find_change(search.problem, search.linear)
+    return Found(found, bursts.moments, changed, partial(is_clearly_heating, search))
 
 
 def _unknown(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What depends on what, of which no cause is named, and what is said of it where no curve is drawn."""
-    over = tuple(each.removeprefix(PREFIX) for each in search.unknown)
+    over = tuple(each.removeprefix(UNKNOWN_PREFIX) for each in search.unknown)
     if bursts.told:
         return (*over, DEPENDS_ON), bursts.told
     features = search.problem.features
-    alone = one_sided(features.roles, features.measured, search.linear.residual, features.event)
+    alone = find_one_sided_error(features.roles, features.measured, search.linear.residual, features.event)
     if over or alone is None:
         return over, ()
     wheel, said = alone

@@ -18,23 +18,23 @@ from raccoon.diagnose.drives.features import Features, with_readings
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.moments import without_moments
 from raccoon.diagnose.drives.unseen import said_of_holdout, with_channels_of
-from raccoon.diagnose.findings.batteries import (
-    differ,
-    judged_apart,
-    may_differ,
-    with_own,
-    without_shared,
+from raccoon.diagnose.findings.held_out import HeldOut
+from raccoon.diagnose.findings.path_dependence import (
+    GAPS_REASON,
+    is_path_dependent,
+    is_too_short,
+    not_judged_for_gaps,
+    restricted_to_shareable,
+    shareable_causes,
 )
-from raccoon.diagnose.findings.gain import HeldOut
-from raccoon.diagnose.findings.over_ways import (
-    ADDS_UP,
-    adds_up,
-    lost_count,
-    of_several,
-    too_short,
-    tried_of_several,
+from raccoon.diagnose.findings.separate_batteries import (
+    batteries_may_differ,
+    has_separate_batteries,
+    with_own_batteries,
+    with_resistance_not_judged,
+    without_shared_resistance,
 )
-from raccoon.diagnose.findings.proving import proven
+from raccoon.diagnose.findings.validation import validate_causes
 from raccoon.diagnose.habits.problems import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
@@ -47,10 +47,10 @@ from raccoon.diagnose.result import (
 from raccoon.diagnose.rollout.dead_zone_evidence import asked_for
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.log_building import understood
-from raccoon.diagnose.unknown.changes import name_of
-from raccoon.diagnose.unknown.probes import RUBS_ANEW
-from raccoon.diagnose.unknown.rubbing import may_rub_anew
-from raccoon.diagnose.unknown.sensors import PREFIX
+from raccoon.diagnose.unknown.friction_change import friction_may_have_changed
+from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME
+from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX
+from raccoon.diagnose.unknown.step_change import change_name
 from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -96,7 +96,7 @@ def diagnose(
         if not moves(log):
             return _nothing_to_see(log, begin, _driven_instead(columns, robot))
         tried = asked_for(drive_causes() if causes is None else causes, log)
-        tried = tried_of_several(tried) if log.runs else tried
+        tried = shareable_causes(tried) if log.runs else tried
         other = None
         if holdout is not None:
             with said_of_holdout():
@@ -121,14 +121,14 @@ class Way:
         """The diagnosis. What adds up over time is told by the longest part alone where rows are lost."""
         found, log = self._without_moments(log, unseen)
         if log.runs:
-            return of_several(found)
-        if not (log.lost and adds_up(found)):
+            return restricted_to_shareable(found)
+        if not (log.lost and is_path_dependent(found)):
             return found
         part = with_readings(log.longest_part())
-        if too_short(part.seconds) or not moves(part):
-            return lost_count(found, part.seconds)
+        if is_too_short(part.seconds) or not moves(part):
+            return not_judged_for_gaps(found, part.seconds)
         judged = f"only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
-        part = replace(part, notes=(*part.notes, f"{ADDS_UP}: {judged}"))
+        part = replace(part, notes=(*part.notes, f"{GAPS_REASON}: {judged}"))
         other = None if unseen is None else with_channels_of(part, unseen.longest_part())
         return self._without_moments(part, other)[0]
 
@@ -140,7 +140,7 @@ class Way:
             return found.diagnosis, log
         tell("searching again without what happened in a moment")
         again = self._changed(freely, unseen).diagnosis
-        if adds_up(again) and too_short(freely.longest_part().seconds):
+        if is_path_dependent(again) and is_too_short(freely.longest_part().seconds):
             return found.diagnosis, log
         return again, freely
 
@@ -152,28 +152,32 @@ class Way:
             return first
         tell(f"searching again beside what changed at {first.change.at:.1f} s")
         again = self._rubbing_anew(replace(log, change=first.change), unseen)
-        told = name_of(first.change).removeprefix(PREFIX) in again.diagnosis.unexplained.depends_on
+        told = (
+            change_name(first.change).removeprefix(UNKNOWN_PREFIX) in again.diagnosis.unexplained.depends_on
+        )
         return again if told else first
 
     def _rubbing_anew(self, log: Log, unseen: Log | None) -> Found:
         """What is found, also with friction over time where it may be that: a load that was taken."""
         first = self._each_battery(log, unseen)
-        if not may_rub_anew(first.diagnosis, first.hot):
+        if not friction_may_have_changed(first.diagnosis, first.hot):
             return first
         tell("asking whether friction changed in the drive")
         again = self.once(replace(log, rubs_anew=True), unseen)
-        return again if RUBS_ANEW in again.diagnosis.unexplained.depends_on else first
+        return again if FRICTION_OVER_TIME in again.diagnosis.unexplained.depends_on else first
 
     def _each_battery(self, log: Log, unseen: Log | None) -> Found:
         """What is found, also with a battery of each recording's own where several may not share one."""
         first = self.once(log, unseen)
-        if not (log.runs and may_differ(first.diagnosis)):
+        if not (log.runs and batteries_may_differ(first.diagnosis)):
             return first
         tell("asking whether the recordings share a battery")
-        again = replace(self, causes=without_shared(self.causes)).once(with_own(log), unseen)
-        if not differ(again.diagnosis):
+        again = replace(self, causes=without_shared_resistance(self.causes)).once(
+            with_own_batteries(log), unseen
+        )
+        if not has_separate_batteries(again.diagnosis):
             return first
-        return replace(again, diagnosis=judged_apart(again.diagnosis))
+        return replace(again, diagnosis=with_resistance_not_judged(again.diagnosis))
 
     def once(self, log: Log, unseen: Log | None) -> Found:
         """What one search finds, judged on the end of the log or on the unseen one."""
@@ -186,7 +190,7 @@ class Way:
             fitted = search.problem  # whose noise is that of bins as long as its own
             bins = Features.kept(unseen, fitted.features.width)
             other = replace(other, neutral=fitted.neutral, base=fitted.base, features=bins)
-        search, judged = proven(search, other)
+        search, judged = validate_causes(search, other)
         found = answered(log, search, judged, habits, self.begin)
         if other is None:
             return found
@@ -200,7 +204,7 @@ def _not_the_same(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
     off = f"is off by {judged.size_after:.2f} times the noise"
     if found.causes and (judged.size_after >= judged.size_before or judged.size_after > STRANGE):
         off = f"the better model {off}, and robot.toml's by {judged.size_before:.2f}"
-    elif judged.is_far and not found.causes and not found.unexplained.depends_on:
+    elif judged.is_model_wrong and not found.causes and not found.unexplained.depends_on:
         off = f"the simulation {off}, and nothing was found in this one"
     else:
         return ()

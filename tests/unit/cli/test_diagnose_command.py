@@ -23,8 +23,8 @@ from raccoon.cli.diagnose.behind import as_robot_toml_has_it
 from raccoon.cli.diagnose.files import recordings
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
-from raccoon.diagnose.reports.html import template
-from raccoon.diagnose.reports.wording import explanation, told
+from raccoon.diagnose.reports.cause_text import describe_cause, explanation_sentence
+from raccoon.diagnose.reports.html import load_template
 from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
 from raccoon.sim.effects.model_file import save_model
 from raccoon.sim.effects.parameters import Parameters
@@ -129,7 +129,7 @@ def test_a_number_that_robot_toml_has_is_not_to_be_put_there(
     """The model.toml that the diagnosis began from is older. The page has what to do apart, as of any cause:
     it had the whole sentence as its headline."""
     numbers = {"number": ParameterResult(value + 0.001, 0.002, "", nominal)}
-    said = f"{explanation(id_, None, numbers)} More of it."
+    said = f"{explanation_sentence(id_, None, numbers)} More of it."
     cause = CauseResult(id_, None, 1, numbers, Gain(2.0, 1.0, 0.5), 1.0, (), said)
     found = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
     group = id_.partition(".")[0]
@@ -137,8 +137,10 @@ def test_a_number_that_robot_toml_has_is_not_to_be_put_there(
     assert as_robot_toml_has_it(found, has_not) == found
     (known,) = as_robot_toml_has_it(found, has).causes
     assert known.explanation.endswith("(--save-model writes a new one). More of it.")
-    assert told(known).what == told(cause).what
-    assert told(known).todo.startswith(f"robot.toml has {key} = {value:g} in [model.{group}] already, and")
+    assert describe_cause(known).what == describe_cause(cause).what
+    assert describe_cause(known).todo.startswith(
+        f"robot.toml has {key} = {value:g} in [model.{group}] already, and"
+    )
     one_wheel = replace(found, causes=(replace(cause, where="left"),))
     assert as_robot_toml_has_it(one_wheel, has) == one_wheel
 
@@ -167,7 +169,7 @@ def test_what_was_found_is_said_where_the_page_cannot_be_made(
     path = written(tmp_path / "run.csv", dark(5))
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     monkeypatch.setitem(sys.modules, "jinja2", None)
-    template.cache_clear()  # of other tests
+    load_template.cache_clear()  # of other tests
     assert main(["diagnose", str(path), "--json", str(out), "--html", str(page)]) == 2
     said = capsys.readouterr()
     assert "Tophat 2 reads 10 % less" in said.out

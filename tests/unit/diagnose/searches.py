@@ -19,7 +19,7 @@ from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.state import Search, look_around, start_search
-from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.probes import make_probe_function
 
 
 def searched(problem: Problem, truth: Point, named: Point, seed: int = 2) -> Search:
@@ -28,7 +28,7 @@ def searched(problem: Problem, truth: Point, named: Point, seed: int = 2) -> Sea
     noise = features.floors * np.random.default_rng(seed).normal(size=features.measured.shape)
     measured = problem.predict([truth])[0] + noise
     real = replace(problem, features=replace(features, measured=measured))
-    start = start_search(real, probes_for(real))
+    start = start_search(real, make_probe_function(real))
     return look_around(real, start.probes, named, start.whitener)
 
 
@@ -59,5 +59,6 @@ def search_at(problem: Problem, point: Point) -> Search:
     linear = linearise(problem, point, [])
     table, plain = tabulate(linear, [], whitener)
     return Search(
-        problem, probes_for(problem), fit_at(problem, whitener, point), whitener, linear, table, plain
+        problem, make_probe_function(problem), fit_at(problem, whitener, point), whitener, linear, table,
+        plain,
     )  # fmt: skip

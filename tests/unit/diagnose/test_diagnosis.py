@@ -16,22 +16,22 @@ from raccoon.diagnose.answer import Found, _verdict
 from raccoon.diagnose.diagnosis import SAME_ROBOT, Way, _not_the_same, diagnose
 from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.findings import proving
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings import validation
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.base_coordinates import PRESLIDING, base_coordinates
 from raccoon.diagnose.hypotheses.cause_catalogue import NO_CAUSE, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.reports.fleet_text import fleet_report
-from raccoon.diagnose.reports.manoeuvre_words import manoeuvre_for
+from raccoon.diagnose.reports.manoeuvre_text import manoeuvre_for
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.simulated_robot import parameters_of
-from raccoon.diagnose.unknown.probes import RUBS_ANEW
+from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
 from raccoon.sim.effects.parameters import Parameters
@@ -66,7 +66,7 @@ def test_what_is_judged_on_has_bins_as_long_as_what_was_fitted(monkeypatch: pyte
         raise StopIteration
 
     monkeypatch.setattr(diagnosing, "searched", found)
-    monkeypatch.setattr(diagnosing, "proven", judged)
+    monkeypatch.setattr(diagnosing, "validate_causes", judged)
     with pytest.raises(StopIteration):
         Way(ROBOT, (), None, None, 0.0).once(fitted, unseen)
     assert seen[0].features.width == BIN
@@ -137,11 +137,11 @@ def test_what_happened_in_a_moment_is_left_out_and_asked_again(
     ("cause", "left", "clear", "later", "asked"),
     [
         ("friction.coulomb", 1.2, False, "", 1),
-        ("motor.heating", 1.2, False, RUBS_ANEW, 2),
+        ("motor.heating", 1.2, False, FRICTION_OVER_TIME, 2),
         ("motor.heating", 1.2, True, "", 1),
-        ("motor.heating", 2.0, True, RUBS_ANEW, 2),
+        ("motor.heating", 2.0, True, FRICTION_OVER_TIME, 2),
         ("motor.heating", 1.2, False, "speed", 2),
-        ("friction.coulomb", 2.0, False, RUBS_ANEW, 2),
+        ("friction.coulomb", 2.0, False, FRICTION_OVER_TIME, 2),
     ],
 )
 def test_friction_over_time_is_asked_for_where_it_may_have_changed(
@@ -162,7 +162,7 @@ def test_friction_over_time_is_asked_for_where_it_may_have_changed(
     monkeypatch.setattr(Way, "once", once)
     said: Any = diagnose(dict(make(8, seconds=8.0).columns), ROBOT)
     assert [each.rubs_anew for each in logs] == [False, True][:asked]
-    assert said.unexplained.depends_on == ((RUBS_ANEW,) if later == RUBS_ANEW else ())
+    assert said.unexplained.depends_on == ((FRICTION_OVER_TIME,) if later == FRICTION_OVER_TIME else ())
 
 
 def test_the_json_has_the_contract_keys(sagging: Diagnosis, tmp_path: Path) -> None:
@@ -279,13 +279,13 @@ def test_a_fleet_tells_common_from_odd(sagging: Diagnosis) -> None:
 @pytest.mark.parametrize(("where", "place"), [(None, "at both wheels is"), ("left", "at the left wheel is")])
 def test_a_cause_is_said_where_it_is(where: str | None, place: str) -> None:
     values = {"torque": ParameterResult(0.23, 0.004, "N m", 0.18)}
-    assert place in explanation("friction.coulomb", where, values)
+    assert place in explanation_sentence("friction.coulomb", where, values)
 
 
 @pytest.mark.parametrize(("lag", "name"), [("drive.wheel_slip", "time"), ("imu.latency", "seconds")])
 def test_what_play_is_taken_for_says_to_look_for_play(lag: str, name: str) -> None:
     """Play of 0.07 rad of a wheel that rolls on was a gyro 14.8 ms late, and drivers were to plan ahead."""
-    said = explanation(lag, None, {name: ParameterResult(0.0148, 0.0014, "s", 0.0)})
+    said = explanation_sentence(lag, None, {name: ParameterResult(0.0148, 0.0014, "s", 0.0)})
     assert "14.8 ms" in said
     assert "turn each wheel by hand, since play in the gears" in said
 
@@ -296,18 +296,18 @@ def test_what_play_is_taken_for_says_to_look_for_play(lag: str, name: str) -> No
 def test_a_lag_is_said_as_far_as_it_is_known(std: float, said: str) -> None:
     """Readings of 0.0062 +- 0.0032 s came "6.18 ms late"."""
     late = {"seconds": ParameterResult(0.00618, std, "s", 0.0)}
-    assert f"Gyro readings come {said} late" in explanation("imu.latency", None, late)
+    assert f"Gyro readings come {said} late" in explanation_sentence("imu.latency", None, late)
 
 
 def test_a_slip_says_that_a_gyro_which_a_program_smooths_looks_the_same() -> None:
     """Of a sound robot whose log smooths it the wheels slipped by 47 ms, with a probability of 1."""
-    said = explanation("drive.wheel_slip", None, {"time": ParameterResult(0.047, 0.001, "s", 0.0)})
+    said = explanation_sentence("drive.wheel_slip", None, {"time": ParameterResult(0.047, 0.001, "s", 0.0)})
     assert "readings the program or its log smooths by as much looks the same, and is no slip" in said
 
 
 def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:
     values = sagging.causes[0].parameters
-    text = explanation("battery.internal_resistance", None, values)
+    text = explanation_sentence("battery.internal_resistance", None, values)
     assert f"{values['resistance'].value:.3f} ohm" in text
 
 
@@ -343,15 +343,15 @@ def test_what_makes_unseen_data_worse_is_dropped(
         left = {each: without[each] for each in search.gains}
         return SimpleNamespace(harmless=0.9, size_after=1.0, foreseen=expected, without=left)
 
-    monkeypatch.setattr(proving, "_standing", lambda search: search)
-    monkeypatch.setattr(proving, "estimated", lambda search: search)
-    monkeypatch.setattr(proving, "taken_apart", lambda search: search)
-    monkeypatch.setattr(proving, "with_missed", lambda _: None)
-    monkeypatch.setattr(proving, "pruned", pruned)
-    monkeypatch.setattr(proving, "held_out", judged)
+    monkeypatch.setattr(validation, "_drop_unneeded", lambda search: search)
+    monkeypatch.setattr(validation, "estimated", lambda search: search)
+    monkeypatch.setattr(validation, "taken_apart", lambda search: search)
+    monkeypatch.setattr(validation, "with_missed", lambda _: None)
+    monkeypatch.setattr(validation, "pruned", pruned)
+    monkeypatch.setattr(validation, "evaluate_held_out", judged)
     start: Any = SimpleNamespace(gains={"imu.latency": 50.0, "friction.stiction": gain})
     another: Any = object() if elsewhere else None
-    search, _ = proving.proven(start, another)
+    search, _ = validation.validate_causes(start, another)
     assert steps == (["friction.stiction"] if dropped else [])
     assert ("friction.stiction" in search.gains) is not dropped
 
@@ -376,14 +376,14 @@ def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPat
         problem = SimpleNamespace(causes=causes)
         return SimpleNamespace(fit=fit, problem=problem, failed=failed, gains={})
 
-    monkeypatch.setattr(proving, "estimated", lambda search: search)
-    monkeypatch.setattr(proving, "taken_apart", lambda search: search)
-    monkeypatch.setattr(proving, "spare", lambda _: None)
-    monkeypatch.setattr(proving, "pruned", pruned)
-    monkeypatch.setattr(proving, "parameters", lambda _, cause, __: numbers[cause.name])
-    monkeypatch.setattr(Spread, "of", lambda _: None)
+    monkeypatch.setattr(validation, "estimated", lambda search: search)
+    monkeypatch.setattr(validation, "taken_apart", lambda search: search)
+    monkeypatch.setattr(validation, "spare", lambda _: None)
+    monkeypatch.setattr(validation, "pruned", pruned)
+    monkeypatch.setattr(validation, "fitted_parameters", lambda _, cause, __: numbers[cause.name])
+    monkeypatch.setattr(FitUncertainty, "of", lambda _: None)
     start: Any = searching(dict.fromkeys(numbers, 1.0), {})
-    found = proving._standing(start)
+    found = validation._drop_unneeded(start)
     assert set(found.fit.point.active) == {"motor.armature_resistance", "friction.coulomb"}
     assert set(found.failed) == {"drive.wheel_slip"}
 
@@ -410,12 +410,12 @@ def test_what_takes_up_a_cause_without_a_number_may_be_it_in_part(monkeypatch: p
         left.rivals = search.rivals
         return left
 
-    monkeypatch.setattr(proving, "estimated", lambda search: search)
-    monkeypatch.setattr(proving, "spare", lambda _: None)
-    monkeypatch.setattr(proving, "pruned", pruned)
-    monkeypatch.setattr(proving, "parameters", parameters)
-    monkeypatch.setattr(Spread, "of", lambda _: None)
-    found = proving._standing(searching(list(values)))
+    monkeypatch.setattr(validation, "estimated", lambda search: search)
+    monkeypatch.setattr(validation, "spare", lambda _: None)
+    monkeypatch.setattr(validation, "pruned", pruned)
+    monkeypatch.setattr(validation, "fitted_parameters", parameters)
+    monkeypatch.setattr(FitUncertainty, "of", lambda _: None)
+    found = validation._drop_unneeded(searching(list(values)))
     assert set(found.fit.point.active) == {"imu.latency"}
     (rival,) = found.rivals["imu.latency"]
     assert (rival.name, rival.beside) == ("drive.wheel_slip", True)
@@ -427,9 +427,11 @@ def test_a_lone_cause_that_is_clear_stands_however_flat_the_misfit_is_there(
 ) -> None:
     """Play of 0.15 +- 0.12 rad, where nothing else is named."""
     play = "drive.backlash"
-    monkeypatch.setattr(proving, "parameters", lambda *_: {"angle": ParameterResult(0.15, 0.12, "rad", 0.0)})
-    monkeypatch.setattr(Spread, "of", lambda _: None)
+    monkeypatch.setattr(
+        validation, "fitted_parameters", lambda *_: {"angle": ParameterResult(0.15, 0.12, "rad", 0.0)}
+    )
+    monkeypatch.setattr(FitUncertainty, "of", lambda _: None)
     causes = {play: SimpleNamespace(name=play, effect=effect(play))}
     fit = SimpleNamespace(point=SimpleNamespace(active={play: 1.5}))
     search: Any = SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), gains={play: gain})
-    assert (not proving._sizeless(search)) == stands
+    assert (not validation._causes_without_size(search)) == stands

@@ -12,7 +12,7 @@ from raccoon.cli.outputs import check_folders
 from raccoon.core.config import Measured, RobotConfig, load_robot
 from raccoon.core.errors import CalibrationError, ConfigError, TraceError
 from raccoon.core.readings import Outputs
-from raccoon.diagnose.reports.numbers import measured_text
+from raccoon.diagnose.reports.numbers import value_with_std_text
 from raccoon.estimate.drive_calibration.columns import TapedWay, manoeuvre_from_columns
 from raccoon.estimate.drive_calibration.disturbance import find_disturbance
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
@@ -113,4 +113,4 @@ def _show(entries: Mapping[str, Measured]) -> None:
         share = f" ({100 * value.std / abs(value.value):.2f} %)" if known else ""
         battery = "" if value.battery_voltage is None else f" at {value.battery_voltage:.2f} V"
         unit = UNITS[key.rpartition(".")[2]]
-        print(f"{key:28} {measured_text(value.value, value.std, unit)}{share}{battery}")
+        print(f"{key:28} {value_with_std_text(value.value, value.std, unit)}{share}{battery}")

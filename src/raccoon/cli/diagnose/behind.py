@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.reports.wording import KEYS, as_robot_toml_has
+from raccoon.diagnose.reports.cause_text import ROBOT_TOML_KEYS, with_robot_toml_value
 from raccoon.diagnose.result import CauseResult, Diagnosis
 from raccoon.sim.effects.parameters import SIDES
 
@@ -21,9 +21,12 @@ def as_robot_toml_has_it(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
 
 
 def _told(cause: CauseResult, robot: RobotConfig) -> CauseResult:
-    if cause.id not in KEYS or cause.where in SIDES or not cause.parameters:
+    if cause.id not in ROBOT_TOML_KEYS or cause.where in SIDES or not cause.parameters:
         return cause
     group = cause.id.partition(".")[0]
-    number, own = next(iter(cause.parameters.values())), getattr(getattr(robot.model, group), KEYS[cause.id])
+    number, own = (
+        next(iter(cause.parameters.values())),
+        getattr(getattr(robot.model, group), ROBOT_TOML_KEYS[cause.id]),
+    )
     has_it = abs(number.value - own.value) <= ALIKE * math.hypot(number.std, own.std)
-    return as_robot_toml_has(cause, own.value) if has_it else cause
+    return with_robot_toml_value(cause, own.value) if has_it else cause

@@ -16,7 +16,7 @@ COMPARED = ("drive", "motors", "tophats", "model")
 def with_changes_of_robot_toml(answers: Mapping[str, Answer], called: Mapping[str, str]) -> dict[str, Answer]:
     """The answers, in their order, with a note where robot.toml changed between two recordings of a robot:
     a motor that was calibrated then seems to have been replaced. called: each one's robot."""
-    from raccoon.diagnose.reports.fleet_text import shortened
+    from raccoon.diagnose.reports.fleet_text import shorten_names
 
     told: dict[str, list[str]] = {}
     for robot in dict.fromkeys(called.values()):
@@ -24,14 +24,14 @@ def with_changes_of_robot_toml(answers: Mapping[str, Answer], called: Mapping[st
         for before, name in pairwise(own):
             changed = _changed(answers[before].config, answers[name].config)
             if changed:
-                told.setdefault(robot, []).append(f"from {name} on ({shortened(changed)})")
+                told.setdefault(robot, []).append(f"from {name} on ({shorten_names(changed)})")
     found = dict(answers)
     for name, each in answers.items():
         if called[name] in told:
             note = (
-                f"robot.toml is another one {shortened(told[called[name]])}: each recording is compared with "
-                "its own, so what changes there may be what was written into it; --robot robot.toml compares "
-                "all of them with one"
+                f"robot.toml is another one {shorten_names(told[called[name]])}: each recording is compared "
+                "with its own, so what changes there may be what was written into it; --robot robot.toml "
+                "compares all of them with one"
             )
             diagnosis = replace(each.diagnosis, notes=(note, *each.diagnosis.notes))
             found[name] = replace(each, diagnosis=diagnosis)

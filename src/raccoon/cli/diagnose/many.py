@@ -18,7 +18,7 @@ from raccoon.cli.wrapped import print_wrapped
 
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
-    from raccoon.diagnose.fleet.model import Foreseen
+    from raccoon.diagnose.fleet.common_model import CrossCheck
     from raccoon.diagnose.fleet.summary import Fleet
     from raccoon.diagnose.result import Diagnosis
     from raccoon.trace.recording import Column
@@ -176,7 +176,7 @@ def _each_once(found: Mapping[str, Answer | str], called: Mapping[str, str]) -> 
 
 
 def _save(
-    args: argparse.Namespace, fleet: Fleet, seen: Mapping[str, Foreseen], failed: Mapping[str, str]
+    args: argparse.Namespace, fleet: Fleet, seen: Mapping[str, CrossCheck], failed: Mapping[str, str]
 ) -> None:
     from raccoon.core.files import write_atomically
 

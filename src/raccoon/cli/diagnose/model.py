@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from raccoon.cli.diagnose.one import Answer, Job
 
 if TYPE_CHECKING:
-    from raccoon.diagnose.fleet.model import Foreseen
+    from raccoon.diagnose.fleet.common_model import CrossCheck
     from raccoon.diagnose.fleet.summary import Fleet
     from raccoon.sim.effects.parameters import Parameters
 
@@ -22,7 +22,7 @@ class Common:
     model of the others."""
 
     model: Parameters | None
-    foreseen: Mapping[str, Foreseen]
+    foreseen: Mapping[str, CrossCheck]
     reason: str = ""
 
 
@@ -31,7 +31,7 @@ def common_of(
 ) -> Common:
     """Each recording is diagnosed again, from the model that the others have in common: what it foresees of a
     recording that it was not made of is what it is worth. jobs: by recording. work: diagnoses all of them."""
-    from raccoon.diagnose.fleet.model import common_model, foreseen
+    from raccoon.diagnose.fleet.common_model import common_model, make_cross_check
 
     if len(fleet.names) > 1:
         return Common(None, {}, f"the recordings are of {len(fleet.names)} robots, {', '.join(fleet.names)}")
@@ -42,7 +42,7 @@ def common_of(
         return Common(None, {}, f"only {names[0]} gives a model: name it alone")
     again = [replace(jobs[name], model=common_model(fleet, name)) for name in names]
     found = {
-        name: foreseen(fleet.results[name], each.diagnosis)
+        name: make_cross_check(fleet.results[name], each.diagnosis)
         for name, each in zip(names, work(again), strict=True)
         if isinstance(each, Answer)
     }

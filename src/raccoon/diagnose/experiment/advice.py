@@ -27,7 +27,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE
-from raccoon.diagnose.findings.naming import ONE_CLASS
+from raccoon.diagnose.findings.cause_results import INDISTINGUISHABLE_CLASSES
 from raccoon.diagnose.fit.linear_model import Group, linearise
 from raccoon.diagnose.fit.noise_estimation import faint_parts, regimes_of
 from raccoon.diagnose.fit.noise_model import CHANGING, EVENT, white_noise
@@ -45,9 +45,9 @@ from raccoon.sim.effects.effect import all_effects, effect
 
 Array = NDArray[np.float64]
 
-ARROWS = ("drive.slope", "drive.wheel_eccentricity")
+DIRECTED_CAUSES = ("drive.slope", "drive.wheel_eccentricity")
 """Causes whose two numbers are one arrow, of which nobody knows where it points."""
-DECIDES = 30.0
+DECISIVE_EVIDENCE = 30.0
 """Evidence from which a drive decides."""
 FLOOR_SHARE = 0.04
 """Of Coulomb friction, by which a floor's friction wanders."""
@@ -60,7 +60,7 @@ TYPICAL_NOISE = {"bemf_left": 4.0, "bemf_right": 4.0, "gyro": 0.008, "battery": 
 CHANGING_NOISE = 2.5
 """How much larger it is where a wheel speeds up or brakes: no model follows that as well."""
 
-FARTHER, ASIDE = 0.15, 0.02
+REACH_MARGIN_SHARE, REACH_MARGIN_M = 0.15, 0.02
 """Share and m by which one of the robots that `sweep.factors` draws, or one with a usual deviation of any
 cause, gets farther than planned: nothing steers a drive of duties, so unequal wheels bend all of it."""
 
@@ -69,9 +69,8 @@ cause, gets farther than planned: nothing steers a drive of duties, so unequal w
 class Advice:
     """A manoeuvre and the evidence that it is expected to give.
 
-    reach: m, the farthest from its start (`reach_of`). nearest: the rival that leaves least of it; empty
-    where none does.
-    """
+    reach: m, the farthest from its start (`estimate_reach`). nearest: the rival that leaves least of it;
+    empty where none does."""
 
     manoeuvre: str
     evidence: float
@@ -80,7 +79,7 @@ class Advice:
     nearest: str
 
 
-def advise(
+def rank_manoeuvres(
     robot: RobotConfig,
     cause: str,
     rivals: Sequence[str] = (),
@@ -98,7 +97,7 @@ def advise(
     known = {each.name for each in drive_causes()}
     for name in (cause, *rivals):
         if name not in known:
-            raise ConfigError(f"cause {name!r}: {_why_not(name, known)}")
+            raise ConfigError(f"cause {name!r}: {_reason_without_drive(name, known)}")
     if cause in rivals:
         raise ConfigError(f"rival {cause!r}: it is the cause itself; name another one")
     found = []
@@ -107,14 +106,14 @@ def advise(
         lasts = len(duty) / RATE
         if lasts > seconds or not duty.any():  # no diagnosis is made of a still robot
             continue
-        reach = reach_of(robot, duty)
+        reach = estimate_reach(robot, duty)
         if reach <= within:
-            evidence, nearest = Plan.of(robot, duty).evidence(cause, rivals, size)
+            evidence, nearest = DrivePlan.of(robot, duty).evidence(cause, rivals, size)
             found.append(Advice(name, evidence, reach, lasts, nearest))
     return sorted(found, key=lambda each: -each.evidence)
 
 
-def _why_not(name: str, known: Collection[str]) -> str:
+def _reason_without_drive(name: str, known: Collection[str]) -> str:
     """Why no drive is planned for a name, which may be one of the catalogue all the same."""
     id_, _, where = name.partition("@")
     catalogue = {each.id for each in all_effects()}
@@ -131,7 +130,7 @@ def _why_not(name: str, known: Collection[str]) -> str:
 
 
 @dataclass(frozen=True)
-class Plan:
+class DrivePlan:
     """A drive before it is driven: what every cause would change in it, in units of the usual noise.
 
     columns: of each cause, whitened. Whitened directions in which a recording changes anyway: own, of base
@@ -143,16 +142,16 @@ class Plan:
     restless: Array
 
     @classmethod
-    def of(cls, robot: RobotConfig, duty: Array) -> Plan:
+    def of(cls, robot: RobotConfig, duty: Array) -> DrivePlan:
         """The plan of a drive: duty (n, 2) at 200 Hz.
 
         As in a diagnosis, what robot.toml gives without a standard deviation is not exact.
         """
         robot, _ = with_usual_stds(robot)
         every = {each.name: each for each in drive_causes()}
-        problem = _planned(robot, duty, every)
+        problem = _planned_problem(robot, duty, every)
         linear = linearise(problem, problem.nominal(), list(every))
-        white = _whitening(problem)
+        white = _make_whitener(problem)
         floor = FLOOR_SHARE * white(slow_friction(problem, linear))
         pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
         creep = white(slow_battery(problem, linear))
@@ -166,21 +165,24 @@ class Plan:
         asked = [each for group, each in self.columns if group.name in rivals and group.name != cause]
         small = np.vstack([self.own[:0], *(each for _, each in off)])
         inexact = faint_parts([name for name, each in off for _ in each], self.own, small)[:, None] * small
-        beside = _beside(np.vstack([self.own, self.restless, inexact, *asked]))
-        nearest = [each for each in off if _another(each[0], cause)]
+        beside = _make_projector(np.vstack([self.own, self.restless, inexact, *asked]))
+        nearest = [each for each in off if _is_rival(each[0], cause)]
         left = beside(np.vstack([self.own[:0], *(each for _, each in nearest)]))
         ends = np.cumsum([len(each) for _, each in nearest])
         parts = np.split(left, ends[:-1]) if nearest else []
         rivals_left = [(name, each, its) for (name, each), its in zip(nearest, parts, strict=True)]
-        return min(_evidence(size * each, beside, rivals_left) for each in _wanted(self.columns, cause, size))
+        return min(
+            _evidence_and_rival(size * each, beside, rivals_left)
+            for each in _columns_of_cause(self.columns, cause, size)
+        )
 
-    def shows(self) -> dict[str, str]:
+    def visible_sizes(self) -> dict[str, str]:
         """From which size on each cause would be named if nothing else were wrong, in words, by id; empty for
         what the drive does not show at all. Of a cause that is one side's, where it shows least."""
-        beside = _beside(np.vstack([self.own, self.restless]))
+        beside = _make_projector(np.vstack([self.own, self.restless]))
 
         def power(name: str) -> float:
-            wanted = _wanted(self.columns, name, 1.0)
+            wanted = _columns_of_cause(self.columns, name, 1.0)
             return min(float(np.linalg.eigvalsh(beside(each) @ each.T)[0]) for each in wanted)
 
         names = dict.fromkeys(group.name for group, _ in self.columns)
@@ -196,40 +198,40 @@ class Plan:
 Columns = Sequence[tuple[Group, Array]]
 
 
-def reach_of(robot: RobotConfig, duty: Array) -> float:
+def estimate_reach(robot: RobotConfig, duty: Array) -> float:
     """m, how far from its start the robot may get in a drive: farther than the one that robot.toml describes,
     as its battery is fuller, its motors are unequal, or a cause that is looked for is there."""
     x, y = _rollout(robot, planned_log(duty)).path(neutral_settings(robot))
-    return (1.0 + FARTHER) * float(np.hypot(x, y).max()) + ASIDE
+    return (1.0 + REACH_MARGIN_SHARE) * float(np.hypot(x, y).max()) + REACH_MARGIN_M
 
 
 def _rollout(robot: RobotConfig, log: Log) -> PlantRollout:
     return PlantRollout(log, robot, Habits(Chain.firmware(), brake=False), plain=True)
 
 
-def _planned(robot: RobotConfig, duty: Array, causes: Mapping[str, Cause]) -> Problem:
+def _planned_problem(robot: RobotConfig, duty: Array, causes: Mapping[str, Cause]) -> Problem:
     log = planned_log(duty)
     rollout, settings = _rollout(robot, log), neutral_settings(robot)
     return Problem(Features.of(log), rollout, robot, settings, base_coordinates(robot), causes)
 
 
-def _wanted(columns: Columns, cause: str, size: float) -> list[Array]:
+def _columns_of_cause(columns: Columns, cause: str, size: float) -> list[Array]:
     """Columns of each variant of the cause at about that size: the first, or every part of an arrow."""
-    own = [(abs(_strength(group) - size), each) for group, each in columns if group.name == cause]
+    own = [(abs(_variant_size(group) - size), each) for group, each in columns if group.name == cause]
     nearest = min(away for away, _ in own)
-    parts = None if cause.startswith(ARROWS) else 1
+    parts = None if cause.startswith(DIRECTED_CAUSES) else 1
     return [each[:parts] for away, each in own if away <= nearest]
 
 
-def _strength(group: Group) -> float:
+def _variant_size(group: Group) -> float:
     """Widths of the deviation at which a cause's columns were taken; a straight line's are those of any."""
     return group.start[0] if group.start else 1.0
 
 
-def _another(name: str, cause: str) -> bool:
+def _is_rival(name: str, cause: str) -> bool:
     """Whether a cause is a rival: not the same at another place, and no twin that is one class with it."""
     pair = {name.partition("@")[0], cause.partition("@")[0]}
-    return len(pair) == 2 and not any(pair <= each for each in ONE_CLASS)
+    return len(pair) == 2 and not any(pair <= each for each in INDISTINGUISHABLE_CLASSES)
 
 
 def planned_log(duty: Array) -> Log:
@@ -240,7 +242,7 @@ def planned_log(duty: Array) -> Log:
     return Log(time, duty, channels)
 
 
-def _whitening(problem: Problem) -> Callable[[Array], Array]:
+def _make_whitener(problem: Problem) -> Callable[[Array], Array]:
     """Of the noise that a drive usually has, by what the wheels do in it as the nominal robot drives it."""
     features = problem.features
     expected = replace(features, measured=problem.predict([problem.nominal()])[0])
@@ -251,33 +253,33 @@ def _whitening(problem: Problem) -> Callable[[Array], Array]:
     return lambda columns: noise.whiten(columns).reshape(len(columns), -1)
 
 
-def _beside(others: Array) -> Callable[[Array], Array]:
+def _make_projector(others: Array) -> Callable[[Array], Array]:
     """What is left of columns beside others that have unit priors."""
     factor = cho_factor(others @ others.T + np.eye(len(others)))
     return lambda columns: np.asarray(columns - cho_solve(factor, others @ columns.T).T @ others, float)
 
 
-def _evidence(
+def _evidence_and_rival(
     columns: Array, beside: Callable[[Array], Array], rivals: Sequence[tuple[str, Array, Array]]
 ) -> tuple[float, str]:
     """||P d||^2 beside all others and that rival which leaves least; and the rival. columns: of one number,
     or of an arrow, which points where it shows least. rivals: the name of each, its columns, and what is left
     of them beside the others."""
     left = beside(columns)
-    found = [(_least(left, columns), "")]
+    found = [(_least_evidence(left, columns), "")]
     for name, rival, its in rivals:
         shares = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left.T)
-        found.append((_least(left - shares.T @ its, columns), name))
+        found.append((_least_evidence(left - shares.T @ its, columns), name))
     return min(found)
 
 
-def _least(left: Array, columns: Array) -> float:
+def _least_evidence(left: Array, columns: Array) -> float:
     """Evidence of the direction among columns in which what is left of them is least."""
     way = np.linalg.eigh(left @ columns.T)[1][:, 0]
-    return _limited((way @ left) * (way @ columns))
+    return _clipped_evidence((way @ left) * (way @ columns))
 
 
-def _limited(products: Array) -> float:
+def _clipped_evidence(products: Array) -> float:
     """Their sum, to which no event may give more than the search lets it."""
     events = np.add.reduceat(products, np.arange(0, len(products), EVENT * len(TYPICAL_NOISE)))
     return max(float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum()), 0.0)

@@ -15,7 +15,7 @@ RATE = 200
 """Rows of a planned drive in a second."""
 CHECKUP = "checkup"
 """The drive that shows something of everything."""
-CREEP = 0.2
+CREEP_DUTY = 0.2
 """Duty up to which a wheel creeps: from rest through its dead band to where it just turns."""
 
 
@@ -23,7 +23,7 @@ def _hold(left: float, right: float, seconds: float) -> Array:
     return np.tile([left, right], (max(int(seconds * RATE), 1), 1))
 
 
-def _leg(left: float, right: float, seconds: float) -> Array:
+def _hold_and_rest(left: float, right: float, seconds: float) -> Array:
     return np.vstack([_hold(left, right, seconds), _hold(0.0, 0.0, 0.5)])
 
 
@@ -57,7 +57,7 @@ def _checkup() -> Array:
         side, way = (-1.0 if index % 2 else 1.0), (-1.0 if index // 2 else 1.0)
         for left, right, share in zip(*rng.uniform(-1.0, 1.0, (2, 6)), rng.random(6), strict=True):
             parts.append(_hold(left, right, 0.2 + 0.5 * share))
-        up = way * _ramp(side * CREEP, CREEP, 1.2)
+        up = way * _ramp(side * CREEP_DUTY, CREEP_DUTY, 1.2)
         parts += [up, up[::-1], _hold(0.0, 0.0, 0.2)]
         parts += [_hold(-side * fast, side * fast, 0.6), _hold(side * fast, -side * fast, 0.5)]
         parts += [_hold(fast, fast, 0.8), _hold(-fast, -fast, 0.8)]
@@ -68,12 +68,12 @@ def _checkup() -> Array:
 
 MANOEUVRES: Mapping[str, Callable[[], Array]] = {
     CHECKUP: _checkup,
-    "straight": lambda: np.vstack([_leg(0.8, 0.8, 2.0), _leg(-0.8, -0.8, 2.0)]),
+    "straight": lambda: np.vstack([_hold_and_rest(0.8, 0.8, 2.0), _hold_and_rest(-0.8, -0.8, 2.0)]),
     "back and forth": lambda: np.vstack([_hold(1, 1, 0.7), _hold(-1, -1, 0.7)] * 5 + [_hold(0, 0, 0.5)]),
     "spin": lambda: np.vstack([_hold(-0.8, 0.8, 0.9), _hold(0.8, -0.8, 0.9)] * 5),
     "creep": _creep,
     "steps": _steps,
-    "circles": lambda: np.vstack([_leg(0.9, 0.45, 4.0), _leg(0.45, 0.9, 4.0)]),
+    "circles": lambda: np.vstack([_hold_and_rest(0.9, 0.45, 4.0), _hold_and_rest(0.45, 0.9, 4.0)]),
     "still": lambda: _hold(0.0, 0.0, 6.0),
 }  # fmt: skip
 """Safe drives by name."""

@@ -1,1 +1,2 @@
-"""What a search found: which causes stand, how sure their numbers are, how they are said, what they gain."""
+"""From a finished search to results: validation of causes, uncertainty of numbers, gain, and their
+wording."""

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fleet.course import Piece, course_of, usual
-from raccoon.diagnose.fleet.refits import Number
+from raccoon.diagnose.fleet.change_points import Piece, fit_pieces, typical_values
+from raccoon.diagnose.fleet.refitted_values import ValueWithStd
 from raccoon.diagnose.result import ParameterResult
 
 Array = NDArray[np.float64]
 
-FAR = 4.0
+OUTLIER_STDS = 4.0
 """Deviations beyond which a number is far from the others."""
-SPREAD = 1.4826
+STD_PER_MAD = 1.4826
 """Standard deviation of normal numbers over their median distance from the middle."""
-FEWEST_FOR_OUTLIERS = 4
+MIN_FOR_OUTLIERS = 4
 """Numbers, or robots, of which one may be said to be far from the others."""
 
 
@@ -45,11 +45,11 @@ class Series:
     outliers: tuple[str, ...]
 
 
-def series_of(
+def make_series(
     found: Mapping[str, ParameterResult],
     robots: Mapping[str, str],
     silent: frozenset[str] | None = None,
-    refits: Mapping[str, Number] | None = None,
+    refits: Mapping[str, ValueWithStd] | None = None,
 ) -> Series:
     """found: the number, by recording. robots: the robot of each recording of the fleet, in their order.
     silent: recordings that cannot tell the number; any other without it has the one that it refitted, or
@@ -60,11 +60,11 @@ def series_of(
         own = tuple(each for each in robots if robots[each] == robot)
         rows = np.array([row for row, each in enumerate(own) if each in found])
         values = np.array([found[own[row]].value for row in rows])
-        series, stds = _series(own, found, silent, refits or {})
-        pieces = course_of(series.tolist(), stds.tolist())
+        series, stds = _values_and_stds(own, found, silent, refits or {})
+        pieces = fit_pieces(series.tolist(), stds.tolist())
         if pieces:
             courses.append(Course(robot, own, pieces))
-        left = values - usual(rows, values, np.flatnonzero(np.isfinite(series)), pieces)
+        left = values - typical_values(rows, values, np.flatnonzero(np.isfinite(series)), pieces)
         off |= {own[row]: float(each) for row, each in zip(rows, left, strict=True)}
         levels[robot] = float(np.median(values))
     odd_robots = []
@@ -72,29 +72,29 @@ def series_of(
         middle = float(np.median([*levels.values()]))
         off = {each: found[each].value - middle for each in off}
     else:
-        odd_robots = [f"robot {each}" for each in _odd_robots(found, robots, levels)]
+        odd_robots = [f"robot {each}" for each in _outlier_robots(found, robots, levels)]
     stds = np.array([found[each].std for each in off])
-    spread = SPREAD * float(np.median(np.abs([*off.values()])))
-    odd = [each for each, far in zip(off, _far([*off.values()], spread, stds), strict=True) if far]
+    spread = STD_PER_MAD * float(np.median(np.abs([*off.values()])))
+    odd = [each for each, far in zip(off, _are_outliers([*off.values()], spread, stds), strict=True) if far]
     if (
         spread == 0.0 and np.isfinite(stds).any()
     ):  # most are equal to the last digit, which says nothing of one
         spread = float(np.nanmedian(stds))
     return Series(
-        tuple(courses), levels, spread, (*(odd if len(found) >= FEWEST_FOR_OUTLIERS else ()), *odd_robots)
+        tuple(courses), levels, spread, (*(odd if len(found) >= MIN_FOR_OUTLIERS else ()), *odd_robots)
     )
 
 
-def _far(left: Sequence[float], spread: float, stds: Array) -> list[bool]:
+def _are_outliers(left: Sequence[float], spread: float, stds: Array) -> list[bool]:
     """Which are farther from what is usual than their spread and their own deviation explain."""
-    return list(np.abs(left) > FAR * np.hypot(spread, np.nan_to_num(stds)))
+    return list(np.abs(left) > OUTLIER_STDS * np.hypot(spread, np.nan_to_num(stds)))
 
 
-def _series(
+def _values_and_stds(
     own: Sequence[str],
     found: Mapping[str, ParameterResult],
     silent: frozenset[str] | None,
-    refits: Mapping[str, Number],
+    refits: Mapping[str, ValueWithStd],
 ) -> tuple[Array, Array]:
     """Value and deviation in each of a robot's recordings, NaN where it is not known. One that names nothing
     does not know it better than those that do."""
@@ -112,19 +112,19 @@ def _series(
     return np.array(values), np.array(stds)
 
 
-def _odd_robots(
+def _outlier_robots(
     found: Mapping[str, ParameterResult], robots: Mapping[str, str], levels: Mapping[str, float]
 ) -> list[str]:
     """Robots whose number is far from that of the other robots; none of fewer than four."""
-    if len(levels) < FEWEST_FOR_OUTLIERS:
+    if len(levels) < MIN_FOR_OUTLIERS:
         return []
     left = np.array([*levels.values()]) - np.median([*levels.values()])
-    spread = SPREAD * float(np.median(np.abs(left)))
-    own = np.array([_deviation([found[name] for name in found if robots[name] == each]) for each in levels])
-    return [each for each, far in zip(levels, _far(left.tolist(), spread, own), strict=True) if far]
+    spread = STD_PER_MAD * float(np.median(np.abs(left)))
+    own = np.array([_median_std([found[name] for name in found if robots[name] == each]) for each in levels])
+    return [each for each, far in zip(levels, _are_outliers(left.tolist(), spread, own), strict=True) if far]
 
 
-def _deviation(numbers: Sequence[ParameterResult]) -> float:
+def _median_std(numbers: Sequence[ParameterResult]) -> float:
     """Of a robot's middle: what its recordings say of theirs, and not less than they scatter."""
     values = np.array([each.value for each in numbers])
     said = float(np.nan_to_num(np.array([each.std for each in numbers])).mean())

@@ -8,11 +8,11 @@ from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
 
-from raccoon.diagnose.fleet.course import Piece
-from raccoon.diagnose.fleet.refits import refits_of
-from raccoon.diagnose.fleet.series import FEWEST_FOR_OUTLIERS, Course, Series, series_of
-from raccoon.diagnose.fleet.standing import COMMON_SHARE, Standing, sides_of_robots, standing_of
-from raccoon.diagnose.fleet.telling import is_silent
+from raccoon.diagnose.fleet.change_points import Piece
+from raccoon.diagnose.fleet.current_standing import COMMON_SHARE, Standing, current_standing, deviation_sides
+from raccoon.diagnose.fleet.refitted_values import refitted_values
+from raccoon.diagnose.fleet.series import MIN_FOR_OUTLIERS, Course, Series, make_series
+from raccoon.diagnose.fleet.silent_recordings import is_silent
 from raccoon.diagnose.result import Diagnosis, ParameterResult
 from raccoon.model.reflectance import LEAST_HEIGHT, height_doubt
 
@@ -96,8 +96,8 @@ class Fleet:
         return {
             "recordings": {name: each.to_dict() for name, each in self.results.items()},
             "robots": {each: [it for it, own in self.robots.items() if own == each] for each in self.names},
-            "causes": [{**_plain(each), "common": each.common} for each in self.causes],
-            "numbers": [_plain(each) for each in self.numbers],
+            "causes": [{**_to_plain_dict(each), "common": each.common} for each in self.causes],
+            "numbers": [_to_plain_dict(each) for each in self.numbers],
         }
 
 
@@ -106,12 +106,12 @@ def fleet_of(results: Mapping[str, Diagnosis], robots: Mapping[str, str] | None 
     several."""
     whose = {name: "" if robots is None else robots[name] for name in results}
     names = dict.fromkeys(cause.name for each in results.values() for cause in each.causes)
-    causes = sorted((_cause(name, results, whose) for name in names), key=lambda each: -each.share)
-    causes = [replace(each, instead=_instead(each, causes)) for each in causes]
-    return Fleet(results, whose, tuple(causes), tuple(_numbers(results, whose)))
+    causes = sorted((_make_cause(name, results, whose) for name in names), key=lambda each: -each.share)
+    causes = [replace(each, instead=_more_common_rival(each, causes)) for each in causes]
+    return Fleet(results, whose, tuple(causes), tuple(_make_numbers(results, whose)))
 
 
-def _instead(cause: FleetCause, causes: Sequence[FleetCause]) -> str:
+def _more_common_rival(cause: FleetCause, causes: Sequence[FleetCause]) -> str:
     """What a cause is named in the place of: of two that no recording tells apart some name the one and some
     the other, and a robot has one of them."""
     own, where = {*cause.recordings}, cause.name.partition("@")[2]
@@ -123,7 +123,7 @@ def _instead(cause: FleetCause, causes: Sequence[FleetCause]) -> str:
     return ""
 
 
-def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> FleetCause:
+def _make_cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> FleetCause:
     found: dict[str, ParameterResult] = {}
     for recording, diagnosis in results.items():
         for cause in diagnosis.causes:
@@ -132,11 +132,11 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
     silent = frozenset(key for key, each in results.items() if is_silent(name, each)) - found.keys()
     able = [robots[each] for each in results if each not in silent]
     # Where a current is missing a friction is in volts: it counts, and is not compared.
-    alike = _of_usual_unit(found)
+    alike = _of_most_common_unit(found)
     first = next(iter(alike.values()))
-    refits, unsaid = refits_of(name, results), silent | (found.keys() - alike.keys())
-    series = series_of(_beside_each_other(name, alike), robots, unsaid, refits)
-    sides = sides_of_robots(found, robots, silent, series)
+    refits, unsaid = refitted_values(name, results), silent | (found.keys() - alike.keys())
+    series = make_series(_with_comparable_stds(name, alike), robots, unsaid, refits)
+    sides = deviation_sides(found, robots, silent, series)
     return FleetCause(
         name,
         len(found) / len(able),
@@ -146,17 +146,17 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
         first.nominal,
         first.unit,
         series,
-        _rivals(name, results),
+        _common_rivals(name, results),
         len(able),
         tuple(sides),
         max(map([*sides.values()].count, sides.values()), default=0),
         len(set(able)),
-        standing_of(alike, robots, silent, series),
+        current_standing(alike, robots, silent, series),
         {key: value for key, (value, _) in refits.items() if key not in found and key not in silent},
     )
 
 
-def _beside_each_other(name: str, found: Mapping[str, ParameterResult]) -> Mapping[str, ParameterResult]:
+def _with_comparable_stds(name: str, found: Mapping[str, ParameterResult]) -> Mapping[str, ParameterResult]:
     """Numbers with what they may be off from each other: the law of a tophat's light is the same in all, so
     what is not known of it moves no height against another."""
     if name.partition("@")[0] != HEIGHT:
@@ -169,44 +169,44 @@ def _beside_each_other(name: str, found: Mapping[str, ParameterResult]) -> Mappi
     return {key: replace(each, std=own(each)) for key, each in found.items()}
 
 
-def _of_usual_unit(found: Mapping[str, ParameterResult]) -> dict[str, ParameterResult]:
+def _of_most_common_unit(found: Mapping[str, ParameterResult]) -> dict[str, ParameterResult]:
     units = [each.unit for each in found.values()]
     usual = max(units, key=units.count)
     return {key: each for key, each in found.items() if each.unit == usual}
 
 
-def _rivals(name: str, results: Mapping[str, Diagnosis]) -> tuple[str, ...]:
+def _common_rivals(name: str, results: Mapping[str, Diagnosis]) -> tuple[str, ...]:
     """What at least half of the recordings that name a cause do not tell it from."""
     own = [each.confounded_with for found in results.values() for each in found.causes if each.name == name]
     every = dict.fromkeys(rival for each in own for rival in each)
     return tuple(rival for rival in every if 2 * sum(rival in each for each in own) >= len(own))
 
 
-def _numbers(results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> list[FleetNumber]:
-    """What was identified in at least `FEWEST_FOR_OUTLIERS` recordings."""
+def _make_numbers(results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> list[FleetNumber]:
+    """What was identified in at least `MIN_FOR_OUTLIERS` recordings."""
     names = dict.fromkeys(name for each in results.values() for name in each.identified)
     numbers = []
     for name in names:
-        found = _of_usual_unit(
+        found = _of_most_common_unit(
             {key: each.identified[name] for key, each in results.items() if name in each.identified}
         )
-        if len(found) < FEWEST_FOR_OUTLIERS:
+        if len(found) < MIN_FOR_OUTLIERS:
             continue
         middle = median(each.value for each in found.values())
         unit = next(iter(found.values())).unit
-        numbers.append(FleetNumber(name, unit, middle, series_of(found, robots), tuple(found)))
+        numbers.append(FleetNumber(name, unit, middle, make_series(found, robots), tuple(found)))
     return numbers
 
 
-def _plain(each: FleetCause | FleetNumber) -> dict[str, Any]:
+def _to_plain_dict(each: FleetCause | FleetNumber) -> dict[str, Any]:
     """With the parts of its series as its own, and the names of recordings for their rows."""
     table = asdict(each)
     series, _ = table.pop("series"), table.pop("refitted", None)
-    courses = [_course(course) for course in each.series.courses]
+    courses = [_course_to_dict(course) for course in each.series.courses]
     return {**table, **series, "courses": courses}
 
 
-def _course(course: Course) -> dict[str, Any]:
+def _course_to_dict(course: Course) -> dict[str, Any]:
     def piece(each: Piece) -> dict[str, Any]:
         return {
             "first": course.recordings[each.first],

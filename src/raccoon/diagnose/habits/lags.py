@@ -24,7 +24,7 @@ from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import gone_on, whole
 from raccoon.diagnose.select.set_scoring import apart
 from raccoon.diagnose.select.state import Rival, Search, lead, look_around
-from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import SIDES
 
@@ -78,7 +78,7 @@ def with_readings_that_lag(
             under.were_vain(search, habits, [other])
     for other, problem, there in reversed(found):
         tell("going on as another gyro or clock would have it")
-        second = by(look_around(problem, probes_for(problem), there, search.whitener))
+        second = by(look_around(problem, make_probe_function(problem), there, search.whitener))
         if explains_more(second, search) > -SMOOTH:
             return second, other
     return search, habits
@@ -233,7 +233,7 @@ def or_another(search: Search, name: str, other: str, lacks: float) -> None:
 
 def seen_from(search: Search, problem: Problem, point: Point) -> Search:
     """Where a search goes on from a point, in this problem; what it called unknown stays so."""
-    return look_around(problem, probes_for(problem), point, search.whitener, search.unknown)
+    return look_around(problem, make_probe_function(problem), point, search.whitener, search.unknown)
 
 
 def _late(search: Search) -> list[str]:

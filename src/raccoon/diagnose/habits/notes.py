@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from raccoon.diagnose.drives.ramps import Ramp
-from raccoon.diagnose.findings.proving import AWAY
-from raccoon.diagnose.findings.spread import LATE, Spread
+from raccoon.diagnose.findings.uncertainty import LATENCY, FitUncertainty
+from raccoon.diagnose.findings.validation import MIN_DEVIATIONS
 from raccoon.diagnose.habits.chains import FINE_CYCLE, pauses
 from raccoon.diagnose.habits.controller import SLOW_BATTERY
 from raccoon.diagnose.habits.driver import DEADBAND
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS, LOW_PASS_DELAY, UNKNOWN_PHASE
 from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
-from raccoon.diagnose.reports.wording import explanation
+from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.rollout.firmware import Firmware
@@ -39,27 +39,27 @@ PAST = (
 )
 
 
-def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
+def notes_of(habits: Habits, causes: Sequence[CauseResult], uncertainty: FitUncertainty) -> tuple[str, ...]:
     """How the log was read, where that is not the usual way, and what the usual way may be taken for."""
     known = () if habits.firmware is None else (_of_the_firmware(habits.firmware),)
     return (
         *known,
         *_of_the_controller(habits, causes),
-        *_of_the_encoders(spread),
-        *_of_the_gyro(habits, causes, spread),
+        *_of_the_encoders(uncertainty),
+        *_of_the_gyro(habits, causes, uncertainty),
     )
 
 
 def less_sure(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
     """Causes; a battery's resistance with what is not known of when it is read, and a latency with what is
     not known of when readings are taken. None is more likely than such a number allows, and of one that may
-    be nothing else it is said: `proven` named it by what the drive alone leaves open."""
+    be nothing else it is said: `validate_causes` named it by what the drive alone leaves open."""
     firmware = habits.firmware if habits.knows_battery else None
     share = MOMENT if firmware is None else firmware.sag
     open_ = {RESISTANCE[0]: (share, 0.0)}
     if habits.firmware is None:
         chip = 0.0 if habits.low_pass else 0.5 * LOW_PASS
-        open_ |= {LATE: (0.0, UNKNOWN_PHASE), LATE_GYRO: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
+        open_ |= {LATENCY: (0.0, UNKNOWN_PHASE), LATE_GYRO: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
     return tuple(_less_sure(each, *open_[each.id]) if each.id in open_ else each for each in causes)
 
 
@@ -70,11 +70,11 @@ def _less_sure(cause: CauseResult, share: float, least: float) -> CauseResult:
     away = (number.value - number.nominal) / std
     likely = 1.0 if cause.confounded_with else 1.0 / (1.0 + math.exp(-0.5 * away**2))
     numbers = {name: replace(number, std=std)}
-    words, fewer = (explanation(cause.id, cause.where, each) for each in (cause.parameters, numbers))
+    words, fewer = (explanation_sentence(cause.id, cause.where, each) for each in (cause.parameters, numbers))
     said = cause.explanation.replace(words, fewer)  # no number has more places than are known
     return replace(
         cause,
-        explanation=said if abs(away) >= AWAY else f"{said} {MAY_BE_NOTHING}",
+        explanation=said if abs(away) >= MIN_DEVIATIONS else f"{said} {MAY_BE_NOTHING}",
         parameters=numbers,
         probability=min(cause.probability, likely),
     )
@@ -191,9 +191,9 @@ def _of_the_pauses(chain: Chain, causes: Sequence[CauseResult], told: bool) -> t
     return tuple(notes)
 
 
-def _of_the_encoders(spread: Spread) -> tuple[str, ...]:
+def _of_the_encoders(uncertainty: FitUncertainty) -> tuple[str, ...]:
     """Over what they count."""
-    window = spread.here.get(WINDOW, 0.0)
+    window = uncertainty.settings.get(WINDOW, 0.0)
     if window < WORTH_SAYING:
         return ()
     return (
@@ -202,13 +202,15 @@ def _of_the_encoders(spread: Spread) -> tuple[str, ...]:
     )
 
 
-def _of_the_gyro(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
+def _of_the_gyro(
+    habits: Habits, causes: Sequence[CauseResult], uncertainty: FitUncertainty
+) -> tuple[str, ...]:
     """That its chip smooths the turn rate."""
     if not habits.low_pass:
         return ()
-    late = spread.number((SMOOTHS, None, "time_constant"))
+    late = uncertainty.value_of((SMOOTHS, None, "time_constant"))
     if LATE_GYRO not in {each.name for each in causes}:
-        late += spread.number((LATE_GYRO, None, "seconds"))
+        late += uncertainty.value_of((LATE_GYRO, None, "seconds"))
     return (
         f"the gyro follows {1000.0 * late:.2g} ms late: taken for its chip's filter, which the Wombat's "
         "firmware sets to 41 Hz, and for readings that wait for their row; without a reference of the pose, "

@@ -26,8 +26,8 @@ from raccoon.diagnose.select.refits import SEVERAL
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import begun, beside_unknown, finished, grown_on, whole
 from raccoon.diagnose.select.state import Search, start_search
-from raccoon.diagnose.unknown.changes import KNOWN, name_of
-from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.probes import make_probe_function
+from raccoon.diagnose.unknown.step_change import KNOWN_CHANGE_LOG_EVIDENCE, change_name
 
 Array = NDArray[np.float64]
 Asked = tuple[frozenset[str], frozenset[str], Habits, Habits]
@@ -97,10 +97,10 @@ def _asked(search: Search, habits: Habits, other: Habits) -> Asked:
 
 def started(problem: Problem) -> Search:
     """A search of what robot.toml leaves open alone; what is known to have changed is beside it."""
-    search = start_search(problem, probes_for(problem))
+    search = start_search(problem, make_probe_function(problem))
     if problem.change is None:
         return search
-    return beside_unknown(search, {name_of(problem.change): KNOWN}, search.fit.point)
+    return beside_unknown(search, {change_name(problem.change): KNOWN_CHANGE_LOG_EVIDENCE}, search.fit.point)
 
 
 def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:

@@ -14,7 +14,7 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.gravity import strange_acceleration
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.drives.unseen import said_of_holdout
-from raccoon.diagnose.findings.extend import with_causes
+from raccoon.diagnose.findings.fitted_model import with_causes
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.channels.counters import counter_reset_notes, with_counter_bemf

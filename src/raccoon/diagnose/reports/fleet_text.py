@@ -6,16 +6,16 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 
-from raccoon.diagnose.fleet.course import FEWEST
-from raccoon.diagnose.fleet.model import Foreseen
+from raccoon.diagnose.fleet.change_points import MIN_NUMBERS
+from raccoon.diagnose.fleet.common_model import CrossCheck
 from raccoon.diagnose.fleet.series import Course
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause, FleetNumber
-from raccoon.diagnose.reports.headline import why_not
-from raccoon.diagnose.reports.numbers import two_digits
-from raccoon.diagnose.reports.unknown_words import depends_text
+from raccoon.diagnose.reports.headline import reason_it_cannot_tell
+from raccoon.diagnose.reports.numbers import format_two_digits
+from raccoon.diagnose.reports.unknown_text import depends_text
 from raccoon.diagnose.result import Diagnosis, Verdict
 
-CREPT: Mapping[str, str] = {
+CREEP_REASONS: Mapping[str, str] = {
     "battery.internal_resistance": "a battery ages",
     "battery.open_circuit_voltage": "a battery runs down",
     "motor.back_emf_constant": "its magnets suffer",
@@ -27,7 +27,7 @@ CREPT: Mapping[str, str] = {
     "tophat.height": "its mount comes loose",
 }
 """What is behind a number that creeps, by cause."""
-JUMPED: Mapping[str, str] = {
+JUMP_REASONS: Mapping[str, str] = {
     "battery.internal_resistance": "another battery, or its contacts",
     "battery.open_circuit_voltage": "another charge, or another battery",
     "motor.back_emf_constant": "a motor was replaced",
@@ -41,29 +41,30 @@ JUMPED: Mapping[str, str] = {
     "tophat.noise": "its plug came loose",
 }
 """The same of one that jumps."""
-NOW_AND_THEN: Mapping[str, str] = {
+RECURRENCE_REASONS: Mapping[str, str] = {
     "battery.open_circuit_voltage": "another charge each time",
     "battery.internal_resistance": "several batteries in turn",
     "drive.slope": "other tables, or other directions",
     "friction.coulomb": "other floors",
 }
 """The same of one that some recordings have and others not, in no order."""
-CHANGED = "What changed, in the order of the recordings above"
-NAMES_SAID = 4
-FEW = 3
+CHANGES_TITLE = "What changed, in the order of the recordings above"
+MAX_NAMES = 4
+MIN_RECURRING = 3
 """Recordings of which fewer are no coming and going."""
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
-NOTES_SAID = 8
+MAX_NOTES = 8
 """Notes of which a fleet's report has the text; the JSON has all."""
 
 
-def fleet_report(fleet: Fleet, seen: Mapping[str, Foreseen] | None = None) -> str:
+def fleet_report(fleet: Fleet, seen: Mapping[str, CrossCheck] | None = None) -> str:
     """A line a recording, then common causes with their spread, the odd ones out, and what changed. seen:
     each recording with the model of the others, where one was made."""
     results = fleet.results
     lines = [
-        f"{name}{whose(fleet, name)}: {verdict_words(each)}: {told(each)}" for name, each in results.items()
+        f"{name}{robot_suffix(fleet, name)}: {verdict_words(each)}: {findings_text(each)}"
+        for name, each in results.items()
     ]
     lines += ["", *(_cause_line(each, fleet) for each in fleet.causes)] if fleet.causes else []
     if fleet.numbers:
@@ -71,42 +72,46 @@ def fleet_report(fleet: Fleet, seen: Mapping[str, Foreseen] | None = None) -> st
         lines += [_number_line(each, len(results)) for each in fleet.numbers]
     changes = change_lines(fleet)
     if changes:
-        lines += ["", f"{CHANGED}:", *(f"  {each}" for each in changes)]
-    elif len(results) > 1 and fleet.causes and most_of_one(fleet) < FEWEST:
+        lines += ["", f"{CHANGES_TITLE}:", *(f"  {each}" for each in changes)]
+    elif len(results) > 1 and fleet.causes and most_recordings_of_a_robot(fleet) < MIN_NUMBERS:
         of_one = " of one robot" if len(fleet.names) > 1 else ""
-        lines += ["", f"To see what changed and when takes {FEWEST} recordings{of_one} at least."]
+        lines += ["", f"To see what changed and when takes {MIN_NUMBERS} recordings{of_one} at least."]
     if seen:
-        lines += ["", FORESEEN_TITLE, *(f"  {name}: {foreseen_text(each)}" for name, each in seen.items())]
+        lines += [
+            "",
+            CROSS_CHECK_TITLE,
+            *(f"  {name}: {cross_check_text(each)}" for name, each in seen.items()),
+        ]
     notes = note_lines(results)
-    lines += ["", *(f"Note: {each}" for each in notes[:NOTES_SAID])] if notes else []
-    if len(notes) > NOTES_SAID:
-        lines.append(f"and {len(notes) - NOTES_SAID} notes more: --json writes them all")
+    lines += ["", *(f"Note: {each}" for each in notes[:MAX_NOTES])] if notes else []
+    if len(notes) > MAX_NOTES:
+        lines.append(f"and {len(notes) - MAX_NOTES} notes more: --json writes them all")
     return "\n".join(lines)
 
 
-FORESEEN_TITLE = (
+CROSS_CHECK_TITLE = (
     "With the model that the other recordings have in common (error on unseen data in units of the noise: "
     "robot.toml's -> that model's, that of its own; and what is still wrong):"
 )
 
 
-def foreseen_text(each: Foreseen) -> str:
+def cross_check_text(each: CrossCheck) -> str:
     """The errors, and what is left."""
     return f"{each.before:.2f} -> {each.after:.2f} ({each.own:.2f}): {', '.join(each.still) or 'nothing'}"
 
 
-def whose(fleet: Fleet, name: str) -> str:
+def robot_suffix(fleet: Fleet, name: str) -> str:
     """The robot of a recording in brackets, where there are several and its name does not say it."""
     robot = fleet.robots[name]
     return "" if len(fleet.names) == 1 or robot in name else f" ({robot})"
 
 
-def most_of_one(fleet: Fleet) -> int:
+def most_recordings_of_a_robot(fleet: Fleet) -> int:
     """How many recordings there are of the robot that has most."""
     return max(Counter(fleet.robots.values()).values())
 
 
-def told(diagnosis: Diagnosis) -> str:
+def findings_text(diagnosis: Diagnosis) -> str:
     """What was found in a recording, or why nothing can be."""
     found = [each.name for each in diagnosis.causes]
     found += [
@@ -114,13 +119,16 @@ def told(diagnosis: Diagnosis) -> str:
     ]
     said = ", ".join(found)
     if not said and diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
-        said = why_not(diagnosis)
+        said = reason_it_cannot_tell(diagnosis)
     return "; ".join(
-        [said or "-", *(f"{channel}: {', '.join(it)}" for channel, it in _broken(diagnosis).items())]
+        [
+            said or "-",
+            *(f"{channel}: {', '.join(it)}" for channel, it in _faults_by_channel(diagnosis).items()),
+        ]
     )
 
 
-def _broken(diagnosis: Diagnosis) -> dict[str, list[str]]:
+def _faults_by_channel(diagnosis: Diagnosis) -> dict[str, list[str]]:
     """What is wrong with each channel."""
     found: dict[str, list[str]] = defaultdict(list)
     for each in diagnosis.sensor_faults:
@@ -138,7 +146,7 @@ def note_lines(results: Mapping[str, Diagnosis]) -> list[str]:
     What a recording's own line says is left out."""
     having: dict[str, dict[str, str]] = defaultdict(dict)
     for name, diagnosis in results.items():
-        line = told(diagnosis)
+        line = findings_text(diagnosis)
         for note in diagnosis.notes:
             if note.removeprefix("not identifiable: ") not in line:
                 having[_NUMBER.sub("#", note)].setdefault(name, note)
@@ -150,14 +158,14 @@ def _note_line(notes: Mapping[str, str], count: int) -> str:
     text = next(iter(notes.values()))
     same = [name for name, note in notes.items() if note == text]
     others = [name for name in notes if name not in same]
-    where = "all" if len(same) == count else shortened(same)
-    return f"{text} ({where}{f'; with other numbers: {shortened(others)}' if others else ''})"
+    where = "all" if len(same) == count else shorten_names(same)
+    return f"{text} ({where}{f'; with other numbers: {shorten_names(others)}' if others else ''})"
 
 
-def shortened(names: Sequence[str]) -> str:
+def shorten_names(names: Sequence[str]) -> str:
     """The first of many, and how many more there are: the JSON has all."""
-    more = f" and {len(names) - NAMES_SAID} more" if len(names) > NAMES_SAID else ""
-    return ", ".join(names[:NAMES_SAID]) + more
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return ", ".join(names[:MAX_NAMES]) + more
 
 
 def change_lines(fleet: Fleet) -> list[str]:
@@ -183,7 +191,7 @@ def _course_line(each: FleetCause | FleetNumber, course: Course) -> str:
     if not others:
         goes += " over the recordings"
     unit = f" ({each.unit})" if each.unit else ""
-    kinds = [CREPT] * first.creeps + [JUMPED] * bool(others)
+    kinds = [CREEP_REASONS] * first.creeps + [JUMP_REASONS] * bool(others)
     id_ = each.name.partition("@")[0]
     behind = "; ".join(dict.fromkeys(it[id_] for it in kinds if id_ in it))
     return f"{name}{unit} {goes}{f' ({behind}?)' if behind else ''}"
@@ -193,18 +201,18 @@ def _cause_line(each: FleetCause, fleet: Fleet) -> str:
     count = len(fleet.results)
     low, high = (f"{end(each.values):.4g}" for end in (min, max))
     size = low if low == high else f"{low} to {high}"
-    odd = far_text(each)
+    odd = outliers_text(each)
     unit = f" {each.unit}" if each.unit else ""
     alike = f"; not told from {', '.join(each.rivals)}" if each.rivals else ""
     share = f"{100 * each.share:.0f} %"
     if each.telling < count:
         share += f" of {each.telling} that can tell"
     odd = f"; far from the others: {odd}" if odd else ""
-    line = f"{each.name}: {share} ({guessed_text(each, fleet)}), {size}{unit}{odd}{alike}"
-    return "\n  ".join((line, *in_words(each, fleet)))
+    line = f"{each.name}: {share} ({kind_with_reason_text(each, fleet)}), {size}{unit}{odd}{alike}"
+    return "\n  ".join((line, *explanation_lines(each, fleet)))
 
 
-def in_words(each: FleetCause, fleet: Fleet) -> list[str]:
+def explanation_lines(each: FleetCause, fleet: Fleet) -> list[str]:
     """What a cause means and what to do about it, as it is now: as the recording has it whose number is in
     the middle, or of what is too small in some and too large in others one of either."""
     lower, higher = each.standing.lower, each.standing.higher
@@ -236,13 +244,17 @@ def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
         return "common" if each.of_robots < 2 else f"common to {each.alike} of {each.of_robots} robots"
     apart = len(fleet.names) > 1 and 0 < len(each.robots) < len(each.recordings)
     if apart and all(fleet.robots[name] in each.robots for name in each.recordings):
-        return f"only robot {each.robots[0]}" if len(each.robots) == 1 else f"robots {shortened(each.robots)}"
+        return (
+            f"only robot {each.robots[0]}"
+            if len(each.robots) == 1
+            else f"robots {shorten_names(each.robots)}"
+        )
     if standing.lower and standing.higher and not each.alike:
         return f"lower than assumed in {len(standing.lower)}, higher in {len(standing.higher)}"
     if named is not None and len(each.recordings) > named:
         return f"{count_text(each)} recordings"
     few = len(each.recordings) <= max(1, len(fleet.results) // 5)
-    return ("only " if few else "some: ") + shortened(each.recordings)
+    return ("only " if few else "some: ") + shorten_names(each.recordings)
 
 
 def _since_when(each: FleetCause, fleet: Fleet) -> str:
@@ -254,27 +266,27 @@ def _since_when(each: FleetCause, fleet: Fleet) -> str:
     return f"{mostly}since {standing.since}" if standing.since else f"{mostly}until {standing.until}"
 
 
-def guessed_text(each: FleetCause, fleet: Fleet) -> str:
+def kind_with_reason_text(each: FleetCause, fleet: Fleet) -> str:
     """The same, with what may be behind it where some recordings have it and others not, in no order."""
-    steady = each.alike or each.series.courses or len(each.recordings) < FEW
-    behind = "" if steady else NOW_AND_THEN.get(each.name.partition("@")[0], "")
+    steady = each.alike or each.series.courses or len(each.recordings) < MIN_RECURRING
+    behind = "" if steady else RECURRENCE_REASONS.get(each.name.partition("@")[0], "")
     return f"{kind_text(each, fleet)}; {behind}?" if behind else kind_text(each, fleet)
 
 
 def _number_line(each: FleetNumber, count: int) -> str:
-    far = far_text(each)
+    far = outliers_text(each)
     odd = f"; far from the others: {far}" if far else ""
     part = "" if len(each.recordings) == count else f"; in {len(each.recordings)} of {count}"
-    usual = f"{usual_text(each):>10s} +- {two_digits(each.series.spread)} {each.unit}"
+    usual = f"{typical_value_text(each):>10s} +- {format_two_digits(each.series.spread)} {each.unit}"
     return f"  {each.name:28s} {usual}{part}{odd}"
 
 
-def far_text(each: FleetCause | FleetNumber) -> str:
+def outliers_text(each: FleetCause | FleetNumber) -> str:
     """The recordings and robots whose number is far from the others'."""
-    return shortened(each.series.outliers)
+    return shorten_names(each.series.outliers)
 
 
-def usual_text(each: FleetNumber) -> str:
+def typical_value_text(each: FleetNumber) -> str:
     """The median; of a number that changed where it began and where it ended, of which it is neither; of
     several robots with some each the lowest and the highest of theirs."""
     levels, courses = each.series.levels, each.series.courses

@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping
 from itertools import chain
 
-from raccoon.diagnose.fleet.telling import CANNOT_TELL
-from raccoon.diagnose.reports.names import NAMES
-from raccoon.diagnose.reports.unknown_words import depends_text
+from raccoon.diagnose.fleet.silent_recordings import CANNOT_TELL_PREFIXES
+from raccoon.diagnose.reports.plain_names import PLAIN_NAMES
+from raccoon.diagnose.reports.unknown_text import depends_text
 from raccoon.diagnose.result import STOOD, Diagnosis, Verdict
 
 VERDICTS: Mapping[Verdict, str] = {
@@ -18,13 +18,13 @@ VERDICTS: Mapping[Verdict, str] = {
     Verdict.ADEQUATE: "The simulation fits this recording: nothing that matters is wrong.",
     Verdict.NOT_IDENTIFIABLE: "This recording cannot tell.",
 }
-WHERE_ANSWERED = "Where its motors answered, the simulation fits this recording."
-NOT_VISIBLE = "not visible"
+FITS_WHERE_ANSWERED = "Where its motors answered, the simulation fits this recording."
+NOT_VISIBLE_PREFIX = "not visible"
 """How the reason of a cause begins whose usual size would not show."""
-MANY_HIDDEN = 5
+MIN_HIDDEN_CAUSES = 5
 """Such causes of 31 from which a recording that shows nothing says little. One that was driven as the checkup
 hides one or two."""
-ASKED = (
+MOST_ASKED_CAUSES = (
     "motor.back_emf_constant",
     "motor.armature_resistance",
     "drive.inertia",
@@ -34,7 +34,7 @@ ASKED = (
     "battery.internal_resistance",
 )
 """What most teams ask for; from which size on each would show tells how far a recording sees."""
-_FROM = re.compile(r"; would show from about (.*) on")
+_SHOWS_FROM = re.compile(r"; would show from about (.*) on")
 
 
 def verdict_text(diagnosis: Diagnosis) -> str:
@@ -46,9 +46,9 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is not Verdict.ADEQUATE:
         return VERDICTS[diagnosis.verdict]
     if any(each.fault == STOOD for each in diagnosis.sensor_faults):
-        return WHERE_ANSWERED
-    hidden = sum(each.reason.startswith(NOT_VISIBLE) for each in diagnosis.rejected)
-    if hidden >= MANY_HIDDEN:
+        return FITS_WHERE_ANSWERED
+    hidden = sum(each.reason.startswith(NOT_VISIBLE_PREFIX) for each in diagnosis.rejected)
+    if hidden >= MIN_HIDDEN_CAUSES:
         return (
             "The simulation fits this recording, but that says little: of "
             f"{len(diagnosis.rejected)} causes {hidden} would not show in it at their usual size."
@@ -56,18 +56,18 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     return VERDICTS[Verdict.ADEQUATE]
 
 
-def seen_text(diagnosis: Diagnosis) -> str:
+def visible_sizes_text(diagnosis: Diagnosis) -> str:
     """Of a recording in which nothing was found, from which size on the most usual causes would have shown;
     "" where that is not known."""
     if diagnosis.verdict is not Verdict.ADEQUATE or diagnosis.causes:
         return ""
     reasons = {each.id: each.reason for each in diagnosis.rejected}
-    sizes = [(NAMES[id_], _FROM.search(reasons.get(id_, ""))) for id_ in ASKED]
+    sizes = [(PLAIN_NAMES[id_], _SHOWS_FROM.search(reasons.get(id_, ""))) for id_ in MOST_ASKED_CAUSES]
     said = [f"{name} {found[1]}" for name, found in sizes if found]
     return f"Errors from this size on would have shown: {', '.join(said)}." if said else ""
 
 
-def why_not(diagnosis: Diagnosis) -> str:
+def reason_it_cannot_tell(diagnosis: Diagnosis) -> str:
     """Why a recording cannot tell, in the words of the first reason or note; "" where none says it."""
-    reasons = (each.reason for each in diagnosis.rejected if each.reason.startswith(CANNOT_TELL))
+    reasons = (each.reason for each in diagnosis.rejected if each.reason.startswith(CANNOT_TELL_PREFIXES))
     return next(chain(reasons, diagnosis.notes), "").removeprefix("not identifiable: ")

@@ -10,71 +10,83 @@ from typing import Any
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
-from raccoon.diagnose.reports.headline import seen_text, verdict_text, why_not
-from raccoon.diagnose.reports.names import begun, plain_name
-from raccoon.diagnose.reports.numbers import deviation, with_deviation
-from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
-from raccoon.diagnose.reports.terminal import (
-    UNKNOWABLE,
-    advice,
-    change_text,
-    evidence_text,
-    left_text,
-    made_up,
-    news,
-    probability_text,
-    reasons,
-    rest_text,
-    terminal_report,
+from raccoon.diagnose.reports.cause_text import describe_cause
+from raccoon.diagnose.reports.headline import reason_it_cannot_tell, verdict_text, visible_sizes_text
+from raccoon.diagnose.reports.numbers import format_std, format_value
+from raccoon.diagnose.reports.pictures import (
+    cause_figure,
+    curve_figure,
+    error_figure,
+    figure_to_base64_png,
+    shape_figure,
 )
-from raccoon.diagnose.reports.unknown_words import depends_text, shape_text
-from raccoon.diagnose.reports.wording import told
+from raccoon.diagnose.reports.plain_names import capitalise, plain_name
+from raccoon.diagnose.reports.terminal import (
+    NOT_SHOWN_PREFIX,
+    change_text,
+    channel_residual_text,
+    compensation_text,
+    evidence_text,
+    next_recording_advice,
+    probability_text,
+    reasons_not_named,
+    terminal_report,
+    unexplained_share_text,
+    unrepeated_notes,
+)
+from raccoon.diagnose.reports.unknown_text import depends_text, shape_text
 from raccoon.diagnose.result import CauseResult, Diagnosis, Verdict
 
-MOST_CURVES = 6
+MAX_CURVES = 6
 """Channels of which a page has a picture over time."""
 
 
 def save_html(diagnosis: Diagnosis, path: str | Path, title: str = "a recording") -> None:
     """Write the report, atomically. title: what it is a diagnosis of. Raises ConfigError where jinja2 or
     matplotlib is not installed."""
-    write_atomically(Path(path), page(diagnosis, title))
+    write_atomically(Path(path), render_page(diagnosis, title))
 
 
-def page(diagnosis: Diagnosis, title: str) -> str:
+def render_page(diagnosis: Diagnosis, title: str) -> str:
     """The report as text. Raises ConfigError where jinja2 or matplotlib is not installed."""
-    why = reasons(diagnosis)
-    text: str = template("report.html").render(
+    why, unexplained = reasons_not_named(diagnosis), diagnosis.unexplained
+    text: str = load_template("report.html").render(
         title=title,
         diagnosis=diagnosis,
         verdict=str(diagnosis.verdict).replace("_", " "),
         headline=_headline(diagnosis),
         sentence=verdict_text(diagnosis).rstrip(":.") + ".",
-        seen=seen_text(diagnosis) or _why(diagnosis),
-        told=[told(each) for each in diagnosis.causes],
-        todo=[_todo(each) for each in diagnosis.causes],
-        judged=[made_up(each, diagnosis) or _judged(each) for each in diagnosis.causes],
+        seen=visible_sizes_text(diagnosis) or _reason_sentence(diagnosis),
+        told=[describe_cause(each) for each in diagnosis.causes],
+        todo=[_action_text(each) for each in diagnosis.causes],
+        judged=[compensation_text(each, diagnosis) or _held_out_text(each) for each in diagnosis.causes],
         sure=[probability_text(each) for each in diagnosis.causes],
-        advice=advice(diagnosis),
-        notes=news(diagnosis),
+        advice=next_recording_advice(diagnosis),
+        notes=unrepeated_notes(diagnosis),
         changes=[change_text(each, diagnosis) for each in diagnosis.causes],
-        errors=png(error_figure(diagnosis)) if diagnosis.channels else None,
-        rest=[rest_text(diagnosis, each) for each in diagnosis.channels],
-        evidence=png(cause_figure(diagnosis)) if diagnosis.causes else None,
-        left=f"{left_text(diagnosis.unexplained)} {depends_text(diagnosis.unexplained.depends_on)}",
-        shapes=[(shape_text(each).replace("+-", "±"), png(shape_figure(each))) for each in diagnosis.shapes],
-        curves=[(each, png(curve_figure(each, diagnosis))) for each in diagnosis.curves[:MOST_CURVES]],
-        refused={reason: ids for reason, ids in why.items() if not reason.startswith(UNKNOWABLE)},
-        hidden={reason: ids for reason, ids in why.items() if reason.startswith(UNKNOWABLE)},
+        errors=figure_to_base64_png(error_figure(diagnosis)) if diagnosis.channels else None,
+        rest=[channel_residual_text(diagnosis, each) for each in diagnosis.channels],
+        evidence=figure_to_base64_png(cause_figure(diagnosis)) if diagnosis.causes else None,
+        left=f"{unexplained_share_text(unexplained)} {depends_text(unexplained.depends_on)}",
+        shapes=[
+            (shape_text(each).replace("+-", "±"), figure_to_base64_png(shape_figure(each)))
+            for each in diagnosis.shapes
+        ],
+        curves=[
+            (each, figure_to_base64_png(curve_figure(each, diagnosis)))
+            for each in diagnosis.curves[:MAX_CURVES]
+        ],
+        refused={reason: ids for reason, ids in why.items() if not reason.startswith(NOT_SHOWN_PREFIX)},
+        hidden={reason: ids for reason, ids in why.items() if reason.startswith(NOT_SHOWN_PREFIX)},
         text=terminal_report(diagnosis),
-        precise=with_deviation,
-        deviation=deviation,
+        precise=format_value,
+        deviation=format_std,
     )
     return text
 
 
 @cache
-def template(name: str) -> Any:
+def load_template(name: str) -> Any:
     """A page of this package. Raises ConfigError where jinja2 is not installed."""
     try:
         import jinja2
@@ -89,28 +101,28 @@ def template(name: str) -> Any:
 def _headline(diagnosis: Diagnosis) -> str:
     """The first cause in one sentence where it matters, what did not work, else the verdict."""
     if diagnosis.causes and not diagnosis.causes[0].little:
-        return _wrong(diagnosis.causes[0])
+        return _problem_sentence(diagnosis.causes[0])
     if diagnosis.sensor_faults:
-        return f"{begun(diagnosis.sensor_faults[0].text)}."
+        return f"{capitalise(diagnosis.sensor_faults[0].text)}."
     return verdict_text(diagnosis)
 
 
-def _why(diagnosis: Diagnosis) -> str:
+def _reason_sentence(diagnosis: Diagnosis) -> str:
     """Beside a headline which says only that this recording cannot tell: why."""
-    why = why_not(diagnosis) if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE else ""
-    return f"{begun(why)}." if why else ""
+    why = reason_it_cannot_tell(diagnosis) if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE else ""
+    return f"{capitalise(why)}." if why else ""
 
 
-def _wrong(cause: CauseResult) -> str:
+def _problem_sentence(cause: CauseResult) -> str:
     """What is wrong, and what else it may be, or be in part."""
     others = [plain_name(each) for each in cause.confounded_with if each not in cause.beside]
     instead = f"; or it is {' or '.join(others)}" if others else ""
     part = f"; a part of it may be {' or '.join(map(plain_name, cause.beside))}" if cause.beside else ""
-    what = told(cause).what.partition(". ")[0]
+    what = describe_cause(cause).what.partition(". ")[0]
     return f"{what}{instead}{part}."
 
 
-def _judged(cause: CauseResult) -> str:
+def _held_out_text(cause: CauseResult) -> str:
     """What data that was not fitted says of a cause, and how much of all that could be gained is lost without
     it: those of several may add up to more."""
     share = round(100.0 * cause.gain.share)
@@ -118,9 +130,9 @@ def _judged(cause: CauseResult) -> str:
     return f"{evidence_text(cause)}{lost if share else ''}"
 
 
-def _todo(cause: CauseResult) -> str:
+def _action_text(cause: CauseResult) -> str:
     """The part that says what to do, if it is that; nothing about what does not matter."""
-    advice = "" if cause.little else told(cause).todo
+    advice = "" if cause.little else describe_cause(cause).todo
     if advice and set(cause.confounded_with) - set(cause.beside):
         return f"If it is {plain_name(cause.name)}: {advice}."
-    return f"{begun(advice)}." if advice else ""
+    return f"{capitalise(advice)}." if advice else ""

@@ -12,31 +12,31 @@ from typing import Any
 import numpy as np
 
 from raccoon.core.files import write_atomically
-from raccoon.diagnose.fleet.model import Foreseen
+from raccoon.diagnose.fleet.common_model import CrossCheck
 from raccoon.diagnose.fleet.summary import Fleet
 from raccoon.diagnose.reports.fleet_text import (
     change_lines,
     count_text,
-    far_text,
-    guessed_text,
-    in_words,
+    explanation_lines,
+    findings_text,
     kind_text,
+    kind_with_reason_text,
     note_lines,
-    told,
-    usual_text,
-    whose,
+    outliers_text,
+    robot_suffix,
+    typical_value_text,
 )
-from raccoon.diagnose.reports.html import template
-from raccoon.diagnose.reports.names import begun, plain_name
-from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
+from raccoon.diagnose.reports.html import load_template
+from raccoon.diagnose.reports.pictures import AFTER, BEFORE, figure_to_base64_png
+from raccoon.diagnose.reports.plain_names import capitalise, plain_name
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
-MOST_PANELS = 8
-MOST_LABELS = 60
+MAX_PANELS = 8
+MAX_LABELS = 60
 """Names for which there is room under a picture; of more recordings every second, third... has its name."""
-FEW = 2
+MAX_HEADLINE_NAMES = 2
 """Names of recordings that a headline has room for."""
-OWN_SAID = 3
+MAX_HEADLINE_CAUSES = 3
 """Causes that are not common of which the headline says whose they are."""
 
 
@@ -44,21 +44,27 @@ def save_fleet_html(
     fleet: Fleet,
     path: str | Path,
     failed: Mapping[str, str] | None = None,
-    seen: Mapping[str, Foreseen] | None = None,
+    seen: Mapping[str, CrossCheck] | None = None,
 ) -> None:
     """Write the report, atomically. failed: why a recording has no diagnosis. seen: each recording with the
     model of the others. Raises ConfigError where jinja2 or matplotlib is not installed."""
-    page = template("fleet.html").render(
-        results={f"{name}{whose(fleet, name)}": _row(each) for name, each in fleet.results.items()},
+    page = load_template("fleet.html").render(
+        results={f"{name}{robot_suffix(fleet, name)}": _row(each) for name, each in fleet.results.items()},
         causes=[
-            (each, guessed_text(each, fleet), count_text(each), in_words(each, fleet), far_text(each))
+            (
+                each,
+                kind_with_reason_text(each, fleet),
+                count_text(each),
+                explanation_lines(each, fleet),
+                outliers_text(each),
+            )
             for each in fleet.causes
         ],
-        numbers=[(each, usual_text(each), far_text(each)) for each in fleet.numbers],
+        numbers=[(each, typical_value_text(each), outliers_text(each)) for each in fleet.numbers],
         notes=note_lines(fleet.results),
         changes=change_lines(fleet),
         headline=_headline(fleet, len(failed or {})),
-        picture=png(fleet_figure(fleet)) if fleet.causes else None,
+        picture=figure_to_base64_png(fleet_figure(fleet)) if fleet.causes else None,
         failed=failed or {},
         seen=seen or {},
     )
@@ -68,13 +74,13 @@ def save_fleet_html(
 def _row(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "verdict": str(diagnosis.verdict),
-        "causes": [{"name": each.name, "short": _short(each)} for each in diagnosis.causes],
-        "told": told(replace(diagnosis, causes=(), sensor_faults=())),
+        "causes": [{"name": each.name, "short": _first_number_text(each)} for each in diagnosis.causes],
+        "told": findings_text(replace(diagnosis, causes=(), sensor_faults=())),
         "sensor_faults": diagnosis.sensor_faults,
     }
 
 
-def _short(cause: CauseResult) -> str:
+def _first_number_text(cause: CauseResult) -> str:
     first = next(iter(cause.parameters.values()))
     return f"{first.value:.3g} {first.unit}".strip()
 
@@ -87,11 +93,12 @@ def _headline(fleet: Fleet, failed: int) -> str:
         f"Common to most {whom}: {', '.join(common)}." if common else f"No cause is common to most {whom}."
     ]
     parts += [
-        f"{begun(plain_name(each.name))}: {kind_text(each, fleet, FEW).removeprefix('some: ')}."
-        for each in own[:OWN_SAID]
+        f"{capitalise(plain_name(each.name))}: "
+        f"{kind_text(each, fleet, MAX_HEADLINE_NAMES).removeprefix('some: ')}."
+        for each in own[:MAX_HEADLINE_CAUSES]
     ]
-    if len(own) > OWN_SAID:
-        parts.append(f"{len(own) - OWN_SAID} more in some {whom} only.")
+    if len(own) > MAX_HEADLINE_CAUSES:
+        parts.append(f"{len(own) - MAX_HEADLINE_CAUSES} more in some {whom} only.")
     broken = sum(bool(each.sensor_faults) for each in fleet.results.values())
     if broken:
         parts.append(f"{broken} with a faulty sensor.")
@@ -105,7 +112,7 @@ def fleet_figure(fleet: Fleet) -> Any:
     refitted without being named, and the line of what changes."""
     from matplotlib.figure import Figure
 
-    shown = fleet.causes[:MOST_PANELS]
+    shown = fleet.causes[:MAX_PANELS]
     names = list(fleet.results)
     figure = Figure(figsize=(8.5, 1.5 * len(shown) + 0.9), layout="constrained")
     panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
@@ -130,7 +137,7 @@ def fleet_figure(fleet: Fleet) -> Any:
                 axes.axvline(before + 0.5, color="0.85", linewidth=0.8, zorder=0)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
-    step = math.ceil(len(names) / MOST_LABELS)
+    step = math.ceil(len(names) / MAX_LABELS)
     labels = [_label(each) for each in names[::step]]
     panels[-1].set_xticks(range(0, len(names), step), labels, rotation=90, fontsize=8)
     return figure

@@ -6,33 +6,33 @@ import math
 
 from raccoon.diagnose.result import ParameterResult
 
-MOST_PLACES = 6
+MAX_PLACES = 6
 """Places on either side of the point that a number has at most; beyond it stands a power of ten."""
 
 
-def number_text(each: ParameterResult) -> str:
+def parameter_text(each: ParameterResult) -> str:
     """Value, deviation and unit."""
-    return measured_text(each.value, each.std, each.unit)
+    return value_with_std_text(each.value, each.std, each.unit)
 
 
-def measured_text(value: float, std: float, unit: str = "") -> str:
+def value_with_std_text(value: float, std: float, unit: str = "") -> str:
     """The same of a number that is no result of a diagnosis."""
-    sure = f" +- {deviation(std)}" if std != 0.0 else ""  # a count has none
-    return f"{with_deviation(value, std)}{sure} {unit}".rstrip()
+    sure = f" +- {format_std(std)}" if std != 0.0 else ""  # a count has none
+    return f"{format_value(value, std)}{sure} {unit}".rstrip()
 
 
-def two_digits(number: float) -> str:
+def format_two_digits(number: float) -> str:
     """Two digits that count, of a large number as well: 0.0035, 1.2, 99, 600, never 6e+02."""
     return f"{float(f'{number:.2g}'):g}"
 
 
-def deviation(std: float) -> str:
+def format_std(std: float) -> str:
     """A standard deviation by two digits, zeros too: 0.0010, 0.35, 12."""
     places = _places(std)
-    return two_digits(std) if places is None else _rounded(std, places)
+    return format_two_digits(std) if places is None else _rounded(std, places)
 
 
-def with_deviation(value: float, std: float) -> str:
+def format_value(value: float, std: float) -> str:
     """A number with the places of its deviation; where that has none, or both are tiny, with four digits."""
     places = _places(std)
     return f"{value:.4g}" if places is None or not math.isfinite(value) else _rounded(value, places)
@@ -48,4 +48,4 @@ def _places(std: float) -> int | None:
     if not (math.isfinite(std) and std > 0.0):
         return None
     places = 1 - math.floor(math.log10(float(f"{std:.1e}")))
-    return places if abs(places) <= MOST_PLACES else None
+    return places if abs(places) <= MAX_PLACES else None

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from raccoon.diagnose.reports.unknown_words import along
+from raccoon.diagnose.reports.unknown_text import covariate_text
 from raccoon.diagnose.result import Curve, Diagnosis, Shape
 
 BEFORE, AFTER, MEASURED = "#b5422c", "#2c6fb5", "#aaaaaa"
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 """Of a curve; more make a page large, and no picture has as many columns."""
 
 
-def png(figure: Any) -> str:
+def figure_to_base64_png(figure: Any) -> str:
     """A figure as base64 text. A letter of a name that no font has is a box in it, and no news."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
@@ -26,31 +26,31 @@ def png(figure: Any) -> str:
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def _figure(height: float) -> Any:
+def _new_figure(height: float) -> Any:
     """An empty one of that height, inches, as wide as a page."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(8.0, height), layout="constrained")
 
 
-def _improved(diagnosis: Diagnosis) -> str:
+def _after_label(diagnosis: Diagnosis) -> str:
     """What the better simulation has that the one before has not."""
     return "with the causes" if diagnosis.causes else "within robot.toml's tolerances"
 
 
-def _compared(diagnosis: Diagnosis) -> str:
+def _before_label(diagnosis: Diagnosis) -> str:
     """What the simulation before is. Of a drive it is refitted within robot.toml's tolerances as well."""
     return "without the causes" if diagnosis.causes else "before"
 
 
-def _plain(axes: Any) -> None:
+def _hide_frame(axes: Any) -> None:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
 
 
 def error_figure(diagnosis: Diagnosis) -> Any:
     """Error before and after over each channel's noise floor."""
-    figure = _figure(0.62 * len(diagnosis.channels) + 1.3)
+    figure = _new_figure(0.62 * len(diagnosis.channels) + 1.3)
     axes = figure.subplots()
     names = [each.name for each in diagnosis.channels]
     floors = [max(each.noise_floor, 1e-300) for each in diagnosis.channels]
@@ -58,11 +58,11 @@ def error_figure(diagnosis: Diagnosis) -> Any:
     after = [each.rmse_after / floor for each, floor in zip(diagnosis.channels, floors, strict=True)]
     rows = np.arange(len(names))
     for shift, values, label, color in (
-        (-0.2, before, _compared(diagnosis), BEFORE),
-        (0.2, after, _improved(diagnosis), AFTER),
+        (-0.2, before, _before_label(diagnosis), BEFORE),
+        (0.2, after, _after_label(diagnosis), AFTER),
     ):
         bars = axes.barh(rows + shift, values, 0.38, label=label, color=color)
-        for text in axes.bar_label(bars, fmt=_times, padding=3, fontsize=9):
+        for text in axes.bar_label(bars, fmt=_ratio_text, padding=3, fontsize=9):
             # So that the line of the noise does not run through it.
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.5})
     axes.axvline(1.0, color="0.3", linewidth=1.0, linestyle="--", label="noise")
@@ -71,11 +71,11 @@ def error_figure(diagnosis: Diagnosis) -> Any:
     axes.margins(x=0.12)
     axes.set_xlabel("error on unseen data / noise")
     axes.legend(fontsize=9, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    _plain(axes)
+    _hide_frame(axes)
     return figure
 
 
-def _times(value: float) -> str:
+def _ratio_text(value: float) -> str:
     """Two digits, and all before the point: 0.97, 1.0, 12, 374."""
     return f"{value:.2g}" if value < 0.995 else f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
 
@@ -83,7 +83,7 @@ def _times(value: float) -> str:
 def cause_figure(diagnosis: Diagnosis) -> Any:
     """For each cause: error on unseen data without it and with all."""
     causes = diagnosis.causes
-    figure = _figure(0.5 * len(causes) + 1.2)
+    figure = _new_figure(0.5 * len(causes) + 1.2)
     axes = figure.subplots()
     rows = np.arange(len(causes))
     without = [each.gain.heldout_rmse_before for each in causes]
@@ -97,34 +97,34 @@ def cause_figure(diagnosis: Diagnosis) -> Any:
     axes.set_xlim(0.0, 1.05 * max(1.0, *without, *together))  # with room for the largest's dot
     axes.set_xlabel("error on unseen data / noise")
     axes.legend(fontsize=9, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    _plain(axes)
+    _hide_frame(axes)
     return figure
 
 
 def shape_figure(shape: Shape) -> Any:
     """What no cause describes, over what it depends on, with two standard deviations."""
-    figure = _figure(2.6)
+    figure = _new_figure(2.6)
     axes = figure.subplots()
     low, high = shape.values - 2.0 * shape.stds, shape.values + 2.0 * shape.stds
     axes.fill_between(shape.over, low, high, color=AFTER, alpha=0.2, linewidth=0.0)
     axes.plot(shape.over, shape.values, color=AFTER, linewidth=1.6)
     axes.axhline(0.0, color="0.7", linewidth=0.8)
-    axes.set_xlabel(f"{along(shape)}, {shape.over_unit}")
+    axes.set_xlabel(f"{covariate_text(shape)}, {shape.over_unit}")
     axes.set_ylabel(f"{shape.quantity}, {shape.unit}", fontsize=9)
-    _plain(axes)
+    _hide_frame(axes)
     return figure
 
 
 def curve_figure(curve: Curve, diagnosis: Diagnosis) -> Any:
     """Measured against simulated, and the two errors below."""
-    plain, better = _compared(diagnosis), _improved(diagnosis)
-    step = max(1, len(curve.time) // MOST_POINTS)
+    plain, better = _before_label(diagnosis), _after_label(diagnosis)
+    step = max(1, len(curve.time) // MAX_POINTS)
     time, measured, before, after = (
         each[::step] for each in (curve.time, curve.measured, curve.before, curve.after)
     )
     simulated = bool(np.isfinite(before).any())
     compared = simulated and bool(np.nan_to_num(measured).any())
-    figure = _figure(3.9 if compared else 2.3)
+    figure = _new_figure(3.9 if compared else 2.3)
     panels = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1)) if compared else [figure.subplots()]
     top, bottom = panels[0], panels[-1]
     if compared or not simulated:
@@ -141,5 +141,5 @@ def curve_figure(curve: Curve, diagnosis: Diagnosis) -> Any:
     top.legend(fontsize=8, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     bottom.set_xlabel("t, s")
     for axes in panels:
-        _plain(axes)
+        _hide_frame(axes)
     return figure

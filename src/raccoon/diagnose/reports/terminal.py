@@ -8,10 +8,10 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
 from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
-from raccoon.diagnose.reports.as_much import as_much_text
-from raccoon.diagnose.reports.headline import seen_text, verdict_text
-from raccoon.diagnose.reports.numbers import number_text
-from raccoon.diagnose.reports.unknown_words import depends_text, shape_text
+from raccoon.diagnose.reports.headline import verdict_text, visible_sizes_text
+from raccoon.diagnose.reports.numbers import parameter_text
+from raccoon.diagnose.reports.similar_causes import similar_size_text
+from raccoon.diagnose.reports.unknown_text import depends_text, shape_text
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
@@ -22,32 +22,32 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 
-NOT_WHITE = 0.01
+MAX_NOT_WHITE_P = 0.01
 """Probability up to which what is left of a channel is said not to be white."""
-FAR_OFF = 1.5
+MIN_FAR_OFF_RATIO = 1.5
 """Times the noise from which a report says when a channel is furthest off."""
-MADE_UP = 1.05
+MAX_COMPENSATED_RATIO = 1.05
 """Times the error with the first cause, up to which it is without it where the others do nearly all of it."""
-UNKNOWABLE, CANNOT = "not ", "not identifiable: "
+NOT_SHOWN_PREFIX, NOT_IDENTIFIABLE_PREFIX = "not ", "not identifiable: "
 """How the reason of a cause begins that this recording cannot show at all, and how most of them do."""
 TOLERANCES = "the tolerances in robot.toml"
-ABSORBED = 0.02
+MAX_ABSORBED_CHANGE = 0.02
 """Times the noise up to which what a cause changes is next to nothing beyond these."""
-NO_GAIN = 1.005
+MAX_NO_GAIN_RATIO = 1.005
 """Times the error with a cause, up to which data that was kept for judging does not show it."""
-NOT_IN_THE_REST = (
+NO_GAIN_TEXT = (
     "what was kept for judging (the last 30 %, or --holdout) is foreseen as well without it: see it in a "
     "second recording before you change the robot for it"
 )
 """Of such a cause. Its probability is that of the whole recording."""
-RECORD_AGAIN = (
+RECORD_AGAIN_ADVICE = (
     "drive the checkup and diagnose that (raccoon excite --record again.jsonl.gz; a single motor or axis: "
     "steps and reversals at several speeds); if that is unknown as well, compare ports, signs and units in "
     "robot.toml with the robot"
 )
 """What to do where nothing is known of what is wrong."""
-_ANY_SIZE = re.compile(r"; would show from about .*")
-_BEYOND_ALL = re.compile(r"; would show from about (?:\d{4,}|[\d.]+e\+\d\d)\b.*")
+_VISIBLE_SIZE = re.compile(r"; would show from about .*")
+_IMPOSSIBLE_SIZE = re.compile(r"; would show from about (?:\d{4,}|[\d.]+e\+\d\d)\b.*")
 """A size that no robot has, of a thousand and more: it says no more than that nothing would show."""
 
 
@@ -59,48 +59,53 @@ def terminal_report(diagnosis: Diagnosis) -> str:
 def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     yield verdict_text(diagnosis)
     for cause in diagnosis.causes:
-        yield from _cause(cause, diagnosis)
+        yield from _cause_lines(cause, diagnosis)
     if diagnosis.unexplained.depends_on:
-        yield f"  ? {left_text(diagnosis.unexplained)}: {depends_text(diagnosis.unexplained.depends_on)}."
+        depends_on = depends_text(diagnosis.unexplained.depends_on)
+        yield f"  ? {unexplained_share_text(diagnosis.unexplained)}: {depends_on}."
     for shape in diagnosis.shapes:
         yield f"       {shape_text(shape)}"
     for fault in diagnosis.sensor_faults:
         yield f"  ! {fault.kind}: {fault.text}."
-    if seen := seen_text(diagnosis):
+    if seen := visible_sizes_text(diagnosis):
         yield f"  {seen}"
-    yield from _identified(diagnosis.identified)
+    yield from _identified_lines(diagnosis.identified)
     if diagnosis.channels:
         yield ""
         yield "Error on data that was not fitted (before -> after, noise floor):"
     for each in diagnosis.channels:
         numbers = f"{each.rmse_before:9.4g} -> {each.rmse_after:9.4g}   ({each.noise_floor:.4g} {each.unit})"
-        yield f"  {each.name:18s} {numbers}{_when(diagnosis, each)}"
-    if any(reason.startswith(UNKNOWABLE) for reason in reasons(diagnosis)):
+        yield f"  {each.name:18s} {numbers}{_worst_time_text(diagnosis, each)}"
+    if any(reason.startswith(NOT_SHOWN_PREFIX) for reason in reasons_not_named(diagnosis)):
         yield ""
         yield "What this recording cannot show:"
-    for reason, ids in reasons(diagnosis).items():
-        if reason.startswith(UNKNOWABLE):
+    for reason, ids in reasons_not_named(diagnosis).items():
+        if reason.startswith(NOT_SHOWN_PREFIX):
             yield f"  {', '.join(ids)}: {reason}"
     yield ""
-    for text in advice(diagnosis):
+    for text in next_recording_advice(diagnosis):
         yield f"To learn more: {text}."
-    for text in news(diagnosis):
+    for text in unrepeated_notes(diagnosis):
         yield f"Note: {text}" if text.endswith("?") else f"Note: {text}."
     yield f"({diagnosis.seconds:.1f} s)"
 
 
-def news(diagnosis: Diagnosis) -> list[str]:
+def unrepeated_notes(diagnosis: Diagnosis) -> list[str]:
     """The notes that are not said as what the recording cannot show already."""
-    said = {each.removeprefix(CANNOT) for each in reasons(diagnosis) if each.startswith(UNKNOWABLE)}
+    said = {
+        each.removeprefix(NOT_IDENTIFIABLE_PREFIX)
+        for each in reasons_not_named(diagnosis)
+        if each.startswith(NOT_SHOWN_PREFIX)
+    }
     lists = tuple(f"not checked, since {each}: " for each in said)  # the same causes in another order
     return [
         each
         for each in diagnosis.notes
-        if each.removeprefix(CANNOT) not in said and not each.startswith(lists)
+        if each.removeprefix(NOT_IDENTIFIABLE_PREFIX) not in said and not each.startswith(lists)
     ]
 
 
-def left_text(unexplained: Unexplained) -> str:
+def unexplained_share_text(unexplained: Unexplained) -> str:
     """How much no cause describes, where that is much on data that was not fitted."""
     share = round(100 * unexplained.share)
     if share == 0:
@@ -108,71 +113,73 @@ def left_text(unexplained: Unexplained) -> str:
     return f"{share} % of the error's power is left; it depends on"
 
 
-def rest_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
+def channel_residual_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
     """What is left of a channel's error, in a few words; nothing where it has no time course."""
-    if _course(diagnosis, channel) is None:
+    if _curve_of(diagnosis, channel) is None:
         return ""
     if math.isnan(channel.whiteness_p):
-        return _when(diagnosis, channel).removeprefix(", ")
-    white = "white" if channel.whiteness_p > NOT_WHITE else "not white"
-    return f"{white} (p {channel.whiteness_p:.2g}){_when(diagnosis, channel)}"
+        return _worst_time_text(diagnosis, channel).removeprefix(", ")
+    white = "white" if channel.whiteness_p > MAX_NOT_WHITE_P else "not white"
+    return f"{white} (p {channel.whiteness_p:.2g}){_worst_time_text(diagnosis, channel)}"
 
 
-def _when(diagnosis: Diagnosis, channel: ChannelResult) -> str:
+def _worst_time_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
     """When a channel is furthest off, where more than noise is left."""
-    curve = _course(diagnosis, channel)
-    if curve is None or channel.rmse_after < FAR_OFF * channel.noise_floor:
+    curve = _curve_of(diagnosis, channel)
+    if curve is None or channel.rmse_after < MIN_FAR_OFF_RATIO * channel.noise_floor:
         return ""
     return f", furthest off around {curve.worst:.1f} s"
 
 
-def _course(diagnosis: Diagnosis, channel: ChannelResult) -> Curve | None:
+def _curve_of(diagnosis: Diagnosis, channel: ChannelResult) -> Curve | None:
     return next((each for each in diagnosis.curves if each.name == channel.name and len(each.time)), None)
 
 
-def reasons(diagnosis: Diagnosis) -> dict[str, list[str]]:
+def reasons_not_named(diagnosis: Diagnosis) -> dict[str, list[str]]:
     """Causes that were not named, by the reason they share. From which size on each would show says nothing
     where the simulation does not follow the recording."""
-    sizes = _ANY_SIZE if _lost(diagnosis) else _BEYOND_ALL
+    sizes = _VISIBLE_SIZE if _is_nothing_known(diagnosis) else _IMPOSSIBLE_SIZE
     found: dict[str, list[str]] = defaultdict(list)
     for each in diagnosis.rejected:
         found[sizes.sub("", each.reason)].append(each.id)
     return dict(found)
 
 
-def advice(diagnosis: Diagnosis) -> tuple[str, ...]:
+def next_recording_advice(diagnosis: Diagnosis) -> tuple[str, ...]:
     """What to record next. What a note says already is not said again. Where the simulation does not follow
     at all, a drive that would show one cause more does not help."""
-    if _lost(diagnosis):
-        return (RECORD_AGAIN,)
+    if _is_nothing_known(diagnosis):
+        return (RECORD_AGAIN_ADVICE,)
     return tuple(each for each in diagnosis.suggested_manoeuvres if each not in diagnosis.notes)
 
 
-def _lost(diagnosis: Diagnosis) -> bool:
+def _is_nothing_known(diagnosis: Diagnosis) -> bool:
     """Whether something is wrong and nothing at all is known of it."""
     known = diagnosis.causes or diagnosis.shapes or diagnosis.unexplained.depends_on
     return diagnosis.verdict is Verdict.UNKNOWN and not known
 
 
-def _identified(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:
+def _identified_lines(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:
     if numbers:
         yield ""
         yield "Measured on the way:"
     for name, each in numbers.items():
         known = each.nominal == each.nominal and each.nominal != 0.0
         assumed = f" (assumed {each.nominal:.4g})" if known else ""
-        yield f"  {name:26s} {number_text(each)}{assumed}"
+        yield f"  {name:26s} {parameter_text(each)}{assumed}"
 
 
-def made_up(cause: CauseResult, diagnosis: Diagnosis) -> str:
+def compensation_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
     """What is to be said of a cause that the reference shows, and of the one that changes most, where the
     error is hardly larger without it."""
     first = cause.rank == 1 and len(diagnosis.causes) > 1
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
     referred = any(name.endswith(" by the reference") for name in diagnosis.identified)
-    if referred and cause.id in OF_TURNS and without < MADE_UP * after:
+    if referred and cause.id in OF_TURNS and without < MAX_COMPENSATED_RATIO * after:
         return "the reference of the pose shows it (measured on the way); the sensors' errors hardly do"
-    alike = without != after and without < MADE_UP * after  # noise that is a cause lowers no error at all
+    alike = (
+        without != after and without < MAX_COMPENSATED_RATIO * after
+    )  # noise that is a cause lowers no error at all
     return "without it the others would make up for it" if first and alike else ""
 
 
@@ -183,15 +190,15 @@ def change_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
         return ""
     why = f", {cause.no_matter}" if cause.no_matter else ""
     little = f"real, but too small to matter{why}: it " if cause.little else ""
-    most = f"moves the reading that shows it most by {_times(cause.change)} its noise"
-    if cause.unabsorbed < ABSORBED:
+    most = f"moves the reading that shows it most by {_factor_text(cause.change)} its noise"
+    if cause.unabsorbed < MAX_ABSORBED_CHANGE:
         return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
-    alike = as_much_text(cause, diagnosis.causes)
-    beyond = f"and all readings by {_times(cause.unabsorbed)} beyond {TOLERANCES}"
+    alike = similar_size_text(cause, diagnosis.causes)
+    beyond = f"and all readings by {_factor_text(cause.unabsorbed)} beyond {TOLERANCES}"
     return ", ".join([f"{little}{most}", beyond, *([alike] if alike else [])])
 
 
-def _times(number: float) -> str:
+def _factor_text(number: float) -> str:
     """Two digits, and never a power of ten."""
     return f"{number:.0f} times" if number >= 99.5 else f"{number:.2g} times"
 
@@ -201,8 +208,8 @@ def evidence_text(cause: CauseResult) -> str:
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
     if cause.id.endswith(".noise"):
         return f"no simulation foresees it: the error on unseen data is {after:.2f} times the noise"
-    if without < NO_GAIN * after:
-        return NOT_IN_THE_REST
+    if without < MAX_NO_GAIN_RATIO * after:
+        return NO_GAIN_TEXT
     return f"error on unseen data {without:.2f} times the noise without it, {after:.2f} with it"
 
 
@@ -214,18 +221,18 @@ def probability_text(cause: CauseResult) -> str:
     return f"probability {cause.probability:.2f}{those}"
 
 
-def _cause(cause: CauseResult, diagnosis: Diagnosis) -> Iterator[str]:
-    yield f"  {cause.rank}. {_one_of(cause)}"
+def _cause_lines(cause: CauseResult, diagnosis: Diagnosis) -> Iterator[str]:
+    yield f"  {cause.rank}. {_cause_sentence(cause)}"
     for name, each in cause.parameters.items():
-        yield f"       {name} {number_text(each)} (assumed {each.nominal:.4g})"
+        yield f"       {name} {parameter_text(each)} (assumed {each.nominal:.4g})"
     if change := change_text(cause, diagnosis):
         yield f"       {change}"
     if not cause.little:  # of what does not matter it does not matter where it shows
-        yield f"       {made_up(cause, diagnosis) or evidence_text(cause)}"
+        yield f"       {compensation_text(cause, diagnosis) or evidence_text(cause)}"
     yield f"       {probability_text(cause)}"
 
 
-def _one_of(cause: CauseResult) -> str:
+def _cause_sentence(cause: CauseResult) -> str:
     """The sentence; of several that this recording does not tell apart all, and what it is if it is that."""
     if not cause.confounded_with:
         return cause.explanation

@@ -1,1 +1,1 @@
-"""What no catalogue lists: what the unexplained depends on."""
+"""Causes that no catalogue lists: what the unexplained residual depends on."""

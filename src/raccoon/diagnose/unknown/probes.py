@@ -1,4 +1,4 @@
-"""Generic directions for causes that no catalogue lists: what does the unexplained depend on?
+"""Probes for causes that no catalogue lists: what does the unexplained residual depend on?
 
 A probe is a free curve over a covariate (the wheel's angle, the place, the speed ...), as a torque at a wheel
 or as an addition to a sensor. The robot forgets a torque within 0.1 s, so the response to a torque that
@@ -24,22 +24,40 @@ from raccoon.diagnose.drives.log import Change
 from raccoon.diagnose.fit.linear_model import Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.unknown.changes import change_probes, changed
-from raccoon.diagnose.unknown.sensors import PREFIX, RATE, Probe, gyro_over_speed, hats, sensor_probes
-from raccoon.diagnose.unknown.waves import angle_of, counts_of, waves, wheel_waves
+from raccoon.diagnose.unknown.sensor_probes import (
+    UNKNOWN_PREFIX,
+    WHEEL_SPEED_UNIT,
+    Probe,
+    gyro_speed_probes,
+    hat_functions,
+    sensor_time_probes,
+)
+from raccoon.diagnose.unknown.step_change import change_probes, find_step_change
+from raccoon.diagnose.unknown.wheel_waves import (
+    bemf_counts_per_speed,
+    sines_and_cosines,
+    torque_waves,
+    wheel_angle,
+)
 from raccoon.sim.effects.parameters import SIDES, Parameters
 from raccoon.sim.effects.physical import wiring_signs
 
 Array = NDArray[np.float64]
 
-PLACE = "position"
+POSITION = "position"
 INERTIA = "drive.inertia"
-INERTIA_SHARE = "growth of inertia"
-TORQUE = 0.03
-"""N m, the usual size of a torque over a place, a heading, a speed or time."""
-WAVE = 0.0075
-"""N m of a wave: so many are free that with four times as much causes had a tenth less evidence on 8 s."""
-LEAST_WAVE, SMALL_WAVE, SMALL_RUB, LARGE_WAVE = 60.0, 0.05, 0.08, 14.0
+INERTIA_GROWTH = "growth of inertia"
+USUAL_TORQUE = 0.03
+"""N m, prior standard deviation of a torque over a place, a heading, a speed or time."""
+USUAL_WAVE_TORQUE = 0.0075
+"""The same of a wave over a wheel's angle: so many are free that with four times as much causes had a tenth
+less evidence on 8 s."""
+MIN_WAVE_LOG_EVIDENCE, FLOOR_TORQUE_SHARE, FLOOR_FRICTION_SHARE, MIN_LARGE_WAVE_LOG_EVIDENCE = (
+    60.0,
+    0.05,
+    0.08,
+    14.0,
+)
 """Log evidence up to which a floor makes a torque, or a friction, over a wheel's angle, as long as its wave
 is no larger than that share of robot.toml's friction; and a larger torque. A robot that drives there and
 back on a line has the same floor under the same angle: on one whose friction varies by 2 % within 4 to 20 cm
@@ -47,14 +65,14 @@ nine of 60 drives had 10 of a torque, or 14 to 29 of a friction, with waves of 1
 by 1.7 % two of 14 had 16 and 21 of a torque of about as much; on one of the blind robots a larger one had 11.
 Of ten wheels that rub by a fourth of their friction, waves of 12 to 20 %, one had 27 on 40 s, and the others
 41 and more."""
-MOMENTS = 16
+FRICTION_STEPS = 16
 """Parts of a drive between which friction may change: with eighths motors that get hot were named of a robot
 that took a load. Of 24 blind robots whose friction wanders it explained nothing of any."""
-RUBS_ANEW = "time (friction)"
+FRICTION_OVER_TIME = "time (friction)"
 
 
 @dataclass(frozen=True, slots=True)
-class _Torque:
+class _TorqueCurve:
     """A torque at both wheels over a covariate. friction: whether it opposes the motion."""
 
     name: str
@@ -66,7 +84,8 @@ class _Torque:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the robot moved, by bins. Arrays (bins,) or (bins, 2), left before right."""
+    """How the robot moved, by bins. Arrays (bins,) or (bins, 2), left before right; SI units, speed and angle
+    of the wheels."""
 
     speed: Array
     angle: Array
@@ -76,11 +95,11 @@ class Motion:
     time: Array
 
 
-def motion_of(problem: Problem, settings: Settings) -> Motion | None:
-    """Motion from back-EMF (or speeds) and gyro, with the settings of a working point; None where no wheel is
-    measured."""
+def estimate_motion(problem: Problem, settings: Settings) -> Motion | None:
+    """Estimate motion from back-EMF (or speeds) and gyro, with the settings of a working point; None where no
+    wheel is measured."""
     features = problem.features
-    speed = _wheel_speed(problem, features.measured, settings)
+    speed = _measured_wheel_speeds(problem, features.measured, settings)
     if speed is None:
         return None
     drive = problem.robot.model.drive
@@ -107,7 +126,7 @@ def motion_of(problem: Problem, settings: Settings) -> Motion | None:
     )
 
 
-def _wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array | None:
+def _measured_wheel_speeds(problem: Problem, readings: Array, settings: Settings) -> Array | None:
     """Speeds (bins, 2) in rad/s as readings (bins, channels) give them with the settings of a working
     point."""
     roles, columns = problem.features.roles, []
@@ -118,17 +137,18 @@ def _wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array
         elif f"bemf_{side}" in roles:
             offset = sign * settings[("bemf.offset", side, "counts")]
             counts = readings[:, roles.index(f"bemf_{side}")] - offset
-            columns.append(counts / counts_of(problem, settings, side))
+            columns.append(counts / bemf_counts_per_speed(problem, settings, side))
     return np.column_stack(columns) if len(columns) == 2 else None
 
 
-def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
-    """The probes of a recording; their curves and responses follow the working point."""
+def make_probe_function(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
+    """The function that makes a recording's probes at a working point, which their curves and responses
+    follow."""
 
     def probes(linear: Linear) -> Sequence[Probe]:
         settings = problem.settings(linear.point)
-        motion = motion_of(problem, settings)
-        wheels = _wheel_speed(problem, problem.features.measured - linear.residual, settings)
+        motion = estimate_motion(problem, settings)
+        wheels = _measured_wheel_speeds(problem, problem.features.measured - linear.residual, settings)
         if motion is None or wheels is None:
             return ()
         if not np.isfinite(wheels).all():
@@ -137,69 +157,79 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
                 "[motor.N] inverted and [model] those of the robot that was recorded?"
             )
         speed = np.abs(wheels).mean(axis=1)
-        over_speed = _Torque("speed", True, hats(speed, 6), speed, RATE)
-        anew = [_rubs_from(motion.time)] if problem.rubs_anew else []
-        every = [*_torque_curves(motion), *anew, over_speed]
+        over_speed = _TorqueCurve("speed", True, hat_functions(speed, 6), speed, WHEEL_SPEED_UNIT)
+        over_time = [_friction_over_time(motion.time)] if problem.rubs_anew else []
+        torques = [*_torque_curves(motion), *over_time, over_speed]
         return [
             *_wheel_probes(problem, settings, motion, wheels),
-            *_torque_probes(problem, linear, motion, every),
+            *_torque_probes(problem, linear, motion, torques),
             *_inertia_probes(problem, linear, motion),
-            *gyro_over_speed(problem.features, wheels),
-            *sensor_probes(problem.features, motion.time),
+            *gyro_speed_probes(problem.features, wheels),
+            *sensor_time_probes(problem.features, motion.time),
             *change_probes(problem, settings, wheels),
         ]
 
     return probes
 
 
-def _torque_curves(motion: Motion) -> list[_Torque]:
-    found: list[_Torque] = []
+def _torque_curves(motion: Motion) -> list[_TorqueCurve]:
+    found: list[_TorqueCurve] = []
     for name, along in (("x", motion.x), ("y", motion.y)):
         count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
-        found.append(_Torque(f"{PLACE} {name}", True, hats(along, count) - 1.0 / count, along, "m"))
+        found.append(
+            _TorqueCurve(f"{POSITION} {name}", True, hat_functions(along, count) - 1.0 / count, along, "m")
+        )
     heading = motion.heading
-    found.append(_Torque("heading", False, waves(heading, 3), _within_a_turn(heading), "rad"))
+    found.append(_TorqueCurve("heading", False, sines_and_cosines(heading, 3), _wrap_angle(heading), "rad"))
     return found
 
 
-def _rubs_from(time: Array) -> _Torque:
-    """Friction that is another from some moments on, as of a robot that has picked something up."""
-    return _Torque(RUBS_ANEW, True, _from_each(time, np.arange(1, MOMENTS) / MOMENTS), time, "s")
+def _friction_over_time(time: Array) -> _TorqueCurve:
+    """Friction that changes in steps over time, as of a robot that has picked something up."""
+    return _TorqueCurve(
+        FRICTION_OVER_TIME,
+        True,
+        _step_functions(time, np.arange(1, FRICTION_STEPS) / FRICTION_STEPS),
+        time,
+        "s",
+    )
 
 
-def _from_each(time: Array, parts: Array) -> Array:
-    """(parts, n): 1 from each of these parts of the whole time on."""
+def _step_functions(time: Array, parts: Array) -> Array:
+    """Steps (parts, n): 1 from each of these parts of the whole time on, 0 before."""
     share = (time - time[0]) / max(time[-1] - time[0], 1e-9)
     return np.asarray(share[None] >= parts[:, None], float)
 
 
-def _within_a_turn(angle: Array) -> Array:
+def _wrap_angle(angle: Array) -> Array:
     """The angle within one turn."""
     return np.asarray(np.mod(angle, 2.0 * np.pi), float)
 
 
 def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: Array) -> list[Probe]:
     """speeds (bins, 2): of the wheels, rad/s, as simulated."""
-    per_share = problem.robot.model.friction.coulomb.value / WAVE
+    per_share = problem.robot.model.friction.coulomb.value / USUAL_WAVE_TORQUE
     found = []
     for wheel, side in enumerate(SIDES):
-        angle = angle_of(problem, settings, motion.angle[:, wheel], wheel)
+        angle = wheel_angle(problem, settings, motion.angle[:, wheel], wheel)
         for friction in (False, True):
-            its = wheel_waves(problem, settings, angle, speeds, wheel, friction)
+            waves = torque_waves(problem, settings, angle, speeds, wheel, friction)
             found.append(
                 Probe(
-                    f"{PREFIX}wheel angle {side}{' (friction)' if friction else ''}", WAVE * its.columns,
+                    f"{UNKNOWN_PREFIX}wheel angle {side}{' (friction)' if friction else ''}",
+                    USUAL_WAVE_TORQUE * waves.columns,
                     quantity="friction" if friction else "torque forward", unit="N m",
-                    over=_within_a_turn(angle), over_unit="rad", curves=WAVE * its.curves, parts=its.parts,
-                    least=LEAST_WAVE, usual=(SMALL_RUB if friction else SMALL_WAVE) * per_share,
-                    larger=0.0 if friction else LARGE_WAVE,
+                    over=_wrap_angle(angle), over_unit="rad", curves=USUAL_WAVE_TORQUE * waves.curves,
+                    parts=waves.parts, least=MIN_WAVE_LOG_EVIDENCE,
+                    usual=(FLOOR_FRICTION_SHARE if friction else FLOOR_TORQUE_SHARE) * per_share,
+                    larger=0.0 if friction else MIN_LARGE_WAVE_LOG_EVIDENCE,
                 )
             )  # fmt: skip
     return found
 
 
 def _torque_probes(
-    problem: Problem, linear: Linear, motion: Motion, torques: Sequence[_Torque]
+    problem: Problem, linear: Linear, motion: Motion, torques: Sequence[_TorqueCurve]
 ) -> list[Probe]:
     responses = _torque_responses(problem, linear)
     if responses is None:
@@ -213,9 +243,9 @@ def _torque_probes(
         kind = "friction of each wheel" if each.friction else "torque forward"
         found.append(
             Probe(
-                PREFIX + each.name, TORQUE * total, quantity=kind, unit="N m", over=each.over,
-                over_unit=each.over_unit, curves=TORQUE * each.curves,
-                over_place=each.name.startswith(PLACE),
+                UNKNOWN_PREFIX + each.name, USUAL_TORQUE * total, quantity=kind, unit="N m", over=each.over,
+                over_unit=each.over_unit, curves=USUAL_TORQUE * each.curves,
+                over_place=each.name.startswith(POSITION),
             )
         )  # fmt: skip
     return found
@@ -231,23 +261,23 @@ def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Pr
     column = linear.column(INERTIA)
     if column is None:
         return []
-    steps = _from_each(motion.time, np.arange(0.0, 1.0, 0.125))
+    steps = _step_functions(motion.time, np.arange(0.0, 1.0, 0.125))
     (coordinate,) = problem.causes[INERTIA].coordinates
     width = math.log(coordinate.value(1.0))
     return [
         Probe(
-            PREFIX + "time (inertia)", steps[:, :, None] * column[None], quantity=INERTIA_SHARE,
+            UNKNOWN_PREFIX + "time (inertia)", steps[:, :, None] * column[None], quantity=INERTIA_GROWTH,
             unit="%", over=motion.time, over_unit="s", curves=width * steps,
         )
     ]  # fmt: skip
 
 
-def change_in(problem: Problem, linear: Linear) -> Change | None:
-    """What changed in the drive, by what is left at a working point; None where nothing surely did."""
+def find_change(problem: Problem, linear: Linear) -> Change | None:
+    """The step change of the drive, by the residual at a working point; None where nothing surely changed."""
     features = problem.features
     predicted = features.measured - linear.residual
-    wheels = _wheel_speed(problem, predicted, problem.settings(linear.point))
+    wheels = _measured_wheel_speeds(problem, predicted, problem.settings(linear.point))
     if problem.change is not None or wheels is None or "gyro" not in features.roles:
         return None
     gyro = linear.residual[:, features.roles.index("gyro")]
-    return changed(features.time, gyro, dict(zip(SIDES, wheels.T, strict=True)))
+    return find_step_change(features.time, gyro, dict(zip(SIDES, wheels.T, strict=True)))

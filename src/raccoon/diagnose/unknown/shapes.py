@@ -1,4 +1,4 @@
-"""What an unknown cause does: the curves of the probes that were accepted, with their size."""
+"""The shape of an unknown cause: the fitted curves of the accepted probes, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -14,43 +14,46 @@ from raccoon.diagnose.fit.noise_estimation import whitener_for
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.result import Shape
 from raccoon.diagnose.select.state import Search
-from raccoon.diagnose.unknown.probes import INERTIA, INERTIA_SHARE
-from raccoon.diagnose.unknown.sensors import PREFIX, Probe
+from raccoon.diagnose.unknown.probes import INERTIA, INERTIA_GROWTH
+from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX, Probe
 
 Array = NDArray[np.float64]
 
-POINTS = 48
-"""Of a curve as it is said."""
-FREED = 10.0
-"""Times their usual size that waves may well have whose size is asked for."""
-MOST_LARGER = 2.0
-"""By how much a wave may be larger than what of it stays the same on the way: beyond, it is chance."""
+CURVE_POINTS = 48
+"""Points of a curve as it is reported."""
+WAVE_PRIOR_FACTOR = 10.0
+"""Factor on the prior standard deviation of waves once they are known to be there."""
+MAX_WAVE_CORRECTION = 2.0
+"""Factor by which a wave may be larger than its part that stays the same on the way: beyond, it is chance."""
 
 
-def shapes_of(search: Search) -> tuple[Shape, ...]:
-    """The curves over what they depend on, fitted together with all that the search left free.
+def fit_shapes(search: Search) -> tuple[Shape, ...]:
+    """Fit the accepted probes' curves together with all that the search left free.
 
     They are no noise here, as they were while causes were sought beside them.
     """
     if not search.unknown:
         return ()
-    every = search.probes(search.linear)
-    whitener = whitener_for(search.problem, search.linear, every, search.whitener, tolerant=False)
-    probes = [each for each in every if isinstance(each, Probe) and each.name in search.unknown]
-    found = _fitted(search, probes, whitener)
-    if any(_grows(each.probe) for each in found):
-        refined = [_over_its_range(search, each) if _grows(each.probe) else each.probe for each in found]
-        found = _fitted(search, refined, whitener)
-    return tuple(_shape(each) for each in found)
+    all_probes = search.probes(search.linear)
+    whitener = whitener_for(search.problem, search.linear, all_probes, search.whitener, tolerant=False)
+    probes = [each for each in all_probes if isinstance(each, Probe) and each.name in search.unknown]
+    fitted = _fit_probes(search, probes, whitener)
+    if any(_is_inertia_growth(each.probe) for each in fitted):
+        refined = [
+            _with_response_over_range(search, each) if _is_inertia_growth(each.probe) else each.probe
+            for each in fitted
+        ]
+        fitted = _fit_probes(search, refined, whitener)
+    return tuple(_make_shape(each) for each in fitted)
 
 
-def _grows(probe: Probe) -> bool:
+def _is_inertia_growth(probe: Probe) -> bool:
     """Whether the curve is the logarithm of a factor on inertia."""
-    return probe.quantity == INERTIA_SHARE
+    return probe.quantity == INERTIA_GROWTH
 
 
 @dataclass(frozen=True, slots=True)
-class _Fitted:
+class _FittedProbe:
     """A probe, and its coordinates with their covariance."""
 
     probe: Probe
@@ -58,29 +61,29 @@ class _Fitted:
     covariance: Array
 
 
-def _fitted(search: Search, probes: Sequence[Probe], whitener: Whitener) -> list[_Fitted]:
-    """The probes beside all that the search left free, by the linear model."""
+def _fit_probes(search: Search, probes: Sequence[Probe], whitener: Whitener) -> list[_FittedProbe]:
+    """Fit the probes beside all that the search left free, by the linear model."""
     linear, fit = search.linear, search.fit
     own = linear.own[fit.free]
-    probes = [_freed(each) if each.parts else each for each in probes]
+    probes = [_with_wide_prior(each) if each.parts else each for each in probes]
     target = linear.residual + np.tensordot(fit.point.vector()[fit.free], own, axes=1)
     white = whitener(np.concatenate([own, *(each.columns for each in probes), target[None]]))
     mean, _, covariance = Gram.of(white[:-1].T, white[-1]).solve()
     found, place = [], len(own)
     for each in probes:
         rows = slice(place, place + len(each.curves))
-        found.append(_Fitted(each, mean[rows], covariance[rows, rows]))
+        found.append(_FittedProbe(each, mean[rows], covariance[rows, rows]))
         place += len(each.curves)
     return found
 
 
-def _freed(probe: Probe) -> Probe:
-    """A probe of waves with next to nothing that keeps them small, now that they are known to be there."""
-    return replace(probe, columns=FREED * probe.columns, curves=FREED * probe.curves)
+def _with_wide_prior(probe: Probe) -> Probe:
+    """A probe of waves with a prior that hardly keeps them small, now that they are known to be there."""
+    return replace(probe, columns=WAVE_PRIOR_FACTOR * probe.columns, curves=WAVE_PRIOR_FACTOR * probe.curves)
 
 
-def _over_its_range(search: Search, fitted: _Fitted) -> Probe:
-    """A probe of inertia with the response between the least and the largest inertia that there was.
+def _with_response_over_range(search: Search, fitted: _FittedProbe) -> Probe:
+    """A probe of inertia with the mean response between the least and the largest inertia that there was.
 
     A robot half as heavy again does not answer by a straight line: by the response to a little inertia, loads
     came out up to a tenth too small.
@@ -95,8 +98,8 @@ def _over_its_range(search: Search, fitted: _Fitted) -> Probe:
     return replace(probe, columns=steps[:, :, None] * response[None])
 
 
-def _as_large_all_the_way(fitted: _Fitted) -> _Fitted:
-    """Waves as they are, instead of with what changes on the way, and so much larger that both are as strong.
+def _with_constant_waves(fitted: _FittedProbe) -> _FittedProbe:
+    """Waves that stay the same, with the power of those that change on the way added to them.
 
     What changes is mostly where in the turn the angle is counted from: the mean of waves that shift by a
     radian either way is a sixth too small.
@@ -108,30 +111,30 @@ def _as_large_all_the_way(fitted: _Fitted) -> _Fitted:
     shares = (probe.curves[half:] ** 2).sum(axis=1) / (probe.curves[:half] ** 2).sum(axis=1)
     changes = np.maximum(power, 0.0) * shares[: half // 2]
     larger = np.tile(np.sqrt(1.0 + changes / np.maximum(strength**2, 1e-12)), 2)
-    larger = np.minimum(larger, MOST_LARGER)
+    larger = np.minimum(larger, MAX_WAVE_CORRECTION)
     covariance = covariance[:half, :half] * np.outer(larger, larger)
-    return _Fitted(replace(probe, curves=probe.curves[:half]), mean[:half] * larger, covariance)
+    return _FittedProbe(replace(probe, curves=probe.curves[:half]), mean[:half] * larger, covariance)
 
 
-def _shape(fitted: _Fitted) -> Shape:
+def _make_shape(fitted: _FittedProbe) -> Shape:
     if fitted.probe.parts:
-        fitted = _as_large_all_the_way(fitted)
+        fitted = _with_constant_waves(fitted)
     probe, mean, covariance = fitted.probe, fitted.mean, fitted.covariance
     curves = probe.curves
-    if _grows(probe):
+    if _is_inertia_growth(probe):
         # Robot.toml alone tells the level from the robot's own inertia, and badly. The course is known.
         curves = curves - curves[:, :1]
     values = mean @ curves
     variances = np.einsum("ib,ij,jb->b", curves, covariance, curves)
     stds = np.sqrt(np.maximum(variances, 0.0))
-    if _grows(probe):
+    if _is_inertia_growth(probe):
         values, stds = 100.0 * np.expm1(values), 100.0 * np.exp(values) * stds
-    edges = np.linspace(probe.over.min(), probe.over.max(), POINTS + 1)
-    place = np.clip(np.searchsorted(edges, probe.over, side="right") - 1, 0, POINTS - 1)
-    count = np.bincount(place, minlength=POINTS)
+    edges = np.linspace(probe.over.min(), probe.over.max(), CURVE_POINTS + 1)
+    place = np.clip(np.searchsorted(edges, probe.over, side="right") - 1, 0, CURVE_POINTS - 1)
+    count = np.bincount(place, minlength=CURVE_POINTS)
     seen = count > 0
     over, values, stds = (
-        np.bincount(place, each, POINTS)[seen] / count[seen] for each in (probe.over, values, stds)
+        np.bincount(place, each, CURVE_POINTS)[seen] / count[seen] for each in (probe.over, values, stds)
     )
-    name = probe.name.removeprefix(PREFIX)
+    name = probe.name.removeprefix(UNKNOWN_PREFIX)
     return Shape(name, probe.quantity, probe.unit, over, probe.over_unit, values, stds)

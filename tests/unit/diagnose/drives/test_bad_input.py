@@ -21,7 +21,7 @@ from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.rows.repeated import without_duplicate_times
 from raccoon.diagnose.result import Verdict
-from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.probes import make_probe_function
 
 ROBOT = RobotConfig()
 COUNT, K_E = BEMF_VOLTS_PER_COUNT, ROBOT.model.left.back_emf_constant.value
@@ -205,7 +205,7 @@ def test_a_simulation_without_numbers_is_an_error_that_says_what_to_check(proble
     linear = linearise(problem, problem.nominal(), ["friction.coulomb@left"])
     nowhere = replace(linear, residual=np.full_like(linear.residual, np.nan))
     with pytest.raises(TraceError, match="gives no numbers"):
-        probes_for(problem)(nowhere)
+        make_probe_function(problem)(nowhere)
 
 
 def test_a_straight_line_says_nothing_of_the_gyros_sign() -> None:

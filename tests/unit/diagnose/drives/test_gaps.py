@@ -18,7 +18,7 @@ from raccoon.diagnose.diagnosis import Way, diagnose
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import SETTLED, STOPPED, Log, column_names, log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
-from raccoon.diagnose.findings import over_ways
+from raccoon.diagnose.findings import path_dependence
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
@@ -121,7 +121,7 @@ def judged_parts(
         return Found(replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes), ())
 
     monkeypatch.setattr(Way, "once", once)
-    monkeypatch.setattr(over_ways, "LONG_PART", 6.0)
+    monkeypatch.setattr(path_dependence, "MIN_PART_S", 6.0)
     return diagnose(columns, ROBOT), seen
 
 

@@ -14,7 +14,7 @@ from raccoon.diagnose.drives.features import SETTLING, Features
 from raccoon.diagnose.drives.joined import PAUSE, joined
 from raccoon.diagnose.drives.log import Load, Log, log_from_columns
 from raccoon.diagnose.drives.sample_clock import SampleClock
-from raccoon.diagnose.findings.gain import FITTED_PART, first_parts
+from raccoon.diagnose.findings.held_out import FITTED_SHARE, fitted_bins
 
 ROBOT = RobotConfig()
 
@@ -126,7 +126,7 @@ def test_the_longest_part_is_of_one_recording() -> None:
 def test_the_last_part_of_each_is_kept_for_judging() -> None:
     """A battery's charge is known of no recording that was not seen at all."""
     features = Features.of(joined([log(1), log(2)]))
-    fitted = first_parts(features)
+    fitted = fitted_bins(features)
     for inside in (features.time < features.starts[0], features.time >= features.starts[0]):
-        assert fitted[inside].mean() == pytest.approx(FITTED_PART, abs=0.01)
+        assert fitted[inside].mean() == pytest.approx(FITTED_SHARE, abs=0.01)
         assert np.all(np.diff(fitted[inside].astype(int)) <= 0)

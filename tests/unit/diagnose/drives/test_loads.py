@@ -21,7 +21,7 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.loads import MOST_OF_IT, loads_told, with_loads
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.sag import Sight
-from raccoon.diagnose.experiment.excitation import drive_and_record
+from raccoon.diagnose.experiment.drive_manoeuvre import drive_and_record
 from raccoon.diagnose.experiment.manoeuvres import CHECKUP, manoeuvre
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters

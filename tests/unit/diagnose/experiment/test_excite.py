@@ -10,7 +10,7 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Inputs
-from raccoon.diagnose.experiment.excitation import drive_and_record
+from raccoon.diagnose.experiment.drive_manoeuvre import drive_and_record
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort

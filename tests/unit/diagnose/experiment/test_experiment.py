@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Outputs
-from raccoon.diagnose.experiment.advice import DECIDES, Plan, advise, reach_of
+from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE, DrivePlan, estimate_reach, rank_manoeuvres
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE, manoeuvre
 from raccoon.diagnose.fit.linear_model import Group
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
@@ -28,18 +28,18 @@ ROBOT = RobotConfig()
 @pytest.fixture(scope="module", autouse=True)
 def _planned_once() -> Iterator[None]:
     """Each manoeuvre of the one robot is planned once for all tests: a plan is never changed."""
-    made = Plan.of
+    made = DrivePlan.of
 
     @cache
-    def of(name: str) -> Plan:
+    def of(name: str) -> DrivePlan:
         return made(ROBOT, manoeuvre(name))
 
-    def planned(robot: RobotConfig, duty: NDArray[np.float64]) -> Plan:
+    def planned(robot: RobotConfig, duty: NDArray[np.float64]) -> DrivePlan:
         assert robot is ROBOT
         return of(next(name for name in MANOEUVRES if np.array_equal(manoeuvre(name), duty)))
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Plan, "of", planned)
+        patch.setattr(DrivePlan, "of", planned)
         yield
 
 
@@ -52,36 +52,36 @@ def test_a_manoeuvre_is_a_legal_command(name: str) -> None:
 
 def test_standing_still_is_never_advised() -> None:
     """It would show the battery's voltage, but of a robot that does not move no diagnosis is made."""
-    drives = [each.manoeuvre for each in advise(ROBOT, "battery.open_circuit_voltage")]
+    drives = [each.manoeuvre for each in rank_manoeuvres(ROBOT, "battery.open_circuit_voltage")]
     assert "still" in MANOEUVRES
     assert drives
     assert "still" not in drives
 
 
 def test_backlash_is_told_from_gyro_latency_by_turning() -> None:
-    best = advise(ROBOT, "drive.backlash", ["imu.latency"])[0]
+    best = rank_manoeuvres(ROBOT, "drive.backlash", ["imu.latency"])[0]
     assert best.manoeuvre in ("spin", "steps", "creep")
 
 
 def test_twins_cannot_be_told_apart_by_any_drive() -> None:
-    alone = advise(ROBOT, "imu.gyro_scale")[0].evidence
-    against = advise(ROBOT, "imu.gyro_scale", ["drive.track_width"])[0].evidence
+    alone = rank_manoeuvres(ROBOT, "imu.gyro_scale")[0].evidence
+    against = rank_manoeuvres(ROBOT, "imu.gyro_scale", ["drive.track_width"])[0].evidence
     assert against < 0.2 * alone
 
 
 def test_a_slope_is_shown_by_a_drive_that_meets_it_from_all_sides() -> None:
     """Back and forth shows its part along the drive only; what lies across would stay unseen."""
-    slope = {each.manoeuvre: each.evidence for each in advise(ROBOT, "drive.slope", seconds=60.0)}
-    assert slope["checkup"] > DECIDES
+    slope = {each.manoeuvre: each.evidence for each in rank_manoeuvres(ROBOT, "drive.slope", seconds=60.0)}
+    assert slope["checkup"] > DECISIVE_EVIDENCE
     assert slope["back and forth"] < 1.0
 
 
-def plan_of(groups: list[tuple[Group, NDArray[np.float64]]], seed: int = 3) -> Plan:
+def plan_of(groups: list[tuple[Group, NDArray[np.float64]]], seed: int = 3) -> DrivePlan:
     """A plan of some whitened columns, beside one base number, one other cause and nothing restless."""
     random = np.random.default_rng(seed)
     other, own = random.normal(size=(2, 1, groups[0][1].shape[1]))
     columns = (*groups, (Group("imu.gyro_bias", np.empty((1, 0, 0))), other))
-    return Plan(columns, own, own[:0])
+    return DrivePlan(columns, own, own[:0])
 
 
 def test_where_a_slope_points_changes_nothing_of_what_a_drive_is_said_to_show() -> None:
@@ -108,18 +108,20 @@ def test_the_shapes_that_a_cause_is_tried_in_are_not_taken_for_parts_of_it() -> 
         (Group(name, np.empty((1, 0, 0)), (0.7, float(place))), (shape + 0.1 * other)[None])
         for place, other in enumerate(others)
     ]
-    together = plan_of(groups).shows()[name]
-    assert together in {plan_of([each]).shows()[name] for each in groups}
+    together = plan_of(groups).visible_sizes()[name]
+    assert together in {plan_of([each]).visible_sizes()[name] for each in groups}
 
 
 def test_what_another_cause_imitates_in_a_drive_is_no_evidence() -> None:
     """Straight on, friction that differs by direction is a constant torque, as a slope is."""
-    uneven = {each.manoeuvre: each.evidence for each in advise(ROBOT, "friction.direction_dependent")}
+    uneven = {
+        each.manoeuvre: each.evidence for each in rank_manoeuvres(ROBOT, "friction.direction_dependent")
+    }
     assert uneven["straight"] < 0.2 * uneven["creep"]
 
 
 def test_the_area_is_minded() -> None:
-    assert all(each.reach <= 0.3 for each in advise(ROBOT, "friction.viscous", within=0.3))
+    assert all(each.reach <= 0.3 for each in rank_manoeuvres(ROBOT, "friction.viscous", within=0.3))
 
 
 @pytest.mark.parametrize(
@@ -145,14 +147,14 @@ def test_no_usual_robot_leaves_the_room_that_is_asked_for(
         farthest = max(farthest, math.hypot(truth.x, truth.y))
         port.write(Outputs(duty=(left, right, 0.0, 0.0)))
     port.close()
-    assert farthest <= reach_of(ROBOT, manoeuvre(name))
+    assert farthest <= estimate_reach(ROBOT, manoeuvre(name))
 
 
 def test_the_checkup_needs_little_room_and_shows_something_of_everything() -> None:
     duty = manoeuvre("checkup")
-    assert reach_of(ROBOT, duty) < 0.8
+    assert estimate_reach(ROBOT, duty) < 0.8
     assert len(duty) / RATE == pytest.approx(40.0, abs=0.5)
-    shown = Plan.of(ROBOT, duty).shows()
+    shown = DrivePlan.of(ROBOT, duty).visible_sizes()
     assert set(shown) == {each.id for each in drive_causes()}
     assert [id_ for id_, size in shown.items() if not size or "usual" in size] == []
     page = " ".join((Path(__file__).parents[4] / "docs" / "diagnosis.md").read_text("utf-8").split())
@@ -167,7 +169,7 @@ def test_the_checkup_needs_little_room_and_shows_something_of_everything() -> No
 
 
 def test_what_a_drive_cannot_show_is_said_before_it_is_driven() -> None:
-    shown = Plan.of(ROBOT, manoeuvre("straight")).shows()
+    shown = DrivePlan.of(ROBOT, manoeuvre("straight")).visible_sizes()
     assert shown["imu.gyro_scale"] == ""  # it never turns
     assert shown["friction.stiction"].endswith("more than is usual")  # it never creeps
     assert shown["drive.turn_scrub"] == ""  # but for rounding
@@ -176,7 +178,7 @@ def test_what_a_drive_cannot_show_is_said_before_it_is_driven() -> None:
 
 def test_an_unknown_name_is_refused() -> None:
     with pytest.raises(ConfigError, match="moon phase"):
-        advise(ROBOT, "moon phase")
+        rank_manoeuvres(ROBOT, "moon phase")
     with pytest.raises(ConfigError, match="pirouette"):
         manoeuvre("pirouette")
 
@@ -194,9 +196,9 @@ def test_an_unknown_name_is_refused() -> None:
 def test_a_name_that_no_drive_shows_is_refused_with_the_reason(name: str, why: str) -> None:
     for asked in ((name, ()), ("drive.inertia", [name])):
         with pytest.raises(ConfigError, match=why):
-            advise(ROBOT, *asked)
+            rank_manoeuvres(ROBOT, *asked)
 
 
 def test_a_cause_is_no_rival_of_itself() -> None:
     with pytest.raises(ConfigError, match=r"rival 'imu.latency': it is the cause itself"):
-        advise(ROBOT, "imu.latency", ["drive.backlash", "imu.latency"])
+        rank_manoeuvres(ROBOT, "imu.latency", ["drive.backlash", "imu.latency"])

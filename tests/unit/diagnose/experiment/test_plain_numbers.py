@@ -1,7 +1,7 @@
 """A drive is planned for a robot.toml as teams write it: numbers without a standard deviation."""
 
 from raccoon.core.config import parse_robot
-from raccoon.diagnose.experiment.advice import Plan
+from raccoon.diagnose.experiment.advice import DrivePlan
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 
 
@@ -11,5 +11,5 @@ def test_a_plain_number_is_not_taken_for_an_exact_one() -> None:
         parse_robot({"model": {"battery": {"open_circuit_voltage": volts}}})
         for volts in (6.8, {"value": 6.8, "std": 0.03})
     )
-    shown = [Plan.of(robot, manoeuvre("steps")).shows() for robot in (plain, known)]
+    shown = [DrivePlan.of(robot, manoeuvre("steps")).visible_sizes() for robot in (plain, known)]
     assert shown[0] == shown[1]

@@ -7,16 +7,16 @@ import pytest
 
 from diagnoses import cause, diagnosis
 from raccoon.diagnose.drives.log import Log, Run
-from raccoon.diagnose.findings.batteries import (
-    OWN,
-    TOLD,
-    batteries_told,
-    differ,
-    judged_apart,
-    may_differ,
-    without_shared,
+from raccoon.diagnose.findings.path_dependence import restricted_to_shareable
+from raccoon.diagnose.findings.separate_batteries import (
+    NOT_SHARED_REASON,
+    SEPARATE_BATTERIES_NOTE,
+    batteries_may_differ,
+    has_separate_batteries,
+    separate_battery_notes,
+    with_resistance_not_judged,
+    without_shared_resistance,
 )
-from raccoon.diagnose.findings.over_ways import of_several
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.per_recording import (
@@ -49,31 +49,35 @@ def test_batteries_that_differ_are_said_with_the_resistance_of_each(
 ) -> None:
     asked = settings(*ohm)
     assert resistances(asked, 2) == pytest.approx(ohm)
-    said = batteries_told(asked, replace(LOG, own_batteries=True))
+    said = separate_battery_notes(asked, replace(LOG, own_batteries=True))
     assert bool(said) is told
     if told:
-        assert said[0].startswith(f"{TOLD}0.050 ohm in recording 1, 0.160 ohm in recording 2")
-    assert batteries_told(asked, LOG) == ()
+        assert said[0].startswith(
+            f"{SEPARATE_BATTERIES_NOTE}0.050 ohm in recording 1, 0.160 ohm in recording 2"
+        )
+    assert separate_battery_notes(asked, LOG) == ()
 
 
 def test_it_is_asked_for_where_a_battery_is_named_or_something_is_left() -> None:
-    assert may_differ(diagnosis(OF_RESISTANCE))
-    assert may_differ(diagnosis(verdict=Verdict.UNKNOWN))
-    assert may_differ(diagnosis(verdict=Verdict.PARTLY))
-    assert not may_differ(diagnosis(verdict=Verdict.EXPLAINED))
-    assert not may_differ(diagnosis())
+    assert batteries_may_differ(diagnosis(OF_RESISTANCE))
+    assert batteries_may_differ(diagnosis(verdict=Verdict.UNKNOWN))
+    assert batteries_may_differ(diagnosis(verdict=Verdict.PARTLY))
+    assert not batteries_may_differ(diagnosis(verdict=Verdict.EXPLAINED))
+    assert not batteries_may_differ(diagnosis())
 
 
 def test_a_battery_for_each_is_taken_where_they_differ_and_is_no_cause() -> None:
-    assert not differ(diagnosis())
-    own = diagnosis(notes=(f"{TOLD}...",))
-    assert differ(own)
-    assert [(each.id, each.reason) for each in judged_apart(own).rejected] == [(RESISTANCE[0], OWN)]
+    assert not has_separate_batteries(diagnosis())
+    own = diagnosis(notes=(f"{SEPARATE_BATTERIES_NOTE}...",))
+    assert has_separate_batteries(own)
+    assert [(each.id, each.reason) for each in with_resistance_not_judged(own).rejected] == [
+        (RESISTANCE[0], NOT_SHARED_REASON)
+    ]
 
 
 def test_no_battery_is_asked_for_that_recordings_share_once_each_has_its_own() -> None:
     names = {each.id for each in drive_causes()}
-    assert names - {each.id for each in without_shared(drive_causes())} == {RESISTANCE[0]}
+    assert names - {each.id for each in without_shared_resistance(drive_causes())} == {RESISTANCE[0]}
 
 
 def test_an_own_resistance_is_never_below_none() -> None:
@@ -88,6 +92,6 @@ def test_an_own_resistance_is_never_below_none() -> None:
 
 def test_friction_of_a_direction_may_be_a_slope_that_several_are_not_asked_for() -> None:
     of_direction = replace(OF_RESISTANCE, id="friction.direction_dependent", confounded_with=("bemf.offset",))
-    said = of_several(diagnosis(of_direction, OF_RESISTANCE))
+    said = restricted_to_shareable(diagnosis(of_direction, OF_RESISTANCE))
     assert said.causes[0].confounded_with == ("bemf.offset", "drive.slope")
     assert (said.causes[0].probability, said.causes[1]) == (0.5, OF_RESISTANCE)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import diagnoses
-from raccoon.diagnose.fleet.series import _deviation, _far
+from raccoon.diagnose.fleet.series import _are_outliers, _median_std
 from raccoon.diagnose.fleet.summary import FleetCause, FleetNumber, fleet_of
 from raccoon.diagnose.reports import html_fleet
 from raccoon.diagnose.reports.fleet_text import fleet_report
@@ -137,7 +137,7 @@ def test_what_differs_from_run_to_run_either_way_is_no_robots(
 ) -> None:
     """A battery that was charged now more and now less than assumed was common, with what to write into
     robot.toml for all."""
-    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    monkeypatch.setattr(html_fleet, "figure_to_base64_png", lambda _: "AAAA")
     volts = (6.4, 7.5, 6.8, 6.5, 7.6, 6.3, 7.7, 7.2)
     name = "battery.open_circuit_voltage"
     charged = {
@@ -203,7 +203,7 @@ def test_numbers_in_other_units_count_and_are_not_compared() -> None:
 
 def test_the_page_counts_what_the_terminal_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that names it in volts was left out of the page's count: 21 of 22 beside `common to 22 of 22`."""
-    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    monkeypatch.setattr(html_fleet, "figure_to_base64_png", lambda _: "AAAA")
     named = diagnosis(cause("friction.coulomb@left", 0.008, "N m"))
     fleet = {str(i): diagnosis() if i % 2 else named for i in range(9)}
     fleet |= {"2": diagnosis(cause("friction.coulomb@left", 0.3, "V")), "none": diagnosis()}
@@ -215,7 +215,7 @@ def test_the_page_counts_what_the_terminal_counts(tmp_path: Path, monkeypatch: p
 
 def test_the_headline_says_of_two_of_four_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It was "Dry friction (left): some: wed, thu"."""
-    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    monkeypatch.setattr(html_fleet, "figure_to_base64_png", lambda _: "AAAA")
     named = diagnosis(cause("friction.coulomb@left", 0.008, "N m"))
     fleet = {"mon": diagnosis(), "tue": diagnosis(), "wed": named, "thu": named}
     save_fleet_html(fleet_of(fleet), tmp_path / "fleet.html")
@@ -240,7 +240,7 @@ def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_pat
 def test_a_column_of_the_page_in_which_nothing_stands_is_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    monkeypatch.setattr(html_fleet, "figure_to_base64_png", lambda _: "AAAA")
     fleet = {f"run{i}": diagnosis(cause("bemf.scale", 1.06)) for i in range(4)}
     columns = ("far from the others", "not told from", "sensors")
     for found, there in ((fleet, ()), (fleet | {"run4": diagnosis(broken=True)}, ("sensors",))):
@@ -274,14 +274,14 @@ def test_one_that_does_not_creep_with_the_others_is_far_from_them() -> None:
 
 def test_what_is_not_known_well_is_not_far_from_the_others() -> None:
     """Four deviations, of the others' spread and its own in squares; one that says none has none."""
-    assert _far([0.39, 0.41, 0.41, -0.56, -0.57], 0.1, np.array([0.0, math.nan, 0.1, 0.1, 0.1])) == [
+    assert _are_outliers([0.39, 0.41, 0.41, -0.56, -0.57], 0.1, np.array([0.0, math.nan, 0.1, 0.1, 0.1])) == [
         False, True, False, False, True,
     ]  # fmt: skip
 
 
 def test_a_robots_middle_is_as_sure_as_its_recordings_say_or_scatter() -> None:
     def of(values: list[float], std: float) -> float:
-        return _deviation([ParameterResult(each, std, "", 1.0) for each in values])
+        return _median_std([ParameterResult(each, std, "", 1.0) for each in values])
 
     assert of([1.0], 0.1) == pytest.approx(0.1)
     assert of([1.0, 1.1], 0.1) == pytest.approx(0.1 / math.sqrt(2.0))

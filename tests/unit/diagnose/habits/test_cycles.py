@@ -11,7 +11,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.chains import FINE_CYCLE
 from raccoon.diagnose.habits.controller import controller_of, with_cycle
@@ -35,7 +35,7 @@ from unit.diagnose.searches import standing
 
 ROBOT = RobotConfig()
 DEADBAND = "actuation.deadband"
-NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
+NOTHING_FITTED = FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
 PLAIN = Habits(Chain(), False, wheels=Wheels.RIGID)
 
 

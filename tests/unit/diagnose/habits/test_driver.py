@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.habits.chains import other_chains, usual_chain
 from raccoon.diagnose.habits.driver import as_a_deadband_ends, with_whole_currents
 from raccoon.diagnose.habits.notes import notes_of
@@ -60,5 +60,7 @@ def test_it_stays_with_another_filter_and_is_said() -> None:
     assert usual_chain(chain) == Chain.firmware()
     assert all(each.whole for each in other_chains(chain))
     assert Chain.firmware() not in other_chains(Chain.firmware())
-    (note,) = notes_of(replace(USUAL, chain=chain), (), Spread(neutral_settings(ROBOT), (), np.zeros((0, 0))))
+    (note,) = notes_of(
+        replace(USUAL, chain=chain), (), FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
+    )
     assert note.startswith("the battery is taken to carry all of both motors' currents")

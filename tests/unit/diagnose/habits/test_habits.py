@@ -20,7 +20,7 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.driven import swing
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.levenberg_marquardt import ROUGH
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
 from raccoon.diagnose.habits.chains import FREE_RUNNING, PAUSING
@@ -159,7 +159,7 @@ def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
 
 FIRMWARE = Habits(Chain.firmware(), False)
 SEVERAL = ("battery.internal_resistance", "bemf.offset@left")
-NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
+NOTHING_FITTED = FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
 
 
 def test_the_filter_is_asked_again_once_a_cause_is_known() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from diagnoses import cause
 from raccoon.diagnose.habits.notes import MAY_BE_NOTHING, less_sure
-from raccoon.diagnose.reports.wording import told
+from raccoon.diagnose.reports.cause_text import describe_cause
 from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.plant_rollout import Habits
@@ -71,14 +71,14 @@ def test_what_may_be_the_moment_of_a_reading_alone_is_said_to_be(late: float, ma
     found = cause("actuation.latency", {"seconds": ParameterResult(late, 0.0001, "s", 0.0)})
     (wider,) = less_sure((found,), Habits(Chain(), False))
     assert (wider.explanation != found.explanation) == may_be_nothing
-    assert told(wider).more == (MAY_BE_NOTHING if may_be_nothing else "")
-    assert told(wider).todo == told(found).todo
+    assert describe_cause(wider).more == (MAY_BE_NOTHING if may_be_nothing else "")
+    assert describe_cause(wider).todo == describe_cause(found).todo
 
 
 def test_what_is_less_sure_is_said_with_fewer_places() -> None:
     found = cause("imu.latency", {"seconds": ParameterResult(0.00618, 0.0001, "s", 0.0)})
     (wider,) = less_sure((found,), Habits(Chain(), False))
-    assert (told(found).what, told(wider).what) == tuple(
+    assert (describe_cause(found).what, describe_cause(wider).what) == tuple(
         f"Gyro readings come {number} ms late" for number in ("6.18", "6.2")
     )
-    assert told(wider).todo == told(found).todo
+    assert describe_cause(wider).todo == describe_cause(found).todo

@@ -14,7 +14,7 @@ from blind.hidden import Hidden, draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.ramps import Ramp
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.habits.controller import controller_of
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
@@ -27,7 +27,7 @@ from raccoon.sim.rollout.rollout import rollout
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
-NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
+NOTHING_FITTED = FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
 EVERY_ROW = replace(Noise(), drop_share=0.0)
 
 

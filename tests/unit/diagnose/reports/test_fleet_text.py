@@ -12,11 +12,11 @@ from blind.generator import make
 from blind.tophats import tophat
 from diagnoses import diagnosis
 from raccoon.core.config import RobotConfig, parse_robot
-from raccoon.diagnose.fleet.model import common_model
+from raccoon.diagnose.fleet.common_model import common_model
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.reports import html_fleet
-from raccoon.diagnose.reports.fleet_text import fleet_report, note_lines, told
+from raccoon.diagnose.reports.fleet_text import findings_text, fleet_report, note_lines
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
 from raccoon.diagnose.result import Diagnosis, SensorFault, Verdict
 
@@ -130,7 +130,7 @@ def test_a_note_of_many_recordings_is_said_once(drive: Diagnosis) -> None:
 
 def test_many_recordings_are_not_all_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of sixty with long names the headline alone was three pages."""
-    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    monkeypatch.setattr(html_fleet, "figure_to_base64_png", lambda _: "AAAA")
     sound, faulty = of_tophat(1), of_tophat(2, factor=0.9)
     names = [f"the-afternoon-in-the-gym-with-the-new-battery-run-{row}.csv" for row in range(30)]
     fleet = fleet_of({name: faulty if row % 2 else sound for row, name in enumerate(names)})
@@ -159,6 +159,6 @@ def test_what_is_wrong_with_a_channel_is_said_beside_its_name_once() -> None:
         SensorFault("motor.1.speed", "stale", "old"),
         SensorFault("motor.0.speed", "repeats", "too fast"),
     )
-    assert told(replace(diagnosis(), sensor_faults=faults)) == (
+    assert findings_text(replace(diagnosis(), sensor_faults=faults)) == (
         "-; motor.0.speed: filtered, repeats; motor.1.speed: stale"
     )

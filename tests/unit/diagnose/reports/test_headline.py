@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from raccoon.diagnose.reports import html
-from raccoon.diagnose.reports.html import page
+from raccoon.diagnose.reports.html import render_page
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 
@@ -15,7 +15,7 @@ from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Unexplaine
 @pytest.fixture(autouse=True)
 def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages whose figures are not turned into pictures."""
-    monkeypatch.setattr(html, "png", lambda _: "AAAA")
+    monkeypatch.setattr(html, "figure_to_base64_png", lambda _: "AAAA")
 
 
 def adequate(hidden: int) -> Diagnosis:
@@ -30,7 +30,7 @@ def test_that_nothing_is_wrong_is_not_said_of_what_could_not_have_shown_it() -> 
     assert "nothing that matters is wrong" in sees
     assert "nothing that matters is wrong" not in blind
     assert "but that says little: of 13 causes 12 would not show" in blind
-    for text in (sees, blind, page(adequate(2), "run")):
+    for text in (sees, blind, render_page(adequate(2), "run")):
         assert "Errors from this size on would have shown: K_E 4.9 %." in text
 
 
@@ -38,7 +38,7 @@ def test_what_is_unknown_is_said_with_what_it_depends_on() -> None:
     found = replace(adequate(0), verdict=Verdict.UNKNOWN, unexplained=Unexplained(0.8, ("wheel angle left",)))
     said = "in a way that no known cause describes: it depends on the angle of the left wheel."
     assert terminal_report(found).splitlines()[0].endswith(said)
-    assert page(found, "run").partition("<pre")[0].count(said) == 1
+    assert render_page(found, "run").partition("<pre")[0].count(said) == 1
     nothing = replace(found, unexplained=Unexplained(0.8))
     assert "that no known cause describes." in terminal_report(nothing)
 
@@ -49,6 +49,6 @@ def test_a_motor_that_did_not_turn_comes_first() -> None:
     first, second, *_ = terminal_report(found).splitlines()
     assert first.endswith("the simulation fits this recording.")
     assert second == "  ! Motor: from 3.0 to 9.0 s motor 0 did not turn."
-    assert '<p class="big">From 3.0 to 9.0 s motor 0 did not turn.</p>' in page(found, "run")
-    assert 'class="head faulty"' in page(found, "run")
-    assert 'class="head adequate"' in page(adequate(2), "run")
+    assert '<p class="big">From 3.0 to 9.0 s motor 0 did not turn.</p>' in render_page(found, "run")
+    assert 'class="head faulty"' in render_page(found, "run")
+    assert 'class="head adequate"' in render_page(adequate(2), "run")

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from raccoon.diagnose.reports.numbers import number_text, two_digits
+from raccoon.diagnose.reports.numbers import format_two_digits, parameter_text
 from raccoon.diagnose.result import ParameterResult
 
 
@@ -25,7 +25,7 @@ from raccoon.diagnose.result import ParameterResult
 )
 def test_a_number_has_the_places_that_its_deviation_has(value: float, std: float, said: str) -> None:
     """A scale of 1 +- 0.001 is known to three places, an offset of -0.1876 +- 0.18 not to four."""
-    assert number_text(ParameterResult(value, std, "V", 0.0)) == f"{said} V"
+    assert parameter_text(ParameterResult(value, std, "V", 0.0)) == f"{said} V"
 
 
 @pytest.mark.parametrize(
@@ -40,4 +40,4 @@ def test_a_number_has_the_places_that_its_deviation_has(value: float, std: float
     ],
 )
 def test_two_digits_count_without_a_power_of_ten(number: float, said: str) -> None:
-    assert two_digits(number) == said
+    assert format_two_digits(number) == said

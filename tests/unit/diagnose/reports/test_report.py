@@ -12,11 +12,11 @@ from diagnoses import diagnosis
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.reports import html
-from raccoon.diagnose.reports.html import page, save_html
+from raccoon.diagnose.reports.cause_text import describe_cause, explanation_sentence
+from raccoon.diagnose.reports.html import render_page, save_html
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.reports.unknown_words import shape_text
-from raccoon.diagnose.reports.wording import explanation, told
+from raccoon.diagnose.reports.unknown_text import shape_text
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
@@ -68,14 +68,14 @@ FOUND = Diagnosis(
 @pytest.fixture
 def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages whose figures are made but not turned into pictures, which takes half a second a page."""
-    monkeypatch.setattr(html, "png", lambda _: "AAAA")
+    monkeypatch.setattr(html, "figure_to_base64_png", lambda _: "AAAA")
 
 
 def test_no_number_of_a_page_is_a_power_of_ten_that_need_not_be(words_only: None) -> None:
     """A tophat's offset was -968.7 +- 6e+02 counts, and 99.6 times the noise were 1e+02."""
     number = {"offset": ParameterResult(-968.7, 602.0, "counts", 0.0)}
     found = replace(FOUND, causes=(replace(CAUSE, parameters=number, change=99.6, unabsorbed=99.7),))
-    for text in (terminal_report(found), page(found, "a.csv")):
+    for text in (terminal_report(found), render_page(found, "a.csv")):
         assert "e+0" not in text
     assert "-970 +- 600 counts" in terminal_report(found)
     assert "shows it most by 100 times its noise" in terminal_report(found)
@@ -110,21 +110,21 @@ def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white
     channel = replace(FOUND.channels[0], rmse_after=20.0, whiteness_p=1e-5)
     found = replace(FOUND, channels=(channel,), curves=(curve,))
     assert "furthest off around 1.8 s" in terminal_report(found)
-    assert "not white (p 1e-05), furthest off around 1.8 s" in page(found, "run")
+    assert "not white (p 1e-05), furthest off around 1.8 s" in render_page(found, "run")
     assert "furthest off" not in terminal_report(FOUND)  # noise is not worth a word
-    assert "white (p 0.4)" in page(FOUND, "run")
+    assert "white (p 0.4)" in render_page(FOUND, "run")
     # Of a tophat it was never asked, and said to be 0.
     found = replace(found, channels=(replace(channel, whiteness_p=np.nan),))
-    assert "white (p" not in page(found, "run").partition("As text")[0]
-    assert ">furthest off around 1.8 s" in page(found, "run")
+    assert "white (p" not in render_page(found, "run").partition("As text")[0]
+    assert ">furthest off around 1.8 s" in render_page(found, "run")
     assert found.to_dict()["channels"][0]["whiteness_p"] is None
 
 
 def test_what_white_means_is_said_where_it_is_said() -> None:
-    assert "White: each error is independent" in page(FOUND, "run")
+    assert "White: each error is independent" in render_page(FOUND, "run")
     axis = replace(FOUND, curves=())  # of an axis nobody asks
-    assert "White:" not in page(axis, "run")
-    assert "what is left" not in page(axis, "run")
+    assert "White:" not in render_page(axis, "run")
+    assert "what is left" not in render_page(axis, "run")
 
 
 def test_bars_say_whole_numbers_and_hide_no_digit_behind_the_line() -> None:
@@ -156,7 +156,7 @@ def test_what_a_recording_cannot_show_is_said_once() -> None:
         Rejected("drive.track_width", "not identifiable: only one way"),
     )
     lost = replace(FOUND, notes=notes, rejected=rejected)
-    for said in (terminal_report(lost), page(lost, "run").partition("As text")[0]):
+    for said in (terminal_report(lost), render_page(lost, "run").partition("As text")[0]):
         assert [said.count(each) for each in ("only one surface was seen", "only one way")] == [1, 1]
         assert "another thing" in said
 
@@ -203,7 +203,7 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
 def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
     lag, other = replace(CAUSE, gain=Gain(1.11, 1.1, 0.01)), replace(CAUSE, where="right", rank=2)
     said = "without it the others would make up for it"
-    for report in (terminal_report, lambda found: page(found, "run")):
+    for report in (terminal_report, lambda found: render_page(found, "run")):
         assert said in report(replace(FOUND, causes=(lag, other)))
         assert said not in report(replace(FOUND, causes=(lag,)))
         assert said not in report(replace(FOUND, causes=(CAUSE, replace(other, gain=lag.gain))))
@@ -218,7 +218,7 @@ def test_of_a_cause_that_the_reference_shows_it_is_said_that_the_errors_do_not()
         "left wheel's radius by the reference": ParameterResult(1.03, 0.005, "times robot.toml's", math.nan)
     }
     said = "the reference of the pose shows it (measured on the way)"
-    for report in (terminal_report, lambda found: page(found, "run")):
+    for report in (terminal_report, lambda found: render_page(found, "run")):
         assert said in report(replace(FOUND, causes=(radius,), identified=seen))
         assert said not in report(replace(FOUND, causes=(radius,)))
         assert said not in report(replace(FOUND, causes=(CAUSE,), identified=seen))
@@ -264,7 +264,7 @@ def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) 
     found = replace(
         FOUND, verdict=Verdict.ADEQUATE if said else Verdict.EXPLAINED, causes=(small,), sensor_faults=()
     )
-    text, shown = terminal_report(found), page(found, "run")
+    text, shown = terminal_report(found), render_page(found, "run")
     assert ("real, but too small to matter" in text) is ("real, but too small to matter" in shown) is said
     headline = shown.partition('class="big">')[2].partition("<")[0]
     assert headline.startswith("The simulation fits" if said else "The K_E (volts per speed) of")
@@ -283,19 +283,19 @@ def test_a_page_that_cannot_tell_says_at_its_head_why(reason: str) -> None:
     """It stood among the notes, below all tables."""
     rejected = (Rejected("drive.track_width", reason),) if reason else ()
     none = replace(FOUND, verdict=Verdict.NOT_IDENTIFIABLE, causes=(), sensor_faults=(), rejected=rejected)
-    head = page(none, "run").partition("<h2")[0]
+    head = render_page(none, "run").partition("<h2")[0]
     assert ("It turned left only: turn right.</span>" if reason else "A note.</span>") in head
 
 
 @pytest.mark.usefixtures("words_only")
 def test_the_headline_says_what_else_it_may_be() -> None:
     two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
-    text = page(replace(FOUND, causes=(two,)), "run")
+    text = render_page(replace(FOUND, causes=(two,)), "run")
     assert "; or it is scale of the back-EMF (left) or wheel radius (left)." in text
     assert "<b>To do:</b> If it is K_E (left): calibrate the left motor" in text
     assert '<a href="#next">below</a>.</p>' in text
     assert '<h2 id="next">Record this' in text
-    alone = page(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)), "run")
+    alone = render_page(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)), "run")
     assert "; or it is" not in alone
     assert "<b>To do:</b> Calibrate the left motor" in alone
 
@@ -330,13 +330,13 @@ def test_the_page_has_every_key_of_the_json() -> None:
 
 
 def _page(found: Diagnosis) -> str:
-    return page(found, "run")
+    return render_page(found, "run")
 
 
 def test_on_a_phone_a_number_keeps_its_deviation_and_a_reason_stands_under_its_causes(
     words_only: None,
 ) -> None:
-    shown = page(FOUND, "run")
+    shown = render_page(FOUND, "run")
     assert "0.9590&nbsp;&plusmn;&nbsp;0.0040" in shown
     assert len(re.findall(r'<table class="pairs">\s*<tr><td><code>', shown)) == 2
     assert (
@@ -347,12 +347,12 @@ def test_on_a_phone_a_number_keeps_its_deviation_and_a_reason_stands_under_its_c
 
 def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
     empty = diagnosis()
-    text = page(empty, "run")
+    text = render_page(empty, "run")
     shown, _, as_text = text.partition("<pre")
     assert shown.count("nothing that matters is wrong") == 1
     assert "nothing that matters is wrong" in as_text
     assert "data:image" not in text
-    assert "The simulation is wrong; a part of it has a name." in page(FOUND, "run")
+    assert "The simulation is wrong; a part of it has a name." in render_page(FOUND, "run")
 
 
 @pytest.mark.usefixtures("words_only")
@@ -361,14 +361,14 @@ def test_data_that_does_not_show_a_cause_is_said_not_to(errors: tuple[float, flo
     cause = replace(CAUSE, gain=Gain(*errors, 0.0))
     for text in (
         terminal_report(replace(FOUND, causes=(cause,))),
-        page(replace(FOUND, causes=(cause,)), "run"),
+        render_page(replace(FOUND, causes=(cause,)), "run"),
     ):
         shown = text.partition("<pre")[0]
         assert "is foreseen as well without it: see it in a second" in shown
         assert "times the noise without it" not in shown
     small = replace(cause, change=0.04)
     assert "kept for judging" not in terminal_report(replace(FOUND, causes=(small,)))
-    assert "leaving it out loses 93 % of what could be gained" in page(FOUND, "run")
+    assert "leaving it out loses 93 % of what could be gained" in render_page(FOUND, "run")
 
 
 def test_a_cause_without_rivals_is_not_one_of_several() -> None:
@@ -413,7 +413,7 @@ def test_what_is_wholly_unknown_comes_with_something_to_do() -> None:
         rejected=(Rejected("motor.heating", f"{reason}; would show from about 3.9e+19 % on"),
                   Rejected("drive.inertia", f"{reason}; would show from about 210 % on")),
     )  # fmt: skip
-    for text in (terminal_report(lost), page(lost, "run")):
+    for text in (terminal_report(lost), render_page(lost, "run")):
         assert "raccoon excite --record again.jsonl.gz" in text
         assert "ten counted full turns" not in text  # it would show a cause that nobody has named
         assert "would show from" not in text
@@ -457,7 +457,9 @@ def test_a_number_that_robot_toml_has_once_is_put_there_where_it_is_that_of_both
         ("friction.coulomb", 0.1, 0.18, "coulomb = 0.1"),
         ("bemf.filter_lag", 0.03, 0.0225, "filter_time_constant = 0.03"),
     ):
-        both, left = (explanation(id_, where, {"number": number(value, nominal)}) for where in (None, "left"))
+        both, left = (
+            explanation_sentence(id_, where, {"number": number(value, nominal)}) for where in (None, "left")
+        )
         assert both.endswith(f": put {key} into [model.{id_.partition('.')[0]}] of robot.toml.")
         assert key not in left
         assert left.endswith("(--save-model), since robot.toml has one number for both wheels.")
@@ -467,14 +469,14 @@ def assert_told(id_: str, numbers: dict[str, ParameterResult], what: str, todo: 
     """Text and page say both; the page apart from each other."""
     where = None if id_.startswith(("battery", "drive")) else "left"
     cause = replace(
-        CAUSE, id=id_, where=where, parameters=numbers, explanation=explanation(id_, where, numbers),
+        CAUSE, id=id_, where=where, parameters=numbers, explanation=explanation_sentence(id_, where, numbers),
         confounded_with=(),
     )  # fmt: skip
-    assert what in told(cause).what
-    html = page(replace(FOUND, causes=(cause,), channels=(), curves=(), shapes=()), "run")
+    assert what in describe_cause(cause).what
+    html = render_page(replace(FOUND, causes=(cause,), channels=(), curves=(), shapes=()), "run")
     assert f"<b>To do:</b> {todo}" in html
     assert what in html.partition("<h2>")[0]  # the headline
-    assert told(cause).todo not in html.partition("<h2>")[0]
+    assert describe_cause(cause).todo not in html.partition("<h2>")[0]
 
 
 @pytest.mark.usefixtures("words_only")
@@ -516,9 +518,9 @@ def test_every_cause_of_a_drive_has_a_sentence_and_an_action() -> None:
         numbers = {one.name: number(0.1) for one in each.effect.parameters}
         cause = replace(
             CAUSE, id=each.id, where=each.where, parameters=numbers,
-            explanation=explanation(each.id, each.where, numbers),
+            explanation=explanation_sentence(each.id, each.where, numbers),
         )  # fmt: skip
-        said = told(cause)
+        said = describe_cause(cause)
         assert str(said) == cause.explanation
         assert said.todo
         assert not {"{", "}", ": "} & set(said.what), said.what
@@ -528,19 +530,21 @@ def test_every_cause_of_a_drive_has_a_sentence_and_an_action() -> None:
 @pytest.mark.usefixtures("words_only")
 def test_a_sentence_of_another_kind_of_recording_stays_whole() -> None:
     own = replace(CAUSE, explanation="Dry friction of 0.3 V brakes the axis: a worn screw.")
-    assert told(own).what == "Dry friction of 0.3 V brakes the axis: a worn screw"
-    assert told(own).todo == ""
+    assert describe_cause(own).what == "Dry friction of 0.3 V brakes the axis: a worn screw"
+    assert describe_cause(own).todo == ""
     lag = replace(CAUSE, explanation=f"{CAUSE.explanation} With imu.latency beside it this is the sum.")
-    assert told(lag).what.endswith("lower than assumed")
-    assert told(lag).more == "With imu.latency beside it this is the sum."
-    html = page(replace(FOUND, causes=(lag,), channels=(), curves=(), shapes=()), "run")
+    assert describe_cause(lag).what.endswith("lower than assumed")
+    assert describe_cause(lag).more == "With imu.latency beside it this is the sum."
+    html = render_page(replace(FOUND, causes=(lag,), channels=(), curves=(), shapes=()), "run")
     assert "lower than assumed; or it is scale of the back-EMF (left)." in html
     assert "lower than assumed. With imu.latency beside it this is the sum." in html
-    assert told(lag).todo == "calibrate the left motor (raccoon calibrate drive, raccoon tune wheels)"
+    assert (
+        describe_cause(lag).todo == "calibrate the left motor (raccoon calibrate drive, raccoon tune wheels)"
+    )
 
 
 @pytest.mark.usefixtures("words_only")
 def test_every_picture_of_a_page_can_be_moved_on_a_narrow_screen() -> None:
     """Scaled to the width of a phone, their letters were four pixels high."""
-    text = page(FOUND, "run")
+    text = render_page(FOUND, "run")
     assert text.count('<div class="picture"><img') == text.count("<img") > 0

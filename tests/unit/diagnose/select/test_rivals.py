@@ -10,19 +10,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from raccoon.diagnose.findings.gain import HeldOut, contributions
-from raccoon.diagnose.findings.known_together import product_told
-from raccoon.diagnose.findings.naming import (
-    TWINS,
-    _telling,
-    _told,
-    confounded,
-    deviations,
-    named_causes,
-    parameters,
-    probability,
+from raccoon.diagnose.findings.cause_results import (
+    TURN_CLASSES,
+    _describe,
+    cause_probability,
+    confounded_causes,
+    fitted_parameters,
+    largest_deviation,
+    make_cause_results,
 )
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.held_out import HeldOut, contributions
+from raccoon.diagnose.findings.joint_numbers import describe_known_product
+from raccoon.diagnose.findings.suggestions import _separating_command
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_afresh, fit_many, fit_point
 from raccoon.diagnose.fit.linear_model import coulomb_response, linearise
@@ -37,8 +37,8 @@ from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.rivals import CLOSE, FAR, alike, as_likely, compared, only_beside
 from raccoon.diagnose.select.state import Rival, Search
-from raccoon.diagnose.unknown.probes import probes_for
-from raccoon.diagnose.unknown.sensors import PREFIX
+from raccoon.diagnose.unknown.probes import make_probe_function
+from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from unit.diagnose.searches import searched
@@ -63,7 +63,7 @@ def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> N
         tried = [each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"]
         (slip,) = (each for each in tried if not each.beside)
         assert (slip.lead < CLOSE) == one
-        assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
+        assert ("drive.wheel_slip" in confounded_causes(search, CAUSES["imu.latency"])) == one
 
 
 def test_what_a_gyro_s_chip_may_do_is_ranked_by_how_likely_it_does_not(problem: Problem) -> None:
@@ -75,7 +75,7 @@ def test_what_a_gyro_s_chip_may_do_is_ranked_by_how_likely_it_does_not(problem: 
     judged = cast("HeldOut", SimpleNamespace(without=sizes, size_after=1.0, share=lambda _: 0.0))
     for lacks, first in ((5.0, "drive.wheel_slip"), (-5.0, "imu.gyro_bias")):
         search.rivals["drive.wheel_slip"] = [Rival("imu.low_pass", lacks)]
-        ranked = named_causes(search, judged, Spread.of(search))
+        ranked = make_cause_results(search, judged, FitUncertainty.of(search))
         assert (ranked[0].name, ranked[0].rank) == (first, 1)
 
 
@@ -124,16 +124,16 @@ def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -
     search = replace(search, fit=fit_point(search.problem, search.whitener, late))
     assert compared(search) is None
     cause, settings = CAUSES["imu.latency"], problem.settings(truth)
-    rivals = confounded(search, cause)
+    rivals = confounded_causes(search, cause)
     assert rivals == ("drive.wheel_slip",)
-    values = parameters(search, cause, Spread.of(search))
+    values = fitted_parameters(search, cause, FitUncertainty.of(search))
     whole = settings[("imu.latency", None, "seconds")] + settings[("drive.wheel_slip", "left", "time")]
     assert values["seconds"].value == pytest.approx(whole, abs=2.0 * values["seconds"].std)
     assert values["seconds"].std < 0.25 * whole
-    assert "With drive.wheel_slip beside it this is the sum of their times." in _told(
+    assert "With drive.wheel_slip beside it this is the sum of their times." in _describe(
         problem, cause, values, rivals
     )
-    assert "sum" not in _told(problem, cause, values, ())
+    assert "sum" not in _describe(problem, cause, values, ())
 
 
 @pytest.mark.parametrize(("more", "beside"), [(3.9, True), (4.1, False)])
@@ -159,8 +159,8 @@ def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: 
     compared(search)
     tried = {each.beside: each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"}
     assert tried[False].lead > CLOSE
-    assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
-    assert probability(search, "imu.latency", ("drive.wheel_slip",), {}) > 0.999
+    assert confounded_causes(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
+    assert cause_probability(search, "imu.latency", ("drive.wheel_slip",), {}) > 0.999
     assert only_beside(search, "imu.latency", ("drive.wheel_slip",)) == ("drive.wheel_slip",)
     instead = Rival("drive.wheel_slip", CLOSE - 0.1)
     search.rivals["imu.latency"].append(instead)
@@ -200,10 +200,10 @@ def test_a_cause_is_no_surer_than_its_number_is_away_from_what_was_assumed(
     search = searched(problem, problem.nominal(), problem.nominal())
     search.gains["drive.wheel_slip@right"] = 19.0
     values = {"time": ParameterResult(0.002, std, "s", 0.0)}
-    said = probability(search, "drive.wheel_slip@right", (), values)
+    said = cause_probability(search, "drive.wheel_slip@right", (), values)
     assert said == pytest.approx(1.0 / (1.0 + math.exp(-0.5 * away**2)))
     rival = ("imu.latency",)
-    assert probability(search, "drive.wheel_slip@right", rival, values) == pytest.approx(0.5)
+    assert cause_probability(search, "drive.wheel_slip@right", rival, values) == pytest.approx(0.5)
 
 
 def test_what_says_of_which_kind_a_cause_is_does_not_make_it_surer() -> None:
@@ -211,11 +211,11 @@ def test_what_says_of_which_kind_a_cause_is_does_not_make_it_surer() -> None:
         "angle": ParameterResult(0.01, 0.01, "rad", 0.0),
         "coasting": ParameterResult(0.01, 1e-5, "s", 0.0),
     }
-    assert deviations(effect("drive.backlash"), values) == pytest.approx(1.0)
-    assert deviations(effect("friction.coulomb"), {"torque": ParameterResult(0.2, 0.01, "N m", 0.18)}) == (
-        pytest.approx(2.0)
-    )
-    assert deviations(effect("drive.backlash"), {}) == math.inf
+    assert largest_deviation(effect("drive.backlash"), values) == pytest.approx(1.0)
+    assert largest_deviation(
+        effect("friction.coulomb"), {"torque": ParameterResult(0.2, 0.01, "N m", 0.18)}
+    ) == (pytest.approx(2.0))
+    assert largest_deviation(effect("drive.backlash"), {}) == math.inf
 
 
 @pytest.mark.parametrize(("cause", "widths"), [("actuation.latency", 0.1), ("bemf.filter_lag", -0.3)])
@@ -230,10 +230,10 @@ def test_a_lag_that_is_told_from_the_filter_is_not_said_to_be_in_part_it(
     search = searched(lagging, late, late)
     search = replace(search, fit=fit_point(search.problem, search.whitener, late))
     assert compared(search) is None
-    assert confounded(search, both[cause]) == ()
-    values = parameters(search, both[cause], Spread.of(search))
+    assert confounded_causes(search, both[cause]) == ()
+    values = fitted_parameters(search, both[cause], FitUncertainty.of(search))
     other = next(iter(set(both) - {cause}))
-    said = _told(lagging, both[cause], values, (other,))
+    said = _describe(lagging, both[cause], values, (other,))
     assert ("sum" in said) is (other == "actuation.latency")  # of the filter base numbers know a part already
 
 
@@ -251,7 +251,7 @@ def test_a_lag_that_is_two_is_found_to_be_two(problem: Problem) -> None:
 
 
 def asking_for_twins(search: Search) -> Search:
-    asked = {each.name: each for each in drive_causes() if each.name in TWINS[0]}
+    asked = {each.name: each for each in drive_causes() if each.name in TURN_CLASSES[0]}
     return replace(search, problem=replace(search.problem, causes={**search.problem.causes, **asked}))
 
 
@@ -259,10 +259,10 @@ def test_a_rival_brings_no_twin_that_a_reference_has_decided(problem: Problem) -
     late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
     search = searched(problem, late, late)
     search.rivals = {"imu.latency": [Rival("drive.wheel_slip", CLOSE - 1.0)]}
-    assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
+    assert confounded_causes(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
     radius = next(each for each in drive_causes() if each.name == "drive.wheel_radius")
-    assert confounded(search, radius) == ()
-    assert set(confounded(asking_for_twins(search), radius)) == {"imu.gyro_scale", "drive.track_width"}
+    assert confounded_causes(search, radius) == ()
+    assert set(confounded_causes(asking_for_twins(search), radius)) == {"imu.gyro_scale", "drive.track_width"}
 
 
 def test_of_two_twins_only_what_they_do_together_is_said(problem: Problem) -> None:
@@ -274,9 +274,9 @@ def test_of_two_twins_only_what_they_do_together_is_said(problem: Problem) -> No
 
     def said(point: Point) -> str:
         settings = search.problem.settings(point)
-        spread = Spread(settings, (), np.zeros((0, 0)))
+        spread = FitUncertainty(settings, (), np.zeros((0, 0)))
         search.fit = replace(search.fit, point=point)
-        return product_told(search, causes["drive.track_width"], spread)
+        return describe_known_product(search, causes["drive.track_width"], spread)
 
     assert said(one) == ""
     settings = search.problem.settings(both)
@@ -313,12 +313,16 @@ def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> 
     search = asking_for_twins(searched(problem, late, late))
     search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE - 1.0)]}
     cause = CAUSES["imu.latency"]
-    assert set(confounded(search, cause)) == {"drive.track_width", "drive.wheel_radius", "imu.gyro_scale"}
+    assert set(confounded_causes(search, cause)) == {
+        "drive.track_width",
+        "drive.wheel_radius",
+        "imu.gyro_scale",
+    }
     both = Point(late.base, {**late.active, "imu.gyro_scale": np.zeros(1)})
     search.fit = replace(search.fit, point=both)
-    assert set(confounded(search, cause)) == {"drive.track_width", "drive.wheel_radius"}
+    assert set(confounded_causes(search, cause)) == {"drive.track_width", "drive.wheel_radius"}
     search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE + 1.0)]}
-    assert confounded(search, cause) == ()
+    assert confounded_causes(search, cause) == ()
 
 
 def test_a_rival_that_explains_more_takes_the_place(problem: Problem) -> None:
@@ -346,11 +350,11 @@ def test_the_report_says_what_to_drive_to_tell_a_cause_from_its_rival(problem: P
         "imu.latency": [Rival("drive.wheel_slip", 2.0)],
         "imu.gyro_scale": [Rival("drive.track_width", 0.0)],
     }
-    said = _telling(search, "imu.latency", ("drive.wheel_slip",))
+    said = _separating_command(search, "imu.latency", ("drive.wheel_slip",))
     assert said is not None
     assert said.startswith("raccoon excite --cause imu.latency --rival drive.wheel_slip --record ")
-    assert _telling(search, "imu.latency", ()) is None
-    assert _telling(search, "imu.gyro_scale", ("drive.track_width",)) is None  # no drive does
+    assert _separating_command(search, "imu.latency", ()) is None
+    assert _separating_command(search, "imu.gyro_scale", ("drive.track_width",)) is None  # no drive does
 
 
 def test_what_a_named_cause_changes_can_still_be_seen_to_vary(problem: Problem) -> None:
@@ -360,7 +364,7 @@ def test_what_a_named_cause_changes_can_still_be_seen_to_vary(problem: Problem) 
     on = linearise(problem, nominal.with_cause("drive.inertia", np.zeros(1)), list(CAUSES))
     one, other = (np.asarray(each.column("drive.inertia")).ravel() for each in (off, on))
     assert one @ other > 0.98 * np.linalg.norm(one) * np.linalg.norm(other)
-    assert f"{PREFIX}time (inertia)" in {each.name for each in probes_for(problem)(on)}
+    assert f"{UNKNOWN_PREFIX}time (inertia)" in {each.name for each in make_probe_function(problem)(on)}
     assert on.column("imu.nothing") is None
 
 

@@ -55,7 +55,7 @@ from raccoon.diagnose.select.state import (
     screen,
     start_search,
 )
-from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.sim.effects.effect import Parameter, effect
 from unit.diagnose.searches import search_at, searched
 
@@ -292,7 +292,7 @@ def test_no_size_is_said_that_no_robot_has() -> None:
 def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
     real = problem_of(log, ROBOT, tuple(CAUSES.values()))
-    search = start_search(real, probes_for(real))
+    search = start_search(real, make_probe_function(real))
     last = estimated(search)
     every, less = search.whitener.wandering[0], last.whitener.wandering[0]
     assert less.directions.shape[1] < every.directions.shape[1]

@@ -10,9 +10,14 @@ import pytest
 from raccoon.core.config import BatteryModel, Measured
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.experiment.advice import planned_log
-from raccoon.diagnose.findings.known_together import NOT_MEASURED, others_told, scale_told, unmeasured_note
-from raccoon.diagnose.findings.naming import confounded, probability
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.cause_results import cause_probability, confounded_causes
+from raccoon.diagnose.findings.joint_numbers import (
+    UNMEASURED_ROBOT_NOTE,
+    describe_common_scale,
+    describe_joint_rivals,
+    unmeasured_robot_notes,
+)
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import added
@@ -188,14 +193,14 @@ def test_a_set_that_is_nearly_as_likely_is_said_with_the_cause_whose_place_it_ta
     )
     search = replace(search, fit=fit_point(search.problem, search.whitener, named))
     compared(search)
-    told = others_told(search, cause)
+    told = describe_joint_rivals(search, cause)
     assert told == " drive.track_width and drive.wheel_radius@left together would look the same."
-    assert {"drive.wheel_radius@left", "drive.track_width"} <= set(confounded(search, cause))
-    assert probability(search, name, confounded(search, cause), {}) < 0.8
+    assert {"drive.wheel_radius@left", "drive.track_width"} <= set(confounded_causes(search, cause))
+    assert cause_probability(search, name, confounded_causes(search, cause), {}) < 0.8
     clear = searched(among_few(problem), at(problem, drive_wheel_radius__right=-1.4), named, seed=3)
     compared(clear)
-    assert others_told(clear, cause) == ""
-    assert "drive.track_width" not in confounded(clear, cause)
+    assert describe_joint_rivals(clear, cause) == ""
+    assert "drive.track_width" not in confounded_causes(clear, cause)
 
 
 def test_in_a_crowd_a_set_of_one_cause_more_is_said_too(
@@ -231,7 +236,7 @@ def test_of_both_back_emf_constants_it_is_said_what_they_rest_on(problem: Proble
     there = problem.settings(other)
 
     def told(name: str) -> str:
-        return scale_told(search, problem.causes[name], Spread(here, (), np.zeros((0, 0))))
+        return describe_common_scale(search, problem.causes[name], FitUncertainty(here, (), np.zeros((0, 0))))
 
     def changed(*keys: tuple[str, str | None, str]) -> str:
         factor = float(np.prod([there[key] / here[key] for key in keys]))
@@ -252,12 +257,12 @@ def test_many_causes_of_the_documentations_robot_say_that_it_may_not_have_been_m
 ) -> None:
     few, many = at(problem, drive_inertia=0.5), at(problem, **EVERYWHERE)
     search = searched(problem, few, few)
-    for point, note in ((few, ()), (many, (NOT_MEASURED,))):
+    for point, note in ((few, ()), (many, (UNMEASURED_ROBOT_NOTE,))):
         search.fit = replace(search.fit, point=point)
-        assert unmeasured_note(search) == note
+        assert unmeasured_robot_notes(search) == note
     model = replace(problem.robot.model, battery=BatteryModel(open_circuit_voltage=Measured(7.0, 0.03)))
     measured = replace(search.problem, robot=replace(problem.robot, model=model))
-    assert unmeasured_note(replace(search, problem=measured)) == ()
+    assert unmeasured_robot_notes(replace(search, problem=measured)) == ()
 
 
 def test_along_a_line_a_number_that_counts_by_what_is_added_comes_back_to_what_it_was(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raccoon.diagnose.findings import proving
+from raccoon.diagnose.findings import validation
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select import unneeded_causes
 from raccoon.diagnose.select.gates import gate
@@ -34,9 +34,9 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
         (unneeded_causes, "fit_point", fitted),
         (unneeded_causes, "settled_fit", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
         (unneeded_causes, "worth", lambda _, one, other: other.cost - one.cost),
-        (proving, "pruned", without),
-        (proving, "estimated", lambda search: search),
-        (proving, "_sizeless", lambda _: None),
+        (validation, "pruned", without),
+        (validation, "estimated", lambda search: search),
+        (validation, "_sizeless", lambda _: None),
     ):
         monkeypatch.setattr(module, name, stand_in)
     point = Point(np.array([1.0]), {name: np.array([1.0]) for name in names})
@@ -48,7 +48,7 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
         unknown={},
         failed={},
     )
-    found: Search = proving._standing(search)
+    found: Search = validation._drop_unneeded(search)
     return set(found.fit.point.active), len(fits)
 
 

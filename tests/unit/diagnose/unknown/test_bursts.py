@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fit.noise_model import CHANGING, STANDING, STEADY, Regimes
 from raccoon.diagnose.result import Verdict
-from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, bursting
+from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, find_bursts
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
@@ -31,7 +31,7 @@ def said_of(gyro: tuple[float, float], wheel: tuple[float, float] = (2.0, 10.0))
 
 def told_of(roles: tuple[str, ...], left: Array, regimes: Regimes, play: bool = False) -> tuple[str, ...]:
     """Of what is left of a drive whose bins come one a quarter of a second; nothing in it comes only once."""
-    found = bursting(
+    found = find_bursts(
         roles, np.full(left.shape, 1500.0), left, np.linspace(0.0, 0.25 * len(left), len(left)), regimes, play
     )
     assert not found.moments
@@ -76,7 +76,7 @@ def test_a_body_that_turns_as_no_wheel_does_is_told() -> None:
 def test_too_little_of_a_drive_says_nothing() -> None:
     zeros = np.zeros((30, 3))
     regimes = np.repeat([STEADY, CHANGING], [20, 10])
-    assert bursting(ROLES, zeros, zeros + 1.0, np.linspace(0.0, 29.0, 30), regimes) == Bursts()
+    assert find_bursts(ROLES, zeros, zeros + 1.0, np.linspace(0.0, 29.0, 30), regimes) == Bursts()
 
 
 def test_what_comes_in_two_moments_only_has_happened_and_is_no_fault() -> None:
@@ -87,10 +87,10 @@ def test_what_comes_in_two_moments_only_has_happened_and_is_no_fault() -> None:
     left = np.array([4.0, 4.0, 0.004]) * random.standard_normal((2000, 3))
     for start in (520, 1280):
         left[start : start + 20, 2] += 0.6
-    found = bursting(("bemf_left", "bemf_right", "gyro"), np.full((2000, 3), 1500.0), left, time, regimes)
+    found = find_bursts(("bemf_left", "bemf_right", "gyro"), np.full((2000, 3), 1500.0), left, time, regimes)
     assert found.told == ()
     short = time < 12.0
-    once = bursting(
+    once = find_bursts(
         ("bemf_left", "bemf_right", "gyro"), left[short], left[short], time[short], regimes[short]
     )
     assert once.moments == pytest.approx((10.6,), abs=0.25)

@@ -22,8 +22,14 @@ from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.select.probe_scores import best_probe
 from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
 from raccoon.diagnose.select.state import look_around, start_search
-from raccoon.diagnose.unknown.probes import LARGE_WAVE, LEAST_WAVE, RUBS_ANEW, motion_of, probes_for
-from raccoon.diagnose.unknown.sensors import PREFIX
+from raccoon.diagnose.unknown.probes import (
+    FRICTION_OVER_TIME,
+    MIN_LARGE_WAVE_LOG_EVIDENCE,
+    MIN_WAVE_LOG_EVIDENCE,
+    estimate_motion,
+    make_probe_function,
+)
+from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX
 
 ROBOT = RobotConfig()
 CAUSES = {each.name: each for each in drive_causes()}
@@ -34,7 +40,7 @@ def test_what_was_called_unknown_is_not_where_a_cause_explains_it_after_all() ->
     hidden = draw("actuation.latency", np.random.default_rng(5))
     log = log_from_columns(make(5, [hidden], seconds=10.0).columns, ROBOT)
     real = problem_of(log, ROBOT, tuple(CAUSES.values()))
-    start = start_search(real, probes_for(real))
+    start = start_search(real, make_probe_function(real))
     seemed = {"unknown: time (inertia)": 300.0}
     empty = look_around(real, start.probes, start.fit.point, start.whitener, seemed)
     assert known_after_all(empty) == (empty, False)
@@ -53,7 +59,7 @@ def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
     columns = make(2, seconds=6.0).columns
     real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     linear = linearise(real, real.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
-    group = next(each for each in probes_for(real)(linear) if each.name.endswith("gyro over time"))
+    group = next(each for each in make_probe_function(real)(linear) if each.name.endswith("gyro over time"))
     channel = real.features.roles.index("gyro")
     time = real.features.time
     for straight in (np.ones_like(time), time - time.mean()):
@@ -67,7 +73,7 @@ def test_a_curve_over_speed_holds_no_noise_of_the_readings(problem: Problem) -> 
     noisy = replace(problem, features=replace(problem.features, measured=problem.features.measured + noise))
     for name in ("speed", "gyro over speed"):
         clean, disturbed = (
-            next(each.columns for each in probes_for(one)(its) if each.name == f"unknown: {name}")
+            next(each.columns for each in make_probe_function(one)(its) if each.name == f"unknown: {name}")
             for one, its in ((problem, linear), (noisy, replace(linear, residual=linear.residual + noise)))
         )
         np.testing.assert_allclose(disturbed, clean, atol=1e-9)
@@ -77,9 +83,9 @@ def test_a_curve_over_speed_holds_no_noise_of_the_readings(problem: Problem) -> 
 def test_friction_that_is_another_from_a_moment_on_is_a_curve(problem: Problem) -> None:
     """Of a robot that took a load; motors that get hot were named, with a probability of 1."""
     linear = linearise(problem, problem.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
-    name = f"{PREFIX}{RUBS_ANEW}"
-    assert name not in {each.name for each in probes_for(problem)(linear)}  # not of every drive
-    asked = probes_for(replace(problem, rubs_anew=True))
+    name = f"{UNKNOWN_PREFIX}{FRICTION_OVER_TIME}"
+    assert name not in {each.name for each in make_probe_function(problem)(linear)}  # not of every drive
+    asked = make_probe_function(replace(problem, rubs_anew=True))
     found = next(each for each in asked(linear) if each.name == name)
     later = problem.features.time > problem.features.time[0] + 0.3 * problem.features.time[-1]
     change = np.zeros_like(linear.residual)
@@ -105,12 +111,12 @@ def test_in_a_short_drive_a_place_is_a_moment(problem: Problem) -> None:
     real = replace(problem, features=replace(problem.features, measured=measured))
 
     def blind(linear: Linear) -> list[Group]:
-        return [replace(each, over_place=False) for each in probes_for(real)(linear)]
+        return [replace(each, over_place=False) for each in make_probe_function(real)(linear)]
 
     taken = best_probe(start_search(real, blind))
     assert taken.name.startswith("unknown: position")
     assert taken.shows(PROBE_ALONE)
-    assert not best_probe(start_search(real, probes_for(real))).shows(PROBE_ALONE)
+    assert not best_probe(start_search(real, make_probe_function(real))).shows(PROBE_ALONE)
 
 
 def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> None:
@@ -128,7 +134,7 @@ def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> N
         volts = 0.99 * 1.03 * motor.back_emf_constant.value * speeds[side]
         measured[:, roles.index(f"bemf_{side}")] = 9.0 + volts / BEMF_VOLTS_PER_COUNT
     measured[:, roles.index("gyro")] = bias + 1.05 * model.imu.gyro_scale.value * 0.5
-    found = motion_of(replace(problem, features=replace(problem.features, measured=measured)), settings)
+    found = estimate_motion(replace(problem, features=replace(problem.features, measured=measured)), settings)
     assert found is not None
     bins = len(measured)
     assert found.angle[-1] == pytest.approx([5.0 * bins * BIN, 7.0 * bins * BIN])
@@ -143,7 +149,7 @@ def test_a_gyro_that_drifts_does_not_turn_the_robot(problem: Problem) -> None:
     drifts = problem.settings(nominal) | {("imu.gyro_drift", None, "rate_per_second"): 0.002}
     (samples,), _ = problem.rollout([problem.settings(nominal), drifts])
     steady, drifting = (
-        motion_of(replace(problem, features=replace(problem.features, measured=measured)), settings)
+        estimate_motion(replace(problem, features=replace(problem.features, measured=measured)), settings)
         for measured, settings in zip(
             problem.features.simulated(samples), (problem.settings(nominal), drifts), strict=True
         )
@@ -159,7 +165,7 @@ def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong() 
     hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
     columns = make(10, [hidden], seconds=40.0).columns
     real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
-    found = best_probe(start_search(real, probes_for(real)))
+    found = best_probe(start_search(real, make_probe_function(real)))
     assert found.name == "unknown: wheel angle left"
     assert found.lead > 10.0 * PROBE_ALONE
 
@@ -171,15 +177,17 @@ def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has(size: float, 
     hidden = Hidden("unknown", None, {}, {"cogging_l": size})
     columns = make(12, [hidden], seconds=25.0).columns
     real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
-    found = best_probe(start_search(real, probes_for(real)))
+    found = best_probe(start_search(real, make_probe_function(real)))
     assert found.name == "unknown: wheel angle left"
     assert found.lead > PROBE_ALONE
     assert found.shows(PROBE_ALONE) is seen
-    assert found.least == (LARGE_WAVE if seen else LEAST_WAVE)  # a floor made 11 of a large one
+    assert found.least == (
+        MIN_LARGE_WAVE_LOG_EVIDENCE if seen else MIN_WAVE_LOG_EVIDENCE
+    )  # a floor made 11 of a large one
 
 
 def test_a_table_in_parts_has_each_part_beside_its_group(problem: Problem) -> None:
-    search = start_search(problem, probes_for(problem))
+    search = start_search(problem, make_probe_function(problem))
     waves = [each for each in search.table.in_parts().off if each[0].name == "unknown: wheel angle right"]
     (whole, span), *parts = waves
     assert len(parts) == len(whole.parts)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import column_names, is_read
-from raccoon.diagnose.findings.bent import without_bent
+from raccoon.diagnose.findings.deviations import without_deviation_notes
 from raccoon.diagnose.recordings.channels.faulty import CheckedColumns
 from raccoon.diagnose.recordings.channels.missing import describe_absence
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
@@ -59,7 +59,7 @@ def with_channel_faults(
     question = f"{reason}; are commands and readings of the same drive?"
     return replace(
         found, verdict=Verdict.UNKNOWN, causes=(), rejected=(*found.rejected, *dropped), model=None,
-        notes=(*without_bent(found.notes), *unchecked_notes, question),
+        notes=(*without_deviation_notes(found.notes), *unchecked_notes, question),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.times import check_time
-from raccoon.diagnose.findings.extend import with_causes
+from raccoon.diagnose.findings.fitted_model import with_causes
 from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
 from raccoon.diagnose.recordings.channels.review import wrong_robot_notes
 from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
@@ -27,7 +27,7 @@ from raccoon.diagnose.recordings.geometry.fit import (
 )
 from raccoon.diagnose.recordings.geometry.sentences import MEASURE_WITH_RULER, geometry_cause
 from raccoon.diagnose.recordings.reference.units import check_reference
-from raccoon.diagnose.reports.manoeuvre_words import MANOEUVRES
+from raccoon.diagnose.reports.manoeuvre_text import MANOEUVRES
 from raccoon.diagnose.result import (
     ChannelResult,
     Curve,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.recordings.motors.reading_faults import ReadingFaults, reading_faults
-from raccoon.diagnose.reports.manoeuvre_words import MANOEUVRES
+from raccoon.diagnose.reports.manoeuvre_text import MANOEUVRES
 from raccoon.diagnose.result import (
     Curve,
     Diagnosis,

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import Measured, RobotConfig
-from raccoon.diagnose.findings.extend import named_origin, rebased
-from raccoon.diagnose.findings.known_together import K_E, TURN_READS
+from raccoon.diagnose.findings.fitted_model import cause_origin, rebase_model
+from raccoon.diagnose.findings.joint_numbers import BACK_EMF_CONSTANT, GYRO_EXPONENTS
 from raccoon.diagnose.hypotheses.base_coordinates import INSIDE
 from raccoon.diagnose.recordings.reference.factors import Factor, ReferenceFactors
 from raccoon.diagnose.recordings.reference.gyro_rescaling import GYRO_COLUMN, GyroRescaling
@@ -22,7 +22,7 @@ from raccoon.diagnose.recordings.reference.search_start import (
     SearchStart,
     assumed_factor,
 )
-from raccoon.diagnose.reports.wording import explanation
+from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.result import (
     LARGE_REST,
     CauseResult,
@@ -69,7 +69,7 @@ def _relative_to_robot(found: Diagnosis, start: SearchStart) -> Diagnosis:
     """What the search says of the radius, and the model, counted from robot.toml's number."""
     factors = {id_: each.value for id_, each in start.factors.items()}
     found = replace(
-        found, model=None if found.model is None else rebased(found.model, start.configured, factors)
+        found, model=None if found.model is None else rebase_model(found.model, start.configured, factors)
     )
     if WHEEL_RADIUS not in factors:
         return found
@@ -82,7 +82,7 @@ def _relative_to_robot(found: Diagnosis, start: SearchStart) -> Diagnosis:
                     number, value=factors[WHEEL_RADIUS] * number.value, std=factors[WHEEL_RADIUS] * number.std
                 )
             }  # fmt: skip
-            text = explanation(each.id, each.where, values)
+            text = explanation_sentence(each.id, each.where, values)
             each = replace(each, parameters=values, explanation=text)
             if abs(values["factor"].value - number.nominal) < INSIDE * values["factor"].std:
                 continue  # the search took back what the reference seemed to say: something else was wrong
@@ -98,7 +98,7 @@ def _with_reference_causes(
     factors = {id_: start.factors[id_] for id_ in named}
     if not found.curves:
         return found
-    gyro_factor = math.prod(start.factors[id_].value ** TURN_READS[id_] for id_ in start.factors)
+    gyro_factor = math.prod(start.factors[id_].value ** GYRO_EXPONENTS[id_] for id_ in start.factors)
     rescaling = GyroRescaling.of_diagnosis(found)
     size_before, size_after = (
         rescaling.residual_size(1.0 / gyro_factor, before=True),
@@ -108,7 +108,7 @@ def _with_reference_causes(
     share, scale = _rescale_shares(found.unexplained.share, start_size, size_before, size_after)
     causes = [replace(each, gain=replace(each.gain, share=scale * each.gain.share)) for each in found.causes]
     for id_, factor in factors.items():
-        power = TURN_READS[id_]
+        power = GYRO_EXPONENTS[id_]
         without = rescaling.residual_size(factor.value**-power)
         possible = max(size_before, without) ** 2 - 1.0
         gained = float(np.clip((without**2 - size_after**2) / max(possible, 1e-6), 0.0, 1.0))
@@ -122,7 +122,7 @@ def _with_reference_causes(
         values = {"factor": ParameterResult(assumed * factor.value, assumed * std, "", assumed)}
         certainty = math.erf(named[id_] / math.sqrt(2.0))
         rivals = _rivals(id_, found)
-        text = f"{explanation(id_, None, values)} {SAID_BY_REFERENCE}"
+        text = f"{explanation_sentence(id_, None, values)} {SAID_BY_REFERENCE}"
         probability, gain = certainty / (1.0 + len(rivals)), Gain(without, size_after, gained)
         causes.append(CauseResult(id_, None, 0, values, gain, probability, rivals, text, change, unabsorbed))
     causes.sort(key=lambda each: (each.little, -each.unabsorbed))
@@ -147,7 +147,7 @@ def _with_track_cause(
     values = {"factor": ParameterResult(assumed * factor.value, assumed * factor.std, "", assumed)}
     normalised = [each.rmse_after / each.noise_floor for each in found.channels if each.noise_floor > 0.0]
     size = float(np.sqrt(np.mean(np.square(normalised)))) if normalised else 1.0
-    text = f"{explanation(TRACK_WIDTH, None, values)} {SAID_BY_REFERENCE}"
+    text = f"{explanation_sentence(TRACK_WIDTH, None, values)} {SAID_BY_REFERENCE}"
     rank, certainty = len(found.causes) + 1, math.erf(sigmas / math.sqrt(2.0))
     cause = CauseResult(TRACK_WIDTH, None, rank, values, Gain(size, size, 0.0), certainty, (), text)
     causes = (*found.causes, cause)
@@ -160,7 +160,7 @@ def _with_track_cause(
 def _rivals(id_: str, found: Diagnosis) -> tuple[str, ...]:
     """What stays to be told from a cause that the reference gave."""
     scaled = any(each.id in SCALE_CAUSES and each.where is None for each in found.causes)
-    return (K_E,) if id_ == WHEEL_RADIUS and scaled else ()
+    return (BACK_EMF_CONSTANT,) if id_ == WHEEL_RADIUS and scaled else ()
 
 
 def _with_origins(
@@ -172,7 +172,7 @@ def _with_origins(
     for each in causes:
         for key in list(model.effects):
             if each.id in factors and key[0] == each.id:
-                model = model.with_origin(*key, named_origin(each))
+                model = model.with_origin(*key, cause_origin(each))
     return model
 
 
@@ -274,7 +274,7 @@ def _reading_factor(
     factors = [each.parameters["factor"] for each in named]
     values, stds = [each.value for each in factors], [each.std / each.value for each in factors]
     ids = {each.id for each in named}
-    if K_E not in ids:
+    if BACK_EMF_CONSTANT not in ids:
         stds.append(k_e.std / k_e.value)
     if model is not None:
         values += [model.value(id_, "factor", side) for id_ in READING_CAUSES if id_ not in ids]

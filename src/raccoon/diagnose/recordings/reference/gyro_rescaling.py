@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raccoon.diagnose.drives.features import half_second
-from raccoon.diagnose.findings.gain import size_of
+from raccoon.diagnose.findings.held_out import size_of
 from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis
 from raccoon.trace.recording import usual_step
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.times import check_time
-from raccoon.diagnose.findings.extend import with_causes
+from raccoon.diagnose.findings.fitted_model import with_causes
 from raccoon.diagnose.recordings.tophats.fit import NominalSensor
 from raccoon.diagnose.recordings.tophats.judge import SensorDiagnosis, diagnose_sensor
 from raccoon.diagnose.recordings.tophats.sentences import HEIGHT, PARAMETER_NAMES

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from raccoon.diagnose.reports.numbers import two_digits
+from raccoon.diagnose.reports.numbers import format_two_digits
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
 from raccoon.model.reflectance import FULL_SCALE
 
@@ -27,8 +27,8 @@ def tophat_cause(
         GAIN: f"Tophat {port} reads {abs(value / max(base, 1e-9) - 1.0) * 100:.0f} % "
         f"{'more' if value > base else 'less'} than assumed: {_millivolts_hint(value)}calibrate it on white "
         "and black (raccoon calibrate tophats).",
-        HEIGHT: f"Tophat {port} sits about {two_digits(1000 * value)} mm above the floor instead of "
-        f"{two_digits(1000 * base)} mm: "
+        HEIGHT: f"Tophat {port} sits about {format_two_digits(1000 * value)} mm above the floor instead of "
+        f"{format_two_digits(1000 * base)} mm: "
         "mount it where it was meant to be, or calibrate it there.",
     }[id_]
     return CauseResult(id_, str(port), 1, {PARAMETER_NAMES[id_]: number}, gain, probability, rivals, sentence)
@@ -42,9 +42,9 @@ def _millivolts_hint(gain: float) -> str:
 def describe_light(port: int, light: float, falls: tuple[float, float]) -> str:
     """Light that lowers the levels by `falls` (white, black), as the model of the sensor has it."""
     return (
-        f"Light from outside, about {two_digits(100.0 * light)} % of direct sun, lowers tophat {port} by "
-        f"{falls[0]:.0f} counts over white and {falls[1]:.0f} over black: shade it, or calibrate where it is "
-        "used."
+        f"Light from outside, about {format_two_digits(100.0 * light)} % of direct sun, lowers tophat "
+        f"{port} by {falls[0]:.0f} counts over white and {falls[1]:.0f} over black: shade it, or calibrate "
+        "where it is used."
     )
 
 
@@ -79,8 +79,8 @@ def describe_older_factor(port: int, number: ParameterResult) -> str:
 def describe_older_alternative(port: int, height: float) -> str:
     """An older sensor that reads at another height what a newer one does at the named one."""
     return (
-        f"analog.{port}: at about {two_digits(1000.0 * height)} mm a sensor of the older make reads the "
-        "same: measure the height, or look at its make"
+        f"analog.{port}: at about {format_two_digits(1000.0 * height)} mm a sensor of the older make reads "
+        "the same: measure the height, or look at its make"
     )
 
 

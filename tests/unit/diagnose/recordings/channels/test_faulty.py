@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import Measured, RobotConfig
-from raccoon.diagnose.findings.bent import ADVICE
+from raccoon.diagnose.findings.deviations import MEASURE_ADVICE
 from raccoon.diagnose.recordings.channels.battery_sag import missing_sag_fault
 from raccoon.diagnose.recordings.channels.faulty import without_faulty_channels
 from raccoon.diagnose.recordings.channels.review import with_channel_faults
@@ -151,7 +151,7 @@ def test_steps_of_an_encoder_are_not_what_does_not_follow() -> None:
 def test_what_a_simulation_that_cannot_follow_bent_is_no_news() -> None:
     """Each of ten numbers of robot.toml was 3.5 standard deviations off, and to be measured."""
     sound = without_faulty_channels(GOOD, ROBOT)
-    bent = f"robot.toml's friction.viscous is 3.5 of its standard deviations off{ADVICE}"
+    bent = f"robot.toml's friction.viscous is 3.5 of its standard deviations off{MEASURE_ADVICE}"
     again = with_channel_faults(replace(found(1200.0, 0.5), notes=(bent, "kept")), GOOD, sound, ROBOT)
     assert again.notes[0] == "kept"
     assert "are commands and readings of the same drive?" in again.notes[-1]

@@ -7,8 +7,8 @@ import pytest
 from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings.plausibility.battery_scale import SEE_BATTERY, explain_by_battery_scale
+from raccoon.diagnose.reports.cause_text import describe_cause
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import ChannelResult, Diagnosis, ParameterResult
 
 ROBOT = RobotConfig()
@@ -36,7 +36,7 @@ def test_three_names_of_one_fault_are_one_sentence() -> None:
         "KIPR's library takes 0.009175 V a count, the controller's divider makes 0.008862."
         in first.explanation
     )
-    assert told(first).todo == ""  # not to put a voltage into robot.toml that is none
+    assert describe_cause(first).todo == ""  # not to put a voltage into robot.toml that is none
     assert second.explanation.endswith(SEE_BATTERY)
     assert third.explanation.endswith(SEE_BATTERY)
     assert "1. The battery's reading is 3.7" in terminal_report(found)

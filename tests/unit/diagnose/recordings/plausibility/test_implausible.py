@@ -19,8 +19,8 @@ from raccoon.diagnose.recordings.plausibility.implausible import (
     diagnose_speed_commands,
     with_plausibility_hints,
 )
+from raccoon.diagnose.reports.cause_text import describe_cause
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 
 Columns = dict[str, NDArray[np.float64]]
@@ -102,8 +102,8 @@ def test_a_number_that_no_motor_has_is_doubted() -> None:
     assert found.verdict is Verdict.PARTLY
     (doubted,) = found.causes
     assert "No motor's winding is that far off" in doubted.explanation
-    assert told(doubted).todo == "calibrate the motors (raccoon tune wheels)"
-    assert told(doubted).more.startswith("No motor's winding")
+    assert describe_cause(doubted).todo == "calibrate the motors (raccoon tune wheels)"
+    assert describe_cause(doubted).more.startswith("No motor's winding")
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
-from raccoon.diagnose.findings.extend import rebased, within_bounds
+from raccoon.diagnose.findings.fitted_model import clamp_to_bounds, rebase_model
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
@@ -431,7 +431,7 @@ def test_without_a_gyro_a_track_width_that_the_reference_has_is_a_cause_all_the_
 def test_a_shift_that_no_effect_can_have_stays_in_the_models_robot(tmp_path: Path) -> None:
     half = replace(ROBOT.model.drive, wheel_radius=Measured(0.4 * 0.0345, 0.0001))
     model = Parameters.from_robot(replace(ROBOT, model=replace(ROBOT.model, drive=half)))
-    found = rebased(model, ROBOT, {"drive.wheel_radius": 0.4, "imu.gyro_scale": 1.02})
+    found = rebase_model(model, ROBOT, {"drive.wheel_radius": 0.4, "imu.gyro_scale": 1.02})
     assert found.robot.model.drive.wheel_radius.value == pytest.approx(0.4 * 0.0345)
     assert found.value("drive.wheel_radius", "factor", "left") == 1.0
     assert found.value("imu.gyro_scale", "factor") == pytest.approx(1.02)
@@ -443,11 +443,11 @@ def test_a_number_that_no_simulator_takes_is_the_nearest_that_it_does(tmp_path: 
     """A robot.toml with wheels of twice the size ended in an error about a number that nobody had written."""
     neutral = neutral_settings(ROBOT)
     here = neutral | {("drive.wheel_radius", "left", "factor"): 0.4916}
-    model = parameters_of(within_bounds(here, neutral), neutral, ROBOT, Chain())
+    model = parameters_of(clamp_to_bounds(here, neutral), neutral, ROBOT, Chain())
     model.save(tmp_path / "model.toml")
     read = Parameters.from_model_file(tmp_path / "model.toml")
     assert read.value("drive.wheel_radius", "factor", "left") == 0.5
-    assert within_bounds(neutral, neutral) == neutral
+    assert clamp_to_bounds(neutral, neutral) == neutral
 
 
 def drive_of(model: Parameters) -> Columns:

@@ -1,0 +1,169 @@
+"""Causes as results: parameters with uncertainty, rank, probability and rivals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from raccoon.diagnose.findings.held_out import HeldOut, contributions
+from raccoon.diagnose.findings.joint_numbers import describe_joint_numbers
+from raccoon.diagnose.findings.uncertainty import FitUncertainty, setting_value
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
+from raccoon.diagnose.hypotheses.coordinates import FORMS, WIDTH_FACTOR, Cause
+from raccoon.diagnose.hypotheses.form_errors import form_error, least_error
+from raccoon.diagnose.reports.cause_text import explanation_sentence
+from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
+from raccoon.diagnose.select.refits import SCALE, SMOOTHS, delay_alike
+from raccoon.diagnose.select.rivals import CLOSE, odds, of_a_fault, only_beside
+from raccoon.diagnose.select.state import Search
+from raccoon.sim.effects.effect import Effect
+
+TURN_CLASSES = (frozenset(OF_TURNS),)
+"""Causes of turning that nothing on board tells apart."""
+
+INDISTINGUISHABLE_CLASSES = (*TURN_CLASSES, frozenset(SCALE))
+"""Causes that no drive tells apart: without a current reading, more resistance of both motors is also the
+same as less inertia and friction together."""
+CHIP_FILTER_NOTE = (
+    "A gyro whose chip filters at 41 Hz, as the Wombat's firmware sets it, looks the same, and is no fault."
+)
+
+
+def make_cause_results(
+    search: Search, judged: HeldOut, uncertainty: FitUncertainty
+) -> tuple[CauseResult, ...]:
+    """The causes of the final set: what matters first, and of that what is expected to change most that
+    robot.toml's deviations cannot absorb."""
+    found = []
+    for name, size in contributions(search).items():
+        cause = search.problem.causes[name]
+        values = fitted_parameters(search, cause, uncertainty)
+        gain = Gain(judged.without[name], judged.size_after, judged.share(name))
+        rivals = confounded_causes(search, cause)
+        likely = cause_probability(search, name, rivals, values)
+        values = widen_for_rivals(search, cause, values)
+        told = _describe(search.problem, cause, values, rivals) + describe_joint_numbers(
+            search, cause, uncertainty
+        )
+        found.append(
+            CauseResult(
+                cause.id, cause.where, 0, values, gain, likely, rivals, told, size.change, size.unabsorbed,
+                only_beside(search, name, rivals),
+            )
+        )  # fmt: skip
+    found.sort(key=lambda each: (each.little, -each.unabsorbed * of_a_fault(search, each.name)))
+    return tuple(replace(each, rank=rank) for rank, each in enumerate(found, start=1))
+
+
+def _describe(
+    problem: Problem, cause: Cause, values: dict[str, ParameterResult], rivals: tuple[str, ...]
+) -> str:
+    """The cause in a sentence. A lag is the sum of itself and of what it is not told from, but of a lag that
+    robot.toml leaves open: that has a number of its own."""
+    if cause.own is not None:
+        return cause.own.told({name: each.value for name, each in values.items()})
+    said = explanation_sentence(cause.id, cause.where, values)
+    tried = [each for each in rivals if each in problem.causes]
+    both = [each for each in tried if delay_alike(cause.name, each) and not _has_number(problem, each)]
+    if both:
+        said += f" With {' or '.join(both)} beside it this is the sum of their times."
+    return f"{said} {CHIP_FILTER_NOTE}" if SMOOTHS in rivals else said
+
+
+def _has_number(problem: Problem, name: str) -> bool:
+    """Whether robot.toml has a number, which it leaves open, of what a cause moves."""
+    return any(problem.neutral[problem.base[each].settings[0]] for each in problem.left_open(name))
+
+
+def fitted_parameters(
+    search: Search, cause: Cause, uncertainty: FitUncertainty
+) -> dict[str, ParameterResult]:
+    """The effect's parameters at the fit, with what the form of any model is off by."""
+    found = {}
+    for each in cause.effect.parameters:
+        if each.name == FORMS.get(cause.id):
+            continue
+        key = (cause.id, cause.places[0], each.name)
+        value = uncertainty.value_of(key)
+        nominal = search.problem.neutral[key]
+        form = form_error(cause.id) * abs(value - nominal if math.isfinite(nominal) else value)
+        least = least_error(cause.id, len(search.fit.point.active)) * WIDTH_FACTOR * each.prior_width
+        std = math.hypot(uncertainty.std(key), form, least)
+        found[each.name] = ParameterResult(value, std, each.unit, float(nominal))
+    return found
+
+
+def widen_for_rivals(
+    search: Search, cause: Cause, values: Mapping[str, ParameterResult]
+) -> dict[str, ParameterResult]:
+    """A cause's numbers, with standard deviations widened by what they are where a rival of another cause is
+    true.
+
+    Were K_E of both motors as assumed, and track and inertia others, friction would be other as well: as far
+    as that may be so, its number is known no better than the two differ. (Where the cause itself has rivals,
+    its number is what it is if it is there.)
+    """
+    fitted = search.problem.settings(search.fit.point)
+    rivals_of_others = [
+        [(odds(each), each.settings) for each in tried if each.lead < CLOSE and each.settings is not None]
+        for name, tried in search.rivals.items()
+        if name != cause.name and name in search.fit.point.active
+    ]
+    wider = {}
+    for name, value in values.items():
+        key, square = (cause.id, cause.places[0], name), value.std**2
+        for rivals in rivals_of_others:
+            total = 1.0 + sum(weight for weight, _ in rivals)
+            shifts = (
+                (weight, setting_value(settings, key) - setting_value(fitted, key))
+                for weight, settings in rivals
+            )
+            square += sum(weight / total * shift**2 for weight, shift in shifts if math.isfinite(shift))
+        wider[name] = replace(value, std=math.sqrt(square))
+    return wider
+
+
+def confounded_causes(search: Search, cause: Cause) -> tuple[str, ...]:
+    """Causes that explain this recording as well in its place, and those that no drive tells from one of
+    them."""
+    close = [each.name for each in search.rivals.get(cause.name, []) if each.lead < CLOSE or each.beside]
+    close = [each for each in close if each not in search.fit.point.active]
+    asked = frozenset(search.problem.causes)  # a reference has decided some
+    for twins in (each & asked for each in TURN_CLASSES):
+        if cause.name in twins:
+            close.extend(sorted(twins - {cause.name, *close}))
+        elif twins & set(close):
+            close.extend(sorted(twins - {*close, *search.fit.point.active}))
+    if cause.name == "motor.armature_resistance":
+        close.extend(each for each in SCALE if each not in (cause.id, *search.fit.point.active))
+    return tuple(dict.fromkeys(close))
+
+
+def cause_probability(
+    search: Search, name: str, rivals: tuple[str, ...], values: Mapping[str, ParameterResult]
+) -> float:
+    """Posterior probability of the cause against dropping it and against its rivals, equal prior odds.
+
+    No model has a robot's form quite right, which makes a lead over a rival say less than it seems to, and a
+    lead over nothing no more than the cause's number does with its standard deviation: beside a large latency
+    a slip of 0.15 +- 0.25 ms led by 19. (What has rivals is there even where its own number is not known.)
+    """
+    tried = search.rivals.get(name, [])
+    rival_odds = {each.name: odds(each) for each in tried if not each.beside}
+    beside = only_beside(search, name, rivals)
+    away = math.inf if rivals else largest_deviation(search.problem.causes[name].effect, values)
+    against = math.exp(-min(search.gains.get(name, 50.0), 0.5 * away**2, 700.0))
+    against += sum(rival_odds.get(each, 1.0) for each in rivals if each not in beside)
+    return 1.0 / (1.0 + against)
+
+
+def largest_deviation(effect: Effect, values: Mapping[str, ParameterResult]) -> float:
+    """By how many standard deviations a cause differs from the assumed values: of its number that is
+    farthest, among those that say how large the cause is and not of what kind."""
+    sizes = [each.name for each in effect.parameters if each.neutral is not None]
+    relevant = [each for name, each in values.items() if name in (*sizes, effect.parameters[0].name)]
+    return max(
+        (abs(each.value - each.nominal) / each.std for each in relevant if each.std > 0.0), default=math.inf
+    )

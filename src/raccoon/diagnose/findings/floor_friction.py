@@ -1,0 +1,65 @@
+"""Separating a floor's friction in one recording from the robot's own, which lasts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit.linear_model import speed_of
+from raccoon.diagnose.fit.noise_estimation import STANDSTILL
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.wander import FLOOR_SECONDS, summed
+from raccoon.sim.effects.parameters import SIDES
+
+Array = NDArray[np.float64]
+
+FRICTION_NUMBERS = (("friction.coulomb", "torque"), ("friction.viscous", "coefficient"))
+"""The refitted numbers of a robot's friction: a line over speed at each wheel."""
+COORDINATE_STEP = 1e-3
+"""Step of a coordinate, over which the friction line is differentiated."""
+
+
+def without_floor_friction(problem: Problem, point: Point, wander: float) -> Point:
+    """A fitted point with the friction that is to be expected of the robot from now on.
+
+    A fit finds the friction of this recording: the robot's, a line F + d |w| over each wheel's speed with
+    robot.toml's standard deviations, covariance P, and the line of least squares through what the floor added
+    meanwhile, covariance S, of which nothing lasts. Of the sum P (P + S)^-1 is expected to be the robot's.
+    docs/decisions/0018-what-the-floor-did-is-left-out.md has what that gains.
+
+    wander: root mean square share of Coulomb friction by which the floor lets it wander.
+    """
+    moves = np.stack([_friction_line(problem, index) for index in range(len(problem.base))], axis=1)
+    moving = np.flatnonzero(moves.any(axis=0))
+    if len(moving) == 0:
+        return point
+    moves, floor_covariance = moves[:, moving], np.zeros((len(moves), len(moves)))
+    measured = problem.features.measured
+    for wheel, side in enumerate(SIDES):
+        rows = slice(len(FRICTION_NUMBERS) * wheel, len(FRICTION_NUMBERS) * (wheel + 1))
+        torque = wander * problem.neutral[("friction.coulomb", side, "torque")]
+        speed = speed_of(problem, measured, side)
+        speed = np.zeros(len(measured)) if speed is None else speed
+        floor_covariance[rows, rows] = torque**2 * friction_line_covariance(problem.features.time, speed)
+    base = point.base.copy()
+    fitted_line, prior_covariance = moves @ base[moving], moves @ moves.T
+    total_covariance = prior_covariance + floor_covariance
+    expected = prior_covariance @ np.linalg.pinv(total_covariance, hermitian=True) @ fitted_line
+    base[moving] += np.linalg.pinv(moves) @ (expected - fitted_line)
+    return Point(base, point.active)
+
+
+def friction_line_covariance(time: Array, speed: Array) -> Array:
+    """Covariance (2, 2) of the numbers of the line over |speed|, rad/s, that least squares put through what a
+    floor of size 1 adds while a wheel moves. Where the speed is not known, 0, it is the mean and no slope."""
+    moves = np.abs(speed) >= STANDSTILL * np.abs(speed).max()
+    line = np.stack([np.ones(int(moves.sum())), np.abs(speed[moves])], axis=1)
+    return summed(np.linalg.pinv(line), time[moves], FLOOR_SECONDS)
+
+
+def _friction_line(problem: Problem, index: int) -> Array:
+    """What a unit of a base coordinate adds to each wheel's line, (wheels times two,)."""
+    moved = dict(problem.neutral)
+    problem.base[index].apply(moved, COORDINATE_STEP)
+    keys = [(id_, side, name) for side in SIDES for id_, name in FRICTION_NUMBERS]
+    return np.array([(moved[key] - problem.neutral[key]) / COORDINATE_STEP for key in keys])

@@ -1,0 +1,107 @@
+"""Sentences on numbers that a drive only determines jointly: how they share it, robot.toml decides."""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.config import NominalModel
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
+from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.select.gates import MANY
+from raccoon.diagnose.select.state import Search
+from raccoon.diagnose.select.symmetry import BACK_EMF
+from raccoon.sim.effects.parameters import SIDES
+
+GYRO_EXPONENTS = {"imu.gyro_scale": 1.0, "drive.wheel_radius": 1.0, "drive.track_width": -1.0}
+"""Exponent of each in the gyro's reading."""
+BACK_EMF_CONSTANT = "motor.back_emf_constant"
+K_E_EXPONENTS = {
+    "inertia": BACK_EMF["inertia", "turn"],
+    "dry friction": BACK_EMF["friction.coulomb", "torque"],
+    "the track": BACK_EMF["drive.track_width", "factor"],
+}
+"""What has to change with both K_E for the same drive, with its exponent."""
+SCALE_SETTING_EFFECTS = {
+    "drive.inertia", "drive.track_width", "drive.wheel_radius", "friction.coulomb", "friction.viscous",
+    "imu.gyro_scale", "motor.armature_resistance",
+}  # fmt: skip
+"""Effects whose numbers in robot.toml also decide how large K_E is said to be."""
+MIN_K_E_CHANGE = 0.02
+"""Relative change of both K_E from which it is worth a sentence."""
+
+UNMEASURED_ROBOT_NOTE = (
+    "robot.toml's [model] is that of the documentation's robot: of another one that nobody has measured many "
+    "numbers are off, and the fewest that explain its drive are named. Measure wheels and track (raccoon "
+    "calibrate drive), write them and what is said here into robot.toml, and diagnose again"
+)
+
+
+def unmeasured_robot_notes(search: Search) -> tuple[str, ...]:
+    """A note where many causes are named of a robot whose numbers are all the default's."""
+    default = search.problem.robot.model == NominalModel()
+    return (UNMEASURED_ROBOT_NOTE,) if default and len(search.fit.point.active) >= MANY else ()
+
+
+def describe_joint_numbers(search: Search, cause: Cause, uncertainty: FitUncertainty) -> str:
+    """What a cause shares with others that are named, or that may be in its place."""
+    product = describe_known_product(search, cause, uncertainty)
+    scale = describe_common_scale(search, cause, uncertainty)
+    return product + describe_joint_rivals(search, cause) + scale
+
+
+def describe_known_product(search: Search, cause: Cause, uncertainty: FitUncertainty) -> str:
+    """The known product of numbers that the gyro does not tell apart, where more than one was named."""
+    active = [each for each in GYRO_EXPONENTS if each in search.fit.point.active]
+    if cause.name not in active or len(active) < 2:
+        return ""
+    factors = {}
+    for each in active:
+        key = (each, search.problem.causes[each].places[0], "factor")
+        factors[each] = uncertainty.value_of(key) / search.problem.neutral[key]
+    together = math.prod(factors[each] ** GYRO_EXPONENTS[each] for each in active)
+    others = " and ".join(each for each in active if each != cause.name)
+    return (
+        f" With {others} beside it only what they do together is known: the gyro reads {together:.3f} times "
+        "what is assumed."
+    )
+
+
+def describe_joint_rivals(search: Search, cause: Cause) -> str:
+    """A set of causes that explains a drive as well in the place of a cause, but only together."""
+    tried = search.rivals.get(cause.name, [])
+    sets = [(each.name, *each.together) for each in tried if each.together]
+    if not sets:
+        return ""
+    *most, last = sorted(sets[0])
+    return f" {', '.join(most)} and {last} together would look the same."
+
+
+def describe_common_scale(search: Search, cause: Cause, uncertainty: FitUncertainty) -> str:
+    """Beside K_E of both motors, what else would be the same drive were K_E as assumed.
+
+    It is said once, and where another number of robot.toml is named that decides it: of a robot that nobody
+    has measured, where all are off, the fewest that explain its drive are not those that are off most.
+    """
+    active, problem = search.fit.point.active, search.problem
+    both_k_e = (
+        [BACK_EMF_CONSTANT]
+        if BACK_EMF_CONSTANT in active
+        else [f"{BACK_EMF_CONSTANT}@{side}" for side in SIDES]
+    )
+    deciding = {problem.causes[name].id for name in active} & SCALE_SETTING_EFFECTS
+    if cause.name != both_k_e[0] or not all(each in active for each in both_k_e) or not deciding:
+        return ""
+    keys = [(BACK_EMF_CONSTANT, side, "factor") for side in SIDES]
+    off = math.sqrt(math.prod(uncertainty.value_of(key) / problem.neutral[key] for key in keys))
+    if abs(off - 1.0) < MIN_K_E_CHANGE:
+        return ""
+    *most, last = (f"{name} {_change_text(off**-power)}" for name, power in K_E_EXPONENTS.items())
+    others = f"{', '.join(most)} and {last}"
+    return (
+        f" With both K_E {_change_text(1.0 / off)}, {others} than this the drive would be the same: "
+        "robot.toml decides, so measure the track and the wheels with a ruler first."
+    )
+
+
+def _change_text(factor: float) -> str:
+    return f"{100.0 * abs(factor - 1.0):.0f} % {'more' if factor > 1.0 else 'less'}"

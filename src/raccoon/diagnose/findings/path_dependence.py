@@ -1,0 +1,85 @@
+"""Causes that depend on the path driven: on the angles of wheels, where a robot is and where it points. A gap
+loses these, and each recording begins with others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.hypotheses.per_recording import DIFFERS
+from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
+
+MIN_PART_S = 12.0
+"""s without a gap from which causes can be told apart."""
+PATH_DEPENDENT = ("drive.wheel_eccentricity", "drive.slope")
+PATH_DEPENDENT_UNKNOWNS = ("wheel angle", "position", "heading")
+"""Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
+of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
+SLOPE_RIVAL = "friction.direction_dependent"
+"""What a slope looks like to drives that begin in the same direction on it."""
+PER_RECORDING = tuple(id_ for id_, _, _ in DIFFERS)
+"""Effects that differ from recording to recording, and are no cause of several."""
+GAPS_REASON = "the gaps lose where the wheels and the robot point, on which something here depends"
+DIFFERENT_STARTS_REASON = (
+    "each of several recordings began with other angles of the wheels and in another direction: diagnose "
+    "them one by one"
+)
+
+
+def is_path_dependent(found: Diagnosis) -> bool:
+    """Whether what was found depends on the angle of a wheel or on where the robot is, which integrate all
+    that was driven, also in a gap."""
+    named = any(each.id in PATH_DEPENDENT for each in found.causes)
+    return named or any(each.startswith(PATH_DEPENDENT_UNKNOWNS) for each in found.unexplained.depends_on)
+
+
+def is_too_short(seconds: float) -> bool:
+    """Whether a part without a gap is too short to tell causes apart."""
+    return seconds < MIN_PART_S
+
+
+def not_judged_for_gaps(found: Diagnosis, seconds: float) -> Diagnosis:
+    """The diagnosis without its causes, where a gap may have made each of another."""
+    reason = (
+        f"not judged: {GAPS_REASON}, and the longest part without one has {seconds:.1f} s of {MIN_PART_S:g} s"
+    )
+    return _not_judged(found, reason)
+
+
+def shareable_causes(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """The causes that several recordings can have in common."""
+    return tuple(each for each in causes if each.id not in (*PATH_DEPENDENT, *PER_RECORDING))
+
+
+def restricted_to_shareable(found: Diagnosis) -> Diagnosis:
+    """The diagnosis of several recordings, with the causes that they cannot share among the rejected ones."""
+    if is_path_dependent(found):
+        return _not_judged(
+            found, f"not judged: something depends on the way that was driven, and {DIFFERENT_STARTS_REASON}"
+        )
+    rejected = [Rejected(each, f"not identifiable: {DIFFERENT_STARTS_REASON}") for each in PATH_DEPENDENT]
+    rejected += [
+        Rejected(each, "not judged: each of several recordings has its own") for each in PER_RECORDING
+    ]
+    causes = tuple(_with_slope_as_rival(each) if each.id == SLOPE_RIVAL else each for each in found.causes)
+    return replace(found, causes=causes, rejected=(*found.rejected, *rejected))
+
+
+def _with_slope_as_rival(cause: CauseResult) -> CauseResult:
+    """The cause with a slope, which several recordings do not try, as an equally likely rival."""
+    others = tuple(each for each in cause.confounded_with if each != "drive.slope")
+    return replace(cause, confounded_with=(*others, "drive.slope"), probability=min(cause.probability, 0.5))
+
+
+def _not_judged(found: Diagnosis, reason: str) -> Diagnosis:
+    return replace(
+        found,
+        verdict=Verdict.NOT_IDENTIFIABLE,
+        causes=(),
+        rejected=(*found.rejected, *(Rejected(each.name, reason) for each in found.causes)),
+        unexplained=replace(found.unexplained, depends_on=()),
+        model=None,
+        notes=(*found.notes, reason),
+        shapes=(),
+    )

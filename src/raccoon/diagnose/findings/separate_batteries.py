@@ -1,0 +1,60 @@
+"""Several recordings that may not share a battery: then its resistance is fitted for each, and is no
+cause."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.hypotheses.coordinates import Cause, Settings
+from raccoon.diagnose.hypotheses.per_recording import RESISTANCE, resistances
+from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
+
+MIN_RESISTANCE_RATIO, MIN_RESISTANCE_DIFFERENCE_OHM = 1.4, 0.015
+"""Ratio and difference of the largest to the smallest resistance from which they are of several batteries. Of
+one battery in three drives of 10 s they were within 1.1."""
+SEPARATE_BATTERIES_NOTE = "the recordings do not share a battery: its resistance is "
+NOT_SHARED_REASON = "not judged: the recordings do not share a battery"
+
+
+def batteries_may_differ(found: Diagnosis) -> bool:
+    """Whether different batteries may be behind what was found in several recordings together."""
+    named = any(each.id == RESISTANCE[0] for each in found.causes)
+    return named or found.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
+
+
+def with_own_batteries(log: Log) -> Log:
+    """The log with a battery for each recording."""
+    return replace(log, own_batteries=True)
+
+
+def without_shared_resistance(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """The causes that such recordings can have in common."""
+    return tuple(each for each in causes if each.id != RESISTANCE[0])
+
+
+def separate_battery_notes(settings: Settings, log: Log) -> tuple[str, ...]:
+    """A note that the batteries of several recordings differ, where they do; none where they share one."""
+    if not log.own_batteries:
+        return ()
+    found = resistances(settings, len(log.runs))
+    if (
+        max(found) < MIN_RESISTANCE_RATIO * min(found)
+        or max(found) < min(found) + MIN_RESISTANCE_DIFFERENCE_OHM
+    ):
+        return ()
+    listed = ", ".join(f"{each:.3f} ohm in recording {number}" for number, each in enumerate(found, 1))
+    return (
+        f"{SEPARATE_BATTERIES_NOTE}{listed}; where it is much, take a fresh battery, and clean its contacts",
+    )
+
+
+def has_separate_batteries(own: Diagnosis) -> bool:
+    """Whether a diagnosis with a battery for each recording found that they differ."""
+    return any(note.startswith(SEPARATE_BATTERIES_NOTE) for note in own.notes)
+
+
+def with_resistance_not_judged(own: Diagnosis) -> Diagnosis:
+    """The diagnosis, with the battery's resistance among what was not judged."""
+    return replace(own, rejected=(*own.rejected, Rejected(RESISTANCE[0], NOT_SHARED_REASON)))

@@ -1,0 +1,204 @@
+"""The model that many recordings of a robot have in common, and its worth on one it is not made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.schema import Measured
+from raccoon.diagnose.fleet.current_standing import COMMON_SHARE
+from raccoon.diagnose.fleet.series import STD_PER_MAD
+from raccoon.diagnose.fleet.silent_recordings import is_silent
+from raccoon.diagnose.fleet.summary import HEIGHT, Fleet, FleetCause
+from raccoon.diagnose.hypotheses.coordinates import places
+from raccoon.diagnose.result import Diagnosis
+from raccoon.sim.effects.effect import Parameter, Place, effect
+from raccoon.sim.effects.parameters import Key, Parameters
+from raccoon.sim.effects.provenance import Origin
+
+Array = NDArray[np.float64]
+
+RELATIVE_TO_START = ("drive.slope", "drive.wheel_eccentricity")
+"""Effects whose direction counts from where a run began, which is another place in each."""
+REFITTED_NOTE = "refitted inside robot.toml's standard deviation, the median of {} recordings"
+NAMED_NOTE = "named in {} of {} recordings"
+
+
+@dataclass(frozen=True, slots=True)
+class CrossCheck:
+    """A recording with the model of the others. before, after: error of robot.toml's simulation and of that
+    model on data that no fit had seen, root mean square over the channels in units of their noise. own: the
+    same with the model of this recording itself. still: what is wrong with the others' model there."""
+
+    before: float
+    after: float
+    own: float
+    still: tuple[str, ...]
+
+
+def make_cross_check(with_own_robot: Diagnosis, with_common_model: Diagnosis) -> CrossCheck:
+    """first: of a recording from robot.toml; again: of the same from the model of the others."""
+    floors = {each.name: each.noise_floor for each in with_own_robot.channels if each.noise_floor > 0.0}
+
+    def size(errors: Mapping[str, float]) -> float:
+        parts = [error / floors[name] for name, error in errors.items() if name in floors]
+        return float(np.sqrt(np.mean(np.square(parts)))) if parts else math.nan
+
+    before, after = (
+        {each.name: each.rmse_before for each in it.channels} for it in (with_own_robot, with_common_model)
+    )
+    own = {each.name: each.rmse_after for each in with_own_robot.channels}
+    still = [each.name for each in with_common_model.causes if not each.little]
+    still += [f"something that depends on {each}" for each in with_common_model.unexplained.depends_on]
+    return CrossCheck(size(before), size(after), size(own), tuple(still))
+
+
+def common_model(fleet: Fleet, held_out: str | None = None) -> Parameters | None:
+    """The simulation of a fleet's one robot: causes that most of its recordings name, and all else as they
+    refitted it; of a number that changed, as it was in the end. None where no recording gives a model.
+
+    of: a recording to foresee. The model is then made from the others alone, and of a number that changed, as
+    it was between the same jumps.
+    """
+    every = list(fleet.results)
+    models = {name: fleet.results[name].model for name in every if name != held_out}
+    made = {name: each for name, each in models.items() if each is not None}
+    if not made:
+        return None
+    pool = _ModelPool(
+        made, {name: row for row, name in enumerate(every)}, every[-1] if held_out is None else held_out
+    )
+    first = next(iter(made.values()))
+    common = replace(first, robot=_with_median_inertia([*made.values()]), effects={}, origins={})
+    common = _with_common_refits(common, pool, fleet)
+    for cause in reversed(fleet.causes):
+        common = _with_common_cause(common, cause, pool, fleet)
+    return common
+
+
+@dataclass(frozen=True, slots=True)
+class _ModelPool:
+    """What a model is made from. models: by recording; rows: of all recordings; at: the recording that the
+    model is of, as it is then."""
+
+    models: Mapping[str, Parameters]
+    rows: Mapping[str, int]
+    at: str
+
+    def with_median_effect(
+        self, common: Parameters, key: Key, having: Sequence[str], origin: Origin, creeps: bool = False
+    ) -> Parameters:
+        """With an effect as these recordings have it: the median of each number, the first on their line
+        where it creeps. Its deviation is how far the next recording's may be from it: as these scatter, and
+        the median itself may be off."""
+        values, stds = {}, {}
+        for number, each in enumerate(effect(key[0]).parameters):
+            found = np.array([self.models[name].value(key[0], each.name, key[1]) for name in having])
+            own = [self._parameter_std(name, key, each.name) for name in having]
+            values[each.name], stds[each.name] = _median_with_std(found, own)
+            if creeps and number == 0 and len(having) > 1:
+                values[each.name], stds[each.name] = self._value_on_trend(each, having, found, own)
+            if key[0] == HEIGHT:  # what is not known of the law of its light is the same in all of them
+                stds[each.name] = max(stds[each.name], float(np.median(own)))
+        std = {name: each for name, each in stds.items() if each > 0.0}
+        return common.with_effect(key[0], key[1], **values).with_origin(*key, replace(origin, std=std))
+
+    def _parameter_std(self, name: str, key: Key, parameter: str) -> float:
+        origin = self.models[name].origins.get(key)
+        return 0.0 if origin is None else origin.std.get(parameter, 0.0)
+
+    def _value_on_trend(
+        self, parameter: Parameter, having: Sequence[str], values: Array, stds: Sequence[float]
+    ) -> tuple[float, float]:
+        """At an end a line is less sure than in its middle, and two of its numbers are fitted."""
+        rows = np.array([self.rows[name] for name in having], float) - self.rows[self.at]
+        rate, start = np.polyfit(rows, values, 1)
+        left = values - start - rate * rows
+        scatter = math.sqrt(float(left @ left) / max(len(rows) - 2, 1))
+        middle = rows.mean()
+        share = 1.0 / len(rows) + float(middle**2 / ((rows - middle) ** 2).sum())
+        value = min(max(float(start), parameter.bounds.low), parameter.bounds.high)
+        return value, math.hypot(scatter, max(scatter, float(np.median(stds))) * math.sqrt(share))
+
+
+def _with_common_refits(common: Parameters, pool: _ModelPool, fleet: Fleet) -> Parameters:
+    """With what most drives have without its being a cause there."""
+    named = {name: _named_effects(fleet.results[name]) for name in pool.models}
+    refitted = {name: each.effects.keys() - named[name] for name, each in pool.models.items()}
+    drives = [name for name, each in refitted.items() if each]
+    for key in sorted({key for each in refitted.values() for key in each}, key=str):
+        able = [name for name in drives if key not in named[name]]
+        having = [name for name in able if key in refitted[name]]
+        if len(having) >= COMMON_SHARE * len(able):
+            common = pool.with_median_effect(
+                common, key, having, Origin({}, REFITTED_NOTE.format(len(having)))
+            )
+    return common
+
+
+def _named_effects(diagnosis: Diagnosis) -> set[Key]:
+    return {(each.id, place) for each in diagnosis.causes for place in _effect_places(each.id, each.where)}
+
+
+def _effect_places(id_: str, where: str | None) -> tuple[str | None, ...]:
+    return (where,) if effect(id_).place is Place.TOPHAT else places(id_, where)
+
+
+def _with_common_cause(common: Parameters, cause: FleetCause, pool: _ModelPool, fleet: Fleet) -> Parameters:
+    """With a cause that most recordings name which can tell, between the same jumps as the one to foresee; of
+    two that they do not tell apart with one."""
+    id_, _, where = cause.name.partition("@")
+    piece, creeps = _recordings_between_jumps(cause, [*fleet.results], pool.at)
+    able = [name for name in piece if name in pool.models and not is_silent(cause.name, fleet.results[name])]
+    having = [name for name in able if name in cause.recordings]
+    if id_ in RELATIVE_TO_START or cause.instead or not having or len(having) < COMMON_SHARE * len(able):
+        return common
+    named = [each for name in having for each in fleet.results[name].causes if each.name == cause.name]
+    sure = float(np.median([each.probability for each in named]))
+    origin = Origin({}, NAMED_NOTE.format(len(having), len(able)), sure)
+    for place in _effect_places(id_, where or None):
+        common = pool.with_median_effect(common, (id_, place), having, origin, creeps)
+    return common
+
+
+def _recordings_between_jumps(cause: FleetCause, every: Sequence[str], at: str) -> tuple[list[str], bool]:
+    """The recordings between the same jumps as one, without those that are far from the others, and whether
+    the number creeps there."""
+    names, creeps = list(every), False
+    for course in cause.series.courses:
+        starts = [0, *(each.first for each in course.pieces[1:]), len(every)]
+        number = sum(start <= every.index(at) for start in starts[:-1]) - 1
+        names, creeps = names[starts[number] : starts[number + 1]], course.pieces[number].creeps
+    return [name for name in names if name not in cause.series.outliers], creeps
+
+
+def _median_with_std(values: Array, stds: Sequence[float]) -> tuple[float, float]:
+    middle = float(np.median(values))
+    if not np.isfinite(values).all():  # no limit of the current
+        return middle, 0.0
+    scatter = STD_PER_MAD * float(np.median(np.abs(values - middle)))
+    return middle, math.hypot(scatter, float(np.median(stds)) / math.sqrt(len(values)))
+
+
+def _with_median_inertia(models: Sequence[Parameters]) -> RobotConfig:
+    """The first robot with everyone's inertias, which are numbers of robot.toml itself."""
+    robot = models[0].robot
+
+    def middle(numbers: Sequence[Measured]) -> Measured:
+        value, std = _median_with_std(
+            np.array([each.value for each in numbers]), [each.std for each in numbers]
+        )
+        return replace(numbers[0], value=value, std=std)
+
+    drives = [each.robot.model.drive for each in models]
+    drive = replace(
+        robot.model.drive,
+        inertia_straight=middle([each.inertia_straight for each in drives]),
+        inertia_turn=middle([each.inertia_turn for each in drives]),
+    )
+    return replace(robot, model=replace(robot.model, drive=drive))

@@ -1,0 +1,48 @@
+"""Which recordings can tell of a cause: one that cannot speaks neither for it nor against it."""
+
+from __future__ import annotations
+
+from raccoon.diagnose.result import Diagnosis, Verdict
+
+CANNOT_TELL_PREFIXES = (
+    "not identifiable",
+    "not visible",
+    "not judged",
+    "the recorded motion does not follow",
+)
+"""How a reason begins for which a recording says nothing of a cause."""
+
+
+def is_silent(name: str, diagnosis: Diagnosis) -> bool:
+    """Whether a recording that does not name a cause does not speak against it either: it cannot tell, as
+    where a channel is missing, it is of another kind, as a tophat's of a battery, or it names another cause
+    that may be this one."""
+    id_, _, where = name.partition("@")
+    judged = [*(each.name for each in diagnosis.causes), *(each.id for each in diagnosis.rejected)]
+    if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE or _judged_group(name) not in map(_judged_group, judged):
+        return True
+    rivals = {
+        (rival if "@" in rival or each.where != where else f"{rival}@{where}")
+        for each in diagnosis.causes
+        for rival in each.confounded_with
+    }
+    if name in rivals:
+        return True
+    return any(
+        each.reason.startswith(CANNOT_TELL_PREFIXES) and _holds_at_place(each.reason, where)
+        for each in diagnosis.rejected
+        if each.id in (name, id_) or (each.id.endswith("*") and id_.startswith(each.id[:-1]))
+    )
+
+
+def _judged_group(name: str) -> str:
+    """What is judged together: battery, motor, drive, each tophat."""
+    id_, _, where = name.partition("@")
+    group = id_.partition(".")[0]
+    return f"{group}@{where}" if where.isdecimal() else group
+
+
+def _holds_at_place(reason: str, where: str) -> bool:
+    """Whether a reason holds at a place: one may say that it is of one side alone."""
+    begin = "not identifiable at the "
+    return not reason.startswith(begin) or reason.startswith(f"{begin}{where}:")

@@ -1,0 +1,70 @@
+"""What a cause is called where there is room for a word or two."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+PLAIN_NAMES: Mapping[str, str] = {
+    "battery.open_circuit_voltage": "battery voltage",
+    "battery.internal_resistance": "battery resistance",
+    "battery.discharge": "a battery that runs down",
+    "motor.armature_resistance": "winding resistance",
+    "motor.back_emf_constant": "K_E",
+    "motor.heating": "hot windings",
+    "motor.current_limit": "a limit of the current",
+    "friction.coulomb": "dry friction",
+    "friction.viscous": "friction that grows with speed",
+    "friction.stiction": "sticking",
+    "friction.load_dependent": "a gear that loses torque",
+    "friction.direction_dependent": "friction that differs by direction",
+    "friction.quadratic": "drag by the square of the speed",
+    "friction.presliding": "friction that gives",
+    "drive.backlash": "play in the gears",
+    "drive.wheel_slip": "slipping wheels",
+    "drive.turn_scrub": "scrub in turns",
+    "drive.wheel_radius": "wheel radius",
+    "drive.track_width": "track width",
+    "drive.inertia": "inertia",
+    "drive.slope": "a slope",
+    "drive.wheel_eccentricity": "a wheel that is not round",
+    "actuation.deadband": "commands that do nothing",
+    "actuation.latency": "late commands",
+    "bemf.offset": "back-EMF at standstill",
+    "bemf.scale": "scale of the back-EMF",
+    "bemf.dead_zone": "back-EMF that is not heard",
+    "bemf.filter_lag": "smoothing of the back-EMF",
+    "imu.gyro_bias": "gyro bias",
+    "imu.gyro_scale": "gyro scale",
+    "imu.gyro_drift": "gyro drift",
+    "imu.latency": "a late gyro",
+    "imu.low_pass": "a gyro that smooths",
+    "tophat.ambient_light": "light on a tophat",
+    "tophat.gain": "gain of a tophat",
+    "tophat.height": "height of a tophat",
+    "tophat.noise": "noise of a tophat",
+}
+"""By effect."""
+
+
+def plain_name(name: str) -> str:
+    """id@where in words: dry friction (left). An effect of a team's own keeps its id."""
+    id_, _, where = name.partition("@")
+    return PLAIN_NAMES.get(id_, id_) + (f" ({where})" if where else "")
+
+
+_PLACES = {
+    "motor": {None: "the motors", "left": "the left motor", "right": "the right motor"},
+    "bemf": {None: "the motors", "left": "the left motor", "right": "the right motor"},
+    None: {None: "both wheels", "left": "the left wheel", "right": "the right wheel"},
+}
+
+
+def place_name(id: str, where: str | None) -> str:  # noqa: A002
+    """Where an effect acts, in words: the left motor, both wheels, port 3."""
+    places = _PLACES.get(id.partition(".")[0], _PLACES[None])
+    return places.get(where) or f"port {where}"
+
+
+def capitalise(text: str) -> str:
+    """As a sentence begins; a column's name, a file and the id of a team's own effect stay as they are."""
+    return text if "." in text.partition(" ")[0] else text[:1].upper() + text[1:]

@@ -1,0 +1,82 @@
+"""What no cause describes, in words: how much of it there is, over what, and where to look on the robot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from raccoon.diagnose.reports.numbers import parameter_text
+from raccoon.diagnose.result import Shape
+
+MIN_WAVE_SHARE = 0.6
+"""Part of a curve's power from which one wave is said to be all of it."""
+_WHEEL_ANGLE = re.compile(r"wheel angle (left|right)")
+_WHEEL_ALONE = re.compile(r"^(left|right) wheel alone$")
+FRICTION_SUFFIX, TIME_PREFIX = " (friction)", "time ("
+QUESTIONS = {
+    "position": "is the floor rough, dirty or taped there?",
+    "heading": "is the table level, and does no cable pull?",
+    "speed": "does something begin to rub or to shake at that speed?",
+    "time (gyro)": "did the robot hit something then, or was the gyro set to zero while it moved?",
+    "time (left wheel)": "did the wheel lose its tyre then, or wind something up?",
+    "time (right wheel)": "did the wheel lose its tyre then, or wind something up?",
+    "time": "was something picked up, put down or lost then?",
+    "gyro over speed": "does the controller shake: is it screwed down?",
+    "gyro over turn rate": "does the gyro count a full turn to the left and one to the right alike?",
+    "gyro over time": "does the gyro warm up: is it calibrated at rest just before a run?",
+    "battery over time": "is a plug loose, or does something else draw from the battery?",
+}
+"""By what a curve depends on, without what is in parentheses or which of several it is."""
+
+
+def depends_text(depends_on: Sequence[str]) -> str:
+    """What something unknown depends on, in words."""
+    named = (_WHEEL_ANGLE.sub(r"the angle of the \1 wheel", each) for each in depends_on)
+    return ", ".join(_WHEEL_ALONE.sub(r"the \1 wheel alone", each) for each in named)
+
+
+def shape_text(shape: Shape) -> str:
+    """What varies, by how much, where it is most, or how often in a turn, and what to look at."""
+    often = waves_per_turn(shape)
+    most = f"{often} times in a turn" if often else f"highest at {shape.highest:.3g} {shape.over_unit}"
+    if shape.depends_on.startswith(TIME_PREFIX):  # in steps
+        moment = step_position(shape)
+        most = f"most of it at about {moment:.{0 if moment >= 10.0 else 1}f} {shape.over_unit}"
+    size = f"{shape.quantity} varies by {parameter_text(shape.size)} over the {covariate_text(shape)}, {most}"
+    look = question_about(shape.depends_on)
+    return f"{size}: {look}" if look else size
+
+
+def step_position(shape: Shape) -> float:
+    """Where a curve in steps changes most, in over_unit: between two of its places."""
+    step = int(np.argmax(np.abs(np.diff(shape.values, append=shape.values[-1]))))
+    return float(shape.over[step : step + 2].mean())
+
+
+def covariate_text(shape: Shape) -> str:
+    """What the curve runs over, in some words."""
+    name = shape.depends_on.partition(" (")[0].rpartition(" over ")[2]
+    return depends_text([name]).removeprefix("the ")
+
+
+def question_about(depends_on: str) -> str:
+    """The question that a team can answer by looking; "" where there is none."""
+    over, wheel, side = depends_on.removesuffix(FRICTION_SUFFIX).partition("wheel angle ")
+    if wheel:
+        if depends_on.endswith(FRICTION_SUFFIX):
+            return f"does the {side} wheel rub, is it or its axle bent, is something wound around it?"
+        return f"does the {side} motor cog: is a tooth of its gear, or its shaft, damaged?"
+    name = over.partition(" (")[0]
+    return QUESTIONS.get(over) or QUESTIONS.get(name) or QUESTIONS.get(name.split(" ")[0], "")
+
+
+def waves_per_turn(shape: Shape) -> int:
+    """How often in a turn of a wheel it comes, where that is more than once, and nearly all of it; else 0."""
+    if not shape.depends_on.startswith("wheel angle"):
+        return 0
+    orders = np.arange(1, 13)[:, None]
+    power = np.abs(np.exp(1j * orders * shape.over) @ (shape.values - shape.values.mean())) ** 2
+    most = int(np.argmax(power))
+    return most + 1 if most and power[most] > MIN_WAVE_SHARE * power.sum() else 0
