@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.habits.controller import controller_of
+from raccoon.diagnose.habits.controller import find_habits
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.coordinates import Cause
 
 
 def problem_of(log: Log, robot: RobotConfig, causes: Sequence[Cause]) -> Problem:
     """The problem of a log, with the changes of commands whose rows it lost."""
-    restored, habits = controller_of(log, robot, causes, None)
+    restored, habits = find_habits(log, robot, causes, None)
     return drive_problem(restored, robot, causes, habits, None)

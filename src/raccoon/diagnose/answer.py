@@ -24,7 +24,7 @@ from raccoon.diagnose.findings.suggestions import suggest_manoeuvres
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.backlash_scan import play_of
 from raccoon.diagnose.fit.noise_model import whiteness
-from raccoon.diagnose.habits.notes import less_sure, notes_of
+from raccoon.diagnose.habits.notes import habit_notes, with_habit_uncertainty
 from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
 from raccoon.diagnose.result import (
     LARGE_REST,
@@ -67,7 +67,7 @@ def faults_of(log: Log) -> tuple[SensorFault, ...]:
 def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Found:
     """What a search found, judged on data that it did not fit. begin: when the diagnosis began, s."""
     uncertainty = FitUncertainty.of(search)
-    causes = less_sure(make_cause_results(search, judged, uncertainty), habits)
+    causes = with_habit_uncertainty(make_cause_results(search, judged, uncertainty), habits)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
     bursts = find_bursts(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
@@ -91,7 +91,7 @@ def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
             *loads_told(log, settings[RESISTANCE]),
             *unknown_notes,
             *((happened(bursts.moments),) if bursts.moments else ()),
-            *notes_of(habits, causes, uncertainty),
+            *habit_notes(habits, causes, uncertainty),
             *deviation_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
             *unmeasured_robot_notes(search),
             *_not_in_model(search),

@@ -35,8 +35,8 @@ from raccoon.diagnose.findings.separate_batteries import (
     without_shared_resistance,
 )
 from raccoon.diagnose.findings.validation import validate_causes
+from raccoon.diagnose.habits.habit_search import search_with_habits
 from raccoon.diagnose.habits.problems import drive_problem, with_lost_changes
-from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import (
@@ -182,7 +182,7 @@ class Way:
     def once(self, log: Log, unseen: Log | None) -> Found:
         """What one search finds, judged on the end of the log or on the unseen one."""
         robot, causes, model = self.robot, self.causes, self.model
-        search, habits, log = searched(log, robot, causes, model, self.firmware)
+        search, habits, log = search_with_habits(log, robot, causes, model, self.firmware)
         other = None
         if unseen is not None:
             unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)

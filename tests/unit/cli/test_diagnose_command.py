@@ -447,7 +447,7 @@ def test_whoever_waits_at_a_terminal_is_told_what_it_is_doing(
         def interrupted(*_: object) -> None:
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("raccoon.diagnose.habits.searching.controller_of", interrupted)
+        monkeypatch.setattr("raccoon.diagnose.habits.habit_search.find_habits", interrupted)
     main(["diagnose", str(path)])
     lines = screen.getvalue().split("\r")
     assert any("finding out what the controller does" in each for each in lines)

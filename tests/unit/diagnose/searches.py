@@ -14,8 +14,8 @@ from raccoon.diagnose.fit.linear_model import linearise, tabulate
 from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.habits.others import Under, started
 from raccoon.diagnose.habits.problems import drive_problem
+from raccoon.diagnose.habits.trials import HabitTrials, start_afresh
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.state import Search, look_around, start_search
@@ -34,18 +34,18 @@ def searched(problem: Problem, truth: Point, named: Point, seed: int = 2) -> Sea
 
 def standing(
     columns: Mapping[str, np.ndarray], habits: Habits, named: Mapping[str, float]
-) -> tuple[Search, Under]:
+) -> tuple[Search, HabitTrials]:
     """A search of a recording that has named these causes under these habits, fitted from their first
     coordinates, and what asks for the recording under others."""
     robot, causes = RobotConfig(), drive_causes()
     log = log_from_columns(columns, robot)
-    under = Under(lambda each: drive_problem(log, robot, causes, each, None))
-    start = started(under(habits))
+    trials = HabitTrials(lambda each: drive_problem(log, robot, causes, each, None))
+    start = start_afresh(trials.problem_of(habits))
     point = start.fit.point
     for name, size in named.items():
         point = point.with_cause(name, np.array([size]))
     fit = fit_point(start.problem, start.whitener, point)
-    return look_around(start.problem, start.probes, fit.point, start.whitener), under
+    return look_around(start.problem, start.probes, fit.point, start.whitener), trials
 
 
 def plain_whitener(problem: Problem) -> Whitener:

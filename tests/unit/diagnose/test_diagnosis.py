@@ -65,7 +65,7 @@ def test_what_is_judged_on_has_bins_as_long_as_what_was_fitted(monkeypatch: pyte
         seen.append(other)
         raise StopIteration
 
-    monkeypatch.setattr(diagnosing, "searched", found)
+    monkeypatch.setattr(diagnosing, "search_with_habits", found)
     monkeypatch.setattr(diagnosing, "validate_causes", judged)
     with pytest.raises(StopIteration):
         Way(ROBOT, (), None, None, 0.0).once(fitted, unseen)

@@ -24,7 +24,7 @@ SHORTEST_SECONDS = 2.0
 """s of driving that a diagnosis needs at least."""
 GAP = 0.1
 """s between rows from which nobody knows what was commanded; what shorter losses hide is found out
-(`habits/lost.py`)."""
+(`habits/lost_commands.py`)."""
 SETTLED = 0.3
 """s of driving in which a robot forgets the speeds that it had."""
 STOPPED = 1.0

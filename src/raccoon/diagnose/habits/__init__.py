@@ -1,1 +1,1 @@
-"""What a recording does not say of controller, gears and log: found out first, and asked again later."""
+"""What a recording does not say of controller, gears and log: found out first, and tried again later."""

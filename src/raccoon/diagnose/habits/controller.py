@@ -1,4 +1,4 @@
-"""What the controller does with its samples and at duty 0, and whether wheels give: found out, not diagnosed.
+"""The habits of a drive before any cause is known: of the controller's samples, of duty 0, of gears.
 
 Whether the controller filters with a median is not in a recording, nor whether wheels give before they slide;
 whether it brakes at duty 0 in few. Nothing of it is for a team to change.
@@ -15,12 +15,22 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.stops import brakes
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, reads_back_emf, slowed_by_pauses
-from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, misfit, start_of
-from raccoon.diagnose.habits.lost import restored
-from raccoon.diagnose.habits.problems import loose_problem_of
-from raccoon.diagnose.habits.ramps import CLEARLY as A_RAMP
-from raccoon.diagnose.habits.ramps import behind_a_ramp
+from raccoon.diagnose.habits.chains import (
+    FREE_RUNNING,
+    USUAL_CHAINS,
+    has_back_emf,
+    with_pause_slowdown_toggled,
+)
+from raccoon.diagnose.habits.habit_fits import (
+    ROUGH_FIT_EXCESS,
+    HabitFit,
+    choose_start,
+    fit_from,
+    log_misfit,
+)
+from raccoon.diagnose.habits.lost_commands import restore_lost_changes
+from raccoon.diagnose.habits.problems import free_problem_of
+from raccoon.diagnose.habits.ramp_detection import MIN_MISFIT_SAVED_BY_RAMP, with_ramp_if_clear
 from raccoon.diagnose.hypotheses.base_coordinates import Wheels
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.rollout.firmware import Firmware
@@ -29,47 +39,48 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import usual_step
 
-USUAL = 0.06
+MIN_MISFIT_SAVED_BY_FILTER = 0.06
 """How much log misfit another filter than the firmware's must save, unless it alone has robot.toml's time
 constant: then nothing is asked of it."""
-CLEARLY = 0.2
+MIN_MISFIT_SAVED_BY_BRAKES = 0.2
 """The same for motors that brake at duty 0, where both are possible."""
-STIFF = 0.006
+MIN_MISFIT_SAVED_BY_RIGID_WHEELS = 0.006
 """The same for wheels that do not give before they slide. Of 60 robots whose wheels did, rigid ones saved
 0.004 at most, with two numbers less."""
-SLOWED = 0.002
+MIN_MISFIT_SAVED_BY_PAUSE = 0.002
 """The same for wheels that a pause slows down before they are read, which is asked again beside causes. Of 15
 drives with such pauses 11 saved that and more, of 11 without none saved anything."""
-LONGEST_CYCLE = 0.1
+MAX_CYCLE_S = 0.1
 """s of the longest cycle that a `Chain` may have."""
-QUICK_BATTERY = (0.005, 0.01)
-SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
+FAST_BATTERY_FILTERS_S = (0.005, 0.01)
+SLOW_BATTERY_FILTERS_S = (0.05, 0.1, 0.2, 0.4)
 """s, of filters of the battery's reading that are tried, beside none and the firmware's. A recording that
 falls between two of them is nearer to wrong habits: behind one of 5 ms a controller by its own clock was
 taken for one that pauses at the end of a row, with a latency of 5 ms."""
-LESS_OFF = 0.85
+MAX_BATTERY_ERROR_RATIO = 0.85
 """Part of the battery's error that is left with another filter of its readings, up to which it is taken at
 once. With the firmware's own filter none left less than 0.9; RaccoonOS's further one of 0.1 s leaves 0.3 to
 0.85."""
 
 
-def controller_of(
+def find_habits(
     log: Log,
     robot: RobotConfig,
     causes: Sequence[Cause],
     model: Parameters | None,
     firmware: Firmware | None = None,
-    found: Fitted | None = None,
+    fit: HabitFit | None = None,
 ) -> tuple[Log, Habits]:
-    """The log with changes of commands whose rows it lost, and the controller's habits, see `nearest`.
+    """The log with changes of commands whose rows it lost, and the controller's habits, see `fit_habits`.
 
-    found: what is nearest, where that is known.
+    fit: that of the habits, where it is known.
     """
-    found = found or nearest(log, robot, causes, model, firmware)
-    return restored(log, loose_problem_of(robot, causes, found.habits, model), found.point), found.habits
+    fit = fit or fit_habits(log, robot, causes, model, firmware)
+    free_problem = free_problem_of(robot, causes, fit.habits, model)
+    return restore_lost_changes(log, free_problem, fit.point), fit.habits
 
 
-def _first(log: Log, firmware: Firmware | None) -> Habits:
+def _initial_habits(log: Log, firmware: Firmware | None) -> Habits:
     """What is tried first. Whoever reads no back-EMF need not let motors coast for it: with encoders a sound
     robot had a resistance that was 10 % low."""
     if firmware is not None:
@@ -78,112 +89,123 @@ def _first(log: Log, firmware: Firmware | None) -> Habits:
 
 
 def _usual_chains(log: Log) -> Sequence[Chain]:
-    return USUAL_CHAINS if reads_back_emf(each.role for each in log.channels) else USUAL_CHAINS[::-1]
+    """The usual chains, the one that is tried first before the other."""
+    return USUAL_CHAINS if has_back_emf(each.role for each in log.channels) else USUAL_CHAINS[::-1]
 
 
-def nearest(
+def fit_habits(
     log: Log,
     robot: RobotConfig,
     causes: Sequence[Cause],
     model: Parameters | None,
     firmware: Firmware | None = None,
-) -> Fitted:
-    """The controller's habits that come nearest to the wheels' readings, of which a drive has one at least.
+) -> HabitFit:
+    """The fit under the habits that come nearest to the wheels' readings, of which a drive has one at least.
 
     Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
     what the wheels were driven with. firmware: of which nothing needs to be found out but, where the
     recording itself does not name it, what else filters the battery.
     """
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
-    first, reads = _first(log, firmware), reads_back_emf(each.role for each in log.channels)
+    first, back_emf = _initial_habits(log, firmware), has_back_emf(each.role for each in log.channels)
 
-    def loose(habits: Habits) -> Problem:
-        return loose_problem_of(robot, causes, habits, model)(wheels)
+    def free_problem(habits: Habits) -> Problem:
+        return free_problem_of(robot, causes, habits, model)(wheels)
 
-    def fit_of(habits: Habits) -> Fitted:
-        problem = loose(habits)
-        return fitted(problem, start_of(problem), habits)
+    def fit_under(habits: Habits) -> HabitFit:
+        problem = free_problem(habits)
+        return fit_from(problem, choose_start(problem), habits)
 
-    def better(habits: Habits, found: Fitted, by: float) -> Fitted:
-        problem = loose(habits)
-        start = found.carried_to(problem)
-        near = misfit(problem, start) < found.misfit - by + ROUGHLY
-        return fitted(problem, start, habits).instead_of(found, by) if near else found
+    def better_of(habits: Habits, best: HabitFit, min_saved: float) -> HabitFit:
+        """The fit under habits where it saves so much log misfit, as a rough one says first; else the
+        best."""
+        problem = free_problem(habits)
+        start = best.carried_to(problem)
+        near = log_misfit(problem, start) < best.log_misfit - min_saved + ROUGH_FIT_EXCESS
+        return fit_from(problem, start, habits).if_better_than(best, min_saved) if near else best
 
-    def likelier(habits: Habits, found: Fitted) -> Fitted:
-        if found.as_told:
-            return better(habits, found, USUAL)
-        other = better(habits, found, 0.0)
-        return other if other.as_told else other.instead_of(found, USUAL)
+    def likelier_filter(habits: Habits, best: HabitFit) -> HabitFit:
+        if best.filter_as_specified:
+            return better_of(habits, best, MIN_MISFIT_SAVED_BY_FILTER)
+        other = better_of(habits, best, 0.0)
+        if other.filter_as_specified:
+            return other
+        return other.if_better_than(best, MIN_MISFIT_SAVED_BY_FILTER)
 
-    found = behind_a_ramp(fit_of(first), loose, causes)
-    first = found.habits
-    slow = None if first.knows_battery else _slow_battery(first, loose, found.point)
+    best = with_ramp_if_clear(fit_under(first), free_problem, causes)
+    first = best.habits
+    slow = None if first.knows_battery else _detect_battery_filter(first, free_problem, best.point)
     if slow is not None:
-        found = fit_of(with_battery(first, slow))
+        best = fit_under(with_battery_filter(first, slow))
     if log.brake is None and brakes(log):
-        found = fit_of(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
-        if found.habits.ramp is not None:  # without brakes, one made the stops of a robot that has them
-            found = fit_of(replace(found.habits, ramp=None, brake=True)).instead_of(found, -A_RAMP)
+        best = fit_under(replace(best.habits, brake=True)).if_better_than(best, MIN_MISFIT_SAVED_BY_BRAKES)
+        if best.habits.ramp is not None:  # without brakes, one made the stops of a robot that has them
+            no_ramp = fit_under(replace(best.habits, ramp=None, brake=True))
+            best = no_ramp.if_better_than(best, -MIN_MISFIT_SAVED_BY_RAMP)
     if firmware is None:
-        by_row = cycle_by_row(log)
-        if reads and not found.as_told and by_row == Chain().cycle:
-            found = fit_of(_of_any_moment(found.habits)).instead_of(found, USUAL)
-        plain = replace(found.habits, chain=_usual_chains(log)[1], any_moment=False)
-        found = likelier(plain if slow is None else with_battery(plain, slow), found)
-        if (once_a_row := with_cycle(found.habits, by_row)) != found.habits:
-            found = better(once_a_row, found, USUAL)
-    found = better(replace(found.habits, wheels=Wheels.RIGID), found, STIFF)
-    slowed = slowed_by_pauses(found.habits.chain)
-    if firmware is None and slowed is not None and reads:
-        found = better(replace(found.habits, chain=slowed), found, SLOWED)
-    return found
+        row_cycle = sample_cycle_from_rows(log)
+        if back_emf and not best.filter_as_specified and row_cycle == Chain().cycle:
+            any_moment = fit_under(_with_free_sample_moments(best.habits))
+            best = any_moment.if_better_than(best, MIN_MISFIT_SAVED_BY_FILTER)
+        plain = replace(best.habits, chain=_usual_chains(log)[1], any_moment=False)
+        best = likelier_filter(plain if slow is None else with_battery_filter(plain, slow), best)
+        if (once_a_row := with_sample_cycle(best.habits, row_cycle)) != best.habits:
+            best = better_of(once_a_row, best, MIN_MISFIT_SAVED_BY_FILTER)
+    rigid = replace(best.habits, wheels=Wheels.RIGID)
+    best = better_of(rigid, best, MIN_MISFIT_SAVED_BY_RIGID_WHEELS)
+    slowed = with_pause_slowdown_toggled(best.habits.chain)
+    if firmware is None and slowed is not None and back_emf:
+        best = better_of(replace(best.habits, chain=slowed), best, MIN_MISFIT_SAVED_BY_PAUSE)
+    return best
 
 
-def _of_any_moment(habits: Habits) -> Habits:
-    """With samples of any moment of a row. It is asked for before another filter, which with a latency looks
+def _with_free_sample_moments(habits: Habits) -> Habits:
+    """With samples of any moment of a row. It is tried before another filter, which with a latency looks
     like it."""
     time = habits.chain.battery_time_constant
     return replace(habits, chain=replace(FREE_RUNNING, battery_time_constant=time), any_moment=True)
 
 
-def _slow_battery(habits: Habits, loose: Callable[[Habits], Problem], point: Point) -> float | None:
-    """s of a filter of the battery's readings that they clearly show, None where they show none."""
+def _detect_battery_filter(
+    habits: Habits, free_problem: Callable[[Habits], Problem], point: Point
+) -> float | None:
+    """s of a slow filter of the battery's readings that they clearly show, None where they show none."""
 
-    def off(problem: Problem) -> float:
-        return battery_off(problem, [point, problem.nominal()])
+    def error(problem: Problem) -> float:
+        return battery_error(problem, [point, problem.nominal()])
 
-    usual = loose(habits)
+    usual = free_problem(habits)
     if "battery" not in usual.features.roles:
         return None
-    left = {each: off(loose(with_battery(habits, each))) for each in SLOW_BATTERY}
-    best = min(left, key=left.__getitem__)
-    return best if left[best] < LESS_OFF * off(usual) else None
+    errors = {each: error(free_problem(with_battery_filter(habits, each))) for each in SLOW_BATTERY_FILTERS_S}
+    best = min(errors, key=errors.__getitem__)
+    return best if errors[best] < MAX_BATTERY_ERROR_RATIO * error(usual) else None
 
 
-def with_battery(habits: Habits, seconds: float) -> Habits:
+def with_battery_filter(habits: Habits, seconds: float) -> Habits:
     """With another filter of the battery's readings."""
     return replace(habits, chain=replace(habits.chain, battery_time_constant=seconds))
 
 
-def cycle_by_row(log: Log) -> float:
-    """s between two samples of a controller that takes one a row, where a row is so long that this is no
-    usual one; the usual one's elsewhere. A program, or a simulation, may filter what it logs by itself."""
+def sample_cycle_from_rows(log: Log) -> float:
+    """s between two samples of a controller that takes one a row, where a row is longer than its usual cycle;
+    else that cycle. A program, or a simulation, may filter what it logs by itself."""
     row, usual = usual_step(log.time), Chain().cycle
-    return row if 1.5 * usual < row <= LONGEST_CYCLE else usual
+    return row if 1.5 * usual < row <= MAX_CYCLE_S else usual
 
 
-def with_cycle(habits: Habits, seconds: float) -> Habits:
-    """With so much between two samples of the wheels."""
+def with_sample_cycle(habits: Habits, seconds: float) -> Habits:
+    """With so many s between two samples of the wheels."""
     return replace(habits, chain=replace(habits.chain, cycle=seconds))
 
 
-def battery_off(problem: Problem, starts: Sequence[Point]) -> float:
-    """By how much the battery's reading is off at best, its resistance and voltage as suit it."""
-    index, sizes = problem.features.roles.index("battery"), []
+def battery_error(problem: Problem, starts: Sequence[Point]) -> float:
+    """The least mean error (V) of the battery's reading from these starts, each with the scale and offset
+    that suit it, as another resistance and voltage would make."""
+    index, errors = problem.features.roles.index("battery"), []
     measured = problem.features.measured[:, index]
     for each in problem.predict(starts)[..., index]:
         columns = np.stack([np.ones_like(each), each], axis=1)
         factors, *_ = np.linalg.lstsq(columns, measured, rcond=None)
-        sizes.append(float(np.abs(measured - columns @ factors).mean()))
-    return min(sizes)
+        errors.append(float(np.abs(measured - columns @ factors).mean()))
+    return min(errors)

@@ -1,5 +1,5 @@
-"""Lags that were named, and what else may make them: a gyro's chip that smooths, a controller whose cycle has
-a clock of its own, another lag."""
+"""Trials of what else may make the lags that were named: a gyro's chip that smooths, a controller whose cycle
+has a clock of its own, another lag."""
 
 from __future__ import annotations
 
@@ -12,9 +12,25 @@ from numpy.typing import NDArray
 from raccoon.core.doing import tell
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, as_it_pauses, with_driver_of
-from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, with_battery
-from raccoon.diagnose.habits.others import DOUBT, LATE, Onward, Under, best_of, by_the_battery, without
+from raccoon.diagnose.habits.alternatives import (
+    LATENCY,
+    MIN_LOG_EVIDENCE_LEAD,
+    fit_best_start,
+    with_least_battery_error,
+    without_causes,
+)
+from raccoon.diagnose.habits.chains import (
+    FREE_RUNNING,
+    USUAL_CHAINS,
+    with_driver_of,
+    without_unneeded_pause,
+)
+from raccoon.diagnose.habits.controller import (
+    FAST_BATTERY_FILTERS_S,
+    SLOW_BATTERY_FILTERS_S,
+    with_battery_filter,
+)
+from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
 from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.alternative_sets import explains_more
@@ -30,24 +46,22 @@ from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 
-LATE_GYRO, SLIP = "imu.latency", "drive.wheel_slip"
-OF_THE_GYRO = (LATE_GYRO, SLIP)
-"""What a gyro alone sees late."""
-SMOOTH = 3.0
+GYRO_LATENCY, SLIP = "imu.latency", "drive.wheel_slip"
+GYRO_LAGS = (GYRO_LATENCY, SLIP)
+"""Causes by which a gyro alone is late."""
+MIN_LOW_PASS_LEAD = 3.0
 """Log evidence, gates counted, by which a gyro that smooths must lead. Wheels that slip by its time are the
 same to it, and lack their gate."""
-FEW = 2
+MAX_FEW_CAUSES = 2
 """Other causes beside which that is so. The stock firmware's chip smooths, so of a robot with one or two
 things wrong the lag is usually its; of one with many a small slip may well be one more."""
-CLEARLY = 15.0
+CLEAR_LOG_EVIDENCE_LEAD = 15.0
 """Log evidence by which it must lead there in the end. It has two numbers and a slip one: beside three causes
 and more it led by 1 to 4, once by 11, of wheels that slip, and by 3 to 24 where the chip does smooth. It was
 14 ahead of a fit of slip that had not arrived, which leads by 1."""
 
 
-def with_readings_that_lag(
-    search: Search, habits: Habits, under: Under, by: Onward = whole
-) -> tuple[Search, Habits]:
+def try_lagging_readings(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
     """The search with a gyro whose chip smooths, or a controller by its own clock as well, where something
     lags as such readings do and that explains it better.
 
@@ -57,137 +71,151 @@ def with_readings_that_lag(
     slip as well, and a slip and a late gyro together look like a gyro's filter: there that must explain more
     by itself, or else it is a rival of the lag. A search that has only begun does not know how much is wrong.
     """
-    point, late = search.fit.point, _late(search)
-    if not late or under.left or "gyro" not in search.problem.features.roles:
+    point, lags = search.fit.point, _named_lags(search)
+    if not lags or trials.lags_of_robot or "gyro" not in search.problem.features.roles:
         return search, habits
     smooth = replace(habits, low_pass=True)
-    free = _by_its_own_clock(search, smooth, under)
-    starts = starts_with_a_chip(search, _of_the_gyro(search), late)
-    others = len(point.active.keys() - late)
-    alone = others == 0 or (others <= FEW and by is whole and not search.unknown)
-    wanted = {smooth: SMOOTH if alone else DOUBT, free: -DOUBT}
-    found = []
-    for other in under.new(search, habits, (each for each in wanted if each != habits)):
-        problem = under(other)
-        fit = best_of(search, problem, starts)
+    free = _with_free_running_clock(search, smooth, trials)
+    starts = starts_with_low_pass(search, _named_gyro_lags(search), lags)
+    others = len(point.active.keys() - lags)
+    completely = trials.run_search is whole
+    alone = others == 0 or (others <= MAX_FEW_CAUSES and completely and not search.unknown)
+    min_leads = {smooth: MIN_LOW_PASS_LEAD if alone else MIN_LOG_EVIDENCE_LEAD, free: -MIN_LOG_EVIDENCE_LEAD}
+    ahead = []
+    for other in trials.untried(search, habits, (each for each in min_leads if each != habits)):
+        problem = trials.problem_of(other)
+        fit = fit_best_start(search, problem, starts)
         by_gates = alone or other is free
-        ahead = net_lead(search, fit, search.fit) if by_gates else lead(problem, fit, search.fit)
-        if ahead >= wanted[other]:
-            found.append((other, problem, fit.point))
-        elif by is whole:
-            under.were_vain(search, habits, [other])
-    for other, problem, there in reversed(found):
+        fit_lead = net_lead(search, fit, search.fit) if by_gates else lead(problem, fit, search.fit)
+        if fit_lead >= min_leads[other]:
+            ahead.append((other, problem, fit.point))
+        elif completely:
+            trials.reject(search, habits, [other])
+    for other, problem, start in reversed(ahead):
         tell("going on as another gyro or clock would have it")
-        second = by(look_around(problem, make_probe_function(problem), there, search.whitener))
-        if explains_more(second, search) > -SMOOTH:
+        second = trials.run_search(look_around(problem, make_probe_function(problem), start, search.whitener))
+        if explains_more(second, search) > -MIN_LOW_PASS_LEAD:
             return second, other
     return search, habits
 
 
-def as_lags_of_the_robot(
-    search: Search, habits: Habits, under: Under, by: Onward = gone_on
-) -> tuple[Search, Habits]:
+def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
     """The search without a gyro that smooths and a clock of the controller's own, where more turned out to be
     wrong than when these were taken, lags of the catalogue explain about as much, and one of the gyro has the
     evidence that it needs.
 
     Instead of a clock they must explain more: on robots with one they lack up to 8, and lead by 30 to 145
-    where there is none; by 7 where samples that may be of any moment are the firmware's. What was left so is
-    not asked for again.
+    where there is none; by 7 where samples that may be of any moment are the firmware's. What was given up so
+    is not tried again.
     """
     active, clock = search.fit.point.active.keys(), habits.chain.free_running
-    others = active - (_late(search) if clock else _of_the_gyro(search))  # a chip makes no command late
-    if not (habits.low_pass or clock) or habits.wombat or len(others) <= FEW:
+    # A chip that smooths makes no command late, a clock does.
+    others = active - (_named_lags(search) if clock else _named_gyro_lags(search))
+    if not (habits.low_pass or clock) or habits.wombat or len(others) <= MAX_FEW_CAUSES:
         return search, habits
-    other = replace(habits, low_pass=False)
+    other = _without_clock_and_low_pass(habits)
+    max_lead = CLEAR_LOG_EVIDENCE_LEAD
     if clock:
-        usual = replace(Chain.firmware(), coast_share=habits.chain.coast_share)
-        other = with_battery(
-            replace(other, chain=with_driver_of(usual, habits.chain)), habits.chain.battery_time_constant
-        )
-        other = replace(other, any_moment=False)
-    wanted = CLEARLY if not clock else -SMOOTH if habits.any_moment else -DOUBT
-    problem = under(other)  # asked for in vain or not: without lags, the usual filter is far behind a clock
-    fit = best_of(search, problem, _with_lags_instead(search, problem))
+        max_lead = -MIN_LOW_PASS_LEAD if habits.any_moment else -MIN_LOG_EVIDENCE_LEAD
+    problem = trials.problem_of(other)  # if rejected, too: without lags it is far behind a clock
+    fit = fit_best_start(search, problem, _starts_with_lags_as_causes(search, problem))
     settled = fit_point(search.problem, search.whitener, search.fit)  # as the other is
-    if lead(problem, settled, fit) < wanted:
+    if lead(problem, settled, fit) < max_lead:
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
-        found = by(seen_from(search, problem, fit.point))
-        if _of_the_gyro(found) or clock:
-            under.left.add(habits)
-            return found, other
+        second = look_from(search, problem, fit.point)
+        second = gone_on(second) if trials.run_search is whole else trials.run_search(second)
+        if _named_gyro_lags(second) or clock:
+            trials.lags_of_robot.add(habits)
+            return second, other
     return search, habits
 
 
-def _with_lags_instead(search: Search, problem: Problem) -> list[Point]:
+def _without_clock_and_low_pass(habits: Habits) -> Habits:
+    """Habits of a controller in step with its rows, and of a gyro that does not smooth. The battery's filter
+    stays."""
+    other = replace(habits, low_pass=False)
+    if not habits.chain.free_running:
+        return other
+    usual = replace(Chain.firmware(), coast_share=habits.chain.coast_share)
+    other = replace(other, chain=with_driver_of(usual, habits.chain), any_moment=False)
+    return with_battery_filter(other, habits.chain.battery_time_constant)
+
+
+def _starts_with_lags_as_causes(search: Search, problem: Problem) -> list[Point]:
     """Where a search ended, with all by which its gyro is late as a slip, a late gyro, or half of each; in a
     problem that leaves less of it open. So it is with the commands. One wheel that slips beside a gyro that
     smooths is usually half of both."""
     point, causes = search.fit.point, problem.causes
     settings = search.problem.settings(point)
-    seconds = settings[SMOOTHS, None, "time_constant"] + settings[LATE_GYRO, None, "seconds"]
-    seconds += 0.5 * sum(settings[SLIP, side, "time"] for side in SIDES)
-    less = without(point, _of_the_gyro(search))
+    gyro_lag = settings[SMOOTHS, None, "time_constant"] + settings[GYRO_LATENCY, None, "seconds"]
+    gyro_lag += 0.5 * sum(settings[SLIP, side, "time"] for side in SIDES)
+    without_gyro_lags = without_causes(point, _named_gyro_lags(search))
 
-    def as_cause(name: str, late: float) -> dict[str, Array]:
+    def as_cause(name: str, seconds: float) -> dict[str, Array]:
         """A lag of so many seconds, where the catalogue has it."""
-        return {name: np.array([late / causes[name].coordinates[0].value(1.0)])} if name in causes else {}
+        return {name: np.array([seconds / causes[name].coordinates[0].value(1.0)])} if name in causes else {}
 
-    gyro = [as_cause(each, seconds) for each in OF_THE_GYRO]
-    gyro.append({name: 0.5 * u for each in gyro for name, u in each.items()})
-    waits = as_cause(LATE, settings[LATE, None, "seconds"])
-    return [replace(less, active={**less.active, **now, **lag}) for lag in gyro for now in ({}, waits)]
-
-
-def starts_with_a_chip(search: Search, seen: Sequence[str], late: Sequence[str]) -> list[Point]:
-    """Where a search ended, with lags of the gyro (seen) and others (late) less by what a chip takes up, or
-    without them. Each also alone: a chip that is a little slower than usual takes up all of one beside
-    another, and what is left of it must not cost a gate."""
-    point = search.fit.point
+    gyro_lags = [as_cause(each, gyro_lag) for each in GYRO_LAGS]
+    gyro_lags.append({name: 0.5 * u for each in gyro_lags for name, u in each.items()})
+    latency = as_cause(LATENCY, settings[LATENCY, None, "seconds"])
     return [
-        point,
-        *(_sooner_by(search, each, LOW_PASS) for each in seen),
-        *(point.without_cause(each) for each in seen),
-        *(without(point, names) for names in (seen, late)),
+        replace(without_gyro_lags, active={**without_gyro_lags.active, **late, **lag})
+        for lag in gyro_lags
+        for late in ({}, latency)
     ]
 
 
-def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
+def starts_with_low_pass(search: Search, gyro_lags: Sequence[str], lags: Sequence[str]) -> list[Point]:
+    """Where a search ended, with its lags less by what a gyro's chip takes up, or without them. Each of the
+    gyro's also alone: a chip that is a little slower than usual takes up all of one beside another, and what
+    is left of it must not cost a gate."""
+    point = search.fit.point
+    return [
+        point,
+        *(_with_shorter_lag(search, each, LOW_PASS) for each in gyro_lags),
+        *(point.without_cause(each) for each in gyro_lags),
+        *(without_causes(point, names) for names in (gyro_lags, lags)),
+    ]
+
+
+def _with_free_running_clock(search: Search, habits: Habits, trials: HabitTrials) -> Habits:
     """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
     readings that suits them; one that was seen is kept. Whoever reads no back-EMF need not pause for it."""
     time = habits.chain.battery_time_constant
     free = with_driver_of(FREE_RUNNING, habits.chain)
-    chain = as_it_pauses(free, habits.chain, search.problem.features.roles)
+    chain = without_unneeded_pause(free, habits.chain, search.problem.features.roles)
     times = {time}
-    if time not in SLOW_BATTERY:
-        times = {*QUICK_BATTERY, *(each.battery_time_constant for each in USUAL_CHAINS)}
-    others = [with_battery(replace(habits, chain=chain), each) for each in sorted(times)]
+    if time not in SLOW_BATTERY_FILTERS_S:
+        times = {*FAST_BATTERY_FILTERS_S, *(each.battery_time_constant for each in USUAL_CHAINS)}
+    others = [with_battery_filter(replace(habits, chain=chain), each) for each in sorted(times)]
     if len(others) == 1 or "battery" not in search.problem.features.roles:
         return others[0]
-    return by_the_battery(search, {each: under(each) for each in others}, [search.fit.point])
+    problems = {each: trials.problem_of(each) for each in others}
+    return with_least_battery_error(search, problems, [search.fit.point])
 
 
-def left_to_the_firmware(search: Search, habits: Habits) -> Search:
+def drop_lags_of_firmware(search: Search, habits: Habits, _: HabitTrials) -> SearchAndHabits:
     """The search without a lag that is no more than a known firmware may have anyway.
 
     Rows make steps of what a latency does, and a fit of what is open stops on one: a sound robot of which 3.4
     ms were found open had 0.8 ms more with 42 of log evidence, and none where all 4.2 are tried as open.
     """
-    for name in _late(search) if habits.wombat else ():
-        start = _open_instead(search, name)
+    for name in _named_lags(search) if habits.wombat else ():
+        start = _with_lag_in_base(search, name)
         if start is None:
             continue
         fit = fit_point(search.problem, search.whitener, start)
         if lead(search.problem, search.fit, fit) < gate(name):
             search.failed[name] = "no later than the firmware itself may be"
-            found = seen_from(search, search.problem, fit.point)
-            found.failed.update(search.failed)
-            return gone_on(found)
-    return search
+            second = look_from(search, search.problem, fit.point)
+            second.failed.update(search.failed)
+            return gone_on(second), habits
+    return search, habits
 
 
-def _open_instead(search: Search, name: str) -> Point | None:
-    """Where a search ended, with a lag added to what is open of the same number; None where nothing is."""
+def _with_lag_in_base(search: Search, name: str) -> Point | None:
+    """Where a search ended, with a lag added to the base number of the same setting; None where there is none
+    or its range ends before."""
     point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
     for index, each in enumerate(search.problem.base):
         if each.settings == coordinate.settings:
@@ -198,65 +226,68 @@ def _open_instead(search: Search, name: str) -> Point | None:
     return None
 
 
-def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+def try_low_pass_for_gyro_lag(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
     """The search, with a note beside a lag of the gyro that a chip which smooths may be all of it; or the
     search with such a chip, where it is clearly ahead of the lag that was named."""
-    late = [] if habits.low_pass else [each for each in _late(search) if each in OF_THE_GYRO]
-    few = len(search.fit.point.active.keys() - _of_the_gyro(search)) <= FEW
-    if not late or "gyro" not in search.problem.features.roles:
+    gyro_lags = _named_gyro_lags(search)
+    lags = [each for each in gyro_lags if each in GYRO_LAGS]  # not of one wheel
+    if habits.low_pass or not lags or "gyro" not in search.problem.features.roles:
         return search, habits
+    few = len(search.fit.point.active.keys() - gyro_lags) <= MAX_FEW_CAUSES
     smooth = replace(habits, low_pass=True)
-    problem = under(smooth)
+    problem = trials.problem_of(smooth)
     problem = replace(problem, neutral={**problem.neutral, **search.problem.neutral})
     settled = fit_point(search.problem, search.whitener, search.fit)
-    for name in late:
-        fit = best_of(search, problem, [search.fit.point.without_cause(name)])
-        lacks = lead(problem, settled, fit)
-        if lacks < -(DOUBT if few else CLEARLY) and habits.firmware is None:
+    for name in lags:
+        fit = fit_best_start(search, problem, [search.fit.point.without_cause(name)])
+        deficit = lead(problem, settled, fit)
+        clear = -(MIN_LOG_EVIDENCE_LEAD if few else CLEAR_LOG_EVIDENCE_LEAD)
+        if deficit < clear and habits.firmware is None:
             tell("going on with a gyro that smooths")
-            found = gone_on(seen_from(search, problem, fit.point))
-            if explains_more(found, search) > -SMOOTH:
-                return found, smooth
-        or_another(search, name, SMOOTHS, lacks)
+            second = gone_on(look_from(search, problem, fit.point))
+            if explains_more(second, search) > -MIN_LOW_PASS_LEAD:
+                return second, smooth
+        note_rival(search, name, SMOOTHS, deficit)
     return search, habits
 
 
-def or_another(search: Search, name: str, other: str, lacks: float) -> None:
-    """Note that another may be in a cause's place, in a form that lacks as much log evidence."""
+def note_rival(search: Search, name: str, other: str, deficit: float) -> None:
+    """Note that another may be in a cause's place, in a form that lacks so much log evidence."""
     known = search.rivals.get(name, [])
-    found = [Rival(other, lacks), *(each for each in known if each.name == other)]
-    best = min(found, key=lambda each: each.lead)
+    same = [Rival(other, deficit), *(each for each in known if each.name == other)]
+    best = min(same, key=lambda each: each.lead)
     search.rivals[name] = sorted(
         [*(each for each in known if each.name != other), best], key=lambda each: each.lead
     )
 
 
-def seen_from(search: Search, problem: Problem, point: Point) -> Search:
-    """Where a search goes on from a point, in this problem; what it called unknown stays so."""
+def look_from(search: Search, problem: Problem, point: Point) -> Search:
+    """A search at a point of this problem, to go on from; what was called unknown stays so."""
     return look_around(problem, make_probe_function(problem), point, search.whitener, search.unknown)
 
 
-def _late(search: Search) -> list[str]:
+def _named_lags(search: Search) -> list[str]:
     """What was named that lags."""
-    return [name for name in search.fit.point.active if name.startswith((LATE, *OF_THE_GYRO))]
+    return [name for name in search.fit.point.active if name.startswith((LATENCY, *GYRO_LAGS))]
 
 
-def _of_the_gyro(search: Search) -> list[str]:
-    """What was named that a gyro alone sees late."""
-    return [name for name in search.fit.point.active if name.startswith(OF_THE_GYRO)]
+def _named_gyro_lags(search: Search) -> list[str]:
+    """What was named by which the gyro alone is late."""
+    return [name for name in search.fit.point.active if name.startswith(GYRO_LAGS)]
 
 
-def lags_instead(search: Search, name: str, others: Sequence[str]) -> list[Point]:
-    """Where a search ended, each time with another of these lags instead of a named one."""
+def starts_with_other_lags(search: Search, name: str, others: Sequence[str]) -> list[Point]:
+    """Where a search ended, each time with another of these lags instead of a named one; none where that is
+    not named."""
     point = search.fit.point
     if name not in point.active:
         return []
-    less = point.without_cause(name)
-    asked = [each for each in others if each in search.problem.causes and apart(each, less.active)]
-    return [less.with_cause(each, lag_as(search, name, each)) for each in asked]
+    without_lag = point.without_cause(name)
+    possible = [each for each in others if each in search.problem.causes and apart(each, without_lag.active)]
+    return [without_lag.with_cause(each, lag_as(search, name, each)) for each in possible]
 
 
-def _sooner_by(search: Search, name: str, seconds: float) -> Point:
+def _with_shorter_lag(search: Search, name: str, seconds: float) -> Point:
     """Where a search ended, with a lag less by that much, or without it where that is all of it."""
     point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
     left = point.active[name] - seconds / coordinate.value(1.0)

@@ -1,4 +1,4 @@
-"""What is said of the habits that a recording was read with."""
+"""Notes on the habits that a recording was read with, and what they leave open of its causes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from dataclasses import replace
 from raccoon.diagnose.drives.ramps import Ramp
 from raccoon.diagnose.findings.uncertainty import LATENCY, FitUncertainty
 from raccoon.diagnose.findings.validation import MIN_DEVIATIONS
-from raccoon.diagnose.habits.chains import FINE_CYCLE, pauses
-from raccoon.diagnose.habits.controller import SLOW_BATTERY
-from raccoon.diagnose.habits.driver import DEADBAND
-from raccoon.diagnose.habits.lags import LATE_GYRO
+from raccoon.diagnose.habits.chains import CONTINUOUS_CYCLE_S, pauses_at_cycle_end
+from raccoon.diagnose.habits.controller import SLOW_BATTERY_FILTERS_S
+from raccoon.diagnose.habits.lags import GYRO_LATENCY
+from raccoon.diagnose.habits.motor_driver import DEADBAND
 from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS, LOW_PASS_DELAY, UNKNOWN_PHASE
 from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
 from raccoon.diagnose.reports.cause_text import explanation_sentence
@@ -23,65 +23,70 @@ from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.refits import SMOOTHS
 from raccoon.sim.effects.chain import Chain
 
-WORTH_SAYING = 0.004
+MIN_NOTED_WINDOW_S = 0.004
 """s, from which on the window of encoders is said: half of it would be a latency to no team."""
-MOMENT = 0.08
+RESISTANCE_SHARE_BY_READ_TIME = 0.08
 """Share of a battery's resistance that a reading leaves open where nobody knows when in a row, and in which
 of a motor's pauses, it was taken. The sag of a reversal decays with the wheels, in some 30 ms: by readings
 from the beginning of a row of 5 ms a resistance was 16 % larger than by those from its end, which the
 simulated ones are; by readings that see no pause it is a ninth larger."""
-MAY_BE_NOTHING = (
+MAY_BE_READ_TIME = (
     "But when in a row its reading is taken is not known so exactly, and may make all of it: change nothing "
     "for it alone."
 )
-PAST = (
+COMMAND_IN_FORCE_BEFORE = (
     "each row's command is taken for what was in force until then, not from then on, as the readings answer"
 )
 
 
-def notes_of(habits: Habits, causes: Sequence[CauseResult], uncertainty: FitUncertainty) -> tuple[str, ...]:
-    """How the log was read, where that is not the usual way, and what the usual way may be taken for."""
-    known = () if habits.firmware is None else (_of_the_firmware(habits.firmware),)
+def habit_notes(
+    habits: Habits, causes: Sequence[CauseResult], uncertainty: FitUncertainty
+) -> tuple[str, ...]:
+    """Notes on how the log was read, where that is not the usual way, and what the usual may be taken for."""
+    known = () if habits.firmware is None else (_firmware_note(habits.firmware),)
     return (
         *known,
-        *_of_the_controller(habits, causes),
-        *_of_the_encoders(uncertainty),
-        *_of_the_gyro(habits, causes, uncertainty),
+        *_controller_notes(habits, causes),
+        *_encoder_notes(uncertainty),
+        *_gyro_notes(habits, causes, uncertainty),
     )
 
 
-def less_sure(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
-    """Causes; a battery's resistance with what is not known of when it is read, and a latency with what is
-    not known of when readings are taken. None is more likely than such a number allows, and of one that may
-    be nothing else it is said: `validate_causes` named it by what the drive alone leaves open."""
+def with_habit_uncertainty(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
+    """Causes, the battery's resistance and the latencies less sure by what is not known of when readings are
+    taken. None is more probable than such a number allows, and where that may be all of it the explanation
+    says so: `validate_causes` named it by what the drive alone leaves open."""
     firmware = habits.firmware if habits.knows_battery else None
-    share = MOMENT if firmware is None else firmware.sag
-    open_ = {RESISTANCE[0]: (share, 0.0)}
+    share = RESISTANCE_SHARE_BY_READ_TIME if firmware is None else firmware.sag
+    unknown = {RESISTANCE[0]: (share, 0.0)}
     if habits.firmware is None:
         chip = 0.0 if habits.low_pass else 0.5 * LOW_PASS
-        open_ |= {LATENCY: (0.0, UNKNOWN_PHASE), LATE_GYRO: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
-    return tuple(_less_sure(each, *open_[each.id]) if each.id in open_ else each for each in causes)
+        unknown |= {LATENCY: (0.0, UNKNOWN_PHASE), GYRO_LATENCY: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
+    return tuple(_with_wider_std(each, *unknown[each.id]) if each.id in unknown else each for each in causes)
 
 
-def _less_sure(cause: CauseResult, share: float, least: float) -> CauseResult:
-    """The cause, whose one number is that share of itself less sure, and that much."""
+def _with_wider_std(cause: CauseResult, share: float, extra: float) -> CauseResult:
+    """The cause, whose one number has a further standard deviation of that share of itself, and of
+    `extra`."""
     ((name, number),) = cause.parameters.items()
-    std = math.hypot(number.std, share * number.value, least)
-    away = (number.value - number.nominal) / std
-    likely = 1.0 if cause.confounded_with else 1.0 / (1.0 + math.exp(-0.5 * away**2))
+    std = math.hypot(number.std, share * number.value, extra)
+    deviations = (number.value - number.nominal) / std
+    most_probable = 1.0 if cause.confounded_with else 1.0 / (1.0 + math.exp(-0.5 * deviations**2))
     numbers = {name: replace(number, std=std)}
-    words, fewer = (explanation_sentence(cause.id, cause.where, each) for each in (cause.parameters, numbers))
-    said = cause.explanation.replace(words, fewer)  # no number has more places than are known
+    words, rounded = (
+        explanation_sentence(cause.id, cause.where, each) for each in (cause.parameters, numbers)
+    )
+    said = cause.explanation.replace(words, rounded)  # no number has more places than are known
     return replace(
         cause,
-        explanation=said if abs(away) >= MIN_DEVIATIONS else f"{said} {MAY_BE_NOTHING}",
+        explanation=said if abs(deviations) >= MIN_DEVIATIONS else f"{said} {MAY_BE_READ_TIME}",
         parameters=numbers,
-        probability=min(cause.probability, likely),
+        probability=min(cause.probability, most_probable),
     )
 
 
-def _of_the_firmware(firmware: Firmware) -> str:
-    """What was taken as known."""
+def _firmware_note(firmware: Firmware) -> str:
+    """What was taken as known of the controller."""
     if not firmware.wombat:
         return f"the recording is of {firmware.name}, whose filter is known; a row is taken for a cycle"
     zone = f", its dead zone of {firmware.dead_zone:g} counts" if firmware.dead_zone else ""
@@ -91,13 +96,13 @@ def _of_the_firmware(firmware: Firmware) -> str:
     )
 
 
-def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[str, ...]:
-    """Its samples, its commands and its battery's readings."""
+def _controller_notes(habits: Habits, causes: Sequence[CauseResult]) -> tuple[str, ...]:
+    """Of the controller's commands, its samples and its battery's readings."""
     chain, notes = habits.chain, []
     if habits.past:
-        notes.append(PAST)
+        notes.append(COMMAND_IN_FORCE_BEFORE)
     if habits.ramp is not None:
-        notes.append(_of_a_ramp(habits.ramp))
+        notes.append(_ramp_note(habits.ramp))
     if habits.swing:
         notes.append(
             f"the commands swing {1.0 / habits.swing:.1f} times a second, as where bang-bang follows a "
@@ -105,23 +110,23 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             "whole swings, which hide what only fast changes show, as lags, filters and inertia; a drive of "
             "`raccoon excite` shows them"
         )
-    if chain.battery_time_constant in SLOW_BATTERY:
+    if chain.battery_time_constant in SLOW_BATTERY_FILTERS_S:
         seconds = chain.battery_time_constant
         notes.append(
             f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so; when "
-            f"in a row it is taken leaves {100 * MOMENT:.0f} % of a resistance open"
+            f"in a row it is taken leaves {100 * RESISTANCE_SHARE_BY_READ_TIME:.0f} % of a resistance open"
         )
     found_out = habits.firmware is None
     return (
         *notes,
-        *(_of_the_samples(chain) if found_out else ()),
-        *_of_the_driver(chain, causes),
-        *_of_the_pauses(chain, causes, told=found_out),
+        *(_sampling_notes(chain) if found_out else ()),
+        *_motor_driver_notes(chain, causes),
+        *_pause_notes(chain, causes, told=found_out),
     )
 
 
-def _of_a_ramp(ramp: Ramp) -> str:
-    """What is between commands and motors, and who may have put it there."""
+def _ramp_note(ramp: Ramp) -> str:
+    """Of a ramp between commands and motors, and who may have put it there."""
     when, who = "", "a limit of how fast power changes, in a program or a firmware"
     if ramp.soft:
         when, who = ", wherever they are driven more", "a driver that starts softly"
@@ -132,10 +137,10 @@ def _of_a_ramp(ramp: Ramp) -> str:
     )
 
 
-def _of_the_samples(chain: Chain) -> tuple[str, ...]:
-    """When they are taken in."""
+def _sampling_notes(chain: Chain) -> tuple[str, ...]:
+    """Of when samples are taken in."""
     notes = []
-    if chain.cycle == FINE_CYCLE:
+    if chain.cycle == CONTINUOUS_CYCLE_S:
         notes.append(
             "wheels are taken to be filtered all the time, as their readings lag: a filter that takes in a "
             "sample each 5 ms is 2 ms sooner with the same time constant"
@@ -153,8 +158,8 @@ def _of_the_samples(chain: Chain) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _of_the_driver(chain: Chain, causes: Sequence[CauseResult]) -> tuple[str, ...]:
-    """What it makes of commands, and takes from the battery."""
+def _motor_driver_notes(chain: Chain, causes: Sequence[CauseResult]) -> tuple[str, ...]:
+    """Of what the motors' driver makes of commands, and takes from the battery."""
     notes = []
     if DEADBAND in {each.name.partition("@")[0] for each in causes} and (chain.threshold or chain.cut):
         beyond = "all that they say" if chain.threshold else "so much less than they say"
@@ -167,15 +172,15 @@ def _of_the_driver(chain: Chain, causes: Sequence[CauseResult]) -> tuple[str, ..
     return tuple(notes)
 
 
-def _of_the_pauses(chain: Chain, causes: Sequence[CauseResult], told: bool) -> tuple[str, ...]:
-    """In which motors coast to be read. told: whether how slow wheels are then is said."""
+def _pause_notes(chain: Chain, causes: Sequence[CauseResult], told: bool) -> tuple[str, ...]:
+    """Of pauses in which motors coast to be read. told: whether how slow wheels are then is said."""
     notes = []
     if chain.pause and told:
         notes.append(
             f"wheels are taken to be slower when they are read than on average, by half of what they lose "
             f"while their motor coasts for {1000.0 * chain.pause:.2g} ms before"
         )
-    if pauses(chain):
+    if pauses_at_cycle_end(chain):
         notes.append(
             f"motors are taken to coast for {100.0 * chain.coast_share:.0f} % of the time, in which their "
             "back-EMF is read: without that their resistance would be as much higher than robot.toml's, "
@@ -191,10 +196,10 @@ def _of_the_pauses(chain: Chain, causes: Sequence[CauseResult], told: bool) -> t
     return tuple(notes)
 
 
-def _of_the_encoders(uncertainty: FitUncertainty) -> tuple[str, ...]:
-    """Over what they count."""
+def _encoder_notes(uncertainty: FitUncertainty) -> tuple[str, ...]:
+    """Of the time over which encoders count."""
     window = uncertainty.settings.get(WINDOW, 0.0)
-    if window < WORTH_SAYING:
+    if window < MIN_NOTED_WINDOW_S:
         return ()
     return (
         f"the encoders' speeds are taken for means over {1000.0 * window:.2g} ms, so half of that late; "
@@ -202,15 +207,15 @@ def _of_the_encoders(uncertainty: FitUncertainty) -> tuple[str, ...]:
     )
 
 
-def _of_the_gyro(
+def _gyro_notes(
     habits: Habits, causes: Sequence[CauseResult], uncertainty: FitUncertainty
 ) -> tuple[str, ...]:
-    """That its chip smooths the turn rate."""
+    """Of a gyro whose chip smooths the turn rate."""
     if not habits.low_pass:
         return ()
     late = uncertainty.value_of((SMOOTHS, None, "time_constant"))
-    if LATE_GYRO not in {each.name for each in causes}:
-        late += uncertainty.value_of((LATE_GYRO, None, "seconds"))
+    if GYRO_LATENCY not in {each.name for each in causes}:
+        late += uncertainty.value_of((GYRO_LATENCY, None, "seconds"))
     return (
         f"the gyro follows {1000.0 * late:.2g} ms late: taken for its chip's filter, which the Wombat's "
         "firmware sets to 41 Hz, and for readings that wait for their row; without a reference of the pose, "

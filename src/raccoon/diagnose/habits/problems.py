@@ -10,8 +10,8 @@ from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import Features, bin_width
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.fit.problem import Creep, Point, Problem
-from raccoon.diagnose.habits.loose import loosened
-from raccoon.diagnose.habits.lost import restored
+from raccoon.diagnose.habits.habit_fits import with_all_base_free
+from raccoon.diagnose.habits.lost_commands import restore_lost_changes
 from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates
 from raccoon.diagnose.hypotheses.cause_catalogue import counted_from
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
@@ -23,7 +23,7 @@ from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.sample_ages import age_coordinates, age_settings
 from raccoon.sim.effects.parameters import Parameters
 
-HELD = Creep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)
+HELD_BATTERY_CREEP = Creep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)
 """A battery's reading that is held between two edges is off by a count or so, until its load changes: by 0.6
 to 1.1 counts beside a mean of 0.5 to 1.5, for a second, in six drives of sound robots behind the emulated
 stock firmware. Of a count for ten seconds, 9 s had a battery's resistance beside a scrub, a reading's scale
@@ -63,7 +63,7 @@ def drive_problem(
         tuple(each.beside(settings) for each in base),
         by_name,
         told(by_name, log),
-        HELD if habits.chain.battery_held else Creep(),
+        HELD_BATTERY_CREEP if habits.chain.battery_held else Creep(),
         habits.chain.coast_share,
         log.rubs_anew,
         log.change,
@@ -85,11 +85,11 @@ def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
     return settings
 
 
-def loose_problem_of(
+def free_problem_of(
     robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
 ) -> Callable[[Log], Problem]:
-    """The problem of a log under habits, with all base numbers free: see `loosened`."""
-    return lambda log: loosened(drive_problem(log, robot, causes, habits, model), habits.wheels)
+    """The problem of a log under habits, with all base numbers free: see `with_all_base_free`."""
+    return lambda log: with_all_base_free(drive_problem(log, robot, causes, habits, model), habits.wheels)
 
 
 def with_lost_changes(
@@ -102,4 +102,4 @@ def with_lost_changes(
 ) -> Log:
     """The log with changes of commands in rows that it lost, when they suit the simulation of `point`."""
     habits = replace(habits, swing=0.0)  # a wheel answers within one
-    return restored(log, lambda each: drive_problem(each, robot, causes, habits, model), point)
+    return restore_lost_changes(log, lambda each: drive_problem(each, robot, causes, habits, model), point)

@@ -13,15 +13,16 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.habits.chains import FINE_CYCLE
-from raccoon.diagnose.habits.controller import controller_of, with_cycle
-from raccoon.diagnose.habits.cycles import (
-    as_pauses_slow_the_wheels,
-    as_pauses_slow_the_wheels_beside,
-    as_the_filter_runs,
+from raccoon.diagnose.habits.alternatives import MIN_LOG_EVIDENCE_LEAD, adopt_if_ahead, found_nothing
+from raccoon.diagnose.habits.chains import CONTINUOUS_CYCLE_S
+from raccoon.diagnose.habits.controller import find_habits, with_sample_cycle
+from raccoon.diagnose.habits.notes import habit_notes
+from raccoon.diagnose.habits.sample_cycles import (
+    try_continuous_filter,
+    try_pause_slowdown,
+    try_pause_slowdown_beside_causes,
 )
-from raccoon.diagnose.habits.notes import notes_of
-from raccoon.diagnose.habits.others import DOUBT, Under, if_ahead, sound
+from raccoon.diagnose.habits.trials import HabitTrials
 from raccoon.diagnose.hypotheses.base_coordinates import Wheels
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
@@ -42,20 +43,20 @@ PLAIN = Habits(Chain(), False, wheels=Wheels.RIGID)
 def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
     """As whoever writes dy/dt = (x - y) / T has it: 2 ms later than T of the firmware's samples."""
     columns = recorded(Parameters(ROBOT, {}, Chain(cycle=0.001)), 3.0)
-    search, under = standing(columns, PLAIN, {"actuation.latency": 0.08})
-    search, habits = as_the_filter_runs(search, PLAIN, under, begun)
-    assert sound(search)
-    assert habits.chain.cycle == FINE_CYCLE
-    assert "filtered all the time" in notes_of(habits, (), NOTHING_FITTED)[0]
+    search, trials = standing(columns, PLAIN, {"actuation.latency": 0.08})
+    search, habits = try_continuous_filter(search, PLAIN, trials.running(begun))
+    assert found_nothing(search)
+    assert habits.chain.cycle == CONTINUOUS_CYCLE_S
+    assert "filtered all the time" in habit_notes(habits, (), NOTHING_FITTED)[0]
 
 
 def test_a_later_command_is_no_filter_that_runs_all_the_time() -> None:
     """Gyro and battery are late as well."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.002}}, Chain())
-    search, under = standing(recorded(late, 3.0), PLAIN, {"actuation.latency": 0.08})
-    search, habits = as_the_filter_runs(search, PLAIN, under, begun)
+    search, trials = standing(recorded(late, 3.0), PLAIN, {"actuation.latency": 0.08})
+    search, habits = try_continuous_filter(search, PLAIN, trials.running(begun))
     assert habits == PLAIN
-    assert not sound(search)
+    assert not found_nothing(search)
 
 
 @pytest.mark.parametrize("row", [0.0009999, 0.0008])
@@ -64,7 +65,7 @@ def test_rows_that_are_shorter_than_any_cycle_are_one_each(row: float) -> None:
     time = row * np.arange(5000)
     columns = {"t": time, "motor.0.duty": np.sign(np.sin(9.0 * time)), "motor.1.duty": np.zeros(5000)}
     log = log_from_columns(columns | {"motor.0.bemf": 0.0 * time}, ROBOT)
-    run = PlantRollout(log, ROBOT, with_cycle(PLAIN, FINE_CYCLE), plain=True)
+    run = PlantRollout(log, ROBOT, with_sample_cycle(PLAIN, CONTINUOUS_CYCLE_S), plain=True)
     assert np.isfinite(run.samples([neutral_settings(ROBOT)])[0]).all()
 
 
@@ -75,12 +76,16 @@ def test_what_led_with_the_same_causes_leads(
     """A point that was fitted under the noise of its own search is no best one under that of another: a sound
     robot was unknown over the speed, since what led by 75 as fitted there lacked 46 as it was."""
     columns = recorded(Parameters(ROBOT, {}, Chain()), 3.0)
-    fine = with_cycle(PLAIN, FINE_CYCLE)
-    search, under = standing(columns, PLAIN, {})
-    under.beginnings[fine], _ = standing(columns, fine, causes)
-    monkeypatch.setattr("raccoon.diagnose.habits.others.net_lead", lambda *_: DOUBT + 1.0)
-    monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: -43.0)
-    _, habits = if_ahead(search, PLAIN, under, fine, under(fine), [search.fit.point], by=begun)
+    fine = with_sample_cycle(PLAIN, CONTINUOUS_CYCLE_S)
+    search, trials = standing(columns, PLAIN, {})
+    trials.started[fine], _ = standing(columns, fine, causes)
+    monkeypatch.setattr(
+        "raccoon.diagnose.habits.alternatives.net_lead", lambda *_: MIN_LOG_EVIDENCE_LEAD + 1.0
+    )
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.explains_more", lambda *_: -43.0)
+    _, habits = adopt_if_ahead(
+        search, PLAIN, trials.running(begun), fine, trials.problem_of(fine), [search.fit.point]
+    )
     assert (habits == fine) is taken
 
 
@@ -90,24 +95,24 @@ PAUSED = replace(BEHIND, chain=replace(Chain.firmware(), pause=0.0005))
 
 def test_wheels_that_a_pause_slows_down_have_no_deadband() -> None:
     """A motor that coasts before its sample is a count slower then, whichever way it turns."""
-    search, under = standing(recorded(Parameters(ROBOT, {}, PAUSED.chain), 3.0), BEHIND, {DEADBAND: 0.05})
-    search, habits = as_pauses_slow_the_wheels(search, BEHIND, under, begun)
-    assert sound(search)
+    search, trials = standing(recorded(Parameters(ROBOT, {}, PAUSED.chain), 3.0), BEHIND, {DEADBAND: 0.05})
+    search, habits = try_pause_slowdown(search, BEHIND, trials.running(begun))
+    assert found_nothing(search)
     assert habits.chain.pause == pytest.approx(0.0005)
-    assert "slower when they are read" in notes_of(habits, (), NOTHING_FITTED)[0]
+    assert "slower when they are read" in habit_notes(habits, (), NOTHING_FITTED)[0]
 
 
 def test_a_deadband_is_no_wheel_that_a_pause_slows_down() -> None:
     narrow = Parameters(ROBOT, {(DEADBAND, None): {"duty": 0.01}}, Chain.firmware())
-    search, under = standing(recorded(narrow, 3.0), BEHIND, {DEADBAND: 0.1})
-    search, habits = as_pauses_slow_the_wheels(search, BEHIND, under, begun)
+    search, trials = standing(recorded(narrow, 3.0), BEHIND, {DEADBAND: 0.1})
+    search, habits = try_pause_slowdown(search, BEHIND, trials.running(begun))
     assert habits == BEHIND
-    assert not sound(search)
+    assert not found_nothing(search)
 
 
 def test_motors_that_never_coast_are_slowed_down_by_no_pause() -> None:
-    search, under = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05})
-    assert as_pauses_slow_the_wheels(search, PLAIN, under, begun) == (search, PLAIN)
+    search, trials = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05})
+    assert try_pause_slowdown(search, PLAIN, trials.running(begun)) == (search, PLAIN)
 
 
 @pytest.mark.parametrize(("ahead", "taken", "vain"), [(-1.0, False, 1), (5.0, False, 0), (11.0, True, 0)])
@@ -122,17 +127,22 @@ def test_beside_several_causes_a_search_goes_on_with_pauses_from_where_it_is(
     )
     search, there = cast(Search, stub), cast(Search, SimpleNamespace())
     problem = cast(Problem, SimpleNamespace())
-    under = Under(lambda _: problem)
-    for name, said in (("best_of", stub.fit), ("net_lead", ahead), ("seen_from", there), ("grown_on", there)):
-        monkeypatch.setattr(f"raccoon.diagnose.habits.cycles.{name}", lambda *_, said=said: said)
-    found = as_pauses_slow_the_wheels_beside(search, BEHIND, under)
+    trials = HabitTrials(lambda _: problem)
+    for name, said in (
+        ("fit_best_start", stub.fit),
+        ("net_lead", ahead),
+        ("look_from", there),
+        ("grown_on", there),
+    ):
+        monkeypatch.setattr(f"raccoon.diagnose.habits.sample_cycles.{name}", lambda *_, said=said: said)
+    found = try_pause_slowdown_beside_causes(search, BEHIND, trials)
     assert found == ((there, PAUSED) if taken else (search, BEHIND))
-    assert len(under.vain) == vain
-    assert as_pauses_slow_the_wheels_beside(search, PLAIN, under) == (search, PLAIN)  # none that coasts
+    assert len(trials.rejected) == vain
+    assert try_pause_slowdown_beside_causes(search, PLAIN, trials) == (search, PLAIN)  # none that coasts
 
 
 @pytest.mark.parametrize("chain", [PAUSED.chain, BEHIND.chain])
 def test_whether_a_pause_slows_the_wheels_down_is_found_out_before_any_cause(chain: Chain) -> None:
     log = log_from_columns(recorded(Parameters(ROBOT, {}, chain), 12.0), ROBOT)
-    _, habits = controller_of(log, ROBOT, drive_causes(), None)
+    _, habits = find_habits(log, ROBOT, drive_causes(), None)
     assert habits.chain.pause == chain.pause

@@ -9,9 +9,9 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
-from raccoon.diagnose.habits.chains import other_chains, usual_chain
-from raccoon.diagnose.habits.driver import as_a_deadband_ends, with_whole_currents
-from raccoon.diagnose.habits.notes import notes_of
+from raccoon.diagnose.habits.chains import alternative_chains, known_chain_of
+from raccoon.diagnose.habits.motor_driver import try_deadband_shapes, try_whole_currents
+from raccoon.diagnose.habits.notes import habit_notes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.search import begun
@@ -32,8 +32,8 @@ def test_what_the_battery_carries_is_asked_for_where_something_is_named(whole: b
     """Half the sag of a slow drive was taken for another resistance, beside six other causes."""
     chain = replace(Chain.firmware(), whole=whole)
     columns = recorded(Parameters(ROBOT, GIVING, chain), 6.0)
-    search, under = standing(columns, USUAL, {"battery.internal_resistance": 0.3})
-    search, habits = with_whole_currents(search, USUAL, under, begun)
+    search, trials = standing(columns, USUAL, {"battery.internal_resistance": 0.3})
+    search, habits = try_whole_currents(search, USUAL, trials.running(begun))
     assert habits == replace(USUAL, chain=chain)
     assert bool(search.fit.point.active) is not whole
 
@@ -43,24 +43,24 @@ def test_how_a_deadband_ends_is_asked_for_beside_what_is_like_one(end: str) -> N
     """One of 0.1 that ends at once was one of 0.015, beside three frictions."""
     chain = replace(Chain.firmware(), threshold=end == "threshold", cut=end == "cut")
     robot = Parameters(ROBOT, GIVING | {("actuation.deadband", None): {"duty": 0.14}}, chain)
-    search, under = standing(recorded(robot, 8.0), USUAL, {"friction.coulomb": 0.3})
-    search, habits = as_a_deadband_ends(search, USUAL, under, begun)
+    search, trials = standing(recorded(robot, 8.0), USUAL, {"friction.coulomb": 0.3})
+    search, habits = try_deadband_shapes(search, USUAL, trials.running(begun))
     assert habits == replace(USUAL, chain=chain)
     assert list(search.fit.point.active) == ["actuation.deadband"]
 
 
 def test_a_deadband_that_is_none_is_not_asked_for() -> None:
-    search, under = standing(recorded(Parameters(ROBOT, GIVING), 3.0), USUAL, {"imu.gyro_bias": 0.3})
-    assert as_a_deadband_ends(search, USUAL, under, begun) == (search, USUAL)
-    assert under.vain == set()
+    search, trials = standing(recorded(Parameters(ROBOT, GIVING), 3.0), USUAL, {"imu.gyro_bias": 0.3})
+    assert try_deadband_shapes(search, USUAL, trials.running(begun)) == (search, USUAL)
+    assert trials.rejected == set()
 
 
 def test_it_stays_with_another_filter_and_is_said() -> None:
     chain = replace(Chain.firmware(), whole=True)
-    assert usual_chain(chain) == Chain.firmware()
-    assert all(each.whole for each in other_chains(chain))
-    assert Chain.firmware() not in other_chains(Chain.firmware())
-    (note,) = notes_of(
+    assert known_chain_of(chain) == Chain.firmware()
+    assert all(each.whole for each in alternative_chains(chain))
+    assert Chain.firmware() not in alternative_chains(Chain.firmware())
+    (note,) = habit_notes(
         replace(USUAL, chain=chain), (), FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
     )
     assert note.startswith("the battery is taken to carry all of both motors' currents")

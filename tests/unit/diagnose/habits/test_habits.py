@@ -23,32 +23,30 @@ from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.levenberg_marquardt import ROUGH
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
-from raccoon.diagnose.habits.chains import FREE_RUNNING, PAUSING
-from raccoon.diagnose.habits.controller import controller_of
-from raccoon.diagnose.habits.lags import with_readings_that_lag
-from raccoon.diagnose.habits.notes import PAST, notes_of
-from raccoon.diagnose.habits.others import (
-    DOUBT,
-    LOST,
-    MOST_KEPT,
-    Onward,
-    Under,
-    _ended_behind,
-    _grown_behind,
-    as_wheels_give,
-    best_of,
-    if_ahead,
-    leads,
-    started,
-    with_a_slow_battery,
+from raccoon.diagnose.habits.alternatives import (
+    HOPELESS_DEFICIT,
+    MIN_LOG_EVIDENCE_LEAD,
+    _ended_far_behind,
+    _grown_crowded_and_behind,
+    adopt_if_ahead,
+    fit_best_start,
+    log_evidence_lead,
+    try_battery_filters,
+    try_friction_forms,
 )
+from raccoon.diagnose.habits.chain_trials import try_commands_until_row, try_sensor_chains
+from raccoon.diagnose.habits.chains import FREE_RUNNING, PAUSING_AT_CYCLE_END
+from raccoon.diagnose.habits.controller import find_habits
+from raccoon.diagnose.habits.habit_search import FIRST_STEPS, HabitStep, _grow, search_with_habits
+from raccoon.diagnose.habits.lags import try_lagging_readings
+from raccoon.diagnose.habits.notes import COMMAND_IN_FORCE_BEFORE, habit_notes
 from raccoon.diagnose.habits.problems import drive_problem
-from raccoon.diagnose.habits.searching import _as_logged, _grown, _sooner, _under_another_filter, searched
+from raccoon.diagnose.habits.trials import MAX_CACHED_STARTS, HabitTrials, RunSearch, start_afresh
 from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, LOOP_LATENCY, Wheels
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Verdict
-from raccoon.diagnose.rollout.firmware import FIRMWARES
+from raccoon.diagnose.rollout.firmware import FIRMWARES, Firmware
 from raccoon.diagnose.rollout.plant_rollout import Habits, _cycle
 from raccoon.diagnose.select.alternative_sets import explains_more
 from raccoon.diagnose.select.gates import CROWDED
@@ -77,7 +75,7 @@ def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None
         draw(each, np.random.default_rng(3)) for each in ("battery.open_circuit_voltage", "imu.latency")
     ]
     log = log_from_columns(make(3, hidden, seconds=10.0).columns, ROBOT)
-    _, habits = controller_of(log, ROBOT, CAUSES, None)
+    _, habits = find_habits(log, ROBOT, CAUSES, None)
     assert habits.chain == Chain.firmware()
 
 
@@ -87,7 +85,7 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     robot = Parameters(
         ROBOT, {("friction.stiction", "left"): sticky, ("friction.stiction", "right"): sticky}, chain
     )
-    _, habits = controller_of(log_from_columns(recorded(robot, 10.0), ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(log_from_columns(recorded(robot, 10.0), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
@@ -97,7 +95,7 @@ def test_the_filter_of_a_gentle_drive_is_the_one_under_which_robot_toml_is_right
     asked of it, but the firmware's would need another time constant, which was named."""
     robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], chain)
     columns = recorded(robot, 8.0, softened=80, noise={"motor.0.bemf": 20.0, "motor.1.bemf": 20.0})
-    _, habits = controller_of(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
@@ -106,7 +104,7 @@ def test_a_slow_filter_of_the_battery_is_seen_before_any_cause_is_known(seconds:
     """Beside a deadband one of 0.1 s was taken for 0.05, once a wrong scale and friction were named."""
     chain = replace(Chain.firmware(), battery_time_constant=seconds)
     robot = Parameters(ROBOT, SLIDING[Wheels.GIVING] | {("actuation.deadband", None): {"duty": 0.05}}, chain)
-    _, habits = controller_of(log_from_columns(recorded(robot, 8.0), ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(log_from_columns(recorded(robot, 8.0), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
@@ -136,7 +134,7 @@ def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str)
     wrong = Parameters.from_robot(ROBOT).with_effect(
         id_, "left" if id_ == "bemf.scale" else None, **HIDING[id_]
     )
-    _, habits = controller_of(log_from_columns(recorded(wrong, 20.0, seed=1), ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(log_from_columns(recorded(wrong, 20.0, seed=1), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == Chain()
 
 
@@ -154,7 +152,7 @@ def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
 
 def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make what is found out before any cause is known these habits."""
-    monkeypatch.setattr("raccoon.diagnose.habits.searching.controller_of", lambda log, *_: (log, habits))
+    monkeypatch.setattr("raccoon.diagnose.habits.habit_search.find_habits", lambda log, *_: (log, habits))
 
 
 FIRMWARE = Habits(Chain.firmware(), False)
@@ -165,8 +163,8 @@ NOTHING_FITTED = FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
 def test_the_filter_is_asked_again_once_a_cause_is_known() -> None:
     """Where the habits were taken for the firmware's all the same."""
     dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
-    search, under = standing(recorded(dead, 6.0, seed=1), FIRMWARE, {"actuation.deadband": 1.0})
-    search, habits = _under_another_filter(search, FIRMWARE, under)
+    search, trials = standing(recorded(dead, 6.0, seed=1), FIRMWARE, {"actuation.deadband": 1.0})
+    search, habits = try_sensor_chains(search, FIRMWARE, trials)
     assert set(search.fit.point.active) == {"actuation.deadband"}
     assert habits.chain == Chain()
 
@@ -179,25 +177,14 @@ def test_where_nothing_is_named_no_other_filter_is_asked_for() -> None:
         raise AssertionError(habits)
 
     search, _ = standing(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain()), 3.0), FIRMWARE, {})
-    assert _under_another_filter(search, FIRMWARE, Under(ask)) == (search, FIRMWARE)
+    assert try_sensor_chains(search, FIRMWARE, HabitTrials(ask)) == (search, FIRMWARE)
 
 
-def test_the_filter_of_the_battery_is_asked_for_before_that_of_the_wheels(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_filter_of_the_battery_is_asked_for_before_that_of_the_wheels() -> None:
     """A sound robot with a plain filter and a slow battery reading had another filter of the wheels, under
     which the battery suited better by chance."""
-    search, under = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), FIRMWARE, {"imu.latency": 0.3})
-    asked = []
-    for name in ("_under_another_filter", "as_wheels_give", "with_a_slow_battery", "with_readings_that_lag"):
-
-        def note(search: Search, habits: Habits, *_: object, name: str = name) -> tuple[Search, Habits]:
-            asked.append(name)
-            return search, habits
-
-        monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", note)
-    _sooner(search, FIRMWARE, under, FIRMWARE.chain.cycle)
-    assert asked.index("with_a_slow_battery") < asked.index("_under_another_filter")
+    order = [each.attempt for each in FIRST_STEPS]
+    assert order.index(try_battery_filters) < order.index(try_sensor_chains)
 
 
 @pytest.mark.parametrize(
@@ -210,65 +197,76 @@ def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
     """A sound robot whose friction creeps had something unknown over the speed, which is 8 behind."""
     columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING]), 3.0)
     creeps = replace(FIRMWARE, wheels=Wheels.CREEPING)
-    search, under = standing(columns, FIRMWARE, {"friction.viscous": 0.5})
+    search, trials = standing(columns, FIRMWARE, {"friction.viscous": 0.5})
     second, _ = standing(columns, creeps, named)
-    under.beginnings[creeps] = second
-    monkeypatch.setattr("raccoon.diagnose.habits.others.net_lead", lambda *_: DOUBT)
-    monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: ahead)
-    _, habits = if_ahead(search, FIRMWARE, under, creeps, under(creeps), [search.fit.point], by=begun)
+    trials.started[creeps] = second
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.net_lead", lambda *_: MIN_LOG_EVIDENCE_LEAD)
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.explains_more", lambda *_: ahead)
+    _, habits = adopt_if_ahead(
+        search, FIRMWARE, trials.running(begun), creeps, trials.problem_of(creeps), [search.fit.point]
+    )
     assert (habits == creeps) is other
 
 
-@pytest.mark.parametrize("by", [grown_on, whole])
+@pytest.mark.parametrize("run_search", [grown_on, whole])
 def test_habits_are_asked_for_before_a_search_takes_longest(
-    by: Onward, monkeypatch: pytest.MonkeyPatch
+    run_search: RunSearch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its rest was done under each that was replaced: of a drive with five causes three times."""
-    search, under = standing(recorded(Parameters(ROBOT, {}), 3.0), FIRMWARE, {"friction.viscous": 0.5})
+    search, trials = standing(recorded(Parameters(ROBOT, {}), 3.0), FIRMWARE, {"friction.viscous": 0.5})
     creeps, rests = replace(FIRMWARE, wheels=Wheels.CREEPING), []
 
     def rest(search: Search) -> Search:
         rests.append(search)
         return search
 
-    under.beginnings[creeps] = replace(search, failed={})
-    monkeypatch.setattr("raccoon.diagnose.habits.others.net_lead", lambda *_: DOUBT)
-    monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: DOUBT + 1.0)
-    monkeypatch.setattr("raccoon.diagnose.habits.others.finished", rest)
-    _, habits = if_ahead(search, FIRMWARE, under, creeps, under(creeps), [search.fit.point], by=by)
+    trials.started[creeps] = replace(search, failed={})
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.net_lead", lambda *_: MIN_LOG_EVIDENCE_LEAD)
+    monkeypatch.setattr(
+        "raccoon.diagnose.habits.alternatives.explains_more", lambda *_: MIN_LOG_EVIDENCE_LEAD + 1.0
+    )
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.finished", rest)
+    _, habits = adopt_if_ahead(
+        search, FIRMWARE, trials.running(run_search), creeps, trials.problem_of(creeps), [search.fit.point]
+    )
     assert habits == creeps
-    assert len(rests) == (by is whole)
+    assert len(rests) == (run_search is whole)
 
 
 @pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("firmware", [None, FIRMWARES["wombat-raccoon-17"]])
 def test_beside_several_causes_habits_are_asked_for_once_more(
-    count: int, monkeypatch: pytest.MonkeyPatch
+    count: int, firmware: Firmware | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those of one cause were, when the search had begun."""
-    asked: list[object] = []
+    """Those of one cause were, when the search had begun; those of a known firmware are not asked for."""
+    asked: list[tuple[str, RunSearch]] = []
     point = SimpleNamespace(active=dict.fromkeys(("friction.viscous", "imu.latency")[:count]))
     search = cast(Search, SimpleNamespace(fit=SimpleNamespace(point=point)))
 
-    def note(search: Search, habits: Habits, under: Under, *by: Onward) -> tuple[Search, Habits]:
-        asked.extend(by)
-        return search, habits
+    def step(name: str, *, known_firmware: bool) -> HabitStep:
+        def attempt(search: Search, habits: Habits, trials: HabitTrials) -> tuple[Search, Habits]:
+            asked.append((name, trials.run_search))
+            return search, habits
+
+        return HabitStep(attempt, known_firmware)
 
     def grown_on(search: Search) -> Search:
         return search
 
-    pauses = "as_pauses_slow_the_wheels_beside"
-    for name in ("_under_another_filter", "as_wheels_give", "as_lags_of_the_robot", pauses):
-        monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", note)
-    monkeypatch.setattr("raccoon.diagnose.habits.searching.grown_on", grown_on)
-    assert _grown(search, FIRMWARE, Under(lambda _: pytest.fail("asked"))) == (search, FIRMWARE)
-    assert asked == [grown_on] * (3 if count == 2 else 0)
+    steps = (step("chain", known_firmware=False), step("friction", known_firmware=True))
+    monkeypatch.setattr("raccoon.diagnose.habits.habit_search.GROWN_STEPS", steps)
+    monkeypatch.setattr("raccoon.diagnose.habits.habit_search.grown_on", grown_on)
+    habits = replace(FIRMWARE, firmware=firmware)
+    assert _grow(search, habits, HabitTrials(lambda _: pytest.fail("asked"))) == (search, habits)
+    names = ["friction"] if firmware else ["chain", "friction"]
+    assert asked == ([(each, grown_on) for each in names] if count == 2 else [])
 
 
 def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median() -> None:
     """The median delays the wheels' readings by nearly as much as the commands are late."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
-    search, under = standing(recorded(late, 6.0, seed=1), FIRMWARE, {"imu.latency": 0.3})
-    search, habits = _under_another_filter(search, FIRMWARE, under)
+    search, trials = standing(recorded(late, 6.0, seed=1), FIRMWARE, {"imu.latency": 0.3})
+    search, habits = try_sensor_chains(search, FIRMWARE, trials)
     assert set(search.fit.point.active) == {"actuation.latency"}
     settings = search.problem.settings(search.fit.point)
     assert settings[("actuation.latency", None, "seconds")] == pytest.approx(0.008, abs=0.0005)
@@ -297,7 +295,7 @@ def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
 ) -> None:
     columns = recorded(Parameters.from_robot(ROBOT), 12.0, seed=1, brake=True)
     taken_for(Habits(Chain(), False), monkeypatch)
-    search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
+    search, habits, _ = search_with_habits(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits == Habits(Chain(), True)
     assert not search.fit.point.active
 
@@ -311,13 +309,11 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
     log = log_from_columns(make(2, [steers], drive="legs", seconds=12.0).columns, ROBOT)
     known = Habits(FREE_RUNNING, False, low_pass=True)
     taken_for(known, monkeypatch)
-    others = ("as_wheels_give", "as_pauses_slow_the_wheels_beside")
-    for name in ("_sooner", "_under_another_filter", *others, "_braking", "_as_logged"):
-        asked = f"raccoon.diagnose.habits.searching.{name}"
-        monkeypatch.setattr(asked, lambda search, habits, *_: (search, habits))
+    for steps in ("FIRST_STEPS", "GROWN_STEPS", "LAST_STEPS"):
+        monkeypatch.setattr(f"raccoon.diagnose.habits.habit_search.{steps}", ())
     for name in ("grown_on", "finished"):
-        monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", lambda search: search)
-    monkeypatch.setattr("raccoon.diagnose.habits.searching.with_lost_changes", lambda log, *_: log)
+        monkeypatch.setattr(f"raccoon.diagnose.habits.habit_search.{name}", lambda search: search)
+    monkeypatch.setattr("raccoon.diagnose.habits.habit_search.with_lost_changes", lambda log, *_: log)
     for names, seconds in ((SEVERAL, swing(log)), (SEVERAL[:1], 0.0)):
 
         def begun(start: Search, names: tuple[str, ...] = names) -> Search:
@@ -326,17 +322,17 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
                 point = point.with_cause(each, np.array([1.0]))
             return look_around(start.problem, start.probes, point, start.whitener)
 
-        monkeypatch.setattr("raccoon.diagnose.habits.searching.begun", begun)
-        _, habits, _ = searched(log, ROBOT, CAUSES, None)
+        monkeypatch.setattr("raccoon.diagnose.habits.habit_search.begun", begun)
+        _, habits, _ = search_with_habits(log, ROBOT, CAUSES, None)
         assert habits == replace(known, swing=seconds)
-    said = notes_of(replace(known, swing=swing(log)), (), NOTHING_FITTED)
+    said = habit_notes(replace(known, swing=swing(log)), (), NOTHING_FITTED)
     assert any("times a second" in each for each in said)
 
 
 @pytest.mark.parametrize("wheels", [Wheels.RIGID, Wheels.GIVING])
 def test_whether_wheels_give_before_they_slide_is_found_out(wheels: Wheels) -> None:
     robot = Parameters(ROBOT, SLIDING[wheels], Chain.firmware())
-    _, habits = controller_of(log_from_columns(recorded(robot, 12.0), ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(log_from_columns(recorded(robot, 12.0), ROBOT), ROBOT, CAUSES, None)
     assert habits == Habits(Chain.firmware(), False, wheels=wheels)
 
 
@@ -350,8 +346,8 @@ def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(wheels: Wheels, t
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
     columns = recorded(Parameters(ROBOT, heavy | SLIDING[wheels], Chain.firmware()), 14.0)
     first = replace(FIRMWARE, wheels=taken)
-    search, under = standing(columns, first, {"drive.inertia": 0.5})
-    search, habits = as_wheels_give(search, first, under)
+    search, trials = standing(columns, first, {"drive.inertia": 0.5})
+    search, habits = try_friction_forms(search, first, trials)
     assert habits == replace(FIRMWARE, wheels=wheels)
     assert set(search.fit.point.active) == {"drive.inertia"}
     settings = search.problem.settings(search.fit.point)
@@ -368,22 +364,21 @@ def test_a_beginning_is_searched_once_and_handed_out_as_it_was(
         made.append(start)
         return start
 
-    monkeypatch.setattr("raccoon.diagnose.habits.others.begun", begun)
-    monkeypatch.setattr("raccoon.diagnose.habits.others.started", lambda its: search_at(its, its.nominal()))
-    under = Under(lambda _: problem)
-    one = under.beginning(FIRMWARE, problem)
+    monkeypatch.setattr("raccoon.diagnose.habits.trials.begun", begun)
+    monkeypatch.setattr(
+        "raccoon.diagnose.habits.trials.start_afresh", lambda its: search_at(its, its.nominal())
+    )
+    trials = HabitTrials(lambda _: problem)
+    one = trials.start(FIRMWARE, problem)
     one.failed["drive.inertia"] = "explains too little"
     one.gains["drive.inertia"] = one.held_out["drive.inertia"] = 3.0  # as one that goes on with it does
-    other = under.beginning(FIRMWARE, problem)
+    other = trials.start(FIRMWARE, problem)
     assert [*other.failed, *other.gains, *other.held_out] == []
     assert len(made) == 1
-    others = [replace(FIRMWARE, swing=0.1 * each) for each in range(1, MOST_KEPT + 1)]
+    others = [replace(FIRMWARE, swing=0.1 * each) for each in range(1, MAX_CACHED_STARTS + 1)]
     for each in (*others, others[0], FIRMWARE):  # which the last of the others took the place of
-        under.beginning(each, problem)
-    assert len(made) == 1 + MOST_KEPT + 1
-    under.forget()
-    under.beginning(FIRMWARE, problem)
-    assert len(made) == 1 + MOST_KEPT + 2
+        trials.start(each, problem)
+    assert len(made) == 1 + MAX_CACHED_STARTS + 1
 
 
 def test_a_beginning_that_ended_far_behind_with_the_same_cause_is_not_gone_on_with(problem: Problem) -> None:
@@ -395,11 +390,11 @@ def test_a_beginning_that_ended_far_behind_with_the_same_cause_is_not_gone_on_wi
 
     found = search("drive.inertia", 0.0)
     near, far = (explains_more(search("drive.inertia", u), found) for u in (0.01, 1.0))
-    assert -DOUBT < near < DOUBT < 2.0 * DOUBT < -far
-    assert _ended_behind(search("drive.inertia", 1.0), found, 0.0)
-    assert not _ended_behind(search("drive.inertia", 1.0), found, far)
-    assert not _ended_behind(search("drive.inertia", 0.01), found, 0.0)
-    assert not _ended_behind(search("motor.back_emf_constant", 1.0), found, 0.0)
+    assert -MIN_LOG_EVIDENCE_LEAD < near < MIN_LOG_EVIDENCE_LEAD < 2.0 * MIN_LOG_EVIDENCE_LEAD < -far
+    assert _ended_far_behind(search("drive.inertia", 1.0), found, 0.0)
+    assert not _ended_far_behind(search("drive.inertia", 1.0), found, far)
+    assert not _ended_far_behind(search("drive.inertia", 0.01), found, 0.0)
+    assert not _ended_far_behind(search("motor.back_emf_constant", 1.0), found, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -408,8 +403,8 @@ def test_a_beginning_that_ended_far_behind_with_the_same_cause_is_not_gone_on_wi
         (CROWDED, CROWDED, -1.0, True),
         (CROWDED, CROWDED, 1.0, False),
         (CROWDED, CROWDED - 1, -1.0, False),
-        (CROWDED, 2, -LOST - 1.0, True),
-        (CROWDED - 1, CROWDED, -LOST - 1.0, False),
+        (CROWDED, 2, -HOPELESS_DEFICIT - 1.0, True),
+        (CROWDED - 1, CROWDED, -HOPELESS_DEFICIT - 1.0, False),
     ],
 )
 def test_beside_a_crowd_what_explains_less_under_other_habits_is_not_gone_on_with(
@@ -422,8 +417,8 @@ def test_beside_a_crowd_what_explains_less_under_other_habits_is_not_gone_on_wit
         point = Point(np.zeros(0), {f"own.{number}": np.ones(1) for number in range(count)})
         return SimpleNamespace(fit=SimpleNamespace(point=point))
 
-    monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: ahead)
-    assert _grown_behind(search(there), search(named)) is behind
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.explains_more", lambda *_: ahead)
+    assert _grown_crowded_and_behind(search(there), search(named)) is behind
 
 
 def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() -> None:
@@ -436,9 +431,9 @@ def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() 
     nothing = gives.nominal()
     starts = [nothing.with_cause("actuation.latency", np.array([0.3])), nothing]
     right = nothing.with_cause("drive.inertia", np.array([0.5]))
-    search = started(gives)
-    found = best_of(search, slides, [*starts, right])
-    alone = best_of(search, slides, [right])
+    search = start_afresh(gives)
+    found = fit_best_start(search, slides, [*starts, right])
+    alone = fit_best_start(search, slides, [right])
     assert set(found.point.active) == {"drive.inertia"}
     assert found.cost == pytest.approx(alone.cost, abs=2.0 * ROUGH)  # each stops where no step gains as much
     np.testing.assert_allclose(
@@ -458,12 +453,12 @@ def test_habits_that_are_far_behind_are_given_up_with_the_columns_that_are_known
     right, wrong = (
         drive_problem(log, ROBOT, CAUSES, Habits(chain, False), None) for chain in (Chain.firmware(), Chain())
     )
-    start = started(right)
+    start = start_afresh(right)
     inertia = start.fit.point.with_cause("drive.inertia", np.array([0.5]))
-    search = look_around(right, start.probes, best_of(start, right, [inertia]).point, start.whitener)
+    search = look_around(right, start.probes, fit_best_start(start, right, [inertia]).point, start.whitener)
     point = start.fit.point.with_cause(cause, np.array([0.5]))
     simulated.append(0)
-    assert leads(search, wrong, [point]) < -LOST
+    assert log_evidence_lead(search, wrong, [point]) < -HOPELESS_DEFICIT
     assert simulated[-1] < len(wrong.base)
 
 
@@ -520,15 +515,15 @@ def test_commands_that_were_in_force_until_their_rows_are_no_fault(cause: str | 
     columns = dict(make(4, hidden, seconds=8.0).columns)
     for name in ("motor.0.duty", "motor.1.duty"):
         columns[name] = np.concatenate([columns[name][:1], columns[name][:-1]])
-    search, under = standing(columns, FIRMWARE, {named: 0.4})
-    search, habits = _as_logged(search, FIRMWARE, under)
+    search, trials = standing(columns, FIRMWARE, {named: 0.4})
+    search, habits = try_commands_until_row(search, FIRMWARE, trials)
     assert list(search.fit.point.active) == [each.name for each in hidden]
     assert habits == replace(FIRMWARE, past=True)
 
 
 def test_a_logger_of_what_was_done_is_said() -> None:
-    assert notes_of(replace(FIRMWARE, past=True), (), NOTHING_FITTED) == (PAST,)
-    assert notes_of(FIRMWARE, (), NOTHING_FITTED) == ()
+    assert habit_notes(replace(FIRMWARE, past=True), (), NOTHING_FITTED) == (COMMAND_IN_FORCE_BEFORE,)
+    assert habit_notes(FIRMWARE, (), NOTHING_FITTED) == ()
 
 
 @pytest.mark.parametrize(("cause", "named"), [(None, "battery.internal_resistance"), ("drive.inertia",) * 2])
@@ -541,11 +536,11 @@ def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | No
     for before, now in pairwise(new):
         slow[now] = 0.95 * slow[before] + 0.05 * slow[now]
     columns["battery.voltage"] = slow
-    search, under = standing(columns, FIRMWARE, {named: -0.4})
-    search, habits = with_a_slow_battery(search, FIRMWARE, under)
+    search, trials = standing(columns, FIRMWARE, {named: -0.4})
+    search, habits = try_battery_filters(search, FIRMWARE, trials)
     assert list(search.fit.point.active) == [each.name for each in hidden]
     assert habits.chain.battery_time_constant == 0.2  # of readings every 10 ms
-    (said,) = notes_of(habits, (), NOTHING_FITTED)
+    (said,) = habit_notes(habits, (), NOTHING_FITTED)
     assert said.startswith("the battery's reading follows with a filter of 0.2 s")
 
 
@@ -555,7 +550,7 @@ def test_a_csv_may_filter_the_battery_more_than_the_firmware_that_robot_toml_nam
     firmware = replace(FIRMWARES["wombat-raccoon-17"], units=itself)
     chain = replace(firmware.chain, battery_time_constant=0.1)
     log = log_from_columns(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0), ROBOT)
-    _, habits = controller_of(log, ROBOT, CAUSES, None, firmware)
+    _, habits = find_habits(log, ROBOT, CAUSES, None, firmware)
     assert habits.chain == (firmware.chain if itself else chain)
 
 
@@ -564,8 +559,8 @@ def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_
     weak: Effects = {("motor.armature_resistance", "left"): {"factor": 1.2}}
     slow = Habits(replace(chain, battery_time_constant=0.05), brake=False)
     columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING] | weak, chain), 8.0)
-    search, under = standing(columns, slow, {"motor.armature_resistance@left": 0.8})
-    search, habits = with_a_slow_battery(search, slow, under)
+    search, trials = standing(columns, slow, {"motor.armature_resistance@left": 0.8})
+    search, habits = try_battery_filters(search, slow, trials)
     assert habits.chain == chain
     assert list(search.fit.point.active) == ["motor.armature_resistance@left"]
 
@@ -574,17 +569,17 @@ def test_a_clock_is_asked_for_behind_a_quick_filter_of_the_battery() -> None:
     """Between none and the firmware's neither fits, and a pause at the end of a row with a latency did."""
     chain = replace(FREE_RUNNING, battery_time_constant=0.005)
     columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0)
-    seen = Habits(PAUSING, brake=False)
-    search, under = standing(columns, seen, {"actuation.latency": 0.25})
-    search, habits = with_readings_that_lag(search, seen, under)
+    seen = Habits(PAUSING_AT_CYCLE_END, brake=False)
+    search, trials = standing(columns, seen, {"actuation.latency": 0.25})
+    search, habits = try_lagging_readings(search, seen, trials)
     assert habits.chain == chain
     assert list(search.fit.point.active) == []
 
 
 def test_commands_from_their_rows_on_are_taken_so() -> None:
     columns = make(4, [draw("actuation.latency", np.random.default_rng(3))], seconds=6.0).columns
-    search, under = standing(columns, FIRMWARE, {"actuation.latency": 0.4})
-    search, habits = _as_logged(search, FIRMWARE, under)
+    search, trials = standing(columns, FIRMWARE, {"actuation.latency": 0.4})
+    search, habits = try_commands_until_row(search, FIRMWARE, trials)
     assert list(search.fit.point.active) == ["actuation.latency"]
     assert not habits.past
 
@@ -610,5 +605,5 @@ def test_wheels_that_are_filtered_once_a_row_have_no_other_filter() -> None:
 def test_rows_of_several_cycles_are_taken_for_that() -> None:
     """As a program logs that reads a firmware's filter at 100 Hz."""
     columns = {name: each[::2] for name, each in recorded(Parameters(ROBOT, {}, Chain()), 16.0).items()}
-    _, habits = controller_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)
+    _, habits = find_habits(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)
     assert habits.chain.cycle == 0.005

@@ -13,7 +13,7 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits import problems
-from raccoon.diagnose.habits.lost import changed_at, lost_changes, restored
+from raccoon.diagnose.habits.lost_commands import find_lost_changes, restore_lost_changes, with_change_at
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.plant_rollout import Habits
@@ -60,7 +60,7 @@ def error(log: Log) -> float:
 
 
 def put_back(log: Log) -> Log:
-    return restored(log, nominal, nominal(log).nominal())
+    return restore_lost_changes(log, nominal, nominal(log).nominal())
 
 
 @pytest.mark.parametrize("before", [0, 1, 2])
@@ -112,33 +112,33 @@ def test_a_command_that_a_late_loop_sent_stays_in_its_row() -> None:
     run = rollout([Parameters.from_robot(ROBOT)], commands, channels=names, longest_step=0.001)
     late = without(columns, [3 * EVERY - 1]) | {name: run[name][0] for name in names}
     log = log_from_columns(late, ROBOT)
-    assert len(lost_changes(log)) == 1
+    assert len(find_lost_changes(log)) == 1
     assert put_back(log) is log
 
 
 def test_nothing_is_lost_where_no_row_is_missing_or_no_command_changed() -> None:
     columns = drive(4.0)
-    assert lost_changes(log_from_columns(columns, ROBOT)) == []
-    assert lost_changes(log_from_columns(without(columns, [4 * EVERY + 20]), ROBOT)) == []
+    assert find_lost_changes(log_from_columns(columns, ROBOT)) == []
+    assert find_lost_changes(log_from_columns(without(columns, [4 * EVERY + 20]), ROBOT)) == []
 
 
 def test_a_part_of_a_ramp_a_pause_and_rows_without_a_clock_are_left_alone() -> None:
     columns = drive(4.0)
     ramp = np.linspace(-0.9, 0.9, len(columns["t"]))
     ramped = columns | {"motor.0.duty": ramp, "motor.1.duty": ramp}
-    assert lost_changes(log_from_columns(without(ramped, [100]), ROBOT)) == []
+    assert find_lost_changes(log_from_columns(without(ramped, [100]), ROBOT)) == []
     pause = list(range(4 * EVERY - 20, 4 * EVERY + 20))
-    assert lost_changes(log_from_columns(without(columns, pause), ROBOT)) == []
+    assert find_lost_changes(log_from_columns(without(columns, pause), ROBOT)) == []
     log = log_from_columns(without(columns, [4 * EVERY]), ROBOT)
     shaken = log.time + np.random.default_rng(1).uniform(-0.4, 0.4, len(log.time)) * ROW
-    assert lost_changes(replace(log, time=shaken)) == []
+    assert find_lost_changes(replace(log, time=shaken)) == []
 
 
 def test_the_row_that_is_put_in_reads_nothing() -> None:
     log = log_from_columns(without(drive(4.0), [4 * EVERY]), ROBOT)
-    (change,) = lost_changes(log)
+    (change,) = find_lost_changes(log)
     assert change.row == 4 * EVERY
-    found = changed_at(log, change, change.moments[0])
+    found = with_change_at(log, change, change.moments[0])
     for before, after in zip(log.channels, found.channels, strict=True):
         assert np.isnan(after.values[change.row])
         np.testing.assert_array_equal(np.delete(after.values, change.row), before.values)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from diagnoses import cause
-from raccoon.diagnose.habits.notes import MAY_BE_NOTHING, less_sure
+from raccoon.diagnose.habits.notes import MAY_BE_READ_TIME, with_habit_uncertainty
 from raccoon.diagnose.reports.cause_text import describe_cause
 from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout.firmware import FIRMWARES
@@ -25,7 +25,7 @@ def test_when_a_battery_is_read_leaves_its_resistance_open(firmware: str | None,
     found = cause("battery.internal_resistance", number, "")
     other = replace(found, id="friction.coulomb")
     known = None if firmware is None else FIRMWARES[firmware]
-    (wider, same) = less_sure((found, other), Habits(Chain(), False, firmware=known))
+    (wider, same) = with_habit_uncertainty((found, other), Habits(Chain(), False, firmware=known))
     assert wider.parameters["resistance"].std == pytest.approx(std, abs=0.0006)
     assert same == other
 
@@ -49,7 +49,7 @@ def test_when_samples_are_taken_leaves_a_latency_open(
     had a probability of 1."""
     found = cause(name, {"seconds": ParameterResult(0.0012, 0.0001, "s", 0.0)}, "")
     known = None if firmware is None else FIRMWARES[firmware]
-    (wider,) = less_sure((found,), Habits(Chain(), False, low_pass=smooths, firmware=known))
+    (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False, low_pass=smooths, firmware=known))
     assert wider.parameters["seconds"].std == pytest.approx(std, abs=0.00005)
     unsure = 1.0 / (1.0 + math.exp(-0.5 * (0.0012 / std) ** 2))
     assert wider.probability == pytest.approx(min(found.probability, unsure), abs=0.01)
@@ -60,7 +60,7 @@ def test_of_what_has_rivals_a_number_says_nothing_of_its_probability() -> None:
         cause("imu.latency", {"seconds": ParameterResult(0.0012, 0.0001, "s", 0.0)}, ""),
         confounded_with=("drive.wheel_slip",),
     )
-    (wider,) = less_sure((found,), Habits(Chain(), False))
+    (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False))
     assert wider.probability == found.probability
 
 
@@ -69,15 +69,15 @@ def test_what_may_be_the_moment_of_a_reading_alone_is_said_to_be(late: float, ma
     """What is within 1.75 of its deviations of what was assumed is not named, but these are widened when it
     has been."""
     found = cause("actuation.latency", {"seconds": ParameterResult(late, 0.0001, "s", 0.0)})
-    (wider,) = less_sure((found,), Habits(Chain(), False))
+    (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False))
     assert (wider.explanation != found.explanation) == may_be_nothing
-    assert describe_cause(wider).more == (MAY_BE_NOTHING if may_be_nothing else "")
+    assert describe_cause(wider).more == (MAY_BE_READ_TIME if may_be_nothing else "")
     assert describe_cause(wider).todo == describe_cause(found).todo
 
 
 def test_what_is_less_sure_is_said_with_fewer_places() -> None:
     found = cause("imu.latency", {"seconds": ParameterResult(0.00618, 0.0001, "s", 0.0)})
-    (wider,) = less_sure((found,), Habits(Chain(), False))
+    (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False))
     assert (describe_cause(found).what, describe_cause(wider).what) == tuple(
         f"Gyro readings come {number} ms late" for number in ("6.18", "6.2")
     )

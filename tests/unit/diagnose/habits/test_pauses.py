@@ -10,10 +10,16 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.chains import AT_ITS_END, FREE_RUNNING, PAUSING, pauses
-from raccoon.diagnose.habits.loose import start_of
-from raccoon.diagnose.habits.others import DOUBT, Under
-from raccoon.diagnose.habits.searching import _under_another_filter
+from raccoon.diagnose.habits.alternatives import MIN_LOG_EVIDENCE_LEAD
+from raccoon.diagnose.habits.chain_trials import try_sensor_chains
+from raccoon.diagnose.habits.chains import (
+    FREE_RUNNING,
+    MEDIAN_AT_CYCLE_END,
+    PAUSING_AT_CYCLE_END,
+    pauses_at_cycle_end,
+)
+from raccoon.diagnose.habits.habit_fits import choose_start
+from raccoon.diagnose.habits.trials import HabitTrials
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.state import Search
@@ -31,26 +37,28 @@ def asked(
     with a gyro that smooths; the last with a filter counts."""
     found: dict[Chain, Any] = {}
 
-    def note(search: Search, habits: Habits, _: Under, other: Habits, *rest: Any) -> tuple[Search, Habits]:
-        _, starts, far, wanted, _ = rest
+    def note(
+        search: Search, habits: Habits, _: HabitTrials, other: Habits, *rest: Any
+    ) -> tuple[Search, Habits]:
+        _, starts, far, wanted = rest
         found[other.chain] = (far, wanted, [tuple(each.active) for each in starts], other.low_pass)
         return search, habits
 
-    monkeypatch.setattr("raccoon.diagnose.habits.searching.if_ahead", note)
+    monkeypatch.setattr("raccoon.diagnose.habits.chain_trials.adopt_if_ahead", note)
     point = Point(np.zeros(1), {name: np.ones(1) for name in named})
     problem = SimpleNamespace(causes=CAUSES, features=SimpleNamespace(roles=roles))
     search = SimpleNamespace(fit=SimpleNamespace(point=point), unknown=(), problem=problem)
-    under = Under(lambda _: cast(Any, problem))
-    _under_another_filter(cast(Search, search), Habits(chain, False), under)
+    trials = HabitTrials(lambda _: cast(Any, problem))
+    try_sensor_chains(cast(Search, search), Habits(chain, False), trials)
     return found
 
 
 def test_a_pause_is_asked_for_where_all_motors_are_sampled_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = asked(AT_ITS_END, BACK_EMF, monkeypatch)
-    assert found[PAUSING] == (0.0, 0.0, [NAMED, NAMED[1:]], False)
-    assert found[FREE_RUNNING][:2] == (DOUBT, DOUBT)
+    found = asked(MEDIAN_AT_CYCLE_END, BACK_EMF, monkeypatch)
+    assert found[PAUSING_AT_CYCLE_END] == (0.0, 0.0, [NAMED, NAMED[1:]], False)
+    assert found[FREE_RUNNING][:2] == (MIN_LOG_EVIDENCE_LEAD, MIN_LOG_EVIDENCE_LEAD)
     for chain in (Chain.firmware(), Chain(), FREE_RUNNING):
-        assert PAUSING not in asked(chain, BACK_EMF, monkeypatch)
+        assert PAUSING_AT_CYCLE_END not in asked(chain, BACK_EMF, monkeypatch)
 
 
 def test_encoders_are_asked_for_the_pause_of_the_firmware_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,8 +71,8 @@ def test_encoders_are_asked_for_the_pause_of_the_firmware_alone(monkeypatch: pyt
 
 @pytest.mark.parametrize("seconds", [0.0, 0.1])
 def test_a_pause_is_one_with_any_filter_of_the_battery(seconds: float) -> None:
-    assert pauses(replace(PAUSING, battery_time_constant=seconds))
-    assert not pauses(replace(AT_ITS_END, battery_time_constant=seconds))
+    assert pauses_at_cycle_end(replace(PAUSING_AT_CYCLE_END, battery_time_constant=seconds))
+    assert not pauses_at_cycle_end(replace(MEDIAN_AT_CYCLE_END, battery_time_constant=seconds))
 
 
 def test_a_median_and_a_chip_are_asked_for_at_once_where_late_commands_were_named(
@@ -75,7 +83,7 @@ def test_a_median_and_a_chip_are_asked_for_at_once_where_late_commands_were_name
     found = asked(Chain(), BACK_EMF, monkeypatch, named)
     without = [(named[0], named[2]), named[:1]]
     starts = [*without, named, named[:2]]
-    assert found[PAUSING] == found[AT_ITS_END] == (0.0, 0.0, starts, True)
+    assert found[PAUSING_AT_CYCLE_END] == found[MEDIAN_AT_CYCLE_END] == (0.0, 0.0, starts, True)
     for chain, roles in ((Chain.firmware(), BACK_EMF), (Chain(), ENCODERS)):
         assert not any(each[-1] for each in asked(chain, roles, monkeypatch, named).values())
     assert not any(each[-1] for each in asked(Chain(), BACK_EMF, monkeypatch).values())
@@ -97,5 +105,5 @@ def test_a_channel_that_any_start_has_right_decides_no_start() -> None:
         nominal=lambda: Point(np.zeros(1)),
         predict=predict,
     )
-    found = start_of(cast(Problem, problem))
+    found = choose_start(cast(Problem, problem))
     assert found.active["actuation.latency"].tolist() == [1.7]

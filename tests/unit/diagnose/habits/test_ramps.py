@@ -15,8 +15,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.ramps import Ramp
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
-from raccoon.diagnose.habits.controller import controller_of
-from raccoon.diagnose.habits.notes import notes_of
+from raccoon.diagnose.habits.controller import find_habits
+from raccoon.diagnose.habits.notes import habit_notes
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits
@@ -53,7 +53,7 @@ def seen_behind(rate: float, soft: bool, *hidden: Hidden) -> Ramp | None:
     for port in (0, 1):
         np.testing.assert_allclose(columns[f"motor.{port}.duty"], given[rows, port], atol=1e-4)
         columns[f"motor.{port}.duty"] = asked[rows, port]
-    return controller_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)[1].ramp
+    return find_habits(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)[1].ramp
 
 
 def test_a_ramp_follows_by_so_much_a_second() -> None:
@@ -88,15 +88,15 @@ def test_motors_that_brake_at_their_few_stops_are_behind_no_ramp() -> None:
     rng = np.random.default_rng(4)
     columns = {"t": time, **{f"motor.{port}.duty": drive[:, port] for port in (0, 1)}}
     columns |= {name: run[name][0] + 2.0 * rng.standard_normal(len(time)) for name in names}
-    habits = controller_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)[1]
+    habits = find_habits(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)[1]
     assert habits.ramp is None
     assert habits.brake
 
 
 def test_a_ramp_is_said() -> None:
     at_once = Habits(Chain.firmware(), False)
-    (hard,) = notes_of(replace(at_once, ramp=Ramp(6.0)), (), NOTHING_FITTED)
-    (soft,) = notes_of(replace(at_once, ramp=Ramp(6.0, soft=True)), (), NOTHING_FITTED)
+    (hard,) = habit_notes(replace(at_once, ramp=Ramp(6.0)), (), NOTHING_FITTED)
+    (soft,) = habit_notes(replace(at_once, ramp=Ramp(6.0, soft=True)), (), NOTHING_FITTED)
     assert "a ramp of 6 a second" in hard
     assert "starts softly" in soft
     assert "starts softly" not in hard

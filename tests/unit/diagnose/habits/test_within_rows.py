@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.habits.command_times import place_commands, with_earlier_commands
 from raccoon.diagnose.habits.problems import drive_problem
-from raccoon.diagnose.habits.within_rows import as_commanded, begun_before
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
@@ -54,7 +54,7 @@ def error(log: Log) -> float:
 
 def test_commands_begin_when_the_wheels_answer() -> None:
     log, moments = logged(within=True)
-    better, found = as_commanded(log, ROBOT, CAUSES, None)
+    better, found = place_commands(log, ROBOT, CAUSES, None)
     began = better.time[np.flatnonzero((np.diff(better.duty, axis=0) != 0.0).any(axis=1)) + 1]
     late = (
         began - moments
@@ -69,7 +69,7 @@ def test_commands_begin_when_the_wheels_answer() -> None:
 
 def test_a_controller_as_slow_as_its_rows_is_left_alone() -> None:
     log, _ = logged(within=False)
-    same, found = as_commanded(log, ROBOT, CAUSES, None)
+    same, found = place_commands(log, ROBOT, CAUSES, None)
     assert same is log
     assert found is not None
 
@@ -77,14 +77,14 @@ def test_a_controller_as_slow_as_its_rows_is_left_alone() -> None:
 @pytest.mark.parametrize("row", [0.005, 0.01])
 def test_rows_of_whole_cycles_are_not_asked(row: float) -> None:
     log, _ = logged(within=True, row=row)
-    same, found = as_commanded(log, ROBOT, CAUSES, None)
+    same, found = place_commands(log, ROBOT, CAUSES, None)
     assert same is log
     assert found is None
 
 
 def test_where_readings_are_of_other_moments_too_it_is_only_said() -> None:
     log, _ = logged(within=True, late=ROW)
-    said, _ = as_commanded(log, ROBOT, CAUSES, None)
+    said, _ = place_commands(log, ROBOT, CAUSES, None)
     np.testing.assert_array_equal(said.duty, log.duty)
     (note,) = said.notes
     assert "a logger with a clock of its own writes so" in note
@@ -94,7 +94,7 @@ def test_where_readings_are_of_other_moments_too_it_is_only_said() -> None:
 def test_a_command_may_begin_before_its_row_or_after_it() -> None:
     log, _ = logged(within=False)
     rows = np.flatnonzero((np.diff(log.duty, axis=0) != 0.0).any(axis=1))[:2] + 1
-    moved = begun_before(log, rows, np.array([0.25, -0.5]))
+    moved = with_earlier_commands(log, rows, np.array([0.25, -0.5]))
     assert len(moved.time) == len(log.time) + 2
     began = np.flatnonzero((np.diff(moved.duty, axis=0) != 0.0).any(axis=1))[:2] + 1
     np.testing.assert_allclose(moved.time[began], log.time[rows] - ROW * np.array([0.25, -0.5]))

@@ -8,7 +8,7 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.joined import joined
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.habits.lost import LostChange, changed_at
+from raccoon.diagnose.habits.lost_commands import LostChange, with_change_at
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
@@ -64,7 +64,7 @@ def test_rows_decide_where_they_say(past: bool) -> None:
 def test_a_row_that_was_lost_is_as_the_one_after_it() -> None:
     braking = TIME < 9.0
     log = log_from_columns(stops(braking) | said(braking), ROBOT)
-    wider = changed_at(log, LostChange(1800, (8.9975,)), 8.9975)
+    wider = with_change_at(log, LostChange(1800, (8.9975,)), 8.9975)
     assert wider.brake is not None
     assert len(wider.brake) == len(wider.time)
     assert not wider.brake[1800].any()

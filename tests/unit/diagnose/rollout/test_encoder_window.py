@@ -11,8 +11,8 @@ from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.advice import planned_log
-from raccoon.diagnose.habits.loose import start_of
-from raccoon.diagnose.habits.problems import drive_problem, loose_problem_of
+from raccoon.diagnose.habits.habit_fits import choose_start
+from raccoon.diagnose.habits.problems import drive_problem, free_problem_of
 from raccoon.diagnose.rollout.encoder_window import WINDOW, counted, encoder_coordinates, encoder_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
@@ -74,10 +74,10 @@ def test_back_emf_has_no_window() -> None:
 def test_a_fit_for_the_habits_starts_from_the_window_that_is_nearer(window: float) -> None:
     """From a row a latency took half of 20 ms, and another chain explained the rest: a resistance of 0.9."""
     robot, log, habits = RobotConfig(), encoders(), Habits(Chain(), brake=False)
-    problem = loose_problem_of(robot, (), habits, None)(log)
+    problem = free_problem_of(robot, (), habits, None)(log)
     (index,) = (place for place, each in enumerate(problem.base) if each.settings == (WINDOW,))
     base = problem.nominal().base.copy()
     base[index] = (window - 0.005) / 0.01
     measured = problem.predict([replace(problem.nominal(), base=base)])[0]
     seen = replace(problem, features=replace(problem.features, measured=measured))
-    assert seen.settings(start_of(seen))[WINDOW] == pytest.approx(window)
+    assert seen.settings(choose_start(seen))[WINDOW] == pytest.approx(window)

@@ -16,7 +16,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, BEMF_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.habits.lags import _open_instead
+from raccoon.diagnose.habits.lags import _with_lag_in_base
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
@@ -240,11 +240,11 @@ def test_a_lag_that_the_firmware_may_have_is_added_to_what_is_open(problem: Prob
     for seconds, open_ in ((0.0005, True), (0.02, False)):
         point = nominal.with_cause("actuation.latency", np.array([seconds / width]))
         search: Any = SimpleNamespace(problem=problem, fit=SimpleNamespace(point=point))
-        start = _open_instead(search, "actuation.latency")
+        start = _with_lag_in_base(search, "actuation.latency")
         assert (start is not None) is open_
         if start is not None:
             assert start.active == {}
             assert problem.settings(start)[key] == pytest.approx(problem.settings(point)[key])
     slip = nominal.with_cause("drive.wheel_slip", np.array([0.1]))
     search = SimpleNamespace(problem=problem, fit=SimpleNamespace(point=slip))
-    assert _open_instead(search, "drive.wheel_slip") is None
+    assert _with_lag_in_base(search, "drive.wheel_slip") is None

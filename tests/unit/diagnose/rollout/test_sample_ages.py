@@ -12,7 +12,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.habits.chains import FREE_RUNNING
-from raccoon.diagnose.habits.controller import controller_of
+from raccoon.diagnose.habits.controller import find_habits
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.firmware import FIRMWARES
@@ -71,6 +71,6 @@ def test_samples_of_another_moment_are_no_other_filter() -> None:
         name = f"motor.{port}.bemf"
         later = np.interp(columns["t"] + sooner, columns["t"], columns[name])
         columns[name] = later + noise.normal(0.0, 2.0, later.shape)
-    _, habits = controller_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)
+    _, habits = find_habits(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)
     assert habits.chain.median
     assert habits.chain.free_running

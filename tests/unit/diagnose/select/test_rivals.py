@@ -27,8 +27,8 @@ from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_afresh, fit_many, fit_point
 from raccoon.diagnose.fit.linear_model import coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.others import Under
-from raccoon.diagnose.habits.searching import _with_the_slip_that_fits
+from raccoon.diagnose.habits.slip_forms import try_immediate_slip
+from raccoon.diagnose.habits.trials import HabitTrials
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import ParameterResult
@@ -297,11 +297,11 @@ def test_one_wheels_slip_is_not_counted_again_as_both_wheels(
         asked.append(starts)
         return 0.0
 
-    monkeypatch.setattr("raccoon.diagnose.habits.searching.leads", never)
+    monkeypatch.setattr("raccoon.diagnose.habits.slip_forms.log_evidence_lead", never)
     both = late.with_cause("drive.wheel_slip@left", np.array([0.4]))
     for point, count in ((late, 2), (both, 2)):
         search, habits = searched(problem, point, point), Habits(Chain.firmware(), False)
-        assert _with_the_slip_that_fits(search, habits, Under(lambda _: problem)) == (search, habits)
+        assert try_immediate_slip(search, habits, HabitTrials(lambda _: problem)) == (search, habits)
         assert len(asked) == count
     for (start,) in asked:  # all of the lag, and that less what a gyro's chip may be
         assert list(start.active) == ["drive.wheel_slip"]

@@ -17,7 +17,7 @@ from raccoon.core.doing import tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device
 from raccoon.diagnose.drives.driven import moves
-from raccoon.diagnose.habits.controller import nearest
+from raccoon.diagnose.habits.controller import fit_habits
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.recordings.channels.counters import with_counter_bemf
 from raccoon.diagnose.recordings.channels.faulty import without_faulty_channels
@@ -68,4 +68,6 @@ def _controller_misfit(columns: Columns, robot: RobotConfig, zone: Firmware, dev
     if any(each is not None for each in log.clocks):
         return CLOCK_FOUND
     causes = zone.asked_for(drive_causes(), filters=firmware is not None)
-    return nearest(log, robot, causes, zone.start(robot, None), firmware).misfit if moves(log) else np.inf
+    return (
+        fit_habits(log, robot, causes, zone.start(robot, None), firmware).log_misfit if moves(log) else np.inf
+    )

@@ -19,18 +19,18 @@ from raccoon.diagnose.fit.problem import Point, Problem
 
 Array = NDArray[np.float64]
 
-ALIKE = 0.25
-"""Of a row: how far the usual rows' clock may be off, and a gap from a whole number of rows."""
-LONGEST = 0.1
+ROW_TOLERANCE = 0.25
+"""Part of a row by which the usual rows' clock may be off, and a gap from a whole number of rows."""
+MAX_GAP_S = 0.1
 """s of gap. After longer ones nobody knows how often a command has changed."""
-JUMP = 0.1
+MIN_DUTY_JUMP = 0.1
 """Of duty. A smaller change does little, whenever it came, and may be a part of a ramp."""
-ANSWER = 0.15
+RESPONSE_S = 0.15
 """s in which a wheel answers a command."""
-SAID = 5
+MAX_LISTED = 5
 """Moments that a note lists."""
-MOST = 20
-"""Changes that are looked into, the largest first: each costs a simulation for every lost row."""
+MAX_CHANGES = 20
+"""Changes that are placed, the largest first: each costs a simulation for every lost row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,28 +42,31 @@ class LostChange:
     moments: tuple[float, ...]
 
 
-def lost_changes(log: Log) -> list[LostChange]:
+def find_lost_changes(log: Log) -> list[LostChange]:
     """The changes that a log lost the rows of, in the order of time; none where its rows follow no clock."""
     steps = np.diff(log.time)
     usual = float(np.median(steps))
-    if np.mean(np.abs(steps - usual) > ALIKE * usual) > ALIKE:
+    if np.mean(np.abs(steps - usual) > ROW_TOLERANCE * usual) > ROW_TOLERANCE:
         return []
     rows = np.rint(steps / usual)
-    gap = (rows >= 2.0) & (np.abs(steps / usual - rows) < ALIKE) & (steps <= LONGEST)
+    gap = (rows >= 2.0) & (np.abs(steps / usual - rows) < ROW_TOLERANCE) & (steps <= MAX_GAP_S)
     jumps = np.abs(np.diff(log.duty, axis=0)).max(axis=1)
-    found = np.flatnonzero(gap & (jumps >= JUMP))
-    largest = np.sort(found[np.argsort(-jumps[found], kind="stable")][:MOST])
+    found = np.flatnonzero(gap & (jumps >= MIN_DUTY_JUMP))
+    largest = np.sort(found[np.argsort(-jumps[found], kind="stable")][:MAX_CHANGES])
     return [
-        LostChange(int(each) + 1, tuple(_between(log.time[each], log.time[each + 1], int(rows[each]))))
+        LostChange(
+            int(each) + 1, tuple(_times_of_lost_rows(log.time[each], log.time[each + 1], int(rows[each])))
+        )
         for each in largest
     ]
 
 
-def _between(start: float, end: float, rows: int) -> Array:
+def _times_of_lost_rows(start: float, end: float, rows: int) -> Array:
+    """s, the latest first, of the lost rows in a gap that is so many rows long."""
     return np.asarray(np.linspace(end, start, rows + 1)[1:-1], float)
 
 
-def changed_at(log: Log, change: LostChange, moment: float) -> Log:
+def with_change_at(log: Log, change: LostChange, moment: float) -> Log:
     """The log with a row at that moment, which has the command of the row after the gap and no reading."""
     channels = tuple(
         replace(each, values=np.insert(each.values, change.row, np.nan)) for each in log.channels
@@ -74,50 +77,53 @@ def changed_at(log: Log, change: LostChange, moment: float) -> Log:
     return replace(log, time=time, duty=duty, channels=channels, brake=brake)
 
 
-def restored(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Log:
+def restore_lost_changes(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Log:
     """The log with every change where the wheels' answer fits best, in the simulation of `point`.
 
     A change stays in the row that has it where that fits as well: a loop that was late sent it there. Without
     wheels nothing is moved.
     """
-    changes = lost_changes(log)
+    changes = find_lost_changes(log)
     wheels = [index for index, each in enumerate(log.channels) if each.role in WHEELS]
     if not changes or not wheels:
         return log
     usual = problem_of(log)
-    time, squares = usual.features.time, _squares(usual, point, wheels)
+    time, squares = usual.features.time, _squared_wheel_errors(usual, point, wheels)
     chosen = []
     for change in changes:
-        logs = [changed_at(log, change, moment) for moment in change.moments]
-        problems = (in_bins_of(usual, problem_of(each), each) for each in logs)
-        tried = [squares, *(_squares(each, point, wheels) for each in problems)]
+        logs = [with_change_at(log, change, moment) for moment in change.moments]
+        problems = (in_bins_like(usual, problem_of(each), each) for each in logs)
+        errors = [squares, *(_squared_wheel_errors(each, point, wheels) for each in problems)]
         start = log.time[change.row - 1]
-        answer = (time >= start) & (time < start + ANSWER)
-        best = int(np.argmin([each[answer].sum() for each in tried]))
+        answer = (time >= start) & (time < start + RESPONSE_S)
+        best = int(np.argmin([each[answer].sum() for each in errors]))
         if best > 0:
             chosen.append((change, change.moments[best - 1]))
     if not chosen:
         return log
     for change, moment in reversed(chosen):  # from the end on, so that rows keep their numbers
-        log = changed_at(log, change, moment)
-    return replace(log, notes=(*log.notes, _told([moment for _, moment in chosen])))
+        log = with_change_at(log, change, moment)
+    return replace(log, notes=(*log.notes, _describe_moments([moment for _, moment in chosen])))
 
 
-def _told(moments: Sequence[float]) -> str:
-    told = ", ".join(f"{each:.2f}" for each in moments[:SAID]) + (", ..." if len(moments) > SAID else "")
+def _describe_moments(moments: Sequence[float]) -> str:
+    told = ", ".join(f"{each:.2f}" for each in moments[:MAX_LISTED]) + (
+        ", ..." if len(moments) > MAX_LISTED else ""
+    )
     rows = "a row in which a command" if len(moments) == 1 else "rows in which commands"
     return f"the recording lost {rows} changed: taken for changed at {told} s, as the wheels answer"
 
 
-def in_bins_of(usual: Problem, problem: Problem, log: Log) -> Problem:
-    """The problem of a log with a row more in the bins of the usual one: where a loop changes commands these
-    are as long as a command holds, and one that is moved may make a bin more or less of the whole drive."""
+def in_bins_like(usual: Problem, problem: Problem, log: Log) -> Problem:
+    """The problem of a log with another row, in bins as wide as those of the usual one: where a loop changes
+    commands bins are as long as a command holds, and one that is moved may change their number."""
     width = usual.features.width
-    same = problem.features.width == width
-    return problem if same else replace(problem, features=Features.of(log, width))
+    if problem.features.width == width:
+        return problem
+    return replace(problem, features=Features.of(log, width))
 
 
-def _squares(problem: Problem, point: Point, wheels: Sequence[int]) -> Array:
-    """Squared errors of the wheels, (bins,)."""
+def _squared_wheel_errors(problem: Problem, point: Point, wheels: Sequence[int]) -> Array:
+    """Sum over the wheels of the squared residuals of each bin, (bins,)."""
     residual = (problem.features.measured - problem.predict([point])[0])[:, wheels]
     return np.asarray((residual**2).sum(axis=1), float)

@@ -1,0 +1,255 @@
+"""What a search found, fitted under other habits of the controller and the gears, and taken where it leads.
+
+Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a habit
+does. So what was found is fitted under others too, and searched for again where one of them leads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.doing import tell
+from raccoon.diagnose.fit.fit_result import Fit
+from raccoon.diagnose.fit.fitting import fit_at, fit_many, fit_point
+from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
+from raccoon.diagnose.habits.chains import KNOWN_CHAINS
+from raccoon.diagnose.habits.controller import (
+    FAST_BATTERY_FILTERS_S,
+    SLOW_BATTERY_FILTERS_S,
+    battery_error,
+    with_battery_filter,
+)
+from raccoon.diagnose.habits.trials import HabitTrials, RunSearch, SearchAndHabits, start_afresh
+from raccoon.diagnose.hypotheses.base_coordinates import Wheels
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.alternative_sets import explains_more
+from raccoon.diagnose.select.gates import CROWDED
+from raccoon.diagnose.select.refits import SEVERAL
+from raccoon.diagnose.select.rivals import net_lead
+from raccoon.diagnose.select.search import begun, finished, grown_on, whole
+from raccoon.diagnose.select.state import Search
+
+Array = NDArray[np.float64]
+LATENCY, BATTERY_RESISTANCE = "actuation.latency", "battery.internal_resistance"
+MIN_LOG_EVIDENCE_LEAD = 10.0
+"""Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
+ROUGH_STEPS = 8
+"""Of a fit that says which of several starts is the likeliest."""
+SEARCHING_AGAIN = "searching again as another controller or gear would have it"
+HOPELESS_DEFICIT, PREDICTED_GAIN_FACTOR = 150.0, 4.0
+"""Log evidence that a fit lacks, also after so many times the gain that is predicted of its next step, when
+it is given up; what a habit may lack in the end is a hundred."""
+
+
+def fit_best_start(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:
+    """The fit in another problem from the likeliest of these starts, gates counted.
+
+    Several starts are first fitted roughly, with the Jacobian's base columns at the first of them; a single
+    one with the columns that it has in the search, for a while. A fit that falls far behind stops there.
+    """
+    whitener, carried_starts = search.whitener, [carried(each, search.problem, problem) for each in starts]
+
+    def is_hopeless(fit: Fit, predicted_gain: float) -> bool:
+        gained = 0.5 * PREDICTED_GAIN_FACTOR * predicted_gain
+        behind = fit.evidence + gained < search.fit.evidence - HOPELESS_DEFICIT
+        return behind and net_lead(search, fit, search.fit) < -HOPELESS_DEFICIT
+
+    start = carried_starts[0]
+    if len(carried_starts) > 1:
+        columns = fit_at(problem, whitener, start).jacobian[: len(problem.base)]
+        rough = fit_many(problem, whitener, carried_starts, columns, ROUGH_STEPS, is_hopeless)
+        start = max(rough, key=lambda each: net_lead(search, each, search.fit)).point
+    elif (known := carried_columns(search.fit.jacobian, search.problem, problem)) is not None:
+        if list(start.active) != list(search.fit.point.active):
+            known = known[: len(problem.base)]
+        (first,) = fit_many(problem, whitener, [start], known, ROUGH_STEPS, is_hopeless)
+        if is_hopeless(first, 0.0):
+            return first
+        start = first.point
+    return fit_point(problem, whitener, start, lost=is_hopeless)
+
+
+def log_evidence_lead(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
+    """Log evidence, gates counted, by which the best of these starts is ahead of a search."""
+    return net_lead(search, fit_best_start(search, problem, starts), search.fit)
+
+
+def search_again(search: Search, problem: Problem) -> Search | None:
+    """The whole search of another problem, where what was found there is ahead."""
+    second = _run_unless_behind(begun(start_afresh(problem)), search, 0.0, whole)
+    ahead = second is not None and explains_more(second, search) > MIN_LOG_EVIDENCE_LEAD
+    return second if ahead else None
+
+
+def adopt_if_ahead(
+    search: Search,
+    habits: Habits,
+    trials: HabitTrials,
+    other: Habits,
+    problem: Problem,
+    starts: Sequence[Point],
+    min_fit_lead: float = MIN_LOG_EVIDENCE_LEAD,
+    min_search_lead: float = MIN_LOG_EVIDENCE_LEAD,
+) -> SearchAndHabits:
+    """The search under other habits, whose problem this is, where they lead; else the search as it is.
+
+    They lead where the fit of one of these starts is ahead by `min_fit_lead` in log evidence, and then what a
+    search finds by `min_search_lead`. Where nothing is wrong under the others they need not be ahead by more
+    than 0: that a wheel slides in another way than was thought is no less likely than a fault.
+    """
+    fit = fit_best_start(search, problem, starts)
+    fit_lead = net_lead(search, fit, search.fit)
+    if fit_lead < min_fit_lead:
+        trials.reject(search, habits, [other])
+        return search, habits
+    first = trials.start(other, problem)
+    second = _run_unless_behind(first, search, min(min_search_lead, 0.0), trials.run_search)
+    if second is None:
+        trials.reject(search, habits, [other])
+        return search, habits
+    if found_nothing(second) and not found_nothing(search):
+        min_search_lead = min(min_search_lead, 0.0)
+    search_lead = explains_more(second, search)
+    if second.fit.point.active.keys() == fit.point.active.keys():
+        # What was fitted under less noise is no best fit under more: one that was ahead by 75 lacked 46.
+        search_lead = max(search_lead, fit_lead)
+    return (second, other) if search_lead > min_search_lead else (search, habits)
+
+
+def found_nothing(search: Search) -> bool:
+    """Whether no cause is named, and nothing unknown."""
+    return not (search.fit.point.active or search.unknown)
+
+
+def _run_unless_behind(
+    first: Search, search: Search, min_search_lead: float, run_search: RunSearch
+) -> Search | None:
+    """A search that has begun, as far as one goes; None where it is behind another on the way."""
+    tell(SEARCHING_AGAIN)
+    if run_search is begun:
+        return first
+    if _ended_far_behind(first, search, min_search_lead):
+        return None
+    second = grown_on(first)
+    if _grown_crowded_and_behind(second, search):
+        return None
+    return finished(second) if run_search is whole else second
+
+
+def _ended_far_behind(second: Search, search: Search, min_search_lead: float) -> bool:
+    """Whether a search that has only begun ended with the causes that are named already, far from the lead
+    that it needs: going on from these found nothing better under the habits that they were found under."""
+    named, named_by_second = search.fit.point.active, second.fit.point.active
+    same = set(named) == set(named_by_second) and set(search.unknown) == set(second.unknown)
+    few = len(named_by_second) < SEVERAL
+    return same and few and explains_more(second, search) < min_search_lead - MIN_LOG_EVIDENCE_LEAD
+
+
+def _grown_crowded_and_behind(second: Search, search: Search) -> bool:
+    """Whether a search that has grown beside a crowd of causes explains less, with a crowd as well or far
+    less: what other habits do not make simpler is no sign of them, and the rest of such a search takes
+    longest."""
+    if len(search.fit.point.active) < CROWDED:
+        return False
+    crowded = len(second.fit.point.active) >= CROWDED
+    return explains_more(second, search) < (0.0 if crowded else -HOPELESS_DEFICIT)
+
+
+def adopt_first_ahead(
+    search: Search,
+    habits: Habits,
+    others: Sequence[Habits],
+    trials: HabitTrials,
+    min_fit_lead: float = MIN_LOG_EVIDENCE_LEAD,
+) -> SearchAndHabits:
+    """The search under the closest of other habits that leads, or as it is; see `adopt_if_ahead`."""
+    untried = trials.untried(search, habits, [each for each in others if each != habits])
+    closer = _closer_habits(search, untried, trials)
+    trials.reject(search, habits, (each for each in untried if each not in closer))
+    starts = _starts_for_habits(search)
+    for other, problem in closer.items():
+        found, adopted = adopt_if_ahead(search, habits, trials, other, problem, starts, min_fit_lead)
+        if adopted != habits:
+            return found, adopted
+    return search, habits
+
+
+def try_friction_forms(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
+    """The search with wheels that slide in another way, where that explains more.
+
+    Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
+    little friction: the same drive, in which what gives is stiffer.
+    """
+    others = [replace(habits, wheels=each) for each in Wheels if each is not habits.wheels]
+    return adopt_first_ahead(search, habits, others, trials)
+
+
+def try_battery_filters(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
+    """The search with another filter of the battery's readings, where that explains more.
+
+    RaccoonOS adds one of 0.1 s; of a robot without a fault that made a battery of no resistance, and
+    something unknown. The firmware's own is tried under other filters of the wheels' readings as well: a
+    resistance 13 % high and a slip of 3 ms were named of a sound robot 105 behind it.
+    """
+    if habits.knows_battery or "battery" not in search.problem.features.roles:
+        return search, habits
+    usual = (each.battery_time_constant for each in KNOWN_CHAINS)
+    times = dict.fromkeys((*usual, *FAST_BATTERY_FILTERS_S, *SLOW_BATTERY_FILTERS_S))
+    others = [each for each in (with_battery_filter(habits, time) for time in times) if each != habits]
+    if len(trials.untried(search, habits, others)) < len(others):
+        return search, habits
+    closer = _closer_habits(search, others, trials)
+    if not closer:
+        trials.reject(search, habits, others)
+        return search, habits
+    starts = _starts_for_habits(search)
+    likeliest = with_least_battery_error(search, closer, starts)
+    return adopt_if_ahead(search, habits, trials, likeliest, closer[likeliest], starts)
+
+
+def with_least_battery_error(
+    search: Search, problems: Mapping[Habits, Problem], starts: Sequence[Point]
+) -> Habits:
+    """Of habits, with their problems, those from which the battery's readings are least off."""
+    carried_starts = {
+        habits: [carried(each, search.problem, problem) for each in starts]
+        for habits, problem in problems.items()
+    }
+    return min(problems, key=lambda each: battery_error(problems[each], carried_starts[each]))
+
+
+def without_causes(point: Point, names: Collection[str]) -> Point:
+    """A point without these causes."""
+    return replace(point, active={name: u for name, u in point.active.items() if name not in names})
+
+
+def _closer_habits(search: Search, others: Sequence[Habits], trials: HabitTrials) -> dict[Habits, Problem]:
+    """The other habits, with their problems, under which one of `_starts_for_habits` is closer to the
+    readings; the closest first. None where nothing was found: known causes are far worse under them than
+    under their own."""
+    if found_nothing(search):
+        return {}
+    present = _whitened_misfits(search, search.problem)
+    problems = {each: trials.problem_of(each) for each in others}
+    misfits = {habits: _whitened_misfits(search, problem) for habits, problem in problems.items()}
+    closer = [each for each in others if (misfits[each] < present).any()]
+    return {each: problems[each] for each in sorted(closer, key=lambda each: misfits[each].min())}
+
+
+def _starts_for_habits(search: Search) -> list[Point]:
+    """What was found, the same without what another logger is most likely to have been taken for, and
+    robot.toml."""
+    point = search.fit.point
+    without = [point.without_cause(each) for each in (LATENCY, BATTERY_RESISTANCE) if each in point.active]
+    return [point, *without, search.problem.nominal()]
+
+
+def _whitened_misfits(search: Search, problem: Problem) -> Array:
+    """Of each start in a problem, (starts,): the sum of the sizes of its whitened residuals."""
+    starts = [carried(each, search.problem, problem) for each in _starts_for_habits(search)]
+    white = search.whitener(problem.features.measured - problem.predict(starts))
+    return np.asarray(np.abs(white).sum(axis=-1), float)

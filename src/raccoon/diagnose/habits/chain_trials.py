@@ -1,0 +1,120 @@
+"""Trials of other chains of samples: another filter of the wheels' readings, commands that are logged
+late."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from raccoon.diagnose.habits.alternatives import (
+    LATENCY,
+    MIN_LOG_EVIDENCE_LEAD,
+    adopt_first_ahead,
+    adopt_if_ahead,
+    found_nothing,
+    without_causes,
+)
+from raccoon.diagnose.habits.chains import (
+    MEDIAN_AT_CYCLE_END,
+    PAUSING_AT_CYCLE_END,
+    alternative_chains,
+    has_back_emf,
+    known_chain_of,
+    pauses_at_cycle_end,
+    sample_cycle_of,
+    with_driver_of,
+    without_unneeded_pause,
+)
+from raccoon.diagnose.habits.lags import GYRO_LATENCY, SLIP, starts_with_other_lags
+from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.refits import SCALE
+from raccoon.diagnose.select.state import Search
+from raccoon.sim.effects.chain import Chain
+
+LOOKS_LIKE_FILTER = (LATENCY, "bemf.filter_lag")
+MAX_FIRMWARE_DEFICIT = 100.0
+"""Log evidence that the firmware's chain may lack with the causes that were found under another, and be
+searched under."""
+
+
+def try_sensor_chains(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
+    """The search under another chain of the wheels' readings, where that explains more.
+
+    Where nothing is named none is tried: what a floor does to a robot whose loops answer it, many a filter
+    with another time constant explains a little better. The firmware's may be the right one where a latency
+    or a lag stands in for it, or for its pause a resistance or what has its scale, and need not be ahead
+    before it has been searched under. A late gyro may be all that is commanded, under a filter that delays by
+    as much less, and a latency of a sample the gyro alone under a median. That motors coast while they are
+    sampled is the same drive with a resistance that is less by their share of the time, so it is taken where
+    that is as likely. To encoders the firmware's filter is no more than that.
+    """
+    if found_nothing(search):
+        return search, habits
+    roles = search.problem.features.roles
+    back_emf = has_back_emf(roles)  # to encoders the firmware's chain alone is tried for its pause
+    chains = (without_unneeded_pause(each, habits.chain, roles) for each in alternative_chains(habits.chain))
+    chains = (each for each in chains if each != habits.chain)
+    for other in trials.untried(search, habits, (replace(habits, chain=each) for each in chains)):
+        pausing = pauses_at_cycle_end(other.chain)
+        if pausing and not (back_emf and known_chain_of(habits.chain) == MEDIAN_AT_CYCLE_END):
+            continue
+        named = search.fit.point.active
+        firmware = known_chain_of(other.chain) == Chain.firmware()
+        like = LOOKS_LIKE_FILTER if habits.chain.coast_share else (*LOOKS_LIKE_FILTER, *SCALE)
+        imitated = firmware and any(name.startswith(like) for name in named)
+        starts = [
+            search.fit.point,
+            *starts_with_other_lags(search, GYRO_LATENCY, (LATENCY,)),
+            *starts_with_other_lags(search, LATENCY, (GYRO_LATENCY, SLIP)),
+        ]
+        min_fit_lead = -MAX_FIRMWARE_DEFICIT if imitated else MIN_LOG_EVIDENCE_LEAD
+        min_search_lead = -MIN_LOG_EVIDENCE_LEAD if firmware else MIN_LOG_EVIDENCE_LEAD
+        if pausing or (firmware and not back_emf):
+            scaled = [name for name in named if name.startswith(SCALE)]
+            starts.append(without_causes(search.fit.point, scaled))
+            min_fit_lead = min_search_lead = 0.0
+        problem = trials.problem_of(other)
+        search, habits = adopt_if_ahead(
+            search, habits, trials, other, problem, starts, min_fit_lead, min_search_lead
+        )
+    return _try_median_with_low_pass(search, habits, trials) if back_emf else (search, habits)
+
+
+def _try_median_with_low_pass(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
+    """The search with a median and a gyro that smooths at once, where late commands were named without both
+    and that is as likely: each by itself leaves the other half of what they delay unexplained."""
+    if habits.chain.median or habits.low_pass or LATENCY not in search.fit.point.active:
+        return search, habits
+    point, (latency,) = search.fit.point, search.problem.causes[LATENCY].coordinates
+    own = habits.chain
+    cycle = sample_cycle_of(own)
+    shorter = point.active[LATENCY] - cycle / latency.value(1.0)
+    less_late = [point.without_cause(LATENCY)]
+    less_late += [point.with_cause(LATENCY, shorter)] if shorter[0] > 0.0 else []
+    scaled = [name for name in point.active if name.startswith(SCALE)]
+    starts = [start for each in less_late for start in (each, without_causes(each, scaled))]
+    chains = (
+        replace(with_driver_of(each, own), battery_time_constant=own.battery_time_constant, cycle=cycle)
+        for each in (PAUSING_AT_CYCLE_END, MEDIAN_AT_CYCLE_END)
+    )
+    others = [replace(habits, chain=each, low_pass=True) for each in chains]
+    for other in trials.untried(search, habits, others):
+        problem = trials.problem_of(other)
+        found, adopted = adopt_if_ahead(search, habits, trials, other, problem, starts, 0.0, 0.0)
+        if adopted == other:
+            return found, adopted
+    return search, habits
+
+
+def try_commands_until_row(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
+    """The search of a log whose rows hold the command that was in force until them, where that explains more.
+
+    Such commands are in the row after theirs and seem early, as nothing in the catalogue is; that made a
+    filter without a median, a latency of 3 ms and a gear that loses torque.
+    """
+    firmware = with_driver_of(Chain.firmware(), habits.chain)
+    # A plain filter that stood in for it may have taken the battery's with it.
+    seen = replace(firmware, battery_time_constant=habits.chain.battery_time_constant)
+    chains = dict.fromkeys((habits.chain, seen, firmware))
+    others = [replace(habits, chain=chain, past=True) for chain in chains]
+    return adopt_first_ahead(search, habits, others, trials)

@@ -1,0 +1,77 @@
+"""A ramp between commands and motors, of which no column tells: found out as a habit of the controller.
+
+A driver that starts softly, and a program or firmware that limits how fast its commands change below where
+they are recorded, were a limit of the current with a deadband, stiction, a latency and more beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.ramps import Ramp
+from raccoon.diagnose.fit.problem import Point, Problem, carried
+from raccoon.diagnose.habits.habit_fits import HabitFit, choose_start, fit_from, log_misfit
+from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.rollout.plant_rollout import Habits
+
+Array = NDArray[np.float64]
+
+RAMP_RATES = (30.0, 20.0, 12.0, 8.0, 5.0, 3.0)
+"""Duty a second that are tried, the gentlest first: where even that does harm, as of most drives, no other is
+tried. One of 40 is over in 25 ms, as a reading's filter is."""
+COARSE_STEPS, FINE_STEPS = (0.4, 0.2), (0.1, 0.05, 0.025, 0.012, 0.006, 0.003)
+"""Steps to either side of the best rate, as a part of it, by which it is refined before it is judged, and
+once it is taken; with a fit each, since a latency goes with it."""
+MIN_MISFIT_SAVED_BY_RAMP = 0.4
+"""Log misfit that a ramp must save, all base numbers free. It was 0.77 to 3.05 on 24 drives behind one of 5
+to 20 a second, alone and beside a cause, 0.2 behind one of 40, and 0.05 at most without one, with limits of
+the current, latencies and each other cause."""
+
+
+def with_ramp_if_clear(
+    fit: HabitFit, free_problem: Callable[[Habits], Problem], causes: Sequence[Cause]
+) -> HabitFit:
+    """The fit with a ramp between commands and motors where the wheels are clearly nearer to it, else as it
+    is.
+
+    free_problem: the problem under habits, see `with_all_base_free`. causes: those that are searched for;
+    where a team has an idea of its own of what reaches the motors, a ramp would take the better part of it.
+    """
+    if any(each.own is not None and each.own.commands is not None for each in causes):
+        return fit
+    starts = (fit.problem.nominal(), fit.point)
+
+    def misfits(ramp: Ramp | None) -> Array:
+        problem = free_problem(replace(fit.habits, ramp=ramp))
+        return np.array([log_misfit(problem, carried(each, fit.problem, problem)) for each in starts])
+
+    def fit_ramp(ramp: Ramp, start: Point | None = None) -> HabitFit:
+        habits = replace(fit.habits, ramp=ramp)
+        problem = free_problem(habits)
+        return fit_from(problem, choose_start(problem) if start is None else start, habits)
+
+    def refine(best: HabitFit, part: float) -> HabitFit:
+        ramp = best.habits.ramp
+        assert ramp is not None
+        rates = (ramp.rate * (1.0 - part), ramp.rate * (1.0 + part))
+        tried = [fit_ramp(replace(ramp, rate=each), best.point) for each in rates]
+        return min(best, *tried, key=lambda each: each.log_misfit)
+
+    without_ramp = misfits(None)
+    with_ramp: dict[Ramp, Array] = {}
+    for rate in RAMP_RATES:
+        with_ramp |= {each: misfits(each) for each in (Ramp(rate), Ramp(rate, soft=True))}
+        if not any((each < without_ramp).any() for each in with_ramp.values()):
+            return fit
+    best = fit_ramp(min(with_ramp, key=lambda each: with_ramp[each].min()))
+    for part in COARSE_STEPS:
+        best = refine(best, part)
+    if best.log_misfit > fit.log_misfit - MIN_MISFIT_SAVED_BY_RAMP:
+        return fit
+    for part in FINE_STEPS:
+        best = refine(best, part)
+    return best

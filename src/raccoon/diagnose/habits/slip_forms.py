@@ -1,0 +1,51 @@
+"""The form of a wheel's slip: whether it follows acceleration at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from raccoon.diagnose.habits.alternatives import (
+    MIN_LOG_EVIDENCE_LEAD,
+    log_evidence_lead,
+    search_again,
+    without_causes,
+)
+from raccoon.diagnose.habits.lags import GYRO_LATENCY, SLIP, note_rival
+from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
+from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS
+from raccoon.diagnose.hypotheses.coordinates import FORMS
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.refits import lag_as
+from raccoon.diagnose.select.set_scoring import apart
+from raccoon.diagnose.select.state import Search
+
+
+def try_immediate_slip(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
+    """The search, or that with slip which follows acceleration at once, where that explains more: to a lag
+    it looks like a gyro that is late, or that smooths as well."""
+    point, causes = search.fit.point, search.problem.causes
+    lags = [name for name in (GYRO_LATENCY, SLIP) if name in point.active]
+    if not lags or SLIP not in causes:
+        return search, habits
+    without_lags = without_causes(point, lags)
+    if not apart(SLIP, without_lags.active):  # one wheel's slip was named
+        return search, habits
+    at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
+    slip = np.sum([lag_as(search, name, SLIP) for name in lags], axis=0)
+    low_pass = LOW_PASS / causes[SLIP].coordinates[0].value(1.0)
+    for other, size in ((habits, slip), (replace(habits, low_pass=True), slip - low_pass)):
+        if size <= 0.0 or (other is not habits and habits.low_pass):
+            continue
+        problem = trials.problem_of(other)
+        problem = replace(problem, neutral=problem.neutral | at_once)
+        lead = log_evidence_lead(search, problem, [without_lags.with_cause(SLIP, size)])
+        if lead < MIN_LOG_EVIDENCE_LEAD:
+            if lags == [GYRO_LATENCY] and other is habits:
+                note_rival(search, GYRO_LATENCY, SLIP, -lead)
+            continue
+        second = search_again(search, problem)
+        if second is not None and SLIP in second.fit.point.active:
+            search, habits = second, other
+    return search, habits

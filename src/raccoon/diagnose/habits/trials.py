@@ -1,0 +1,82 @@
+"""Trials of other habits on one drive: its problem under each, what was tried in vain, searches to share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.rollout.plant_rollout import Habits
+from raccoon.diagnose.select.search import begun, beside_unknown, whole
+from raccoon.diagnose.select.state import Search, start_search
+from raccoon.diagnose.unknown.probes import make_probe_function
+from raccoon.diagnose.unknown.step_change import KNOWN_CHANGE_LOG_EVIDENCE, change_name
+from raccoon.sim.effects.chain import Chain
+
+Trial = tuple[frozenset[str], frozenset[str], Habits, Habits]
+"""The named causes, the unknowns, the habits that they were found under, and the habits that were tried."""
+SearchAndHabits = tuple[Search, Habits]
+"""A search and the habits that it was made under."""
+RunSearch = Callable[[Search], Search]
+"""How far to go on with a search: all the way (`whole`), its first part (`grown_on`), or the beginning
+(`begun`)."""
+MAX_CACHED_STARTS = 4
+"""Beginnings of searches that are kept, some ten megabytes each."""
+
+
+@dataclass(frozen=True, slots=True)
+class HabitTrials:
+    """What is tried with one drive.
+
+    problem_of: its problem under some habits. run_search: how far a search under other habits goes on before
+    it is compared. row_cycle: s between samples of a controller that takes one a row, see
+    `sample_cycle_from_rows`. stops_unrecorded: whether motors are at duty 0 without a word of what they do
+    there. rejected: trials whose fit was not ahead; they are not repeated with the same causes. started: the
+    latest searches from their start, by their habits, as far as one begins. lags_of_robot: habits that were
+    given up because the robot's own lags explain as much.
+    """
+
+    problem_of: Callable[[Habits], Problem]
+    run_search: RunSearch = whole
+    row_cycle: float = Chain().cycle
+    stops_unrecorded: bool = False
+    rejected: set[Trial] = field(default_factory=set)
+    started: dict[Habits, Search] = field(default_factory=dict)
+    lags_of_robot: set[Habits] = field(default_factory=set)
+
+    def running(self, run_search: RunSearch) -> HabitTrials:
+        """The same trials, whose searches run that far; what is noted in one is noted in both."""
+        return replace(self, run_search=run_search)
+
+    def start(self, habits: Habits, problem: Problem) -> Search:
+        """The beginning of a search under habits, whose problem this is; made once for whoever asks."""
+        self.started[habits] = found = self.started.pop(habits, None) or begun(start_afresh(problem))
+        while len(self.started) > MAX_CACHED_STARTS:
+            del self.started[next(iter(self.started))]
+        return replace(
+            found,
+            gains=dict(found.gains),
+            held_out=dict(found.held_out),
+            failed=dict(found.failed),
+            rivals={name: [*each] for name, each in found.rivals.items()},
+        )
+
+    def untried(self, search: Search, habits: Habits, others: Iterable[Habits]) -> list[Habits]:
+        """Those of other habits that were not rejected with what the search has named."""
+        return [each for each in others if _trial(search, habits, each) not in self.rejected]
+
+    def reject(self, search: Search, habits: Habits, others: Iterable[Habits]) -> None:
+        """Note that no fit under these others is ahead."""
+        self.rejected.update(_trial(search, habits, each) for each in others)
+
+
+def _trial(search: Search, habits: Habits, other: Habits) -> Trial:
+    return frozenset(search.fit.point.active), frozenset(search.unknown), habits, other
+
+
+def start_afresh(problem: Problem) -> Search:
+    """A search of what robot.toml leaves open alone; what is known to have changed is beside it."""
+    search = start_search(problem, make_probe_function(problem))
+    if problem.change is None:
+        return search
+    return beside_unknown(search, {change_name(problem.change): KNOWN_CHANGE_LOG_EVIDENCE}, search.fit.point)
