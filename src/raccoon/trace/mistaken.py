@@ -34,7 +34,7 @@ SLIPPED = 0.9
 """Part of a time up to which a second recording, which begins anew, has begun."""
 MOST_ODD = 4
 """Letters of a header that are no UTF-8: an old program may have written a few."""
-MISNAMED_SAID = 4
+MISNAMED_SAID, OTHERS_SAID = 4, 6
 SEPARATOR_SAID = "sep="
 """How a CSV of Excel may begin: the first line says what stands between the columns."""
 COMMENTS = ("#", "%")
@@ -55,6 +55,15 @@ _KNOWN = re.compile(
 )
 """Names of the format, but for those that a team makes up itself, with whatever people and programs write
 between their parts and behind them."""
+_ASKED = {
+    "motor.N.duty": r"motor\.\d+\.(duty|voltage|force|torque)",
+    "motor.N.bemf": r"motor\.\d+\.(bemf|position|speed|travel|angle)",
+    "imu.gyro.z": r"imu\.gyro\.z",
+    "battery.voltage": r"battery\.voltage",
+}
+"""What a drive is judged by, and by which names it may be there."""
+_MADE_UP = re.compile(r"t|event|fault\..*|estimate\..*")
+"""The other names of the format."""
 _PARTS = re.compile(r"(motor|servo|battery|imu|analog|digital|truth)(gyro|accel|surface)?(\d+)?(.*)")
 
 
@@ -117,6 +126,20 @@ def misnamed(names: Collection[str]) -> str:
     found = [f"{name!r} is to be {known}" for name, known in meant.items() if known not in names]
     more = f" and {len(found) - MISNAMED_SAID} more" if len(found) > MISNAMED_SAID else ""
     return f"columns by other names are not used: {', '.join(found[:MISNAMED_SAID])}{more}" if found else ""
+
+
+def unnamed(names: Collection[str]) -> str:
+    """Which columns the format does not have, where it has none of a kind that a drive is judged by; "" where
+    nothing is missing, or there is no other column that may be it."""
+    missing = [name for name, kind in _ASKED.items() if not any(re.fullmatch(kind, each) for each in names)]
+    others = [name for name in names if not _KNOWN.fullmatch(name) and not _MADE_UP.fullmatch(name)]
+    more = f" and {len(others) - OTHERS_SAID} more" if len(others) > OTHERS_SAID else ""
+    if not (missing and others):
+        return ""
+    return (
+        f"nothing is named {', '.join(missing)} (N is the motor port): rename what holds it, if that is "
+        f"among {', '.join(map(repr, others[:OTHERS_SAID]))}{more}; docs/trace-format.md has the names"
+    )
 
 
 def _as_known(name: str) -> str:

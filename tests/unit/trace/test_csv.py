@@ -12,6 +12,7 @@ from raccoon.trace import csv as trace_csv
 from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv, write_csv
 from raccoon.trace.format import Event, read_trace
+from raccoon.trace.mistaken import unnamed
 from raccoon.trace.problems import said_once
 from raccoon.trace.recording import Recording
 from unit.trace.recordings import record
@@ -256,6 +257,16 @@ def test_a_name_with_a_unit_or_capital_letters_is_said(tmp_path: Path) -> None:
         "columns by other names are not used: 'motor.0.duty [-1..1]' is to be motor.0.duty, "
         "'Battery.Voltage' is to be battery.voltage"
     ]
+
+
+def test_names_of_somebody_else_are_said_where_a_drive_lacks_a_column() -> None:
+    """Not those of the format, nor where nothing is missing."""
+    whole = ["t", "event", "motor.0.duty", "motor.0.position", "imu.gyro.z", "battery.voltage", "state"]
+    assert unnamed(whole) == ""
+    said = unnamed(["gyro" if each == "imu.gyro.z" else each for each in whole])
+    assert said.startswith("nothing is named imu.gyro.z (")
+    assert "among 'gyro', 'state'; " in said
+    assert unnamed(["t", "motor.0.duty", "estimate.drive.0"]) == ""  # what is missing is nowhere
 
 
 @pytest.mark.parametrize(

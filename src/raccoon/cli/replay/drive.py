@@ -19,6 +19,7 @@ from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
 from raccoon.trace.loading import Run, robot_near
+from raccoon.trace.mistaken import misnamed, unnamed
 from raccoon.trace.pose_error import PoseError, pose_error
 from raccoon.trace.recording import Column, mistaken_step, usual_step
 
@@ -90,9 +91,11 @@ def _estimates(run: Run, odometry: Odometry) -> list[list[float]]:
 def _check_wheels(run: Run, config: RobotConfig) -> None:
     for port in (config.drive.left, config.drive.right):
         if not any(f"motor.{port}.{channel}" in run.recording for channel in ("position", "bemf")):
+            names = misnamed(run.recording.columns) or unnamed(run.recording.columns)
             raise TraceError(
                 f"{run.name}: neither motor.{port}.position nor motor.{port}.bemf is in it, "
                 f"and {config.name} drives on the ports {config.drive.left} and {config.drive.right}"
+                f"{names and f'; {names}'}"
             )
 
 

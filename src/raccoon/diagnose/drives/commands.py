@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.trace.mistaken import misnamed, unnamed
 
 Array = NDArray[np.float64]
 
@@ -17,7 +18,8 @@ def commanded(columns: Mapping[str, Array], port: int) -> Array:
     name = f"motor.{port}.duty"
     if name not in columns:
         held = sorted(each for each in columns if each.endswith(".duty")) or ["no commands at all"]
-        raise TraceError(f"{name} is not in the recording: it holds {', '.join(held)}; is it this robot's?")
+        why = "; ".join(filter(None, (misnamed(columns), unnamed(columns)))) or "is it this robot's?"
+        raise TraceError(f"{name} is not in the recording: it holds {', '.join(held)}; {why}")
     duty = np.asarray(columns[name], float)
     if not np.isfinite(duty).any():
         raise TraceError(f"{name} holds no numbers")

@@ -34,6 +34,7 @@ from raccoon.diagnose.recordings.rows.selection import (
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats
 from raccoon.diagnose.result import Diagnosis
 from raccoon.sim.effects.parameters import Parameters
+from raccoon.trace.mistaken import unnamed
 from raccoon.trace.problems import said_once
 
 Array = NDArray[np.float64]
@@ -110,6 +111,8 @@ def diagnose_recording(
             )
         overridden = overridden_model_notes(found.causes, robot)
         found = replace(found, notes=(*found.notes, *without_std(exact), *overridden))
+    if kind in (Kind.DRIVE, Kind.NOTHING):
+        problems = (*problems, *filter(None, (unnamed(columns),)))
     unused = {
         NO_MODEL: model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS),
         NO_CAUSES: bool(own) and kind is not Kind.DRIVE,

@@ -57,8 +57,9 @@ def test_names_without_a_port_are_of_another_program() -> None:
     time = 0.01 * np.arange(300, dtype=float)
     named = {"t": time, "motor.left.duty": np.sin(time), "motor0.bemf": time, "analog.front": time}
     assert kind_of(named, ROBOT) is Kind.DRIVE
+    held = r"motor\.0\.duty is not in the recording: it holds motor\.left\.duty"
     with pytest.raises(
-        TraceError, match=r"motor\.0\.duty is not in the recording: it holds motor\.left\.duty"
+        TraceError, match=held + r"; .*'motor0\.bemf' is to be motor\.0\.bemf; .*among 'motor\."
     ):
         diagnose_recording(named, ROBOT)
     assert tophat_ports({"t": time, "analog.front": time, "analog.3": time}, ROBOT) == [3]
