@@ -105,7 +105,7 @@ def test_a_recording_of_another_robot_proves_no_cause(
 ) -> None:
     """Of which the better model is no better, or far off; or robot.toml, where nothing was found."""
     found: Any = SimpleNamespace(causes=(1,) * named, unexplained=SimpleNamespace(depends_on=()))
-    judged: Any = SimpleNamespace(size_before=before, size_after=after, is_far=after > 1.5)
+    judged: Any = SimpleNamespace(size_before=before, size_after=after, is_model_wrong=after > 1.5)
     told = "".join(_not_the_same(found, judged))
     assert told == (f"on the other recording {said}: {SAME_ROBOT}" if said else "")
 
@@ -341,7 +341,7 @@ def test_what_makes_unseen_data_worse_is_dropped(
     def judged(search: SimpleNamespace, other: object) -> SimpleNamespace:
         without = {"imu.latency": 3.0, "friction.stiction": error}
         left = {each: without[each] for each in search.gains}
-        return SimpleNamespace(harmless=0.9, size_after=1.0, foreseen=expected, without=left)
+        return SimpleNamespace(harm_limit=0.9, size_after=1.0, size_expected=expected, without=left)
 
     monkeypatch.setattr(validation, "_drop_unneeded", lambda search: search)
     monkeypatch.setattr(validation, "estimated", lambda search: search)

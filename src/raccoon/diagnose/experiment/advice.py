@@ -46,13 +46,13 @@ from raccoon.sim.effects.effect import all_effects, effect
 Array = NDArray[np.float64]
 
 DIRECTED_CAUSES = ("drive.slope", "drive.wheel_eccentricity")
-"""Causes whose two numbers are one arrow, of which nobody knows where it points."""
+"""Causes whose two numbers are one vector of unknown direction."""
 DECISIVE_EVIDENCE = 30.0
-"""Evidence from which a drive decides."""
+"""Evidence from which a drive decides between causes."""
 FLOOR_SHARE = 0.04
-"""Of Coulomb friction, by which a floor's friction wanders."""
+"""Share of Coulomb friction by which a floor's friction wanders."""
 PUSH_SHARE = 0.07
-"""Of Coulomb friction, with which floor and gear push a wheel."""
+"""Share of Coulomb friction with which floor and gear push a wheel."""
 PUSH_SECONDS = 0.15
 """How long such a push lasts: several bins then tell one thing, which hides whatever is steady."""
 TYPICAL_NOISE = {"bemf_left": 4.0, "bemf_right": 4.0, "gyro": 0.008, "battery": 0.015}
@@ -133,13 +133,13 @@ def _reason_without_drive(name: str, known: Collection[str]) -> str:
 class DrivePlan:
     """A drive before it is driven: what every cause would change in it, in units of the usual noise.
 
-    columns: of each cause, whitened. Whitened directions in which a recording changes anyway: own, of base
-    numbers; restless, of a floor that wanders, of its pushes and of a battery that creeps.
+    columns: of each cause, whitened. Whitened directions in which a recording changes anyway: base, of base
+    numbers; disturbances, of a floor that wanders, of its pushes and of a battery that creeps.
     """
 
     columns: tuple[tuple[Group, Array], ...]
-    own: Array
-    restless: Array
+    base: Array
+    disturbances: Array
 
     @classmethod
     def of(cls, robot: RobotConfig, duty: Array) -> DrivePlan:
@@ -161,29 +161,34 @@ class DrivePlan:
     def evidence(self, cause: str, rivals: Sequence[str] = (), size: float = 1.0) -> tuple[float, str]:
         """Evidence of a deviation of so many usual ones beside small deviations of everything else and that
         rival which leaves least of it, or those that are asked for as well; and the rival."""
-        off = [(group.name, each) for group, each in self.columns if group.name not in (cause, *rivals)]
-        asked = [each for group, each in self.columns if group.name in rivals and group.name != cause]
-        small = np.vstack([self.own[:0], *(each for _, each in off)])
-        inexact = faint_parts([name for name, each in off for _ in each], self.own, small)[:, None] * small
-        beside = _make_projector(np.vstack([self.own, self.restless, inexact, *asked]))
-        nearest = [each for each in off if _is_rival(each[0], cause)]
-        left = beside(np.vstack([self.own[:0], *(each for _, each in nearest)]))
+        other_causes = [
+            (group.name, each) for group, each in self.columns if group.name not in (cause, *rivals)
+        ]
+        asked_rivals = [each for group, each in self.columns if group.name in rivals and group.name != cause]
+        small = np.vstack([self.base[:0], *(each for _, each in other_causes)])
+        inexact = (
+            faint_parts([name for name, each in other_causes for _ in each], self.base, small)[:, None]
+            * small
+        )
+        project = _make_projector(np.vstack([self.base, self.disturbances, inexact, *asked_rivals]))
+        nearest = [each for each in other_causes if _is_rival(each[0], cause)]
+        left = project(np.vstack([self.base[:0], *(each for _, each in nearest)]))
         ends = np.cumsum([len(each) for _, each in nearest])
         parts = np.split(left, ends[:-1]) if nearest else []
-        rivals_left = [(name, each, its) for (name, each), its in zip(nearest, parts, strict=True)]
+        rivals_left = [(name, each, rest) for (name, each), rest in zip(nearest, parts, strict=True)]
         return min(
-            _evidence_and_rival(size * each, beside, rivals_left)
+            _evidence_and_rival(size * each, project, rivals_left)
             for each in _columns_of_cause(self.columns, cause, size)
         )
 
     def visible_sizes(self) -> dict[str, str]:
         """From which size on each cause would be named if nothing else were wrong, in words, by id; empty for
         what the drive does not show at all. Of a cause that is one side's, where it shows least."""
-        beside = _make_projector(np.vstack([self.own, self.restless]))
+        project = _make_projector(np.vstack([self.base, self.disturbances]))
 
         def power(name: str) -> float:
             wanted = _columns_of_cause(self.columns, name, 1.0)
-            return min(float(np.linalg.eigvalsh(beside(each) @ each.T)[0]) for each in wanted)
+            return min(float(np.linalg.eigvalsh(project(each) @ each.T)[0]) for each in wanted)
 
         names = dict.fromkeys(group.name for group, _ in self.columns)
         found = {}
@@ -224,12 +229,13 @@ def _columns_of_cause(columns: Columns, cause: str, size: float) -> list[Array]:
 
 
 def _variant_size(group: Group) -> float:
-    """Widths of the deviation at which a cause's columns were taken; a straight line's are those of any."""
+    """Size, in usual deviations, at which a cause's columns were taken; those of a linear one hold for
+    any."""
     return group.start[0] if group.start else 1.0
 
 
 def _is_rival(name: str, cause: str) -> bool:
-    """Whether a cause is a rival: not the same at another place, and no twin that is one class with it."""
+    """Whether a cause is a rival: not the same at another place, and not of one indistinguishable class."""
     pair = {name.partition("@")[0], cause.partition("@")[0]}
     return len(pair) == 2 and not any(pair <= each for each in INDISTINGUISHABLE_CLASSES)
 
@@ -243,7 +249,8 @@ def planned_log(duty: Array) -> Log:
 
 
 def _make_whitener(problem: Problem) -> Callable[[Array], Array]:
-    """Of the noise that a drive usually has, by what the wheels do in it as the nominal robot drives it."""
+    """A whitener of the noise that a drive usually has, by what the wheels do in it as the nominal robot
+    drives."""
     features = problem.features
     expected = replace(features, measured=problem.predict([problem.nominal()])[0])
     noise = white_noise(features.floors, regimes_of(replace(problem, features=expected)))
@@ -254,22 +261,22 @@ def _make_whitener(problem: Problem) -> Callable[[Array], Array]:
 
 
 def _make_projector(others: Array) -> Callable[[Array], Array]:
-    """What is left of columns beside others that have unit priors."""
+    """The projection of columns onto what others, with unit priors, do not absorb."""
     factor = cho_factor(others @ others.T + np.eye(len(others)))
     return lambda columns: np.asarray(columns - cho_solve(factor, others @ columns.T).T @ others, float)
 
 
 def _evidence_and_rival(
-    columns: Array, beside: Callable[[Array], Array], rivals: Sequence[tuple[str, Array, Array]]
+    columns: Array, project: Callable[[Array], Array], rivals: Sequence[tuple[str, Array, Array]]
 ) -> tuple[float, str]:
     """||P d||^2 beside all others and that rival which leaves least; and the rival. columns: of one number,
     or of an arrow, which points where it shows least. rivals: the name of each, its columns, and what is left
     of them beside the others."""
-    left = beside(columns)
+    left = project(columns)
     found = [(_least_evidence(left, columns), "")]
-    for name, rival, its in rivals:
-        shares = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left.T)
-        found.append((_least_evidence(left - shares.T @ its, columns), name))
+    for name, rival, rest in rivals:
+        shares = np.linalg.solve(np.eye(len(rival)) + rest @ rival.T, rival @ left.T)
+        found.append((_least_evidence(left - shares.T @ rest, columns), name))
     return min(found)
 
 
@@ -280,6 +287,6 @@ def _least_evidence(left: Array, columns: Array) -> float:
 
 
 def _clipped_evidence(products: Array) -> float:
-    """Their sum, to which no event may give more than the search lets it."""
+    """The sum of the products, to which no event may add more than the search lets it."""
     events = np.add.reduceat(products, np.arange(0, len(products), EVENT * len(TYPICAL_NOISE)))
     return max(float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum()), 0.0)

@@ -21,7 +21,7 @@ def drive_duties(
 ) -> int:
     """Command duty (n, 2), planned at 200 Hz, by the port's own clock; the number of cycles it took.
 
-    say: is told of an empty battery before anything moves. The motors are stopped at the end, also where the
+    tell: is told of an empty battery before anything moves. The motors are stopped at the end, also where the
     port fails on the way.
     """
     signs = [-1.0 if robot.motor(each).inverted else 1.0 for each in (robot.drive.left, robot.drive.right)]
@@ -57,7 +57,7 @@ def drive_and_record(
     seed: int | None = None,
 ) -> None:
     """Drive and keep a recording. port: by default the one that robot.toml names is opened; either is closed
-    at the end, also where a signal ends the program. say: as in `drive_duties`. seed: of a simulated port,
+    at the end, also where a signal ends the program. tell: as in `drive_duties`. seed: of a simulated port,
     which the recording says. Raises FileExistsError where there is a recording."""
     from raccoon.robot.loop import stopped_on_exit
     from raccoon.robot.opening import open_port

@@ -20,27 +20,27 @@ Array = NDArray[np.float64]
 MIN_NUMBERS = 5
 """Numbers in which a change is looked for: a jump leaves `MIN_DEGREES_OF_FREEDOM` of them over."""
 MIN_PIECE_LENGTH = 2
-"""Numbers in a piece at least."""
+"""Least numbers in a piece."""
 MAX_JUMPS = 3
-"""That are looked for in one series."""
+"""Jumps that are looked for in one series."""
 MIN_DEGREES_OF_FREEDOM = 3
 """Numbers that must be left over, from which the scatter is learnt."""
 MIN_JUMP_STDS = 6.0
-"""Deviations of the difference of the two means. The best of all places is taken, so it must be more than the
-usual 3."""
+"""Standard deviations of the difference of the two means. The best of all places is taken, so it must be more
+than the usual 3."""
 MIN_TREND_STDS = 5.0
-"""Deviations of the rate at which it creeps."""
+"""Standard deviations of the rate at which a number creeps."""
 FALSE_ALARM_SHARE = 0.005
-"""Share of steady series that may seem to jump, and as many to creep, or to do two things at once. A
+"""Share of steady series that may seem to jump, and as many to creep, or to do two things at once. A standard
 deviation that is learnt from five numbers is often far too small, so they must be further apart than the
 deviations above."""
 MIN_NUMBERS_WITH_OUTLIER = 7
 """Numbers from which one that is far from all others may be left out."""
 MIN_JUMP_STDS_WITH_OUTLIER = 10.0
-"""Deviations by which the others must then jump. Of 11 kinds of steady series, 1000 each, none was said to
-change that was not before."""
+"""Standard deviations by which the others must then jump. Of 11 kinds of steady series, 1000 each, none was
+said to change that was not before."""
 MIN_OUTLIER_STDS = 6.0
-"""Spreads that such a number is at least away from both sides."""
+"""Standard deviations that such a number is at least away from both sides."""
 MIN_RELATIVE_STD = 1e-6
 """Least deviation of a number that counts, of the largest of its series: numbers that are alike to the last
 digit differ by how sums of them are rounded, which is no jump."""
@@ -63,8 +63,8 @@ class Piece:
 
 
 def fit_pieces(values: Sequence[float], stds: Sequence[float]) -> tuple[Piece, ...]:
-    """The pieces of a series, none where it stays within its spread. NaN values are left out, and a std that
-    is NaN is not known."""
+    """Fit the pieces of a series, none where it stays within its scatter. NaN values are left out, and a std
+    that is NaN is not known."""
     series, known_stds = np.asarray(values, float), np.asarray(stds, float)
     known = np.flatnonzero(np.isfinite(series))
     if len(known) < MIN_NUMBERS:
@@ -103,7 +103,7 @@ class _Form:
 
     @property
     def numbers(self) -> int:
-        """How many it has beside the level."""
+        """How many parameters it has beside the level."""
         return self.creeps + len(self.jumps)
 
     def bounds(self, count: int) -> Iterator[tuple[int, int]]:
@@ -111,14 +111,14 @@ class _Form:
         return pairwise((0, *self.jumps, count))
 
     def simpler_forms(self) -> Iterator[tuple[_Form, float]]:
-        """Each form that has one of its numbers less, and by how many deviations that one must be clear."""
+        """Each form with one parameter less, and by how many standard deviations that one must be clear."""
         if self.creeps:
             yield _Form(False, self.jumps), MIN_TREND_STDS
         for each in self.jumps:
             yield _Form(self.creeps, tuple(it for it in self.jumps if it != each)), MIN_JUMP_STDS
 
     def larger_forms(self, count: int, add: int) -> Iterator[_Form]:
-        """The forms with so many numbers more, in a series of `count`."""
+        """The forms with so many parameters more, in a series of `count`."""
         free = [at for at in range(1, count) if at not in self.jumps]
         for creeps in {self.creeps, True}:
             jumps = add - (creeps and not self.creeps)
@@ -132,7 +132,8 @@ STEADY = _Form()
 
 
 def _select_form(y: Array, s: Array) -> _Form:
-    """The form of a series: one number after the other, two together where none is clear alone."""
+    """Forward selection of the form of a series: one parameter after the other, two together where none is
+    clear alone."""
     form, sums = STEADY, _cumulative_sums(y)
     while True:
         for add in (1, 2):
@@ -145,8 +146,8 @@ def _select_form(y: Array, s: Array) -> _Form:
 
 
 def _find_better_form(form: _Form, add: int, sums: Array, s: Array) -> _Form | None:
-    """What leaves least with so many numbers more, each of them clear beside all others; None where there is
-    none that chance would not give."""
+    """The form with so many parameters more that leaves least, each of them clear beside all others; None
+    where chance would give it as well."""
     if len(s) - 1 - form.numbers - add < MIN_DEGREES_OF_FREEDOM:
         return None
     before = _residual_squares(form, sums)

@@ -1,4 +1,4 @@
-"""The model that many recordings of a robot have in common, and its worth on one it is not made of."""
+"""The model that many recordings of a robot have in common, and its cross check on a recording left out."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ from raccoon.sim.effects.provenance import Origin
 Array = NDArray[np.float64]
 
 RELATIVE_TO_START = ("drive.slope", "drive.wheel_eccentricity")
-"""Effects whose direction counts from where a run began, which is another place in each."""
+"""Effects whose direction is relative to where a run began, which is another place in each."""
 REFITTED_NOTE = "refitted inside robot.toml's standard deviation, the median of {} recordings"
 NAMED_NOTE = "named in {} of {} recordings"
 
 
 @dataclass(frozen=True, slots=True)
 class CrossCheck:
-    """A recording with the model of the others. before, after: error of robot.toml's simulation and of that
-    model on data that no fit had seen, root mean square over the channels in units of their noise. own: the
-    same with the model of this recording itself. still: what is wrong with the others' model there."""
+    """Leave-one-out check of a recording with the model of the others. before, after: error of robot.toml's
+    simulation and of that model on data that no fit had seen, root mean square over the channels in units of
+    their noise. own: the same with the model of this recording itself. still: what is wrong with the others'
+    model there."""
 
     before: float
     after: float
@@ -42,7 +43,8 @@ class CrossCheck:
 
 
 def make_cross_check(with_own_robot: Diagnosis, with_common_model: Diagnosis) -> CrossCheck:
-    """first: of a recording from robot.toml; again: of the same from the model of the others."""
+    """Compare two diagnoses of a recording: with_own_robot from robot.toml, with_common_model from the model
+    of the others."""
     floors = {each.name: each.noise_floor for each in with_own_robot.channels if each.noise_floor > 0.0}
 
     def size(errors: Mapping[str, float]) -> float:
@@ -62,9 +64,8 @@ def common_model(fleet: Fleet, held_out: str | None = None) -> Parameters | None
     """The simulation of a fleet's one robot: causes that most of its recordings name, and all else as they
     refitted it; of a number that changed, as it was in the end. None where no recording gives a model.
 
-    of: a recording to foresee. The model is then made from the others alone, and of a number that changed, as
-    it was between the same jumps.
-    """
+    held_out: a recording to predict. The model is then made from the others alone, and of a number that
+    changed, as it was between the same jumps."""
     every = list(fleet.results)
     models = {name: fleet.results[name].model for name in every if name != held_out}
     made = {name: each for name, each in models.items() if each is not None}

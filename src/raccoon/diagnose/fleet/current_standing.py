@@ -50,9 +50,9 @@ def current_standing(
 def deviation_sides(
     found: Mapping[str, ParameterResult], robots: Mapping[str, str], silent: frozenset[str], series: Series
 ) -> dict[str, bool]:
-    """The robots of which most recordings that can tell name a cause, of all of them and since it last
-    changed, and then the same way: whether above what was assumed. What differs from run to run, as a
-    battery's charge, is no robot's."""
+    """For each robot with a cause, whether its number is above what was assumed: robots of which most
+    recordings that can tell name it, of all and since it last changed, and then on the same side. What
+    differs from run to run, as a battery's charge, is no robot's."""
     now, sides = _recordings_since_change(robots, series), {}
     for robot in dict.fromkeys(robots[each] for each in found):
         own = [each for each in robots if robots[each] == robot]

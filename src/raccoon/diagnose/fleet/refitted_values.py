@@ -1,4 +1,4 @@
-"""What a recording that does not name a cause says of its number all the same: as it was refitted there."""
+"""The value of a cause's number in recordings that do not name the cause: as it was refitted there."""
 
 from __future__ import annotations
 

@@ -16,11 +16,11 @@ from raccoon.diagnose.result import ParameterResult
 Array = NDArray[np.float64]
 
 OUTLIER_STDS = 4.0
-"""Deviations beyond which a number is far from the others."""
+"""Standard deviations beyond which a number is an outlier."""
 STD_PER_MAD = 1.4826
-"""Standard deviation of normal numbers over their median distance from the middle."""
+"""Standard deviation of normal numbers over their median absolute deviation."""
 MIN_FOR_OUTLIERS = 4
-"""Numbers, or robots, of which one may be said to be far from the others."""
+"""Numbers, or robots, from which one may be an outlier."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def make_series(
 
 
 def _are_outliers(left: Sequence[float], spread: float, stds: Array) -> list[bool]:
-    """Which are farther from what is usual than their spread and their own deviation explain."""
+    """Which residuals are larger than the spread and their own standard deviation explain."""
     return list(np.abs(left) > OUTLIER_STDS * np.hypot(spread, np.nan_to_num(stds)))
 
 
@@ -115,7 +115,7 @@ def _values_and_stds(
 def _outlier_robots(
     found: Mapping[str, ParameterResult], robots: Mapping[str, str], levels: Mapping[str, float]
 ) -> list[str]:
-    """Robots whose number is far from that of the other robots; none of fewer than four."""
+    """Robots whose number is an outlier among the robots; none of fewer than four."""
     if len(levels) < MIN_FOR_OUTLIERS:
         return []
     left = np.array([*levels.values()]) - np.median([*levels.values()])
@@ -125,7 +125,7 @@ def _outlier_robots(
 
 
 def _median_std(numbers: Sequence[ParameterResult]) -> float:
-    """Of a robot's middle: what its recordings say of theirs, and not less than they scatter."""
+    """Standard deviation of a robot's median: as its recordings say, and not less than they scatter."""
     values = np.array([each.value for each in numbers])
     said = float(np.nan_to_num(np.array([each.std for each in numbers])).mean())
     scatter = float(values.std(ddof=1)) if len(values) > 1 else 0.0

@@ -1,4 +1,4 @@
-"""Which recordings can tell of a cause: one that cannot speaks neither for it nor against it."""
+"""Which recordings are silent about a cause: they speak neither for it nor against it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ CANNOT_TELL_PREFIXES = (
     "not judged",
     "the recorded motion does not follow",
 )
-"""How a reason begins for which a recording says nothing of a cause."""
+"""How a reason begins for which a recording is silent about a cause."""
 
 
 def is_silent(name: str, diagnosis: Diagnosis) -> bool:
@@ -36,7 +36,7 @@ def is_silent(name: str, diagnosis: Diagnosis) -> bool:
 
 
 def _judged_group(name: str) -> str:
-    """What is judged together: battery, motor, drive, each tophat."""
+    """The group of causes that is judged together: battery, motor, drive, each tophat."""
     id_, _, where = name.partition("@")
     group = id_.partition(".")[0]
     return f"{group}@{where}" if where.isdecimal() else group

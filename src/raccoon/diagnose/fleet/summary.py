@@ -112,8 +112,8 @@ def fleet_of(results: Mapping[str, Diagnosis], robots: Mapping[str, str] | None 
 
 
 def _more_common_rival(cause: FleetCause, causes: Sequence[FleetCause]) -> str:
-    """What a cause is named in the place of: of two that no recording tells apart some name the one and some
-    the other, and a robot has one of them."""
+    """The more common cause in the place of which this one is named, "" where there is none: of two that no
+    recording tells apart some name the one and some the other, and a robot has one of them."""
     own, where = {*cause.recordings}, cause.name.partition("@")[2]
     rivals = {*cause.rivals, *(f"{each}@{where}" for each in cause.rivals if where and "@" not in each)}
     ahead = sorted(causes, key=lambda each: -len(each.recordings))
@@ -157,8 +157,8 @@ def _make_cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str
 
 
 def _with_comparable_stds(name: str, found: Mapping[str, ParameterResult]) -> Mapping[str, ParameterResult]:
-    """Numbers with what they may be off from each other: the law of a tophat's light is the same in all, so
-    what is not known of it moves no height against another."""
+    """Numbers with standard deviations relative to each other: the law of a tophat's light is the same in
+    all, so what is not known of it moves no height against another."""
     if name.partition("@")[0] != HEIGHT:
         return found
 

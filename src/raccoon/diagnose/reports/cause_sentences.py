@@ -48,9 +48,9 @@ def first_value(values: Values) -> ParameterResult:
 
 
 def _factor_maker(what: str, more: str, less: str, todo: str, todo_less: str = "") -> TextMaker:
-    """A factor. todo_less: what to do where it is below 1, if that is something else."""
+    """Maker for a factor. todo_less: what to do where it is below 1, if that is something else."""
 
-    def told(place: str, values: Values) -> CauseText:
+    def make_text(place: str, values: Values) -> CauseText:
         number = first_value(values)
         factor = number.value / (number.nominal if number.nominal > 0.0 else 1.0)  # a model has its own
         larger = factor > 1.0
@@ -58,24 +58,24 @@ def _factor_maker(what: str, more: str, less: str, todo: str, todo_less: str = "
         action = todo if larger else todo_less or todo
         return CauseText(text.replace("{place}", place), action.replace("{place}", place))
 
-    return told
+    return make_text
 
 
 def _number_maker(what: str, todo: str) -> TextMaker:
-    """A number that has one direction, or whose sign says all."""
+    """Maker for a number that has one direction, or whose sign says all."""
     return _above_or_below_maker(what, todo, what, todo)
 
 
 def _above_or_below_maker(more: str, todo_more: str, less: str, todo_less: str) -> TextMaker:
-    """A number above what was assumed, or below it."""
+    """Maker for a number above what was assumed, or below it."""
 
-    def told(place: str, values: Values) -> CauseText:
+    def make_text(place: str, values: Values) -> CauseText:
         number = first_value(values)
         what, todo = (less, todo_less) if number.value < number.nominal else (more, todo_more)
         named = {"place": place, "value": number.value, "nominal": number.nominal, **_derived_values(number)}
         return CauseText(what.format(**named), todo.format(**named))
 
-    return told
+    return make_text
 
 
 def _derived_values(number: ParameterResult) -> dict[str, float]:

@@ -26,7 +26,7 @@ CREEP_REASONS: Mapping[str, str] = {
     "tophat.gain": "dirt gathers on it",
     "tophat.height": "its mount comes loose",
 }
-"""What is behind a number that creeps, by cause."""
+"""What may be behind a number that creeps, by cause."""
 JUMP_REASONS: Mapping[str, str] = {
     "battery.internal_resistance": "another battery, or its contacts",
     "battery.open_circuit_voltage": "another charge, or another battery",
@@ -51,7 +51,7 @@ RECURRENCE_REASONS: Mapping[str, str] = {
 CHANGES_TITLE = "What changed, in the order of the recordings above"
 MAX_NAMES = 4
 MIN_RECURRING = 3
-"""Recordings of which fewer are no coming and going."""
+"""Recordings with a cause from which it may be said to come and go."""
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 MAX_NOTES = 8
@@ -96,7 +96,7 @@ CROSS_CHECK_TITLE = (
 
 
 def cross_check_text(each: CrossCheck) -> str:
-    """The errors, and what is left."""
+    """The errors of a cross check, and what is still wrong."""
     return f"{each.before:.2f} -> {each.after:.2f} ({each.own:.2f}): {', '.join(each.still) or 'nothing'}"
 
 
@@ -113,23 +113,23 @@ def most_recordings_of_a_robot(fleet: Fleet) -> int:
 
 def findings_text(diagnosis: Diagnosis) -> str:
     """What was found in a recording, or why nothing can be."""
-    found = [each.name for each in diagnosis.causes]
-    found += [
+    findings = [each.name for each in diagnosis.causes]
+    findings += [
         f"something that depends on {depends_text([each])}" for each in diagnosis.unexplained.depends_on
     ]
-    said = ", ".join(found)
-    if not said and diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
-        said = reason_it_cannot_tell(diagnosis)
+    text = ", ".join(findings)
+    if not text and diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
+        text = reason_it_cannot_tell(diagnosis)
     return "; ".join(
         [
-            said or "-",
+            text or "-",
             *(f"{channel}: {', '.join(it)}" for channel, it in _faults_by_channel(diagnosis).items()),
         ]
     )
 
 
 def _faults_by_channel(diagnosis: Diagnosis) -> dict[str, list[str]]:
-    """What is wrong with each channel."""
+    """The faults of each channel."""
     found: dict[str, list[str]] = defaultdict(list)
     for each in diagnosis.sensor_faults:
         found[each.channel].append(each.fault)
@@ -163,7 +163,7 @@ def _note_line(notes: Mapping[str, str], count: int) -> str:
 
 
 def shorten_names(names: Sequence[str]) -> str:
-    """The first of many, and how many more there are: the JSON has all."""
+    """The first of many names, and how many more there are: the JSON has all."""
     more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
     return ", ".join(names[:MAX_NAMES]) + more
 
@@ -267,7 +267,7 @@ def _since_when(each: FleetCause, fleet: Fleet) -> str:
 
 
 def kind_with_reason_text(each: FleetCause, fleet: Fleet) -> str:
-    """The same, with what may be behind it where some recordings have it and others not, in no order."""
+    """`kind_text`, with what may be behind it where some recordings have it and others not, in no order."""
     steady = each.alike or each.series.courses or len(each.recordings) < MIN_RECURRING
     behind = "" if steady else RECURRENCE_REASONS.get(each.name.partition("@")[0], "")
     return f"{kind_text(each, fleet)}; {behind}?" if behind else kind_text(each, fleet)

@@ -20,10 +20,10 @@ VERDICTS: Mapping[Verdict, str] = {
 }
 FITS_WHERE_ANSWERED = "Where its motors answered, the simulation fits this recording."
 NOT_VISIBLE_PREFIX = "not visible"
-"""How the reason of a cause begins whose usual size would not show."""
+"""How the reason of a cause begins that would not show at its usual size."""
 MIN_HIDDEN_CAUSES = 5
-"""Such causes of 31 from which a recording that shows nothing says little. One that was driven as the checkup
-hides one or two."""
+"""Number of such causes, of 31, from which a recording that shows nothing says little. One that was driven as
+the checkup hides one or two."""
 MOST_ASKED_CAUSES = (
     "motor.back_emf_constant",
     "motor.armature_resistance",

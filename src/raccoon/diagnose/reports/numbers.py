@@ -11,7 +11,7 @@ MAX_PLACES = 6
 
 
 def parameter_text(each: ParameterResult) -> str:
-    """Value, deviation and unit."""
+    """Value, standard deviation and unit of a parameter."""
     return value_with_std_text(each.value, each.std, each.unit)
 
 

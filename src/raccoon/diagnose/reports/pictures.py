@@ -18,7 +18,8 @@ MAX_POINTS = 4000
 
 
 def figure_to_base64_png(figure: Any) -> str:
-    """A figure as base64 text. A letter of a name that no font has is a box in it, and no news."""
+    """A figure as base64 text of a PNG. A letter of a name that no font has is a box in it, without a
+    warning."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
@@ -34,12 +35,12 @@ def _new_figure(height: float) -> Any:
 
 
 def _after_label(diagnosis: Diagnosis) -> str:
-    """What the better simulation has that the one before has not."""
+    """Label of the better simulation: what it has that the one before has not."""
     return "with the causes" if diagnosis.causes else "within robot.toml's tolerances"
 
 
 def _before_label(diagnosis: Diagnosis) -> str:
-    """What the simulation before is. Of a drive it is refitted within robot.toml's tolerances as well."""
+    """Label of the simulation before. Of a drive it is refitted within robot.toml's tolerances as well."""
     return "without the causes" if diagnosis.causes else "before"
 
 

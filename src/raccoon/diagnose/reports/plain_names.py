@@ -43,7 +43,7 @@ PLAIN_NAMES: Mapping[str, str] = {
     "tophat.height": "height of a tophat",
     "tophat.noise": "noise of a tophat",
 }
-"""By effect."""
+"""By id of the effect."""
 
 
 def plain_name(name: str) -> str:
@@ -66,5 +66,6 @@ def place_name(id: str, where: str | None) -> str:  # noqa: A002
 
 
 def capitalise(text: str) -> str:
-    """As a sentence begins; a column's name, a file and the id of a team's own effect stay as they are."""
+    """The text with a capital letter, as a sentence begins; a column's name, a file and the id of a team's
+    own effect stay as they are."""
     return text if "." in text.partition(" ")[0] else text[:1].upper() + text[1:]

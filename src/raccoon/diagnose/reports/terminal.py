@@ -23,18 +23,19 @@ from raccoon.diagnose.result import (
 )
 
 MAX_NOT_WHITE_P = 0.01
-"""Probability up to which what is left of a channel is said not to be white."""
+"""p-value up to which a channel's residual is said not to be white."""
 MIN_FAR_OFF_RATIO = 1.5
-"""Times the noise from which a report says when a channel is furthest off."""
+"""Error over the noise from which a report says when a channel is furthest off."""
 MAX_COMPENSATED_RATIO = 1.05
-"""Times the error with the first cause, up to which it is without it where the others do nearly all of it."""
+"""Error without the first cause over the error with it, up to which the others compensate for nearly all of
+it."""
 NOT_SHOWN_PREFIX, NOT_IDENTIFIABLE_PREFIX = "not ", "not identifiable: "
-"""How the reason of a cause begins that this recording cannot show at all, and how most of them do."""
+"""How the reason of a cause begins that this recording cannot show at all, and how most of these do."""
 TOLERANCES = "the tolerances in robot.toml"
 MAX_ABSORBED_CHANGE = 0.02
-"""Times the noise up to which what a cause changes is next to nothing beyond these."""
+"""Change by a cause over the noise, up to which these absorb nearly all of it."""
 MAX_NO_GAIN_RATIO = 1.005
-"""Times the error with a cause, up to which data that was kept for judging does not show it."""
+"""Error without a cause over the error with it, up to which held-out data does not show it."""
 NO_GAIN_TEXT = (
     "what was kept for judging (the last 30 %, or --holdout) is foreseen as well without it: see it in a "
     "second recording before you change the robot for it"

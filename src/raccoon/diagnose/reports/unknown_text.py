@@ -11,7 +11,7 @@ from raccoon.diagnose.reports.numbers import parameter_text
 from raccoon.diagnose.result import Shape
 
 MIN_WAVE_SHARE = 0.6
-"""Part of a curve's power from which one wave is said to be all of it."""
+"""Share of a curve's power from which one wave is said to be all of it."""
 _WHEEL_ANGLE = re.compile(r"wheel angle (left|right)")
 _WHEEL_ALONE = re.compile(r"^(left|right) wheel alone$")
 FRICTION_SUFFIX, TIME_PREFIX = " (friction)", "time ("
@@ -28,7 +28,7 @@ QUESTIONS = {
     "gyro over time": "does the gyro warm up: is it calibrated at rest just before a run?",
     "battery over time": "is a plug loose, or does something else draw from the battery?",
 }
-"""By what a curve depends on, without what is in parentheses or which of several it is."""
+"""By the covariate of a curve, without what is in parentheses or which of several it is."""
 
 
 def depends_text(depends_on: Sequence[str]) -> str:
