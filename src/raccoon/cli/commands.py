@@ -74,7 +74,7 @@ def run_command(argv: Sequence[str] | None = None) -> int:
         if not given:  # what there is helps more than that a word is missing
             parser.print_help(sys.stderr)
             return 2
-        args, unknown = parser.parse_known_args(_without_word(given))
+        args, unknown = parser.parse_known_args(_without_view_run(given))
         if unknown:  # in the words and with the usage of the command, not of all of them
             args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.given = given
@@ -84,14 +84,14 @@ def run_command(argv: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return 141
     except (RaccoonError, OSError) as error:
-        print(f"{name}: {_told(error)}", file=sys.stderr)
+        print(f"{name}: {_error_text(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
         return 130
 
 
-def _without_word(given: list[str]) -> list[str]:
+def _without_view_run(given: list[str]) -> list[str]:
     """`view run -o a.svg RECORDING` without `run`, which argparse would take for the recording, options
     coming next; as it is where there is a recording of that name."""
     if given[:2] != ["view", "run"] or len(given) == 2:
@@ -102,7 +102,7 @@ def _without_word(given: list[str]) -> list[str]:
     return given if is_recording else [given[0], *given[2:]]
 
 
-def _told(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     """What went wrong; of a file its name first, and how to come to a robot.toml where there is none."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)

@@ -27,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Convert one recording; what had to be left out is printed."""
-    from raccoon.cli.doing import doing_shown
+    from raccoon.cli.progress import show_progress
     from raccoon.trace.loading import load_run
     from raccoon.trace.problems import said_once
     from raccoon.trace.record import recording_file
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"{target} exists and is left as it is: name another file or say --overwrite")
     check_folders(target)
     check_not_read([target], [recording_file(source)])  # doubtful values would be blank in the only copy
-    with doing_shown():
+    with show_progress():
         loaded = load_run(source)
     _write(loaded, target)
     for problem in said_once(loaded.recording.problems):

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from raccoon.sweep.execute import Crew
 
 
-def add_workers(parser: argparse.ArgumentParser, usual: int) -> None:
+def add_workers_option(parser: argparse.ArgumentParser, usual: int) -> None:
     """The option `--workers`. usual: how many without it, 0 one for each core."""
     parser.add_argument(
         "--workers",
@@ -22,9 +22,9 @@ def add_workers(parser: argparse.ArgumentParser, usual: int) -> None:
     )
 
 
-def add_crew(parser: argparse.ArgumentParser, usual: int) -> None:
+def add_crew_options(parser: argparse.ArgumentParser, usual: int) -> None:
     """The options of commands that may have their workers elsewhere."""
-    add_workers(parser, usual)
+    add_workers_option(parser, usual)
     parser.add_argument(
         "--executor",
         choices=("processes", "dask"),
@@ -41,14 +41,14 @@ def check_workers(workers: int) -> None:
 
 
 def check_crew(args: argparse.Namespace) -> None:
-    """Raise ConfigError where the options of `add_crew` do not fit together."""
+    """Raise ConfigError where the options of `add_crew_options` do not fit together."""
     check_workers(args.workers)
     if args.scheduler is not None and args.executor != "dask":
         raise ConfigError(f"--scheduler {args.scheduler}: it belongs to --executor dask")
 
 
-def crew_of(args: argparse.Namespace) -> AbstractContextManager[Crew]:
-    """The workers that the options of `add_crew` ask for."""
+def open_crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
+    """The workers that the options of `add_crew_options` ask for."""
     from raccoon.sweep.workers import dask_crew, process_crew
 
     if args.executor == "dask":

@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     if args.firmware is not None and port != "emulator":
         choice = "only --port emulator has a choice of it"
         raise ConfigError(f"--firmware {args.firmware}: {choice}, and {port} is examined")
-    say = _silent if args.json else _say
+    say = _silent if args.json else _print_progress
     if not args.no_motion:
         say("the robot will move: put it on the floor with 20 cm around it, and keep it still")
     report = _report(config, args, say)
@@ -99,7 +99,7 @@ def _port(config: RobotConfig, firmware: str) -> Port:
     return open_port(config)
 
 
-def _say(text: str) -> None:
+def _print_progress(text: str) -> None:
     print(text, file=sys.stderr)
 
 

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
 
 HELP = "drive a safe manoeuvre that shows or separates causes, and record it"
-LONGEST = 20.0
+DEFAULT_MAX_SECONDS = 20.0
 """s that a drive which is chosen for a cause may last, where nothing is said."""
 
-NOTHING = 1.0
-"""Evidence of a drive that as many of it as a recording holds do not make one that decides."""
+MIN_EVIDENCE = 1.0
+"""Evidence of a drive below which no number of repetitions in one recording decides."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seconds",
         type=float,
-        help=f"s, longest drive (default {LONGEST:g} with --cause; the checkup always takes 40)",
+        help=f"s, longest drive (default {DEFAULT_MAX_SECONDS:g} with --cause; the checkup always takes 40)",
     )
     parser.add_argument(
         "--simulate", action="store_true", help="drive the simulated robot, on an empty floor"
@@ -53,7 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the advice; drive and record where a recording is asked for."""
-    from raccoon.cli.numbers import check_seed
+    from raccoon.cli.shared_options import check_seed
     from raccoon.core.config import load_robot
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment.manoeuvres import CHECKUP
@@ -76,10 +76,10 @@ def run(args: argparse.Namespace) -> int:
             f"--cause {args.cause}: --manoeuvre {args.manoeuvre} is driven whatever the cause; leave one out"
         )
     if args.cause is not None:
-        chosen = _advised(args, robot)
+        chosen = _choose_best(args, robot)
     else:
         chosen = args.manoeuvre or CHECKUP
-        _look_at(robot, chosen, args)
+        _check_and_describe(robot, chosen, args)
     if args.record is not None:
         _drive(robot, chosen, args)
         print(f"{already_there(args.record) or args.record}: recorded {chosen!r}")
@@ -100,9 +100,10 @@ def _check(args: argparse.Namespace) -> None:
         check_recording(args.record)
 
 
-def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
-    """What a manoeuvre needs and, before it is driven, what it would show."""
-    from raccoon.cli.slow import check_compiled
+def _check_and_describe(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
+    """Refuse a manoeuvre that takes more than is allowed; print what it needs and, if it is not driven, would
+    show."""
+    from raccoon.cli.numba_check import check_numba
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment.advice import DrivePlan, estimate_reach
     from raccoon.diagnose.experiment.manoeuvres import RATE, manoeuvre
@@ -121,22 +122,22 @@ def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
             f"--within {args.within:g}: {name} needs {reach:.2f} m of free space around the robot"
         )
     if args.record is None and duty.any():
-        check_compiled("what it would show is found by simulating it with every cause")
+        check_numba("what it would show is found by simulating it with every cause")
         print("would show, on this robot, if nothing else is wrong:")
         for id_, size in DrivePlan.of(robot, duty).visible_sizes().items():
             print(f"  {id_:30s} {size or 'not at all'}")
 
 
-def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
-    from raccoon.cli.slow import check_compiled
+def _choose_best(args: argparse.Namespace, robot: RobotConfig) -> str:
+    from raccoon.cli.numba_check import check_numba
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE, rank_manoeuvres
 
-    check_compiled(
+    check_numba(
         f"--cause {args.cause}: the best drive for it is found by simulating all of them (with --manoeuvre "
         "and no --cause one is driven at once)"
     )
-    longest = LONGEST if args.seconds is None else args.seconds
+    longest = DEFAULT_MAX_SECONDS if args.seconds is None else args.seconds
     advice = rank_manoeuvres(robot, args.cause, args.rival, within=args.within, seconds=longest)
     if not advice:
         raise ConfigError(f"no manoeuvre stays within {args.within:g} m and {longest:g} s: allow more")
@@ -144,7 +145,7 @@ def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
         reach = f"reach {each.reach:.2f} m, {each.seconds:.1f} s"
         nearest = f", least told from {each.nearest}" if each.nearest else ""
         print(f"{each.manoeuvre:16s} evidence {each.evidence:7.1f}  {reach}{nearest}")
-    if advice[0].evidence < NOTHING:
+    if advice[0].evidence < MIN_EVIDENCE:
         print(
             "None of them shows it, however often it is driven: allow more --within or --seconds, or give a "
             "reference such as counted turns."

@@ -16,14 +16,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         return run_command(argv)
     except BaseException as error:
-        if not _after_ctrl_c(error):
+        if not _was_interrupted(error):
             raise
         print("raccoon: interrupted", file=sys.stderr)
         return 130
 
 
-def _after_ctrl_c(error: BaseException | None) -> bool:
-    """Whether Ctrl-C began it: up to Python 3.11 one in the middle of a class is told as a RuntimeError."""
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C caused the error: up to Python 3.11 one in the middle of a class raises a
+    RuntimeError."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__
     return error is not None

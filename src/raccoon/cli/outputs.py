@@ -13,7 +13,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import is_stream, write_atomically
 
-KEPT = (".csv", ".gz", ".jsonl", ".mat", ".mcap", ".py", ".toml")
+PROTECTED_SUFFIXES = (".csv", ".gz", ".jsonl", ".mat", ".mcap", ".py", ".toml")
 """Endings of recordings, programs and robots: hours of work that no result replaces."""
 
 
@@ -45,11 +45,11 @@ def check_folders(*paths: Path | None) -> None:
         if not _can_be_written(path):
             raise ConfigError(f"{path}: nothing can be written there: no permission")
     for number, path in enumerate(asked):
-        if any(_same(path, each) for each in asked[:number]):
+        if any(_is_same_file(path, each) for each in asked[:number]):
             raise ConfigError(f"{path}: two results are to be written into it; name two files")
 
 
-def check_pictures() -> None:
+def check_matplotlib() -> None:
     """Raise ConfigError where pictures are asked for and cannot be drawn: matplotlib is an extra."""
     try:
         import matplotlib  # noqa: F401
@@ -61,7 +61,7 @@ def check_not_read(outputs: Sequence[Path | None], inputs: Iterable[Path | None]
     """Raise ConfigError where an output would replace what the command reads; None: nobody asked for it."""
     read = [path for path in inputs if path is not None]
     for path in outputs:
-        if path is not None and any(_same(path, each) for each in read):
+        if path is not None and any(_is_same_file(path, each) for each in read):
             raise ConfigError(f"{path}: this command reads it; choose another name for what it writes")
 
 
@@ -69,7 +69,7 @@ def check_holdout(holdout: Iterable[Path], recordings: Iterable[Path]) -> None:
     """Raise ConfigError where what is to be judged on is what the numbers are fitted to."""
     fitted = list(recordings)
     for path in holdout:
-        if any(_same(path, each) for each in fitted):
+        if any(_is_same_file(path, each) for each in fitted):
             raise ConfigError(
                 f"--holdout {path}: it is diagnosed itself, and would agree with itself; name another "
                 "recording, or none: then the part of it that no fit has seen is the judge"
@@ -80,7 +80,7 @@ def check_replaceable(*paths: Path | None, model: Path | None = None) -> None:
     """Raise ConfigError where a result would replace a recording, a program or a robot.toml; a model only
     replaces a model. None: nobody asked for it."""
     for path in paths:
-        if path is not None and path.is_file() and path.suffix in KEPT:
+        if path is not None and path.is_file() and path.suffix in PROTECTED_SUFFIXES:
             raise ConfigError(f"{path}: it is there, and by its name no result; choose another name")
     if model is not None and model.is_file() and not _is_model(model):
         raise ConfigError(f"{model}: it is there, and no model.toml; choose another name for the model")
@@ -100,7 +100,7 @@ def _can_be_written(path: Path) -> bool:
     return folder.is_dir() and os.access(folder, os.W_OK)
 
 
-def _same(one: Path, other: Path) -> bool:
+def _is_same_file(one: Path, other: Path) -> bool:
     """Whether two names are one file, also by links; a device takes any number of results."""
     if is_stream(one):
         return False

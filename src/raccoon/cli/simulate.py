@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from raccoon.cli.numbers import add_place, check_seed, check_start
+from raccoon.cli.shared_options import add_place_options, check_seed, check_start
 
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", type=Path, help="model.toml of the robot that drives, while the program goes by robot.toml"
     )
-    add_place(parser)
+    add_place_options(parser)
     parser.add_argument("--seed", type=int, default=0, help="of the noise (%(default)s)")
     parser.add_argument("--record", type=Path, help="where the run goes if the program does not say")
 
@@ -60,39 +60,41 @@ def run(args: argparse.Namespace) -> int:
     status = 0
     try:
         with opened_instead(substitute), _as_main(program):
-            _play(program, substitute)
+            _run_program(program, substitute)
     except Exception as error:
-        if (step := _of_program(error, program)) is None and isinstance(error, RaccoonError | OSError):
+        if (step := _traceback_of_program(error, program)) is None and isinstance(
+            error, RaccoonError | OSError
+        ):
             raise
         traceback.print_exception(error.with_traceback(step))
         status = 1
     finally:  # also where it was interrupted, or exits
         for robot in substitute.robots:
-            print(f"simulated {told(robot, start)}", flush=True)
+            print(f"simulated {end_text(robot, start)}", flush=True)
     if not substitute.robots and not status:
         print("raccoon simulate: the program opened no robot, and has no mission(robot)", file=sys.stderr)
         return 1
     return status
 
 
-def told(robot: Robot, start: tuple[float, float, float]) -> str:
+def end_text(robot: Robot, start: tuple[float, float, float]) -> str:
     """How long it went, and where the robot is at the end, by the simulator and by what it believes: m and
     degrees from where it started."""
     if robot.inputs is None or robot.inputs.truth is None:
         return "0.00 s: it was never read"
     truth, (x0, y0, heading0) = robot.inputs.truth, start
     x, y, c, s = truth.x - x0, truth.y - y0, math.cos(heading0), math.sin(heading0)
-    here = _shown(c * x + s * y, c * y - s * x, truth.heading - heading0)
+    here = _pose_text(c * x + s * y, c * y - s * x, truth.heading - heading0)
     pose = robot.pose
-    return f"{robot.time:.2f} s: it is at {here}; it believes {_shown(pose.x, pose.y, pose.heading)}"
+    return f"{robot.time:.2f} s: it is at {here}; it believes {_pose_text(pose.x, pose.y, pose.heading)}"
 
 
-def _shown(x: float, y: float, heading: float) -> str:
+def _pose_text(x: float, y: float, heading: float) -> str:
     degrees = math.degrees(math.remainder(heading, math.tau))
     return f"x {x:.3f} m, y {y:.3f} m, heading {degrees:.1f} deg"
 
 
-def _play(program: Program, substitute: Substitute) -> None:
+def _run_program(program: Program, substitute: Substitute) -> None:
     """The file as Python runs it; where that opens no robot, its mission on one."""
     import runpy
 
@@ -117,7 +119,7 @@ def _as_main(program: Program) -> Iterator[None]:
         sys.path[:], sys.argv[:] = path, argv
 
 
-def _of_program(error: Exception, program: Program) -> TracebackType | None:
+def _traceback_of_program(error: Exception, program: Program) -> TracebackType | None:
     """The traceback from the program on: what called it is of no interest. None where it had not begun."""
     step = error.__traceback__
     while step is not None and step.tb_frame.f_code.co_filename != program.file:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, cast
 
-from raccoon.cli.motors import add_arguments, excited, finish
+from raccoon.cli.wheel_excitation import add_arguments, excite_and_fit, show_and_write
 
 if TYPE_CHECKING:
     from raccoon.robot.calibration.identification import WheelFit
@@ -30,12 +30,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _wheels(args: argparse.Namespace) -> int:
-    seen, fits = excited(args)
+    seen, fits = excite_and_fit(args)
     entries = {}
     for fit in fits:
         _show(fit)
         entries.update(fit.entries(seen.battery))
-    return finish(args, entries)
+    return show_and_write(args, entries)
 
 
 def _show(fit: WheelFit) -> None:

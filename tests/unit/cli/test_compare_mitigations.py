@@ -17,11 +17,11 @@ from raccoon.cli.compare_mitigations.measure import (
     Cells,
     End,
     Ends,
-    as_cells,
-    ends_of,
-    in_turn,
+    group_by_cell,
+    interleaved,
+    measure_robot,
 )
-from raccoon.cli.compare_mitigations.measure import measured as measured_robots
+from raccoon.cli.compare_mitigations.measure import measure_all as measured_robots
 from raccoon.cli.compare_mitigations.results import stored, writer
 from raccoon.cli.compare_mitigations.robots import (
     BATTERY,
@@ -34,8 +34,8 @@ from raccoon.cli.compare_mitigations.robots import (
     trial,
 )
 from raccoon.cli.compare_mitigations.table import draw, markdown
-from raccoon.cli.compare_mitigations.timed import TimedDrive, Tuned, after, leg, quarter_turn, tune
-from raccoon.cli.compare_mitigations.vehicles import simulated
+from raccoon.cli.compare_mitigations.timed import TimedDrive, TunedTimes, after, leg, quarter_turn, tune
+from raccoon.cli.compare_mitigations.vehicles import simulated_vehicle
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
@@ -46,7 +46,7 @@ CONFIG = RobotConfig()
 @pytest.fixture(scope="module")
 def ends() -> dict[str, Ends]:
     """One robot on another battery, under every mitigation."""
-    return ends_of(BATTERY, 0, 1)
+    return measure_robot(BATTERY, 0, 1)
 
 
 def test_on_another_battery_the_paper_s_ranking_comes_out(ends: dict[str, Ends]) -> None:
@@ -105,10 +105,10 @@ def test_a_blind_program_ends_where_it_does_tick_by_tick() -> None:
     each, way = trial(MATCH, 3, 1, CONFIG), TimedDrive()
     ends = []
     for blind in (True, False):
-        robot = simulated(each.run, CONFIG, 5, blind=blind)
+        robot = simulated_vehicle(each.run, CONFIG, 5, blind=blind)
         robot.stand(0.2)
         leg(robot, way, 1.0, 1.0, after(1.7), None)
-        quarter_turn(robot, way, Tuned(0.0, 0.0, 0.83))
+        quarter_turn(robot, way, TunedTimes(0.0, 0.0, 0.83))
         ends.append((robot.truth.x, robot.truth.y, robot.truth.heading, robot.time))
     assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
@@ -121,7 +121,7 @@ def test_times_are_tuned_by_the_tape_that_calibrates() -> None:
 
 
 def test_what_is_left_of_a_metre_is_the_tape() -> None:
-    ends = ends_of(DRAWN, 1, 1, ["back-EMF + IMU fusion"], tape_std=0.0)
+    ends = measure_robot(DRAWN, 1, 1, ["back-EMF + IMU fusion"], tape_std=0.0)
     assert ends["back-EMF + IMU fusion"]["1 m"].distance < 0.0005
 
 
@@ -166,7 +166,7 @@ def test_the_command_prints_and_writes_one_column(
         )  # of a simulated robot: nobody's business
         return ends
 
-    monkeypatch.setattr("raccoon.cli.compare_mitigations.measure.ends_of", known)
+    monkeypatch.setattr("raccoon.cli.compare_mitigations.measure.measure_robot", known)
     out = tmp_path / "table.md"
     column = ["--condition", BATTERY, "--robots", "1", "--markdown", str(out)]
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
@@ -197,7 +197,7 @@ def test_work_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:
             (DRAWN, 0): ends,
         }
     )
-    assert len(as_cells(known)["none", BATTERY, "1 m"]) == 2
+    assert len(group_by_cell(known)["none", BATTERY, "1 m"]) == 2
     with pytest.raises(ConfigError, match=r"has results of --seed 1 --tape 0\.001"):
         stored(file, 2, 0.001)
 
@@ -211,7 +211,7 @@ def test_a_file_of_something_else_is_no_file_of_results(tmp_path: Path, content:
 
 
 def test_a_part_of_the_work_is_a_part_of_every_column() -> None:
-    order = in_turn({"a": 4, "b": 2})
+    order = interleaved({"a": 4, "b": 2})
     assert order == [("a", 0), ("b", 0), ("a", 1), ("a", 2), ("b", 1), ("a", 3)]
 
 

@@ -19,8 +19,8 @@ import raccoon
 from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
-from raccoon.cli.diagnose.behind import as_robot_toml_has_it
 from raccoon.cli.diagnose.files import recordings
+from raccoon.cli.diagnose.known_values import without_known_values
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.reports.cause_text import describe_cause, explanation_sentence
@@ -134,15 +134,15 @@ def test_a_number_that_robot_toml_has_is_not_to_be_put_there(
     found = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
     group = id_.partition(".")[0]
     has, has_not = (parse_robot({"model": {group: {key: each}}}) for each in (value, other))
-    assert as_robot_toml_has_it(found, has_not) == found
-    (known,) = as_robot_toml_has_it(found, has).causes
+    assert without_known_values(found, has_not) == found
+    (known,) = without_known_values(found, has).causes
     assert known.explanation.endswith("(--save-model writes a new one). More of it.")
     assert describe_cause(known).what == describe_cause(cause).what
     assert describe_cause(known).todo.startswith(
         f"robot.toml has {key} = {value:g} in [model.{group}] already, and"
     )
     one_wheel = replace(found, causes=(replace(cause, where="left"),))
-    assert as_robot_toml_has_it(one_wheel, has) == one_wheel
+    assert without_known_values(one_wheel, has) == one_wheel
 
 
 class ClosedPipe(io.StringIO):

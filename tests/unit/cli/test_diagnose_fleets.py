@@ -14,10 +14,10 @@ import pytest
 from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
-from raccoon.cli.diagnose.compared import with_changes_of_robot_toml
 from raccoon.cli.diagnose.files import recordings, robot_names, short_names
-from raccoon.cli.diagnose.many import Progress, Work, _each_once
-from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
+from raccoon.cli.diagnose.fleet import JobRunner, Progress, _without_duplicates
+from raccoon.cli.diagnose.job import Answer, Job, diagnose_job, resolve_robot
+from raccoon.cli.diagnose.robot_toml_changes import with_robot_toml_notes
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, load_robot, parse_robot
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
@@ -87,14 +87,14 @@ def test_where_files_name_the_robots_the_same_samples_are_of_one() -> None:
     recording is to be compared with, each has its answer."""
     nothing = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.0, None, ())
     files = {name: Answer(nothing, name, None, "7f", RobotConfig()) for name in ("robot-1", "copy")}
-    assert _each_once(files, {name: name for name in files}) == {
+    assert _without_duplicates(files, {name: name for name in files}) == {
         "robot-1": files["robot-1"],
         "copy": "its samples are those of robot-1, and count once",
     }
     named = {
         name: Answer(nothing, name, Path(name, "robot.toml"), "7f", RobotConfig()) for name in ("red", "blue")
     }
-    assert _each_once(named, {name: name for name in named}) == named
+    assert _without_duplicates(named, {name: name for name in named}) == named
 
 
 def test_a_robot_toml_that_was_changed_is_no_motor_that_was_replaced() -> None:
@@ -105,13 +105,13 @@ def test_a_robot_toml_that_was_changed_is_no_motor_that_was_replaced() -> None:
         f"run{run}": Answer(nothing, "red", None, str(run), RobotConfig() if run < 2 else later)
         for run in range(4)
     }
-    found = with_changes_of_robot_toml(answers, dict.fromkeys(answers, "red"))
+    found = with_robot_toml_notes(answers, dict.fromkeys(answers, "red"))
     note, other = found["run0"].diagnosis.notes
     assert note.startswith("robot.toml is another one from run2 on (model.drive.track_width)")
     assert other == "so"
     assert found["run3"].diagnosis.notes[0] == note
     apart = {name: "red" if run < 2 else "blue" for run, name in enumerate(answers)}
-    assert with_changes_of_robot_toml(answers, apart) == answers
+    assert with_robot_toml_notes(answers, apart) == answers
 
 
 def test_a_copy_by_another_clock_is_a_copy() -> None:
@@ -156,7 +156,7 @@ def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(
 
     def found(place: str, named: str | None = None) -> tuple[str, str]:
         run = load_run(Path(place, "run.csv"))
-        robot, _, notes = robot_of(run, None if named is None else Path(named))
+        robot, _, notes = resolve_robot(run, None if named is None else Path(named))
         return robot.name, " ".join(notes)
 
     assert found("red") == ("red", f"{NOT_SAID} that of red/robot.toml (--robot names another)")
@@ -182,7 +182,7 @@ def test_a_step_is_compared_with_no_robot(tmp_path: Path) -> None:
     time = 0.01 * np.arange(300.0)
     step = {"t": time, "motor.0.duty": np.full(300, 0.5), "motor.0.bemf": np.minimum(time, 1.0)}
     (tmp_path / "robot.toml").write_text('name = "red"\n')
-    assert robot_of(load_run(written(tmp_path / "run.csv", step)), None)[1:] == (None, ())
+    assert resolve_robot(load_run(written(tmp_path / "run.csv", step)), None)[1:] == (None, ())
 
 
 def test_a_robot_toml_that_is_none_stops_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -213,7 +213,7 @@ def test_a_mistake_that_one_recording_meets_stops_no_other(
             raise np.linalg.LinAlgError("SVD did not converge")
         return diagnose_job(job)
 
-    monkeypatch.setattr("raccoon.cli.diagnose.one.diagnose_job", mistaken)
+    monkeypatch.setattr("raccoon.cli.diagnose.job.diagnose_job", mistaken)
     for name in ("a.csv", "b.csv"):
         written(tmp_path / name, tophat(5, factor=0.9, seconds=4.0))
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
@@ -344,7 +344,7 @@ def test_what_is_done_when_it_is_interrupted_is_reported(
             raise KeyboardInterrupt
         return diagnose_job(job)
 
-    monkeypatch.setattr("raccoon.cli.diagnose.many.diagnose_or_reason", until_the_last)
+    monkeypatch.setattr("raccoon.cli.diagnose.fleet.diagnose_or_reason", until_the_last)
     out = tmp_path / "out.json"
     assert main(["diagnose", str(tmp_path), "--json", str(out)]) == 130
     found = json.loads(out.read_text())
@@ -374,8 +374,8 @@ def test_what_was_interrupted_is_not_begun_again(monkeypatch: pytest.MonkeyPatch
         asked.append(job)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("raccoon.cli.diagnose.many.diagnose_or_reason", once)
-    work = Work(argparse.Namespace(workers=1, executor="processes"))
+    monkeypatch.setattr("raccoon.cli.diagnose.fleet.diagnose_or_reason", once)
+    work = JobRunner(argparse.Namespace(workers=1, executor="processes"))
     jobs = [Job(Path(name), None, None, None, False) for name in ("run1.csv", "run2.csv")]
     for _ in range(2):
         assert work(jobs) == ["interrupted before it was done"] * 2
@@ -389,7 +389,7 @@ def test_nothing_is_reported_where_nothing_was_done(tmp_path: Path, monkeypatch:
     def interrupted(job: Job) -> Answer | str:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("raccoon.cli.diagnose.many.diagnose_or_reason", interrupted)
+    monkeypatch.setattr("raccoon.cli.diagnose.fleet.diagnose_or_reason", interrupted)
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 130
     assert not (tmp_path / "out.json").exists()
 

@@ -15,7 +15,7 @@ import raccoon
 from raccoon import __version__
 from raccoon.cli import main
 from raccoon.cli.commands import COMMANDS, build_parser
-from raccoon.cli.crew import crew_of
+from raccoon.cli.crew import open_crew
 
 
 def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -153,7 +153,7 @@ def test_no_number_of_workers_is_one_for_each_core(monkeypatch: pytest.MonkeyPat
     asked: list[int | None] = []
     monkeypatch.setattr("raccoon.sweep.workers.process_crew", asked.append)
     for workers in (0, 3):
-        crew_of(argparse.Namespace(executor="processes", scheduler=None, workers=workers))
+        open_crew(argparse.Namespace(executor="processes", scheduler=None, workers=workers))
     assert asked == [None, 3]
 
 

@@ -14,7 +14,7 @@ from raccoon import Robot, RobotConfig, deg, motors, open_robot, race, seq, stra
 from raccoon.cli import replay
 from raccoon.cli.replay import picture
 from raccoon.cli.replay.drive import replay_odometry
-from raccoon.cli.view.drive import drive_of
+from raccoon.cli.view.drive import load_drive
 from raccoon.core.config import ControllerConfig
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.diagnose.drives.times import check_time
@@ -313,7 +313,7 @@ def test_an_empty_recording_is_said_to_be_empty(tmp_path: Path, capsys: pytest.C
         run(tmp_path / name)
         assert "nothing recorded" in capsys.readouterr().out
     with pytest.raises(TraceError, match="the recording is empty: it was ended before its first cycle"):
-        drive_of(tmp_path / "run")
+        load_drive(tmp_path / "run")
 
 
 def test_a_result_replaces_neither_what_is_read_nor_what_took_hours(recorded: Path, tmp_path: Path) -> None:

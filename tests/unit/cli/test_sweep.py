@@ -181,7 +181,7 @@ def test_bad_input_is_named(
     def begun(*_: object) -> None:
         raise AssertionError("a worker was begun")
 
-    monkeypatch.setattr("raccoon.cli.sweep.play.crew_of", begun)
+    monkeypatch.setattr("raccoon.cli.sweep.play.open_crew", begun)
     assert main(["sweep", *arguments]) == 2
     assert message in capsys.readouterr().err
 

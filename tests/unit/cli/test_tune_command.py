@@ -7,7 +7,7 @@ import pytest
 
 from raccoon import open_robot
 from raccoon.cli.main import main
-from raccoon.cli.motors import room_of
+from raccoon.cli.wheel_excitation import required_room
 from raccoon.core.config import load_robot, parse_robot
 from raccoon.core.readings import Inputs
 from raccoon.robot.calibration.identification import excite
@@ -90,7 +90,7 @@ def test_the_room_that_is_named_holds_the_drive_of_this_robot(model: dict[str, A
     port.read = watched  # type: ignore[method-assign]
     with open_robot(config, port=port) as driven:
         driven.run(excite())
-    assert room_of(config) == says
+    assert required_room(config) == says
     assert 0.6 * says < farthest < says
 
 

@@ -10,8 +10,8 @@ from matplotlib.path import Path as Path2D
 
 from raccoon import open_robot, straight, wait
 from raccoon.cli.main import main
-from raccoon.cli.view.drawing import _extent, _outline, _strip, _table, _trails
-from raccoon.cli.view.drive import drive_of
+from raccoon.cli.view.drawing import _extent, _line_patch, _outline, _table, _trails
+from raccoon.cli.view.drive import load_drive
 from raccoon.core.config import BodyConfig, ControllerConfig, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.sim.effects.parameters import Parameters
@@ -57,7 +57,7 @@ def test_it_draws_an_animation(recording: Path, tmp_path: Path) -> None:
 
 
 def test_an_animation_says_which_path_is_which(recording: Path) -> None:
-    drive = drive_of(recording)
+    drive = load_drive(recording)
     _, axes = _table(World(), drive)
     _trails(axes, drive)
     assert [each.get_text() for each in axes.get_legend().get_texts()] == ["truth"]
@@ -67,7 +67,7 @@ def test_an_animation_says_which_path_is_which(recording: Path) -> None:
 def test_an_animation_is_as_fast_as_asked_for_however_many_frames_it_has(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speed: str, most: int
 ) -> None:
-    monkeypatch.setattr("raccoon.cli.view.drawing.MOST_FRAMES", most)
+    monkeypatch.setattr("raccoon.cli.view.drawing.MAX_FRAMES", most)
     target = tmp_path / "drive.gif"
     assert main(["view", str(recording), "-o", str(target), "--no-table", "--speed", speed]) == 0
     from PIL import Image, ImageSequence
@@ -95,7 +95,7 @@ def test_a_drive_that_was_elsewhere_is_drawn_alone(
 
 
 def test_how_far_and_how_long(recording: Path) -> None:
-    drive = drive_of(recording)
+    drive = load_drive(recording)
     assert drive.seconds == 2.0
     assert drive.length == pytest.approx(0.5 * np.pi / 2, rel=1e-3)
 
@@ -140,7 +140,7 @@ def test_the_robot_is_drawn_as_long_and_as_wide_as_it_was_recorded(tmp_path: Pat
         path = tmp_path / f"front {front}.jsonl"
         with open_robot(config, record=path, seed=1) as robot:
             robot.run(wait(0.1))
-        drive = drive_of(path.with_suffix(".jsonl.gz"))
+        drive = load_drive(path.with_suffix(".jsonl.gz"))
         assert drive.body == config.body
         corners, (line, _) = _outline(drive.best, 0, drive.body)
         assert corners[:, 0].tolist() == pytest.approx([front, -0.09, -0.09, front])
@@ -151,7 +151,7 @@ def test_the_robot_is_drawn_as_long_and_as_wide_as_it_was_recorded(tmp_path: Pat
 @pytest.mark.parametrize("world", [World.default(), World.empty()], ids=["table", "no table"])
 def test_the_whole_robot_is_in_the_picture_wherever_it_ends(recording: Path, world: World) -> None:
     """Beyond the border of the table half of it was cut off."""
-    drive = drive_of(recording, (1.9, 0.4, 0.0))
+    drive = load_drive(recording, (1.9, 0.4, 0.0))
     low, high = _extent(world, drive)
     for row in range(0, 41, 8):
         corners, _ = _outline(drive.best, row, drive.body)
@@ -164,14 +164,14 @@ def test_what_the_robot_believed_is_drawn_of_a_converted_recording_too(tmp_path:
     with open_robot(config, record=tmp_path / "run") as robot:
         robot.run(straight(0.02))
     assert main(["convert", str(tmp_path / "run"), str(tmp_path / "run.csv")]) == 0
-    native, converted = drive_of(tmp_path / "run.jsonl.gz").best, drive_of(tmp_path / "run.csv").best
+    native, converted = load_drive(tmp_path / "run.jsonl.gz").best, load_drive(tmp_path / "run.csv").best
     assert native.x[-1] == pytest.approx(0.02, abs=0.001)
     for name in ("time", "x", "y", "heading"):
         np.testing.assert_allclose(getattr(converted, name), getattr(native, name), atol=1e-6)
 
 
 def test_it_can_be_moved_to_where_it_started(recording: Path) -> None:
-    path = drive_of(recording, (1.0, 0.2, 90.0)).best
+    path = load_drive(recording, (1.0, 0.2, 90.0)).best
     assert (path.x[0], path.y[0]) == (1.0, 0.2)
     assert path.x[-1] == pytest.approx(0.5)
     assert path.y[-1] == pytest.approx(0.7)
@@ -181,7 +181,7 @@ def test_a_recording_without_poses_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "blind.csv"
     path.write_text("t,motor.0.duty\n0.0,0.1\n0.1,0.1\n", encoding="utf-8")
     with pytest.raises(TraceError, match="nor estimates"):
-        drive_of(path)
+        load_drive(path)
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ def test_an_interruption_leaves_no_part_of_a_picture(
 
 def test_a_line_is_drawn_where_the_tophats_see_it() -> None:
     corner = Line(((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.2, 0.5), (0.5, 0.5)), width=0.06)
-    drawn = _strip(corner).get_path()
+    drawn = _line_patch(corner).get_path()
     table = World(lines=(corner,))
     for x, y in np.random.default_rng(1).uniform(-0.1, 0.6, (300, 2)):
         if abs(table.nearest_line(x, y)[0]) > 1e-3:
@@ -284,7 +284,7 @@ def test_what_the_robot_believed_meets_the_truth_where_both_begin(tmp_path: Path
         "t,truth.x,truth.y,truth.heading,estimate.drive.0,estimate.drive.1,estimate.drive.2\n"
         f"0,,,,0.5,0.2,0\n1,1,0,{np.pi / 2},0.6,0.2,0\n2,1,0.4,{np.pi / 2},1.1,0.2,0\n"
     )
-    estimate = drive_of(path).estimate
+    estimate = load_drive(path).estimate
     assert estimate is not None
     assert np.column_stack([estimate.x, estimate.y]) == pytest.approx(
         np.array([[1.0, -0.1], [1.0, 0.0], [1.0, 0.5]])

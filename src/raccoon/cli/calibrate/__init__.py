@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
-from raccoon.cli.inputs import recording_path
-from raccoon.cli.motors import add_arguments
 from raccoon.cli.outputs import check_folders, check_not_read
+from raccoon.cli.recording_argument import recording_path
+from raccoon.cli.wheel_excitation import add_arguments
 from raccoon.core.errors import ConfigError
 
 HELP = "measure wheels, motors or tophats: show the numbers, and store them with --write"

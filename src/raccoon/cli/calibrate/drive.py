@@ -6,9 +6,9 @@ import argparse
 import math
 from collections.abc import Mapping, Sequence
 
-from raccoon.cli.doing import doing_shown
-from raccoon.cli.measured import put_in_if_asked, recorded_in_simulation
+from raccoon.cli.measured_values import is_any_simulated, write_if_asked
 from raccoon.cli.outputs import check_folders
+from raccoon.cli.progress import show_progress
 from raccoon.core.config import Measured, RobotConfig, load_robot
 from raccoon.core.errors import CalibrationError, ConfigError, TraceError
 from raccoon.core.readings import Outputs
@@ -32,14 +32,14 @@ def calibrate(args: argparse.Namespace) -> int:
     robot = load_robot(args.robot)
     if args.write:
         check_folders(args.robot)
-    with doing_shown():
+    with show_progress():
         runs = load_runs(*args.recording)
     for each in runs:
         if mistaken := mistaken_step(usual_step(each.recording["t"])):
             raise TraceError(f"{each.path}: {mistaken}")
     entries = _straight(args, robot, runs) if args.straight is not None else _manoeuvre(args, robot, runs)
     _show(entries)
-    return put_in_if_asked(args, entries, recorded_in_simulation(runs))
+    return write_if_asked(args, entries, is_any_simulated(runs))
 
 
 def _check_lengths(args: argparse.Namespace) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from raccoon.cli.motors import excited, finish
+from raccoon.cli.wheel_excitation import excite_and_fit, show_and_write
 from raccoon.robot.calibration.identification import power_factors
 
 
 def calibrate(args: argparse.Namespace) -> int:
     """Measure k of both motors and store it with date, battery voltage and standard deviation."""
-    seen, fits = excited(args, bare=True)
-    return finish(args, power_factors(fits, seen.battery))
+    seen, fits = excite_and_fit(args, bare=True)
+    return show_and_write(args, power_factors(fits, seen.battery))

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.cli.doing import doing_shown
-from raccoon.cli.measured import SIMULATED, recorded_in_simulation
+from raccoon.cli.measured_values import SIMULATED_NOTE, is_any_simulated
+from raccoon.cli.progress import show_progress
 from raccoon.core.config import RobotConfig, load_robot
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.sections import SIMULATED_ONE, TophatConfig
@@ -76,13 +76,13 @@ def calibrate_recordings(
     robot = load_robot(robot_file)
     if not robot.tophats:
         raise ConfigError(f"{robot_file}: it has no [tophat.NAME]")
-    with doing_shown():
+    with show_progress():
         runs = load_runs(*recordings)
     now = datetime.now(UTC).isoformat(timespec="seconds")
     layout = Layout.of(robot.tophats, [set_name])
     print(layout.header)
     failed, usable = 0, []
-    simulated = recorded_in_simulation(runs)
+    simulated = is_any_simulated(runs)
     whose = robot.name + SIMULATED_ONE if simulated else robot.name
     voltage = _mean_voltage(runs)
     for name, sensor in robot.tophats.items():
@@ -99,7 +99,7 @@ def calibrate_recordings(
     elif failed < len(robot.tophats):
         print(f"wrote {store}, set {set_name}")
         if simulated:
-            print(SIMULATED)
+            print(SIMULATED_NOTE)
     return 1 if failed else 0
 
 

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raccoon.cli.crew import add_workers, check_workers
-from raccoon.cli.numbers import check_seed
-from raccoon.cli.outputs import check_folders, check_pictures, check_replaceable
+from raccoon.cli.crew import add_workers_option, check_workers
+from raccoon.cli.outputs import check_folders, check_matplotlib, check_replaceable
+from raccoon.cli.shared_options import check_seed
 from raccoon.core.doing import tell
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
@@ -32,7 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--robots", type=int, help="simulated robots a column (without it the full table, 24 to 200)"
     )
     parser.add_argument("--seed", type=int, default=1, help="of everything random (%(default)s)")
-    add_workers(parser, 1)
+    add_workers_option(parser, 1)
     parser.add_argument(
         "--tape",
         type=float,
@@ -52,11 +52,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure and print, with what the paper says held to it. Exit status 0 when it ran."""
-    from raccoon.cli.compare_mitigations.measure import as_cells, measured
+    from raccoon.cli.compare_mitigations.measure import group_by_cell, measure_all
     from raccoon.cli.compare_mitigations.results import stored
     from raccoon.cli.compare_mitigations.table import draw, markdown
-    from raccoon.cli.doing import doing_shown
-    from raccoon.cli.slow import remark_slow
+    from raccoon.cli.numba_check import warn_without_numba
+    from raccoon.cli.progress import show_progress
 
     check_seed(args.seed)
     check_folders(args.markdown, args.plot, args.results)
@@ -64,15 +64,15 @@ def run(args: argparse.Namespace) -> int:
     if args.plot is not None and args.plot.suffix not in PICTURES:
         raise ConfigError(f"--plot {args.plot}: allowed are the endings {', '.join(PICTURES)}")
     if args.plot is not None:
-        check_pictures()
+        check_matplotlib()
     robots = _robots(args)
-    remark_slow()
+    warn_without_numba()
     known = {} if args.results is None else stored(args.results, args.seed, args.tape)
     done = _note(args, sum(robots.values()))
-    with doing_shown():
+    with show_progress():
         tell("driving the first robots")
-        found = measured(robots, args.seed, args.workers, tape_std=args.tape, known=known, done=done)
-    cells = as_cells(found)
+        found = measure_all(robots, args.seed, args.workers, tape_std=args.tape, known=known, done=done)
+    cells = group_by_cell(found)
     text = markdown(cells, robots)
     try:  # files first: a pipe that is closed ends the command where it prints
         if args.markdown is not None:

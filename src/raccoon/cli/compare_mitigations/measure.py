@@ -10,15 +10,15 @@ from functools import cached_property
 
 from raccoon.cli.compare_mitigations.robots import TAPE_STD, Trial, trial
 from raccoon.cli.compare_mitigations.timed import (
-    QUARTER,
+    QUARTER_TURN,
     TimedDrive,
-    Tuned,
+    TunedTimes,
     matched_trims,
     quarter_turn,
     straight_leg,
     tune,
 )
-from raccoon.cli.compare_mitigations.vehicles import IMU_RATE_HZ, simulated
+from raccoon.cli.compare_mitigations.vehicles import IMU_RATE_HZ, simulated_vehicle
 from raccoon.control.voltage import VoltageScaling
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import MotionTimeout
@@ -39,14 +39,14 @@ MANOEUVRES = ("30 cm", "1 m", "square 4 x 0.5 m", "turn 90")
 GOALS = {
     "30 cm": (0.3, 0.0, 0.0),
     "1 m": (1.0, 0.0, 0.0),
-    "square 4 x 0.5 m": (0.0, 0.0, 4.0 * QUARTER),
-    "turn 90": (0.0, 0.0, QUARTER),
+    "square 4 x 0.5 m": (0.0, 0.0, 4.0 * QUARTER_TURN),
+    "turn 90": (0.0, 0.0, QUARTER_TURN),
 }
 ACTIONS: dict[str, Action[object]] = {
     "30 cm": straight(0.3),
     "1 m": straight(1.0),
-    "square 4 x 0.5 m": repeat(seq(straight(0.5), turn(QUARTER)), 4),
-    "turn 90": turn(QUARTER),
+    "square 4 x 0.5 m": repeat(seq(straight(0.5), turn(QUARTER_TURN)), 4),
+    "turn 90": turn(QUARTER_TURN),
 }
 SCALING = VoltageScaling(COMPETITION_VOLTAGE)
 
@@ -98,17 +98,17 @@ def _timed(way: TimedDrive, pick: Callable[[Trial], tuple[Parameters, Parameters
 
 
 def _drive_timed(
-    name: str, way: TimedDrive, tuned: Tuned, parameters: Parameters, candidate: Candidate
+    name: str, way: TimedDrive, tuned: TunedTimes, parameters: Parameters, candidate: Candidate
 ) -> End:
-    robot = simulated(parameters, candidate.config, candidate.trial.seed, blind=way.blind)
+    robot = simulated_vehicle(parameters, candidate.config, candidate.trial.seed, blind=way.blind)
     robot.stand(0.5, learn=True)
     begin = robot.time
     if name == "turn 90":
         quarter_turn(robot, way, tuned)
     elif name == "square 4 x 0.5 m":
         for corner in range(4):
-            straight_leg(robot, way, tuned, 0.5, corner * QUARTER)
-            quarter_turn(robot, way, tuned, (corner + 1) * QUARTER)
+            straight_leg(robot, way, tuned, 0.5, corner * QUARTER_TURN)
+            quarter_turn(robot, way, tuned, (corner + 1) * QUARTER_TURN)
     else:
         straight_leg(robot, way, tuned, GOALS[name][0], 0.0)
     return _end(robot.truth, GOALS[name], robot.time - begin)
@@ -116,7 +116,7 @@ def _drive_timed(
 
 def _static_k(robot: Candidate) -> Ends:
     trims = matched_trims(robot.trial.tuned, robot.config)
-    return _timed(TimedDrive(0.8, trims=trims), _as_is)(robot)
+    return _timed(TimedDrive(0.8, trims=trims), _tuned_and_run)(robot)
 
 
 class WithoutGyro:
@@ -173,24 +173,24 @@ def _end(truth: Truth, goal: tuple[float, float, float], seconds: float) -> End:
     return End(abs(ahead), abs(aside), abs(truth.heading - goal[2]), seconds)
 
 
-def _as_is(each: Trial) -> tuple[Parameters, Parameters]:
+def _tuned_and_run(each: Trial) -> tuple[Parameters, Parameters]:
     return each.tuned, each.run
 
 
 METHODS: dict[str, Method] = {
-    "none": _timed(TimedDrive(1.0), _as_is),
+    "none": _timed(TimedDrive(1.0), _tuned_and_run),
     "fresh battery": _timed(TimedDrive(1.0), lambda each: each.fresh),
-    "voltage scaling, 100 %": _timed(TimedDrive(1.0, scaling=SCALING), _as_is),
-    "voltage scaling, 80 %": _timed(TimedDrive(0.8, scaling=SCALING), _as_is),
+    "voltage scaling, 100 %": _timed(TimedDrive(1.0, scaling=SCALING), _tuned_and_run),
+    "voltage scaling, 80 %": _timed(TimedDrive(0.8, scaling=SCALING), _tuned_and_run),
     "motor swapping": _timed(TimedDrive(1.0), lambda each: each.matched),
     "static k": _static_k,
     "wheel PID on back-EMF": _closed_loop(gyro=False),
-    "IMU heading only": _timed(TimedDrive(0.8, gyro=True), _as_is),
+    "IMU heading only": _timed(TimedDrive(0.8, gyro=True), _tuned_and_run),
     "back-EMF + IMU fusion": _closed_loop(gyro=True),
 }
 
 
-def ends_of(
+def measure_robot(
     condition: str,
     number: int,
     seed: int,
@@ -211,12 +211,12 @@ Found = dict[Number, dict[str, Ends]]
 
 def _job(job: tuple[str, int, int, float]) -> dict[str, Ends]:
     condition, number, seed, tape_std = job
-    with _unremarked():
-        return ends_of(condition, number, seed, tape_std=tape_std)
+    with _quiet_log():
+        return measure_robot(condition, number, seed, tape_std=tape_std)
 
 
 @contextmanager
-def _unremarked() -> Iterator[None]:
+def _quiet_log() -> Iterator[None]:
     """Inside, the log "raccoon" says nothing: remarks on a robot whose motor was replaced on purpose tell
     nobody to calibrate."""
     log = logging.getLogger("raccoon")
@@ -228,7 +228,7 @@ def _unremarked() -> Iterator[None]:
         log.setLevel(level)
 
 
-def measured(
+def measure_all(
     robots: Mapping[str, int],
     seed: int,
     processes: int,
@@ -242,7 +242,7 @@ def measured(
     known: robots that need not be driven again. done: called with each robot that was driven.
     """
     found = {robot: ends for robot, ends in (known or {}).items() if robot[1] < robots.get(robot[0], 0)}
-    missing = [robot for robot in in_turn(robots) if robot not in found]
+    missing = [robot for robot in interleaved(robots) if robot not in found]
     jobs = [(*robot, seed, tape_std) for robot in missing]
     with process_crew(processes or None) if processes != 1 else nullcontext() as crew:
         results = map(_job, jobs) if crew is None else crew.executor.map(_job, jobs)
@@ -252,13 +252,13 @@ def measured(
     return found
 
 
-def in_turn(robots: Mapping[str, int]) -> list[Number]:
+def interleaved(robots: Mapping[str, int]) -> list[Number]:
     """All robots, every column filled at the same pace, so that a part of the work is a part of each."""
     every = [(condition, number) for condition, count in robots.items() for number in range(count)]
     return sorted(every, key=lambda robot: (robot[1] + 0.5) / robots[robot[0]])
 
 
-def as_cells(found: Found) -> Cells:
+def group_by_cell(found: Found) -> Cells:
     """The ends of all robots by mitigation, condition and manoeuvre."""
     cells: Cells = {}
     for (condition, _), methods in sorted(found.items()):

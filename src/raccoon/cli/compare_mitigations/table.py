@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raccoon.cli.compare_mitigations.claims import claims, high, off
+from raccoon.cli.compare_mitigations.claims import claims, error_percentile, goal_distance_percentile
 from raccoon.cli.compare_mitigations.measure import MANOEUVRES, METHODS, Cells, End
 from raccoon.cli.outputs import save_figure
 
@@ -40,10 +40,10 @@ def _rows(cells: Cells, conditions: tuple[str, ...], name: str) -> list[str]:
 
 
 def _numbers(ends: list[End]) -> str:
-    distance, lateral = (1e3 * high(ends, field) for field in ("distance", "lateral"))
+    distance, lateral = (1e3 * error_percentile(ends, field) for field in ("distance", "lateral"))
     return (
-        f"{distance:.1f} / {lateral:.1f} / {math.degrees(high(ends, 'heading')):.1f} / "
-        f"{high(ends, 'seconds'):.1f}"
+        f"{distance:.1f} / {lateral:.1f} / {math.degrees(error_percentile(ends, 'heading')):.1f} / "
+        f"{error_percentile(ends, 'seconds'):.1f}"
     )
 
 
@@ -64,11 +64,11 @@ def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:
 
 
 def _degrees_off(ends: list[End]) -> float:
-    return math.degrees(high(ends, "heading"))
+    return math.degrees(error_percentile(ends, "heading"))
 
 
 def _mm_off(ends: list[End]) -> float:
-    return 1e3 * off(ends)
+    return 1e3 * goal_distance_percentile(ends)
 
 
 def _map(panel: Axes, values: np.ndarray, title: str, conditions: tuple[str, ...]) -> None:

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from raccoon.cli.compare_mitigations.vehicles import Vehicle, simulated
+from raccoon.cli.compare_mitigations.vehicles import Vehicle, simulated_vehicle
 from raccoon.control.voltage import VoltageScaling
 from raccoon.core.config import RobotConfig
 from raccoon.sim.effects.parameters import Parameters
 
-STOPPING = 0.25  # s with the motors shorted after each leg
-LONGEST = 30.0  # s of a leg, whatever happens
-QUARTER = 0.5 * math.pi
+BRAKE_TIME_S = 0.25  # s with the motors shorted after each leg
+MAX_LEG_S = 30.0  # s of a leg, whatever happens
+QUARTER_TURN = 0.5 * math.pi
 TURN_DUTY = 0.5
 TUNING_LEGS = (2.0, 5.0)  # s
 
@@ -52,7 +52,7 @@ class TimedDrive:
 
 
 @dataclass(frozen=True, slots=True)
-class Tuned:
+class TunedTimes:
     """What tuning found: s for a metre and s of run-up (t = run_up + metre * |distance|); the turn's end.
 
     turn: s for a quarter turn, or rad before it at which to stop where the gyro turns.
@@ -73,19 +73,19 @@ def leg(
 ) -> None:
     """Duties (before trims and scaling) until a test of the seconds holds, then stand."""
     begin = robot.time
-    while not until(robot.time - begin) and robot.time - begin < LONGEST:
+    while not until(robot.time - begin) and robot.time - begin < MAX_LEG_S:
         correction = 0.0 if hold is None else max(-0.2, min(0.2, 2.0 * (hold - robot.heading)))
         robot.tick(*way.duties(left, right, correction, robot.battery_voltage))
-    robot.stand(STOPPING)
+    robot.stand(BRAKE_TIME_S)
 
 
-def straight_leg(robot: Vehicle, way: TimedDrive, tuned: Tuned, distance: float, heading: float) -> None:
+def straight_leg(robot: Vehicle, way: TimedDrive, tuned: TunedTimes, distance: float, heading: float) -> None:
     """Straight by time."""
     seconds = tuned.run_up + tuned.metre * distance
     leg(robot, way, way.duty, way.duty, after(seconds), heading if way.gyro else None)
 
 
-def quarter_turn(robot: Vehicle, way: TimedDrive, tuned: Tuned, heading: float = QUARTER) -> None:
+def quarter_turn(robot: Vehicle, way: TimedDrive, tuned: TunedTimes, heading: float = QUARTER_TURN) -> None:
     """To the left, by time, or to the gyro's `heading`."""
 
     def there(_seconds: float) -> bool:
@@ -99,31 +99,33 @@ def after(limit: float) -> Callable[[float], bool]:
     return lambda seconds: seconds >= limit
 
 
-def tune(way: TimedDrive, parameters: Parameters, config: RobotConfig, tape: tuple[float, float]) -> Tuned:
+def tune(
+    way: TimedDrive, parameters: Parameters, config: RobotConfig, tape: tuple[float, float]
+) -> TunedTimes:
     """Times that drive distances and quarter turns on this robot: what a patient team finds by tape.
 
     tape: m by which the two taped distances are off. The quarter turn is found without any error.
     """
     points = []
     for seconds, error in zip(TUNING_LEGS, tape, strict=True):
-        robot = simulated(parameters, config, 1, blind=way.blind, noise=False)
+        robot = simulated_vehicle(parameters, config, 1, blind=way.blind, noise=False)
         robot.stand(0.2, learn=True)
         leg(robot, way, way.duty, way.duty, after(seconds), 0.0 if way.gyro else None)
         truth = robot.truth
         points.append((math.hypot(truth.x, truth.y) + error, seconds))
     (near, early), (far, late) = points
     metre = (late - early) / max(far - near, 1e-3)
-    return Tuned(early - metre * near, metre, _turn_end(way, parameters, config))
+    return TunedTimes(early - metre * near, metre, _turn_end(way, parameters, config))
 
 
 def _turn_end(way: TimedDrive, parameters: Parameters, config: RobotConfig) -> float:
     end = 0.1 if way.gyro else 0.8
     for _ in range(3):
-        robot = simulated(parameters, config, 1, blind=way.blind, noise=False)
+        robot = simulated_vehicle(parameters, config, 1, blind=way.blind, noise=False)
         robot.stand(0.2, learn=True)
-        quarter_turn(robot, way, Tuned(0.0, 0.0, end))
+        quarter_turn(robot, way, TunedTimes(0.0, 0.0, end))
         turned = robot.truth.heading
-        end = end - (QUARTER - turned) if way.gyro else end * QUARTER / max(turned, 0.1)
+        end = end - (QUARTER_TURN - turned) if way.gyro else end * QUARTER_TURN / max(turned, 0.1)
     return end
 
 
@@ -131,7 +133,7 @@ def matched_trims(parameters: Parameters, config: RobotConfig) -> tuple[float, f
     """Static compensation: the faster motor slowed by what straight drives of this robot show."""
     trims = (1.0, 1.0)
     for _ in range(3):
-        robot = simulated(parameters, config, 1, blind=True, noise=False)
+        robot = simulated_vehicle(parameters, config, 1, blind=True, noise=False)
         leg(robot, TimedDrive(0.8, trims=trims), 0.8, 0.8, after(3.0), None)
         truth = robot.truth
         track = config.model.drive.track_width.value

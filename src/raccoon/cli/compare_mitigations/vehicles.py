@@ -54,14 +54,14 @@ class Vehicle(Protocol):
         ...
 
 
-def simulated(
+def simulated_vehicle(
     parameters: Parameters, config: RobotConfig, seed: int, *, blind: bool, noise: bool = True
 ) -> Vehicle:
     """A robot at rest. blind: its program asks no sensor on the way."""
-    return Blind(parameters) if blind else Seeing(parameters, config, seed, noise)
+    return BlindVehicle(parameters) if blind else SensingVehicle(parameters, config, seed, noise)
 
 
-class Seeing:
+class SensingVehicle:
     """With all its sensors, cycle by cycle."""
 
     def __init__(self, parameters: Parameters, config: RobotConfig, seed: int, noise: bool) -> None:
@@ -108,7 +108,7 @@ class Seeing:
             self.heading = 0.0
 
 
-class Blind:
+class BlindVehicle:
     """Without any sensor: writes the duties down, and runs along them when it is asked where it is."""
 
     heading = 0.0

@@ -11,7 +11,7 @@ from raccoon import Action, Pose, after_time, deg, motors, seq, straight, turn, 
 LEGS = (0.60, 0.40, 0.40)
 TURNS = (deg(90), deg(-90))
 DISTANCE = sum(LEGS)
-STILL = 1.0  # s at the start, as a robot waits for its start light
+REST_AT_START_S = 1.0  # s at the start, as a robot waits for its start light
 
 
 def goal() -> Pose:
@@ -22,11 +22,16 @@ def goal() -> Pose:
     return pose
 
 
-def with_library() -> Action[Any]:
+def closed_loop_mission() -> Action[Any]:
     """Closed loop: distances and angles."""
     first, second, third = LEGS
     return seq(
-        wait(STILL), straight(first), turn(TURNS[0]), straight(second), turn(TURNS[1]), straight(third)
+        wait(REST_AT_START_S),
+        straight(first),
+        turn(TURNS[0]),
+        straight(second),
+        turn(TURNS[1]),
+        straight(third),
     )
 
 
@@ -51,13 +56,13 @@ class Times:
         return (abs(angle) + self.radian_lost) * self.per_radian
 
 
-def by_time(times: Times) -> Action[Any]:
+def timed_mission(times: Times) -> Action[Any]:
     """Open loop: full power for so many seconds."""
     first, second, third = LEGS
     left, right = TURNS
     pause = wait(0.3)
     return seq(
-        wait(STILL),
+        wait(REST_AT_START_S),
         _power(1.0, 1.0, times.leg(first)),
         pause,
         _power(-1.0, 1.0, times.spin(left)),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raccoon import Action, Robot, RobotConfig, after_time, calibrate_drive, motors, open_robot, wait
-from raccoon.cli.demo.mission import STILL, Times, by_time, goal, with_library
+from raccoon.cli.demo.mission import REST_AT_START_S, Times, closed_loop_mission, goal, timed_mission
 from raccoon.core.config import BatteryModel, Measured, NominalModel
 from raccoon.core.readings import Inputs, Truth
 from raccoon.model.paper import (
@@ -62,7 +62,7 @@ def configuration() -> RobotConfig:
     return RobotConfig(name=NAME, model=model)
 
 
-def simulated(trial: Trial, run: int) -> SimPort:
+def simulated_port(trial: Trial, run: int) -> SimPort:
     """The robot as it is: this battery, these motors, noise on."""
     return _port(
         trial.battery, BATTERY_RESISTANCE, MOTORS[trial.left], MOTORS[trial.right], trial.seed * 1000 + run
@@ -98,7 +98,7 @@ def _with_motor(parameters: Parameters, config: RobotConfig, side: str, motor: P
     )
 
 
-def truth_of(robot: Robot) -> Truth:
+def true_pose(robot: Robot) -> Truth:
     """Where the simulator has the robot."""
     inputs: Inputs | None = robot.inputs
     if inputs is None or inputs.truth is None:
@@ -110,12 +110,12 @@ def run_mission(
     trial: Trial, mission: Action[Any], config: RobotConfig, record: Path | None = None
 ) -> Outcome:
     """Drive a mission on a fresh placement of the robot and measure where it ends."""
-    with open_robot(config, port=simulated(trial, 1), record=record, seed=trial.seed) as robot:
+    with open_robot(config, port=simulated_port(trial, 1), record=record, seed=trial.seed) as robot:
         path: list[tuple[float, float]] = []
-        body = watched(mission, path)
+        body = with_true_path(mission, path)
         robot.run(body)
         robot.run(wait(SETTLE))
-        end = truth_of(robot)
+        end = true_pose(robot)
     meant = goal()
     return Outcome(
         math.hypot(end.x - meant.x, end.y - meant.y), end.heading - meant.heading, tuple(path[::10])
@@ -124,15 +124,15 @@ def run_mission(
 
 def replay_program(robot: Robot) -> None:
     """What was run for the recording, for replaying it."""
-    robot.run(with_library())
+    robot.run(closed_loop_mission())
     robot.run(wait(SETTLE))
 
 
-def watched(mission: Action[Any], path: list[tuple[float, float]]) -> Action[Any]:
+def with_true_path(mission: Action[Any], path: list[tuple[float, float]]) -> Action[Any]:
     """The mission, with the true path written down beside it."""
 
     def look(robot: Robot) -> None:
-        here = truth_of(robot)
+        here = true_pose(robot)
         path.append((here.x, here.y))
 
     return looking(mission, look, mission.name)
@@ -140,18 +140,18 @@ def watched(mission: Action[Any], path: list[tuple[float, float]]) -> Action[Any
 
 def open_loop(trial: Trial, times: Times) -> Outcome:
     """The mission by time alone."""
-    return run_mission(trial, by_time(times), configuration())
+    return run_mission(trial, timed_mission(times), configuration())
 
 
-def calibrated(trial: Trial) -> RobotConfig:
+def calibrated_config(trial: Trial) -> RobotConfig:
     """The configuration after this robot's own calibration drive of 60 cm with a taped distance."""
     tape = random.Random(f"tape {trial.seed}")
-    with open_robot(configuration(), port=simulated(trial, 0), seed=trial.seed) as robot:
-        robot.run(wait(STILL))
-        start = truth_of(robot)
+    with open_robot(configuration(), port=simulated_port(trial, 0), seed=trial.seed) as robot:
+        robot.run(wait(REST_AT_START_S))
+        start = true_pose(robot)
 
         def measure() -> float:
-            end = truth_of(robot)
+            end = true_pose(robot)
             return math.hypot(end.x - start.x, end.y - start.y) + tape.gauss(0.0, TAPE_STD)
 
         return calibrate_drive(robot, measure, distance=0.60, tape_std=TAPE_STD)
@@ -159,10 +159,10 @@ def calibrated(trial: Trial) -> RobotConfig:
 
 def closed_loop(trial: Trial, record: Path | None = None) -> Outcome:
     """The mission with the library, after the robot's own calibration."""
-    return run_mission(trial, with_library(), calibrated(trial), record)
+    return run_mission(trial, closed_loop_mission(), calibrated_config(trial), record)
 
 
-def both(trial: Trial, times: Times, record: Path | None) -> tuple[Trial, Outcome, Outcome]:
+def run_both(trial: Trial, times: Times, record: Path | None) -> tuple[Trial, Outcome, Outcome]:
     """The mission open loop and with the library."""
     return trial, open_loop(trial, times), closed_loop(trial, record)
 
@@ -181,27 +181,27 @@ def trials(seed: int) -> list[Trial]:
 def measure_times(seed: int) -> Times:
     """What a team times on its own table: half-empty battery, two motors of kind 2, full power."""
     trial = Trial(BATTERIES[0], 1, 1, seed)
-    metres = [_distance(trial, seconds) for seconds in (1.5, 3.0)]
-    radians = [_angle(trial, seconds) for seconds in (0.3, 0.6)]
+    metres = [_driven_distance(trial, seconds) for seconds in (1.5, 3.0)]
+    radians = [_turned_angle(trial, seconds) for seconds in (0.3, 0.6)]
     per_metre = 1.5 / (metres[1] - metres[0])
     per_radian = 0.3 / (radians[1] - radians[0])
     return Times(per_metre, per_radian, 1.5 / per_metre - metres[0], 0.3 / per_radian - radians[0])
 
 
-def _distance(trial: Trial, seconds: float) -> float:
-    end = _after(simulated(trial, 2), 1.0, 1.0, seconds)
+def _driven_distance(trial: Trial, seconds: float) -> float:
+    end = _drive_timed(simulated_port(trial, 2), 1.0, 1.0, seconds)
     return math.hypot(end.x, end.y)
 
 
-def _angle(trial: Trial, seconds: float) -> float:
-    return _after(simulated(trial, 2), -1.0, 1.0, seconds).heading
+def _turned_angle(trial: Trial, seconds: float) -> float:
+    return _drive_timed(simulated_port(trial, 2), -1.0, 1.0, seconds).heading
 
 
-def _after(port: SimPort, left: float, right: float, seconds: float) -> Truth:
+def _drive_timed(port: SimPort, left: float, right: float, seconds: float) -> Truth:
     with open_robot(configuration(), port=port) as robot:
         robot.run(motors(left, right).until(after_time(seconds)))
         robot.run(wait(SETTLE))
-        return truth_of(robot)
+        return true_pose(robot)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +224,8 @@ def measure_claims(seed: int) -> Claims:
 
     def distance(voltage: float, resistance: float, motor: PaperMotor) -> float:
         ends = [
-            _after(_port(voltage, resistance, motor, motor, seed), 1.0, 1.0, time).x for time in (1.5, 3.0)
+            _drive_timed(_port(voltage, resistance, motor, motor, seed), 1.0, 1.0, time).x
+            for time in (1.5, 3.0)
         ]
         return ends[1] - ends[0]
 

@@ -15,14 +15,14 @@ from raccoon.cli.demo.robots import (
     Claims,
     Outcome,
     Trial,
-    both,
     measure_claims,
     measure_times,
     replay_program,
+    run_both,
     trials,
 )
 from raccoon.cli.demo.tophats import REFUSED_CONTRAST, TophatResult, tophat_results
-from raccoon.cli.numbers import check_seed
+from raccoon.cli.shared_options import check_seed
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.extras import install
 from raccoon.model.paper import MOTORS, battery_speed_ratio, extreme_motor_speeds
@@ -74,15 +74,15 @@ def _drive_all(folder: Path, seed: int, workers: int) -> tuple[Results, Claims]:
     every = trials(seed)
     if workers == 1:
         times = measure_times(seed)
-        return [both(trial, times, record if trial == every[0] else None) for trial in every], measure_claims(
-            seed
-        )
+        return [
+            run_both(trial, times, record if trial == every[0] else None) for trial in every
+        ], measure_claims(seed)
     with process_crew(workers or None) as crew:
         pool = crew.executor
         claims = pool.submit(measure_claims, seed)
         times = pool.submit(measure_times, seed).result()
         records = [record if trial == every[0] else None for trial in every]
-        return list(pool.map(both, every, repeat(times), records)), claims.result()
+        return list(pool.map(run_both, every, repeat(times), records)), claims.result()
 
 
 def _print_drives(results: Results, claims: Claims) -> bool:

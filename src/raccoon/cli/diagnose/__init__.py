@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from raccoon.cli.crew import add_crew, check_crew
-from raccoon.cli.inputs import recording_path
-from raccoon.cli.wrapped import print_wrapped
+from raccoon.cli.crew import add_crew_options, check_crew
+from raccoon.cli.recording_argument import recording_path
+from raccoon.cli.wrapping import print_wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from raccoon.diagnose.result import Diagnosis
 
 HELP = "compare a recording with the simulation, name what is wrong and write the better model"
-ALONE = 1
+DEFAULT_WORKERS = 1
 """Processes that diagnose, unless more are asked for."""
 
 
@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robot",
         type=Path,
-        action=OfAll,
+        action=OnceOnly,
         help="robot.toml; without it the recording's own, one beside it or here, or the default",
     )
     parser.add_argument("--model", type=Path, help="model.toml to start from instead of robot.toml's model")
@@ -55,7 +55,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="fit all drives of one robot as one: short ones tell together what none does alone",
     )
     parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
-    add_crew(parser, ALONE)
+    add_crew_options(parser, DEFAULT_WORKERS)
     parser.add_argument("--json", type=Path, help="write the diagnosis as JSON")
     parser.add_argument("--html", type=Path, help="write a report with pictures")
     parser.add_argument(
@@ -65,8 +65,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
 
 
-class OfAll(argparse.Action):
-    """--robot, which is given once: the last of two would be taken for both robots'."""
+class OnceOnly(argparse.Action):
+    """The action of --robot, which is refused twice: the last of two would be taken for both robots'."""
 
     def __call__(
         self,
@@ -86,10 +86,10 @@ class OfAll(argparse.Action):
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
     from raccoon.cli.diagnose.files import recordings
-    from raccoon.cli.diagnose.many import pooled, run_fleet
-    from raccoon.cli.diagnose.one import diagnose_job, diagnose_together, job_of
-    from raccoon.cli.doing import doing_shown
+    from raccoon.cli.diagnose.fleet import diagnose_pooled_geometry, run_fleet
+    from raccoon.cli.diagnose.job import diagnose_job, diagnose_together, make_job
     from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
+    from raccoon.cli.progress import show_progress
     from raccoon.core.errors import TraceError
 
     outputs = (args.json, args.html, args.save_model)
@@ -99,40 +99,40 @@ def run(args: argparse.Namespace) -> int:
     paths = recordings(args.trace)
     if not paths:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
-    args.holdout = holdout = _to_judge_on(args.holdout)
+    args.holdout = holdout = _holdout_files(args.holdout)
     check_not_read(outputs, [*paths, *holdout, args.robot, args.model, args.causes])
     check_holdout(holdout, paths)
     check_replaceable(args.json, args.html, model=args.save_model)
     _check_numba(paths, args.robot)
     if len(paths) == 1:
-        _say_no_crew(args)
-        with doing_shown():
-            found = diagnose_job(job_of(args, paths[0])).diagnosis
+        _warn_of_unused_workers(args)
+        with show_progress():
+            found = diagnose_job(make_job(args, paths[0])).diagnosis
         _write(args, found, paths[0].name)
         return 0
     if args.together:
-        _say_no_crew(args)
-        with doing_shown():
+        _warn_of_unused_workers(args)
+        with show_progress():
             found = diagnose_together(args, paths)
         _write(args, found, f"{len(paths)} recordings together")
         return 0
-    together = pooled(args, paths)
+    together = diagnose_pooled_geometry(args, paths)
     if together is None:
         return run_fleet(args, paths)
-    _say_no_crew(args)
+    _warn_of_unused_workers(args)
     _write(args, together, f"{len(paths)} runs")
     return 0
 
 
-def _say_no_crew(args: argparse.Namespace) -> None:
-    """Say of workers that were asked for that they have nothing to do: one diagnosis is not divided."""
+def _warn_of_unused_workers(args: argparse.Namespace) -> None:
+    """Print that workers which were asked for have nothing to do: one diagnosis is not divided."""
     named = [f"--executor {args.executor}"] if args.executor != "processes" else []
-    named += [f"--workers {args.workers}"] if args.workers != ALONE else []
+    named += [f"--workers {args.workers}"] if args.workers != DEFAULT_WORKERS else []
     if named:
         print(f"{' '.join(named)}: not used, since this is one diagnosis, made here", file=sys.stderr)
 
 
-def _to_judge_on(named: Sequence[Path]) -> list[Path]:
+def _holdout_files(named: Sequence[Path]) -> list[Path]:
     from raccoon.cli.diagnose.files import recordings
     from raccoon.core.errors import TraceError
 
@@ -144,7 +144,7 @@ def _to_judge_on(named: Sequence[Path]) -> list[Path]:
 
 def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:
     """Where numba is not installed, refuse drives and remark on motors; nothing else is simulated."""
-    from raccoon.cli.slow import check_compiled, remark_slow
+    from raccoon.cli.numba_check import check_numba, warn_without_numba
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import RaccoonError
     from raccoon.diagnose.recordings.kind import Kind, kind_of
@@ -162,10 +162,10 @@ def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:
         except (RaccoonError, OSError):  # said where it is diagnosed
             continue
         if kind is Kind.DRIVE:
-            check_compiled(f"{path}: a drive is diagnosed by simulating it thousands of times")
+            check_numba(f"{path}: a drive is diagnosed by simulating it thousands of times")
         kinds.add(kind)
     if Kind.MOTORS in kinds:
-        remark_slow()
+        warn_without_numba()
 
 
 def _show_remarks() -> None:

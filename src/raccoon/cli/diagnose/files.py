@@ -24,10 +24,10 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
             found.append(path)
         else:
             raise FileNotFoundError(f"{path}: there is no such recording")
-    return _once(found)
+    return _without_repeats(found)
 
 
-def _once(paths: Sequence[Path]) -> list[Path]:
+def _without_repeats(paths: Sequence[Path]) -> list[Path]:
     """Each file once: one that is named by itself and with its folder would count twice."""
     first: dict[str, Path] = {}
     for path in paths:

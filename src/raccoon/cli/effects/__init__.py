@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the catalogue, a part of it, or write its page."""
-    from raccoon.cli.effects.listing import chosen, json_text, table_text
+    from raccoon.cli.effects.listing import json_text, select_effects, table_text
 
     if args.write is not None:
         for what, given in ((args.id, args.id is not None), ("--json", args.json)):
@@ -33,12 +33,12 @@ def run(args: argparse.Namespace) -> int:
                     f"--write {args.write}: it writes the page of all effects; leave out {what}"
                 )
         from raccoon.cli.effects.page import write_page
-        from raccoon.cli.outputs import check_pictures
+        from raccoon.cli.outputs import check_matplotlib
 
-        check_pictures()
+        check_matplotlib()
         count = write_page(args.write)
         print(f"wrote {args.write / 'effects.md'} and {count} pictures")
         return 0
-    entries = chosen(args.id)
+    entries = select_effects(args.id)
     print(json_text(entries) if args.json else table_text(entries))
     return 0

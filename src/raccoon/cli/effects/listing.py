@@ -10,10 +10,10 @@ from itertools import groupby
 from raccoon.core.errors import ConfigError
 from raccoon.sim.effects.effect import Effect, Parameter, Place, all_effects
 
-WHERE = {Place.ROBOT: "", Place.SIDE: "@left @right", Place.TOPHAT: "@port"}
+PLACE_TEXTS = {Place.ROBOT: "", Place.SIDE: "@left @right", Place.TOPHAT: "@port"}
 
 
-def chosen(name: str | None) -> list[Effect]:
+def select_effects(name: str | None) -> list[Effect]:
     """The effects of an id or of a group; all of them without a name. Raises ConfigError."""
     entries = [each for each in all_effects() if name in (None, each.id, each.group)]
     if not entries:
@@ -28,7 +28,7 @@ def table_text(entries: Sequence[Effect]) -> str:
     for group, members in groupby(entries, key=lambda each: each.group):
         lines += ["", group]
         for entry in members:
-            lines.append(f"  {entry.id:30} {WHERE[entry.place]}".rstrip())
+            lines.append(f"  {entry.id:30} {PLACE_TEXTS[entry.place]}".rstrip())
             lines.append(f"      {entry.sentence}")
             lines += [f"      {parameter_text(each)}" for each in entry.parameters]
     return "\n".join(lines[1:])

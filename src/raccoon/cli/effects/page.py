@@ -7,7 +7,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raccoon.cli.effects.listing import WHERE, neutral_text
+from raccoon.cli.effects.listing import PLACE_TEXTS, neutral_text
 from raccoon.cli.effects.recordings import Comparison, comparison
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
@@ -56,7 +56,7 @@ def _section(entry: Effect, shown: Comparison) -> str:
         f"| `{each.name}` | {each.unit} | {neutral_text(each)} | {each.bounds} | {each.prior_width:g} |"
         for each in entry.parameters
     ]
-    where = f" {WHERE[entry.place]}" if WHERE[entry.place] else ""
+    where = f" {PLACE_TEXTS[entry.place]}" if PLACE_TEXTS[entry.place] else ""
     values = ", ".join(f"{name} {value:.3g}" for name, value in shown.values.items())
     table = "\n".join(
         ("| parameter | unit | neutral | allowed | usual size |", "|---|---|---|---|---|", *rows)

@@ -19,7 +19,7 @@ from raccoon.sim.world.table import World
 
 Floats = NDArray[np.float64]
 ROBOT = replace(RobotConfig(), tophats={"front": TophatConfig(analog=0)})
-SHOWN = 4.0  # prior widths: large enough to see
+SHOWN_WIDTHS = 4.0  # prior widths: large enough to see
 STEP = 0.005
 PIECES = (
     (0.05, 0.05, 0.5), (0.12, 0.12, 0.5), (0.6, 0.6, 1.0), (-0.6, -0.6, 1.0),
@@ -69,7 +69,7 @@ def shown_values(entry: Effect) -> dict[str, float]:
         elif math.isinf(neutral):
             values[each.name] = each.prior_width
         else:
-            shown = neutral + SHOWN * each.prior_width
+            shown = neutral + SHOWN_WIDTHS * each.prior_width
             values[each.name] = min(max(shown, each.bounds.low), each.bounds.high)
     return values
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from raccoon.cli.inputs import recording_path
-from raccoon.cli.outputs import check_folders, check_not_read, check_pictures, check_replaceable
+from raccoon.cli.outputs import check_folders, check_matplotlib, check_not_read, check_replaceable
+from raccoon.cli.recording_argument import recording_path
 from raccoon.core.errors import ConfigError
 
 HELP = "run the odometry, or a program, on a recording and compare with what it holds"
@@ -39,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay, print, write. Exit status 0 when it ran, whatever it found, and 2 where one of several files
     cannot be used, which does not stop the others."""
-    from raccoon.cli.replay.each import BAD_FILE, replayed
+    from raccoon.cli.replay.each_file import BAD_FILE, replay_each
     from raccoon.cli.replay.report import print_report, report, write_json
     from raccoon.core.config import load_robot
     from raccoon.trace.loading import files_of
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         return replay_program(args, files, robot)
     from raccoon.cli.replay.drive import replay_odometry
 
-    drives, failed = replayed(files, lambda each: replay_odometry(each, robot))
+    drives, failed = replay_each(files, lambda each: replay_odometry(each, robot))
     results = report(drives, failed)
     try:  # files first: a pipe that is closed ends the command where it prints
         if args.json is not None:
@@ -86,7 +86,7 @@ def _check_outputs(args: argparse.Namespace) -> None:
                 f"--{name} {path}: --program prints what it finds and writes nothing; leave one out"
             )
     if args.plot is not None:
-        check_pictures()
+        check_matplotlib()
     check_folders(args.plot, args.json)
     check_not_read((args.plot, args.json), [*map(recording_file, args.file), args.robot, args.program])
     check_replaceable(args.json)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from raccoon.cli.doing import doing_shown
+from raccoon.cli.progress import show_progress
 from raccoon.core.config import RobotConfig
 from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import TraceError
@@ -66,7 +66,7 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
         if strange:
             notes.append(f"{strange}; the odometry took it as it is")
     odometry = Odometry(config)
-    with doing_shown():
+    with show_progress():
         rows = _estimates(run, odometry)
     table = np.array(rows, np.float64).reshape(-1, len(COLUMNS))
     drive = Drive(run, dict(zip(COLUMNS, table.T, strict=True)), "", notes=notes)

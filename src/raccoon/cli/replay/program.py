@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from raccoon.cli.doing import doing_shown
-from raccoon.cli.replay.each import BAD_FILE, not_replayed, replayed
+from raccoon.cli.progress import show_progress
+from raccoon.cli.replay.each_file import BAD_FILE, not_replayed_text, replay_each
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
 from raccoon.robot.actions.functions import perform
@@ -22,14 +22,14 @@ def replay_program(args: argparse.Namespace, files: Sequence[Path], robot: Robot
     """Replay a program on traces. Exit status 1 where it diverges from one of them, 2 where one of several
     cannot be used."""
     program = read_program(args.program)
-    with _told(program), no_robot_opened():
+    with _program_errors(program), no_robot_opened():
         mission = program.mission()
 
     def same(run: Run) -> bool:
         if run.trace is None:
             raise ConfigError(f"{run.name}: a program needs a trace with its commands (.jsonl.gz)")
         try:
-            with _told(program), no_robot_opened():
+            with _program_errors(program), no_robot_opened():
                 ran = _replay(run, mission, args, robot)
             print(f"{run.name}: {_verdict(ran, len(run.trace.ticks), compared=not args.ignore_commands)}")
         except ReplayDiverged as difference:
@@ -39,9 +39,9 @@ def replay_program(args: argparse.Namespace, files: Sequence[Path], robot: Robot
             print(f"{run.name}: the program still ran when {end}")
         return True
 
-    found, failed = replayed(files, same)
+    found, failed = replay_each(files, same)
     for name, reason in failed.items():
-        print(not_replayed(name, reason))
+        print(not_replayed_text(name, reason))
     diverged = not all(found)
     if diverged and not args.ignore_commands:
         print(
@@ -59,7 +59,7 @@ def _replay(run: Run, mission: Mission, args: argparse.Namespace, robot: RobotCo
         perform(opened, mission)
         return opened.ticks
 
-    with doing_shown():
+    with show_progress():
         checked = not args.ignore_commands
         return replay(run.trace, cycles, config=robot, tolerance=args.tolerance, check=checked)
 
@@ -82,7 +82,7 @@ def read_program(path: Path) -> Program:
 
 
 @contextmanager
-def _told(program: Program) -> Iterator[None]:
+def _program_errors(program: Program) -> Iterator[None]:
     """What goes wrong in a team's program as a ConfigError, with the line of it."""
     try:
         yield

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from raccoon.cli.replay.drive import COLUMNS, Drive
-from raccoon.cli.replay.each import not_replayed
+from raccoon.cli.replay.each_file import not_replayed_text
 from raccoon.core.files import write_atomically
 from raccoon.trace.pose_error import pooled
 from raccoon.trace.problems import said_once
@@ -52,7 +52,7 @@ def _finite(values: dict[str, float]) -> dict[str, float | None]:
 def print_report(results: dict[str, Any]) -> None:
     """A line a run, and the pooled error where there is truth; files that cannot be used come first."""
     for name, reason in results["failed"].items():
-        print(not_replayed(name, reason))
+        print(not_replayed_text(name, reason))
     runs = results["runs"]
     if not runs:
         return

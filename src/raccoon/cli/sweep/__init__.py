@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from raccoon.cli.crew import add_crew
-from raccoon.cli.numbers import add_place
+from raccoon.cli.crew import add_crew_options
+from raccoon.cli.shared_options import add_place_options
 from raccoon.sweep.limits import DEFAULT_MATCH_S, DEFAULT_WITHIN, DEFAULT_WITHIN_DEGREES
 
 HELP = "play a program many times on simulated robots that differ: how often it fails, and why"
@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, help="table of all matches, .csv or .parquet; taken up again there"
     )
-    add_crew(parser, 0)
+    add_crew_options(parser, 0)
     _configure_matches(parser)
     parser.add_argument("--only", type=int, metavar="RUN", help="play just this match of the sweep")
     parser.add_argument("--record", type=Path, help="with --only: where its trace goes")
@@ -47,7 +47,7 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="robot.toml's plain filter and an IMU at 200 Hz, not the RaccoonOS firmware's sensor chain",
     )
-    add_place(parser)
+    add_place_options(parser)
     parser.add_argument("--within", type=float, help=f"m from the nominal robot's end ({DEFAULT_WITHIN:g})")
     parser.add_argument("--within-angle", type=float, help=f"deg from it ({DEFAULT_WITHIN_DEGREES:g})")
     parser.add_argument("--any-end", action="store_true", help="where a match ends does not count")
@@ -58,8 +58,8 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Play and print; 0 whatever the program does, once it was played and recorded where that was asked."""
-    from raccoon.cli.slow import remark_slow
+    from raccoon.cli.numba_check import warn_without_numba
     from raccoon.cli.sweep.play import one, sweep_and_print
 
-    remark_slow()
+    warn_without_numba()
     return one(args) if args.only is not None else sweep_and_print(args)

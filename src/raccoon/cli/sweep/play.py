@@ -8,9 +8,9 @@ import sys
 from contextlib import nullcontext
 from dataclasses import replace
 
-from raccoon.cli.crew import check_crew, crew_of
-from raccoon.cli.numbers import check_seed, check_start
+from raccoon.cli.crew import check_crew, open_crew
 from raccoon.cli.outputs import check_folders, check_recording
+from raccoon.cli.shared_options import check_seed, check_start
 from raccoon.cli.sweep.bar import Bar
 from raccoon.cli.sweep.report import print_report, print_row
 from raccoon.core.config import RobotConfig, load_robot
@@ -36,7 +36,7 @@ def sweep_and_print(args: argparse.Namespace) -> int:
     match = match_of(args)
     check_sweep(args.runs, args.seed, args.out)
     try:
-        with Bar() as bar, crew_of(args) as crew:
+        with Bar() as bar, open_crew(args) as crew:
             if not args.any_end:
                 bar.begin()
                 match = with_nominal_end(match, crew)

@@ -12,9 +12,9 @@ from raccoon.sweep.match import OK, Match
 from raccoon.sweep.results import Row
 from raccoon.sweep.summary import Sensitivity, Summary, failure_kind, summary
 
-MOST = 3
+MAX_ROWS = 3
 """Parameters that are named."""
-LEAST_RANKED = 20
+MIN_RANKED = 20
 """Matches below which only what is more than chance is named: of six, any parameter explains nearly all."""
 REASONS = 6
 
@@ -28,12 +28,12 @@ def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str],
     print(f"{match.program.name}: {found.rate.failed} of {found.rate.played} matches failed (seed {seed}).")
     print(f"failure rate {_percent(found.rate.value)}, 95 % interval {_percent(low)} to {_percent(high)}")
     for reason, count in found.reasons[:REASONS]:
-        print(f"  {count:6d} x {reason}{_such_as(rows, reason)}")
+        print(f"  {count:6d} x {reason}{_example_text(rows, reason)}")
     _print_first_failure(rows, given, table)
     _print_sensitivities(found, units)
 
 
-def _such_as(rows: list[Row], kind: str) -> str:
+def _example_text(rows: list[Row], kind: str) -> str:
     """Of errors of a kind, which are counted, the first one's text and match."""
     first = next(row for row in rows if row["status"] != OK and failure_kind(row) == kind)
     text = str(first["reason"]).removeprefix(kind).removeprefix(":").strip()
@@ -53,8 +53,8 @@ def _print_first_failure(rows: list[Row], given: Sequence[str], table: Path | No
 
 def _print_sensitivities(found: Summary, units: dict[str, Factor]) -> None:
     what = "failure" if found.of == "failure" else "the distance from the goal"
-    ranked = found.rate.played >= LEAST_RANKED
-    strongest = [each for each in found.sensitivities if ranked or each.is_clear][:MOST]
+    ranked = found.rate.played >= MIN_RANKED
+    strongest = [each for each in found.sensitivities if ranked or each.is_clear][:MAX_ROWS]
     if not strongest:
         print("\nNothing can be said about what it depends on: too few matches, or all ended alike.")
         return

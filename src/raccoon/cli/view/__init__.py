@@ -7,15 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raccoon.cli.numbers import check_start
-from raccoon.cli.outputs import check_folders, check_pictures
+from raccoon.cli.outputs import check_folders, check_matplotlib
+from raccoon.cli.shared_options import check_start
 from raccoon.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from raccoon.cli.view.drive import Drive
 
 HELP = "draw a recorded drive over the table, and print its steps, remarks and notes"
-MOST_SAID = 100
+MAX_EVENTS_SHOWN = 100
 """Lines that are printed of a recording; a program may note something in every cycle."""
 ELSEWHERE = (
     "the drive goes through a wall of the Botball-size table, so it was driven elsewhere and is drawn alone: "
@@ -45,7 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw one drive."""
-    from raccoon.cli.view.drive import drive_of, through_wall
+    from raccoon.cli.view.drive import goes_through_wall, load_drive
     from raccoon.sim.world.table import World
 
     if args.what not in (None, "run"):
@@ -60,10 +60,14 @@ def run(args: argparse.Namespace) -> int:
     if args.table is not None and args.no_table:
         raise ConfigError(f"--table {args.table}: --no-table draws none; leave one of them out")
     check_folders(target)
-    check_pictures()
+    check_matplotlib()
     world = World.empty() if args.no_table else World.from_file(args.table) if args.table else World.default()
-    drive = drive_of(args.recording, args.start)
-    if args.table is None and drive.truth is not None and through_wall(drive.truth, drive.body, world.walls):
+    drive = load_drive(args.recording, args.start)
+    if (
+        args.table is None
+        and drive.truth is not None
+        and goes_through_wall(drive.truth, drive.body, world.walls)
+    ):
         world = World.empty()
         drive = replace(drive, problems=(*drive.problems, ELSEWHERE))
     if target.suffix == ".gif":
@@ -83,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
 def _print_said(drive: Drive) -> None:
     for problem in drive.problems:
         print(f"note: {problem}")
-    for time, text in drive.said[:MOST_SAID]:
+    for time, text in drive.said[:MAX_EVENTS_SHOWN]:
         print(f"{time:8.2f} s  {text}")
-    if len(drive.said) > MOST_SAID:
-        print(f"and {len(drive.said) - MOST_SAID} more, all in the column event of raccoon convert")
+    if len(drive.said) > MAX_EVENTS_SHOWN:
+        print(f"and {len(drive.said) - MAX_EVENTS_SHOWN} more, all in the column event of raccoon convert")

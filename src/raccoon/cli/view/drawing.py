@@ -16,7 +16,7 @@ from raccoon.core.files import write_atomically
 from raccoon.sim.world.table import Box, Line, World
 
 FRAMES_A_SECOND = 10
-MOST_FRAMES = 600
+MAX_FRAMES = 600
 ANIMATION_DPI = 72
 MARGIN = 0.1  # m
 TRUTH, BELIEF = "#1f4e9c", "#c0392b"
@@ -50,7 +50,7 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
 
     figure, axes = _table(world, drive)
     best = drive.best
-    count = min(max(int(drive.seconds / speed * FRAMES_A_SECOND), 2), MOST_FRAMES)
+    count = min(max(int(drive.seconds / speed * FRAMES_A_SECOND), 2), MAX_FRAMES)
     moments = np.linspace(best.time[0], best.time[-1], count)
     rows = np.searchsorted(best.time, moments).clip(0, len(best.time) - 1)
     trails = _trails(axes, drive)
@@ -94,11 +94,11 @@ def _table(world: World, drive: Drive) -> tuple[Any, Any]:
     axes.set_xlabel("x, m", fontsize=8)
     axes.set_ylabel("y, m", fontsize=8)
     axes.tick_params(labelsize=7)
-    _furniture(axes, world)
+    _draw_table_parts(axes, world)
     return figure, axes
 
 
-def _furniture(axes: Any, world: World) -> None:
+def _draw_table_parts(axes: Any, world: World) -> None:
     from matplotlib.patches import Circle
 
     for light in world.lights:
@@ -111,7 +111,7 @@ def _furniture(axes: Any, world: World) -> None:
         axes.add_patch(_rectangle(axes, world.start_box, fill=False, edgecolor="0.5", linestyle=":"))
     table = None if world.area is None else _rectangle(axes, world.area, transform=axes.transData)
     for line in world.lines:
-        axes.add_patch(_strip(line)).set_clip_path(table)  # the round ends are outside it
+        axes.add_patch(_line_patch(line)).set_clip_path(table)  # the round ends are outside it
     for wall in world.walls:
         axes.plot(
             *zip(wall.start, wall.end, strict=True), color="#8d6e63", linewidth=3.0, solid_capstyle="round"
@@ -120,7 +120,7 @@ def _furniture(axes: Any, world: World) -> None:
         axes.add_patch(Circle(thing.centre, thing.radius, color="#2e7d32"))
 
 
-def _strip(line: Line) -> Any:
+def _line_patch(line: Line) -> Any:
     """A line as the simulated tophats see it: all that is within half a width of its points' way."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.cli.doing import doing_shown
+from raccoon.cli.progress import show_progress
 from raccoon.core.config import BodyConfig
 from raccoon.core.errors import TraceError
 from raccoon.sim.world.table import Wall
@@ -18,7 +18,7 @@ from raccoon.trace.loading import Run, load_run
 from raccoon.trace.problems import said_once
 
 Floats = NDArray[np.float64]
-PRESSED = 0.01
+WALL_TOLERANCE_M = 0.01
 """m by which a robot that pushes at a wall may seem to stand in it."""
 TRUTH = ("truth.x", "truth.y", "truth.heading")
 ESTIMATE = ("estimate.drive.0", "estimate.drive.1", "estimate.drive.2")
@@ -42,7 +42,7 @@ class Trajectory:
         """The first row from a moment on; the last one where there is none."""
         return min(int(np.searchsorted(self.time, time)), len(self.time) - 1)
 
-    def placed(self, x: float, y: float, heading: float) -> Trajectory:
+    def moved_to(self, x: float, y: float, heading: float) -> Trajectory:
         """The same path from another start pose."""
         cosine, sine = math.cos(heading), math.sin(heading)
         return Trajectory(
@@ -83,13 +83,13 @@ class Drive:
         return float(np.sum(np.hypot(np.diff(self.best.x), np.diff(self.best.y))))
 
 
-def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
+def load_drive(path: Path, start: Sequence[float] | None = None) -> Drive:
     """The drive in a recording.
 
     start: x, y (m) and heading (deg) on the table, which both paths are moved to; by default truth stays
     where it is and the estimate begins where truth does. Raises TraceError where there is neither.
     """
-    with doing_shown():
+    with show_progress():
         run = load_run(path)
     truth, estimate = _truth(run), _estimate(run)
     placed = None if start is None else (start[0], start[1], math.radians(start[2]))
@@ -101,40 +101,46 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
             "raccoon replay RECORDING --plot drive.svg draws what the odometry makes of it"
         )
     if truth is not None and placed is not None:
-        truth = _home(truth).placed(*placed)
+        truth = _relative_to_pose(truth).moved_to(*placed)
     if truth is not None and estimate is not None:
         # Either may begin later, or may have been cut off before: they meet at the first moment of both.
         first = max(truth.time[0], estimate.time[0])
-        estimate = _home(estimate, estimate.row_at(first)).placed(*truth.pose(truth.row_at(first)))
+        estimate = _relative_to_pose(estimate, estimate.row_at(first)).moved_to(
+            *truth.pose(truth.row_at(first))
+        )
     elif estimate is not None and placed is not None:
-        estimate = _home(estimate).placed(*placed)
+        estimate = _relative_to_pose(estimate).moved_to(*placed)
     time = run.recording["t"]
     said = tuple((float(time[event.tick]), event.text) for event in run.recording.events)
     body = BodyConfig() if run.robot is None else run.robot.body
     return Drive(truth, estimate, body, said, tuple(said_once(run.recording.problems)))
 
 
-def through_wall(path: Trajectory, body: BodyConfig, walls: Iterable[Wall]) -> bool:
+def goes_through_wall(path: Trajectory, body: BodyConfig, walls: Iterable[Wall]) -> bool:
     """Whether the robot is on both sides of a wall, or goes through it, as it only does where none is."""
-    front, back, side = body.front - PRESSED, -body.back + PRESSED, 0.5 * body.width - PRESSED
+    front, back, side = (
+        body.front - WALL_TOLERANCE_M,
+        -body.back + WALL_TOLERANCE_M,
+        0.5 * body.width - WALL_TOLERANCE_M,
+    )
     middle = np.stack([path.x, path.y], axis=1)
     ahead = np.stack([np.cos(path.heading), np.sin(path.heading)], axis=1)
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     ways = [(middle[:-1], middle[1:])]
     ways += [(middle, middle + x * ahead + y * left) for x in (front, back) for y in (side, -side)]
-    return any(_cut(start, end, wall) for start, end in ways for wall in walls)
+    return any(_crosses_wall(start, end, wall) for start, end in ways for wall in walls)
 
 
-def _cut(start: Floats, end: Floats, wall: Wall) -> bool:
+def _crosses_wall(start: Floats, end: Floats, wall: Wall) -> bool:
     """Whether a wall cuts one of the ways from a start to its end."""
     foot = np.array(wall.start)
     along = np.array(wall.end) - foot
-    beside = _cross(along, start - foot) * _cross(along, end - foot)
-    around = _cross(end - start, foot - start) * _cross(end - start, foot + along - start)
+    beside = _cross_products(along, start - foot) * _cross_products(along, end - foot)
+    around = _cross_products(end - start, foot - start) * _cross_products(end - start, foot + along - start)
     return bool(((beside < 0.0) & (around < 0.0)).any())
 
 
-def _cross(first: Floats, second: Floats) -> Floats:
+def _cross_products(first: Floats, second: Floats) -> Floats:
     """The vectors' cross products, above 0 where the second one points to the left of the first."""
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
@@ -155,8 +161,8 @@ def _path(run: Run, pose: tuple[str, str, str]) -> Trajectory | None:
     return Trajectory(*(column[known] for column in columns)) if known.sum() > 1 else None
 
 
-def _home(path: Trajectory, row: int = 0) -> Trajectory:
+def _relative_to_pose(path: Trajectory, row: int = 0) -> Trajectory:
     """The path seen from its pose at a row."""
     x, y, heading = path.pose(row)
     moved = Trajectory(path.time, path.x - x, path.y - y, path.heading)
-    return moved.placed(0.0, 0.0, -heading)
+    return moved.moved_to(0.0, 0.0, -heading)

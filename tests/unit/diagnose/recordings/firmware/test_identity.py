@@ -14,7 +14,7 @@ from blind.drives import exciting
 from blind.generator import make
 from blind.hidden import Hidden
 from emulated_drives import recorded
-from raccoon.cli.diagnose.one import Job, diagnose_job
+from raccoon.cli.diagnose.job import Job, diagnose_job
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording

@@ -1,4 +1,4 @@
-"""A model.toml that is behind its robot.toml: what a diagnosis from it finds may stand there already."""
+"""Values that robot.toml has already, which a diagnosis from an older model.toml finds again."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from raccoon.diagnose.reports.cause_text import ROBOT_TOML_KEYS, with_robot_toml
 from raccoon.diagnose.result import CauseResult, Diagnosis
 from raccoon.sim.effects.parameters import SIDES
 
-ALIKE = 2.0
-"""Standard deviations of both within which a number that was found is the one of robot.toml."""
+MAX_STDS_APART = 2.0
+"""Standard deviations of both within which a number that was found is robot.toml's."""
 
 
-def as_robot_toml_has_it(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
+def without_known_values(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
     """A diagnosis that began from a model.toml; of a number that `robot`, its robot.toml, has already it does
     not say to put it there."""
-    return replace(found, causes=tuple(_told(each, robot) for each in found.causes))
+    return replace(found, causes=tuple(_without_known_value(each, robot) for each in found.causes))
 
 
-def _told(cause: CauseResult, robot: RobotConfig) -> CauseResult:
+def _without_known_value(cause: CauseResult, robot: RobotConfig) -> CauseResult:
     if cause.id not in ROBOT_TOML_KEYS or cause.where in SIDES or not cause.parameters:
         return cause
     group = cause.id.partition(".")[0]
@@ -28,5 +28,5 @@ def _told(cause: CauseResult, robot: RobotConfig) -> CauseResult:
         next(iter(cause.parameters.values())),
         getattr(getattr(robot.model, group), ROBOT_TOML_KEYS[cause.id]),
     )
-    has_it = abs(number.value - own.value) <= ALIKE * math.hypot(number.std, own.std)
+    has_it = abs(number.value - own.value) <= MAX_STDS_APART * math.hypot(number.std, own.std)
     return with_robot_toml_value(cause, own.value) if has_it else cause

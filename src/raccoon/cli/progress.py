@@ -14,7 +14,7 @@ WIDTH = 100
 
 
 @contextmanager
-def doing_shown() -> Iterator[None]:
+def show_progress() -> Iterator[None]:
     """Inside, a line on the standard error output says what takes long, where that is a terminal; it is gone
     afterwards."""
     if not sys.stderr.isatty():

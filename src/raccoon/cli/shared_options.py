@@ -9,11 +9,11 @@ from pathlib import Path
 
 from raccoon.core.errors import ConfigError
 
-FARTHEST = 1000.0
+MAX_START_M = 1000.0
 """m; no table is so large, and beyond it a picture or a pose would lose its millimetres."""
 
 
-def add_place(parser: argparse.ArgumentParser) -> None:
+def add_place_options(parser: argparse.ArgumentParser) -> None:
     """Add `--table` and `--start`: where a simulated robot drives."""
     parser.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
     parser.add_argument(
@@ -35,7 +35,7 @@ def check_seed(seed: int) -> None:
 def check_start(start: Sequence[float]) -> None:
     """Raise ConfigError for a `--start X Y DEG` that is nowhere."""
     x, y, degrees = start
-    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST and math.isfinite(degrees)):
+    if not (abs(x) <= MAX_START_M and abs(y) <= MAX_START_M and math.isfinite(degrees)):
         shown = " ".join(f"{each:g}" for each in start)
-        allowed = f"X and Y from {-FARTHEST:g} to {FARTHEST:g} m and a number of degrees"
+        allowed = f"X and Y from {-MAX_START_M:g} to {MAX_START_M:g} m and a number of degrees"
         raise ConfigError(f"--start {shown}: allowed are {allowed}")

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from itertools import pairwise
 
-from raccoon.cli.diagnose.one import Answer
+from raccoon.cli.diagnose.job import Answer
 from raccoon.core.config import Measured, RobotConfig
 
-COMPARED = ("drive", "motors", "tophats", "model")
+COMPARED_SECTIONS = ("drive", "motors", "tophats", "model")
 """What a diagnosis takes from robot.toml."""
 
 
-def with_changes_of_robot_toml(answers: Mapping[str, Answer], called: Mapping[str, str]) -> dict[str, Answer]:
+def with_robot_toml_notes(answers: Mapping[str, Answer], called: Mapping[str, str]) -> dict[str, Answer]:
     """The answers, in their order, with a note where robot.toml changed between two recordings of a robot:
     a motor that was calibrated then seems to have been replaced. called: each one's robot."""
     from raccoon.diagnose.reports.fleet_text import shorten_names
@@ -22,7 +22,7 @@ def with_changes_of_robot_toml(answers: Mapping[str, Answer], called: Mapping[st
     for robot in dict.fromkeys(called.values()):
         own = [name for name in answers if called[name] == robot]
         for before, name in pairwise(own):
-            changed = _changed(answers[before].config, answers[name].config)
+            changed = _changed_keys(answers[before].config, answers[name].config)
             if changed:
                 told.setdefault(robot, []).append(f"from {name} on ({shorten_names(changed)})")
     found = dict(answers)
@@ -38,20 +38,22 @@ def with_changes_of_robot_toml(answers: Mapping[str, Answer], called: Mapping[st
     return found
 
 
-def _changed(one: RobotConfig, other: RobotConfig) -> list[str]:
+def _changed_keys(one: RobotConfig, other: RobotConfig) -> list[str]:
     """The keys of robot.toml that differ, of those that a diagnosis takes."""
-    first, second = ({key: it for each in COMPARED for key, it in _keys(each, getattr(robot, each))}
-                     for robot in (one, other))  # fmt: skip
+    first, second = (
+        {key: it for name in COMPARED_SECTIONS for key, it in _flatten(name, getattr(robot, name))}
+        for robot in (one, other)
+    )
     return [key for key in {**first, **second} if first.get(key) != second.get(key)]
 
 
-def _keys(name: str, value: object) -> Iterator[tuple[str, object]]:
+def _flatten(name: str, value: object) -> Iterator[tuple[str, object]]:
     """Each number below a section, by its key; a value and its deviation are one."""
     if is_dataclass(value) and not isinstance(value, Measured):
         for each in fields(value):
-            yield from _keys(f"{name}.{each.name}", getattr(value, each.name))
+            yield from _flatten(f"{name}.{each.name}", getattr(value, each.name))
     elif isinstance(value, Mapping):
         for key, each in value.items():
-            yield from _keys(f"{name}.{key}", each)
+            yield from _flatten(f"{name}.{key}", each)
     else:
         yield name, value

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from raccoon.cli.doing import doing_shown
+from raccoon.cli.progress import show_progress
 from raccoon.core.errors import RaccoonError
 from raccoon.trace.loading import Run, load_run
 
@@ -15,7 +15,7 @@ BAD_FILE = 2
 """Exit status where a file cannot be used, as of any bad input."""
 
 
-def replayed(files: Sequence[Path], work: Callable[[Run], Result]) -> tuple[list[Result], dict[str, str]]:
+def replay_each(files: Sequence[Path], work: Callable[[Run], Result]) -> tuple[list[Result], dict[str, str]]:
     """What comes of each file that can be used, and by the names of the others why not.
 
     Raises as `load_run` and the work where there is one file alone.
@@ -23,7 +23,7 @@ def replayed(files: Sequence[Path], work: Callable[[Run], Result]) -> tuple[list
     found, failed = [], {}
     for path in files:
         try:
-            with doing_shown():
+            with show_progress():
                 run = load_run(path)
             found.append(work(run))
         except (RaccoonError, OSError) as error:
@@ -34,6 +34,6 @@ def replayed(files: Sequence[Path], work: Callable[[Run], Result]) -> tuple[list
     return found, failed
 
 
-def not_replayed(name: str, reason: str) -> str:
+def not_replayed_text(name: str, reason: str) -> str:
     """The line of a file that cannot be used."""
     return f"{name}: not replayed: {reason}"

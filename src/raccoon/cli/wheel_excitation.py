@@ -9,17 +9,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raccoon.cli.measured import put_in_if_asked
-from raccoon.cli.numbers import check_seed
+from raccoon.cli.measured_values import write_if_asked
 from raccoon.cli.outputs import check_folders
+from raccoon.cli.shared_options import check_seed
 from raccoon.core.config import REAL_CONTROLLERS, Measured, RobotConfig, load_robot
 
 if TYPE_CHECKING:
     from raccoon.robot.calibration.identification import Excitation, WheelFit
 
 PORTS = ("wombat", "wombat-raccoon", "sim")
-FRESH = 1.06
-"""Of robot.toml's battery, the fullest one: of 7.2 V where it says 6.8."""
+FRESH_BATTERY_FACTOR = 1.06
+"""Voltage of the fullest battery over robot.toml's: 7.2 V where it says 6.8."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation, tuple[WheelFit, WheelFit]]:
+def excite_and_fit(
+    args: argparse.Namespace, *, bare: bool = False
+) -> tuple[Excitation, tuple[WheelFit, WheelFit]]:
     """Drive the robot ahead and back, and identify both wheels. Raises CalibrationError, HardwareError.
 
     bare: without the static compensation that robot.toml has, as a new one must not build on it.
@@ -55,7 +57,8 @@ def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation
         ports = {config.drive.left, config.drive.right}
         plain = {port: replace(config.motor(port), power_factor=Measured(1.0)) for port in ports}
         config = replace(config, motors={**config.motors, **plain})
-    print(f"the robot moves {room_of(config):.1f} m ahead and back: put it on the floor with room in front")
+    room = required_room(config)
+    print(f"the robot moves {room:.1f} m ahead and back: put it on the floor with room in front")
     with open_robot(config, seed=args.seed) as robot:
         robot.run(wait(1.0))
         seen = robot.run(excite())
@@ -63,26 +66,27 @@ def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation
         return seen, fit_wheels(seen, config, robot.inputs.device)
 
 
-def room_of(config: RobotConfig) -> float:
-    """m ahead of the robot that its drive stays within, in whole decimetres: as if no friction held it."""
+def required_room(config: RobotConfig) -> float:
+    """Room, m, ahead of the robot that its drive stays within, in whole decimetres: as if no friction held
+    it."""
     from raccoon.robot.calibration.identification import LEVEL_TIME, LEVELS
 
     model = config.model
     seconds = LEVEL_TIME * (sum(LEVELS) + sum(LEVELS[:-1]))  # of full power: up the levels and down again
-    volts = FRESH * model.battery.open_circuit_voltage.value
+    volts = FRESH_BATTERY_FACTOR * model.battery.open_circuit_voltage.value
     slowest = min(each.back_emf_constant.value for each in (model.left, model.right))
     return math.ceil(10.0 * seconds * volts / slowest * model.drive.wheel_radius.value) / 10.0
 
 
-def finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
+def show_and_write(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
     """Show what was measured by driving, and put it into robot.toml where that was asked for."""
     from raccoon.diagnose.reports.numbers import value_with_std_text
 
     for key, value in entries.items():
         print(f"{key} = {value_with_std_text(value.value, value.std)}, at {value.battery_voltage:.2f} V")
-    return put_in_if_asked(args, entries, simulated(args))
+    return write_if_asked(args, entries, is_simulated(args))
 
 
-def simulated(args: argparse.Namespace) -> bool:
+def is_simulated(args: argparse.Namespace) -> bool:
     """Whether the robot that was driven is a simulated one."""
     return (args.port or load_robot(args.robot).controller.port) not in REAL_CONTROLLERS

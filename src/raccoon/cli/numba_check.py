@@ -8,7 +8,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 
 
-def check_compiled(what: str) -> None:
+def check_numba(what: str) -> None:
     """Raise ConfigError where numba is not installed. what: a sentence that says what takes so long."""
     from raccoon.sim.plant.compiled import has_numba
 
@@ -16,8 +16,8 @@ def check_compiled(what: str) -> None:
         raise ConfigError(f"{what}; that needs numba: {install('sim')}")
 
 
-def remark_slow() -> None:
-    """A line on the standard error output where numba is not installed."""
+def warn_without_numba() -> None:
+    """Print a line on the standard error output where numba is not installed."""
     from raccoon.sim.plant.compiled import has_numba
 
     if not has_numba():

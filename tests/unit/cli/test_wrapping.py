@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from raccoon.cli.wrapped import print_wrapped
+from raccoon.cli.wrapping import print_wrapped
 
 TEXT = "  1. The floor is not level and pulls to the left: level the table.\n  motor.0.bemf   1.82 ->   1.8"
 

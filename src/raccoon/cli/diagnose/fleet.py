@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raccoon.cli.crew import crew_of
-from raccoon.cli.diagnose.one import Answer, Job, diagnose_or_reason, job_of, robot_of
-from raccoon.cli.wrapped import print_wrapped
+from raccoon.cli.crew import open_crew
+from raccoon.cli.diagnose.job import Answer, Job, diagnose_or_reason, make_job, resolve_robot
+from raccoon.cli.wrapping import print_wrapped
 
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
@@ -30,15 +30,15 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 
 
-def _numbered(jobs: Sequence[Job], number: int) -> Answer | str:
+def _diagnose_number(jobs: Sequence[Job], number: int) -> Answer | str:
     return diagnose_or_reason(jobs[number])
 
 
-def _lost(jobs: Sequence[Job], number: int) -> Answer | str:
+def _lost_worker_reason(jobs: Sequence[Job], number: int) -> Answer | str:
     return f"{jobs[number].path}: its worker died"
 
 
-def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
+def diagnose_pooled_geometry(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     """One diagnosis over runs that are all geometry of one robot, without those that cannot be used, which
     its notes say; None where they are not, or where fewer than two are left.
 
@@ -62,13 +62,13 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     for path, name in zip(paths, short_names(paths), strict=True):
         try:
             each = load_run(path)
-            own, file, _ = robot_of(each, args.robot)
+            own, file, _ = resolve_robot(each, args.robot)
             kind = kind_of(each.recording.columns, own)
             if kind is Kind.GEOMETRY:
                 prepare_run(each.recording.columns, own, each.recording.device)
                 before = seen.setdefault(each.recording.fingerprint(), name)
                 if before != name:
-                    raise TraceError(TWICE.format(before))
+                    raise TraceError(DUPLICATE_REASON.format(before))
         except (RaccoonError, OSError) as error:
             notes.append(f"{name} is left out: {str(error).removeprefix(f'{path}: ')}")
             continue
@@ -83,16 +83,16 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     if any((each.drive, each.motors) != (robot.drive, robot.motors) for each in robots):
         return None  # a tick of one is not what it is of another
     columns = [each.recording.columns for each in runs]
-    others = [_geometry(path, columns, robot) for path in args.holdout]
+    others = [_load_geometry_holdout(path, columns, robot) for path in args.holdout]
     found = diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
     unused = ((args.model, NO_MODEL), (args.causes, NO_CAUSES))
     notes += [note for given, note in unused if given is not None]
     return replace(found, notes=(*notes, *found.notes))
 
 
-def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Columns:
-    """What pooled runs are to be judged on. Raises TraceError for a recording of another kind, or one that
-    cannot be used."""
+def _load_geometry_holdout(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Columns:
+    """Load a recording to judge pooled runs on. Raises TraceError for a recording of another kind, or one
+    that cannot be used."""
     from raccoon.core.errors import CalibrationError, TraceError
     from raccoon.diagnose.recordings.geometry.diagnosis import prepare_run
     from raccoon.diagnose.recordings.holdout_check import check_holdout
@@ -111,21 +111,21 @@ def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Colu
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
-    from raccoon.cli.diagnose.compared import with_changes_of_robot_toml
+    from raccoon.cli.diagnose.common_model import make_common_model, save_common_model
     from raccoon.cli.diagnose.files import robot_names, short_names
-    from raccoon.cli.diagnose.model import common_of, save_common
+    from raccoon.cli.diagnose.robot_toml_changes import with_robot_toml_notes
     from raccoon.diagnose.fleet.summary import fleet_of
     from raccoon.diagnose.reports.fleet_text import fleet_report
 
-    jobs = {name: job_of(args, path) for name, path in zip(short_names(paths), paths, strict=True)}
-    work = Work(args)
+    jobs = {name: make_job(args, path) for name, path in zip(short_names(paths), paths, strict=True)}
+    work = JobRunner(args)
     found = dict(zip(jobs, work(list(jobs.values())), strict=True))
     said = {name: (each.robot, each.file) for name, each in found.items() if isinstance(each, Answer)}
     called = dict(zip(said, robot_names([*said.values()]), strict=True))
-    found = _each_once(found, called)
+    found = _without_duplicates(found, called)
     answers = {name: each for name, each in found.items() if isinstance(each, Answer)}
     if args.model is None:
-        answers = with_changes_of_robot_toml(answers, called)
+        answers = with_robot_toml_notes(answers, called)
     failed = {
         name: each.removeprefix(f"{path}: ")
         for (name, each), path in zip(found.items(), paths, strict=True)
@@ -136,13 +136,13 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     fleet = fleet_of({name: each.diagnosis for name, each in answers.items()}, called)
     common = None
     if args.save_model is not None and answers:
-        common = common_of(fleet, jobs, work)
+        common = make_common_model(fleet, jobs, work)
     seen = {} if common is None else common.foreseen
     try:  # files first: see the report of one recording
         if answers:
             _save(args, fleet, seen, failed)
         if common is not None and common.model is not None:
-            save_common(args.save_model, common.model, fleet)
+            save_common_model(args.save_model, common.model, fleet)
     finally:
         for name, reason in failed.items():
             print(f"{name}: no diagnosis: {reason}")
@@ -155,10 +155,12 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     return 0 if answers else 2
 
 
-TWICE = "its samples are those of {}, and count once"
+DUPLICATE_REASON = "its samples are those of {}, and count once"
 
 
-def _each_once(found: Mapping[str, Answer | str], called: Mapping[str, str]) -> dict[str, Answer | str]:
+def _without_duplicates(
+    found: Mapping[str, Answer | str], called: Mapping[str, str]
+) -> dict[str, Answer | str]:
     """The answers. Of a recording that a robot has twice, as a copy or in another form, the later one is said
     to be that: it would make what it says surer than it is. called: each one's robot; a trace has its robot
     in itself, and the CSV that was made of it beside it. Where the files alone name the robots, as in a fleet
@@ -171,7 +173,7 @@ def _each_once(found: Mapping[str, Answer | str], called: Mapping[str, str]) -> 
             whose = [called[name], *([""] if each.file is None else [])]
             before = next((first[one, each.samples] for one in whose if (one, each.samples) in first), name)
             first |= {(one, each.samples): before for one in whose}
-        once[name] = each if before == name else TWICE.format(before)
+        once[name] = each if before == name else DUPLICATE_REASON.format(before)
     return once
 
 
@@ -191,7 +193,7 @@ def _save(
         save_fleet_html(fleet, args.html, failed, seen)
 
 
-class Work:
+class JobRunner:
     """Diagnoses jobs, on the workers of the sweep where more than one is asked for. stopped: whether Ctrl-C
     ended that: what is done by then is worth its report."""
 
@@ -204,13 +206,13 @@ class Work:
         done: dict[int, Answer | str] = {}
         try:
             if not self.stopped:  # what is foreseen of each recording is as much work again
-                self._do(jobs, done)
+                self._run(jobs, done)
         except KeyboardInterrupt:
             self.stopped = True
             print("\ninterrupted: only what is done is reported", file=sys.stderr)
         return [done.get(number, "interrupted before it was done") for number in range(len(jobs))]
 
-    def _do(self, jobs: list[Job], done: dict[int, Answer | str]) -> None:
+    def _run(self, jobs: list[Job], done: dict[int, Answer | str]) -> None:
         progress = Progress(len(jobs))
         progress.show(())
         if self._args.workers == 1 and self._args.executor == "processes":
@@ -220,9 +222,9 @@ class Work:
             return
         from raccoon.sweep.execute import run_all
 
-        with crew_of(self._args) as crew:
+        with open_crew(self._args) as crew:
             for number, each in run_all(
-                partial(_numbered, jobs), range(len(jobs)), crew, partial(_lost, jobs)
+                partial(_diagnose_number, jobs), range(len(jobs)), crew, partial(_lost_worker_reason, jobs)
             ):
                 done[number] = each
                 progress.show(done.values())

@@ -8,7 +8,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raccoon.cli.diagnose.one import Answer, Job
+from raccoon.cli.diagnose.job import Answer, Job
 
 if TYPE_CHECKING:
     from raccoon.diagnose.fleet.common_model import CrossCheck
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Common:
+class CommonModel:
     """The model of a fleet, None where there is none, which `reason` says. foreseen: each recording with the
     model of the others."""
 
@@ -26,30 +26,32 @@ class Common:
     reason: str = ""
 
 
-def common_of(
+def make_common_model(
     fleet: Fleet, jobs: Mapping[str, Job], work: Callable[[list[Job]], Sequence[Answer | str]]
-) -> Common:
+) -> CommonModel:
     """Each recording is diagnosed again, from the model that the others have in common: what it foresees of a
     recording that it was not made of is what it is worth. jobs: by recording. work: diagnoses all of them."""
     from raccoon.diagnose.fleet.common_model import common_model, make_cross_check
 
     if len(fleet.names) > 1:
-        return Common(None, {}, f"the recordings are of {len(fleet.names)} robots, {', '.join(fleet.names)}")
+        return CommonModel(
+            None, {}, f"the recordings are of {len(fleet.names)} robots, {', '.join(fleet.names)}"
+        )
     names = [name for name, each in fleet.results.items() if each.model is not None]
     if not names:
-        return Common(None, {}, "this kind of recording gives no model of a robot")
+        return CommonModel(None, {}, "this kind of recording gives no model of a robot")
     if len(names) == 1:
-        return Common(None, {}, f"only {names[0]} gives a model: name it alone")
+        return CommonModel(None, {}, f"only {names[0]} gives a model: name it alone")
     again = [replace(jobs[name], model=common_model(fleet, name)) for name in names]
     found = {
         name: make_cross_check(fleet.results[name], each.diagnosis)
         for name, each in zip(names, work(again), strict=True)
         if isinstance(each, Answer)
     }
-    return Common(common_model(fleet), found)
+    return CommonModel(common_model(fleet), found)
 
 
-def save_common(path: Path, model: Parameters, fleet: Fleet) -> None:
+def save_common_model(path: Path, model: Parameters, fleet: Fleet) -> None:
     """Write the model with what it was made from, atomically."""
     from raccoon import __version__
     from raccoon.sim.effects.provenance import Provenance

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from raccoon.trace.loading import Run
     from raccoon.trace.recording import Recording
 
-    Whose = tuple[RobotConfig, Path | None, tuple[str, ...]]
+    ResolvedRobot = tuple[RobotConfig, Path | None, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +55,11 @@ def diagnose_job(job: Job) -> Answer:
 
     run = load_run(job.path)
     try:
-        whose = robot_of(run, job.robot)
+        whose = resolve_robot(run, job.robot)
     except TraceError as error:  # that of several files it is this one
         raise TraceError(f"{job.path}: {error}") from None
     robot, file, _ = whose
-    found = _diagnosed(job, [run], [job.path], whose)
+    found = _diagnose_runs(job, [run], [job.path], whose)
     return Answer(found, run.whose or robot.name, file, run.recording.fingerprint(), robot)
 
 
@@ -71,7 +71,7 @@ def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagno
     from raccoon.trace.loading import load_run
 
     runs = [load_run(path) for path in paths]
-    whose = [robot_of(each, args.robot) for each in runs]
+    whose = [resolve_robot(each, args.robot) for each in runs]
     called = [(each.whose or robot.name, file) for each, (robot, file, _) in zip(runs, whose, strict=True)]
     names = dict.fromkeys(robot_names(called))
     if len(names) > 1:
@@ -79,14 +79,14 @@ def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagno
     device = runs[0].recording.device
     for path, each in zip(paths, runs, strict=True):
         if each.recording.device != device:
-            one, other = _made_by(device), _made_by(each.recording.device)
+            one, other = _controller_text(device), _controller_text(each.recording.device)
             raise ConfigError(f"--together: {paths[0]} is of {one}, {path} of {other}")
-    found = _diagnosed(job_of(args, paths[0]), runs, paths, whose[0])
+    found = _diagnose_runs(make_job(args, paths[0]), runs, paths, whose[0])
     listed = ", ".join(f"{number} {path.name}" for number, path in enumerate(paths, 1))
     return replace(found, notes=(f"recordings that are fitted together: {listed}", *found.notes))
 
 
-def _made_by(device: Device) -> str:
+def _controller_text(device: Device) -> str:
     """The controller of a recording, where it says one."""
     return "no controller that it names" if device == SI_WORDS else f"the controller {device.name}"
 
@@ -94,9 +94,9 @@ def _made_by(device: Device) -> str:
 _NUMBERED = re.compile(r"recording (\d+)")
 
 
-def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whose) -> Diagnosis:
+def _diagnose_runs(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: ResolvedRobot) -> Diagnosis:
     """The diagnosis of runs of one robot, as one where they are several."""
-    from raccoon.cli.diagnose.behind import as_robot_toml_has_it
+    from raccoon.cli.diagnose.known_values import without_known_values
     from raccoon.core.errors import HoldoutError, TraceError
     from raccoon.diagnose.own import load_own
     from raccoon.diagnose.recordings.diagnosis import diagnose_recording
@@ -108,13 +108,13 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
     own = () if job.causes is None else load_own(job.causes)
     holdout = None if job.holdout is None else load_run(job.holdout).recording
     if start is not None and job.robot is not None:  # wheels and sensors are where robot.toml has them now
-        start = replace(start, robot=_wired_as(robot, start))
+        start = replace(start, robot=_with_model_numbers(robot, start))
     first, *others = (each.recording for each in runs)
     problems = list(first.problems) if not others else [
         f"{path}: {each}" for path, run in zip(paths, runs, strict=True) for each in run.recording.problems
     ]  # fmt: skip
     if holdout is not None:
-        problems += [f"--holdout {job.holdout}: {each}" for each in _of_holdout(holdout, first)]
+        problems += [f"--holdout {job.holdout}: {each}" for each in _holdout_problems(holdout, first)]
     try:
         found = diagnose_recording(
             first.columns,
@@ -126,7 +126,7 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
             device=first.device,
             problems=(*problems, *(told if start is None else ())),
             own=own,
-            port=job.port or _port_written(file),
+            port=job.port or _written_port(file),
         )
     except HoldoutError as error:
         raise TraceError(f"--holdout {job.holdout}: {error}") from None
@@ -134,18 +134,18 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
         if others and _NUMBERED.search(str(error)):
             raise TraceError(_NUMBERED.sub(lambda it: str(paths[int(it[1]) - 1]), str(error))) from None
         raise TraceError(f"{job.path}: {error}" if not others else f"--together: {error}") from None
-    return found if start is None else as_robot_toml_has_it(found, robot)
+    return found if start is None else without_known_values(found, robot)
 
 
-def _of_holdout(holdout: Recording, first: Recording) -> list[str]:
-    """What is to be said of a recording to judge on, beside the one that is diagnosed."""
+def _holdout_problems(holdout: Recording, first: Recording) -> list[str]:
+    """Problems of a recording to judge on, and whether its controller differs from that of the first."""
     if holdout.device == first.device:
         return holdout.problems
-    one, other = _made_by(holdout.device), _made_by(first.device)
+    one, other = _controller_text(holdout.device), _controller_text(first.device)
     return [*holdout.problems, f"it is of {one}, and judged as if it were of {other}"]
 
 
-def _wired_as(robot: RobotConfig, model: Parameters) -> RobotConfig:
+def _with_model_numbers(robot: RobotConfig, model: Parameters) -> RobotConfig:
     """The robot with the model's numbers, and those of its tophats that the model knows something of."""
     ports = {each.analog for each in robot.tophats.values()}
     known = {where for _, where in model.effects}
@@ -157,7 +157,7 @@ def _wired_as(robot: RobotConfig, model: Parameters) -> RobotConfig:
     return replace(robot, model=model.robot.model, tophats={**robot.tophats, **more})
 
 
-def robot_of(run: Run, named: Path | None) -> Whose:
+def resolve_robot(run: Run, named: Path | None) -> ResolvedRobot:
     """The robot of a run, the robot.toml that it is of, and a note where nobody said which it is.
 
     Raises ConfigError, and TraceError for a recording without samples.
@@ -178,7 +178,7 @@ def robot_of(run: Run, named: Path | None) -> Whose:
     return robot, near, (said,)
 
 
-def _port_written(robot: Path | None) -> str | None:
+def _written_port(robot: Path | None) -> str | None:
     """controller.port where a robot.toml has the line, None where it leaves the default."""
     from raccoon.core.config import parse_toml
 
@@ -203,7 +203,7 @@ def diagnose_or_reason(job: Job) -> Answer | str:
         return f"{type(error).__name__}: {error}"
 
 
-def job_of(args: argparse.Namespace, path: Path) -> Job:
+def make_job(args: argparse.Namespace, path: Path) -> Job:
     """What a worker needs for one recording. Raises ConfigError for several files to judge on."""
     from raccoon.core.errors import ConfigError
 
