@@ -22,7 +22,7 @@ from raccoon.diagnose.recordings.holdout_check import check_holdout
 from raccoon.diagnose.recordings.joint_checks import check_joint_recordings
 from raccoon.diagnose.recordings.kind import Kind, as_float_columns, check_robot, kind_of
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
-from raccoon.diagnose.recordings.motors.step_response import diagnose_step, step_port
+from raccoon.diagnose.recordings.motors.step_response import diagnose_step_response, step_port
 from raccoon.diagnose.recordings.no_comparison import diagnose_without_comparison
 from raccoon.diagnose.recordings.plausibility.overridden_model import overridden_model_notes
 from raccoon.diagnose.recordings.rows.repeated import without_duplicate_times
@@ -92,7 +92,7 @@ def diagnose_recording(
             row_notes = (*row_notes, *(f"the other recording: {each}" for each in row_notes_of_holdout))
             holdout_note = check_holdout(columns, holdout, kind, kind_of(holdout, robot))
     if kind is Kind.STEP:
-        found = diagnose_step(columns, step_port(columns) or 0)
+        found = diagnose_step_response(columns, step_port(columns) or 0)
     elif kind is Kind.MOTORS:
         found = diagnose_motors(columns, robot, holdout)
     elif kind is Kind.GEOMETRY:

@@ -59,11 +59,11 @@ def _shared_sample_share(
 ) -> float:
     """Share of the holdout's samples that are in the recording, at the same time with the same numbers."""
     names = [name for name in columns if name in holdout and name != "t"]
-    _, ours, theirs = np.intersect1d(time, other, return_indices=True)
-    if not names or len(ours) == 0:
+    _, rows, holdout_rows = np.intersect1d(time, other, return_indices=True)
+    if not names or len(rows) == 0:
         return 0.0
-    alike = [
-        np.isclose(columns[name][ours], holdout[name][theirs], rtol=1e-9, atol=0.0, equal_nan=True)
+    are_equal = [
+        np.isclose(columns[name][rows], holdout[name][holdout_rows], rtol=1e-9, atol=0.0, equal_nan=True)
         for name in names
     ]
-    return float(np.all(alike, axis=0).sum()) / len(other)
+    return float(np.all(are_equal, axis=0).sum()) / len(other)

@@ -11,19 +11,19 @@ from raccoon.diagnose.recordings.axis.log import AxisLog
 from raccoon.diagnose.recordings.axis.rough_estimate import RoughAxis
 
 MAX_ASYMMETRY = 0.95
-"""Of friction, by which it may differ by direction at most."""
+"""Share of friction by which it may differ by direction at most."""
 MAX_LATENCY_S = 0.25
-"""s by which a command may be late at most."""
+"""s; longest latency that is tried."""
 LATENCY_SCAN = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 DEAD_BAND_SCAN = (0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0)
-"""u that are tried before a fit."""
+"""Values of u that are scanned before a fit."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisCause:
-    """An effect of the catalogue. numbers: of the axis model, that it frees. names: their names in the
-    contract. starts: u to begin a fit from. scan: u of its one number that are tried first, where a fit does
-    not find its way from afar. An effect may be here twice, with two rules; one of them is named."""
+    """An effect of the catalogue. parameters: of the axis model, that it frees. contract_names: their names
+    in the contract. starts: u to begin a fit from. scan: u of its one parameter that are tried first, where a
+    fit does not converge from afar. An effect may be here twice, with two rules; one of them is named."""
 
     id: str
     parameters: tuple[FreeParameter, ...]
@@ -82,7 +82,7 @@ def _non_negative_cause(
     high: float = math.inf,
     scan: tuple[float, ...] = (),
 ) -> AxisCause:
-    """A cause of one number that is not below 0."""
+    """A cause of one parameter that is not below 0."""
     free = FreeParameter(model_name, 0.0, width, low=0.0, high=high, prior=True)
     return AxisCause(id, (free,), (contract_name,), (start,), scan)
 
@@ -93,13 +93,13 @@ def constant_force(rough: RoughAxis) -> FreeParameter:
 
 
 def dry_friction_asymmetry() -> FreeParameter:
-    """Of dry friction, forwards more than backwards."""
+    """By how much dry friction is larger forwards than backwards, over its mean."""
     return FreeParameter("asymmetry", 0.0, 0.4, low=-MAX_ASYMMETRY, high=MAX_ASYMMETRY, prior=True)
 
 
 def _direction_cause(log: AxisLog, is_mechanism: bool) -> AxisCause:
-    """Asymmetric dry friction is a constant force as long as the axis moves: where the base model has that
-    force, only the viscous part can be told."""
+    """Friction that differs by direction. Asymmetric dry friction is a constant force as long as the axis
+    moves: where the base model has that force, only the viscous part can be told."""
     viscous = FreeParameter("viscous_asymmetry", 0.0, 0.4, low=-MAX_ASYMMETRY, high=MAX_ASYMMETRY, prior=True)
     dry = dry_friction_asymmetry()
     id_ = "friction.direction_dependent"
@@ -120,7 +120,7 @@ def _stiction_cause(rough: RoughAxis) -> AxisCause:
 
 
 def unit_of(name: str, log: AxisLog) -> str:
-    """Unit of a number of the model for this axis."""
+    """Unit of a parameter of the model for this axis."""
     torque, speed = log.torque_unit, log.speed_unit
     per_speed = speed.replace("/s", "")
     units: Mapping[str, str] = {

@@ -17,8 +17,8 @@ from raccoon.diagnose.recordings.axis.fit import BOUND_TOLERANCE
 from raccoon.diagnose.recordings.axis.judge import (
     JudgedAxis,
     combined_error,
+    error_with_equivalent,
     error_with_rival,
-    error_with_twin,
     judge_axis,
     model_errors,
 )
@@ -43,17 +43,17 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_ERROR_OVER_FLOOR = 3.0
-"""Noise floors that a speed or current may be off by before what is left is large. A position's error grows
-with every push, so there only the share counts."""
+"""Error of a speed or current over its noise floor above which the rest is large. A position's error grows
+with every disturbance, so there only the share counts."""
 MIN_RIVAL_COSINE = 0.95
-"""Cosine of what two causes change from which they are the same to the data."""
+"""Cosine between what two causes change above which the data cannot tell them apart."""
 MAX_RIVAL_ERROR_RATIO = 1.1
-"""Times the error on unseen data up to which another cause foresees it as well."""
+"""Times the held-out error up to which another cause predicts as well."""
 EQUIVALENT_CAUSES = {
     "drive.slope": "friction.direction_dependent",
     "friction.direction_dependent": "drive.slope",
 }
-"""Causes that are one term of the equations while the axis moves, as long as there is dry friction."""
+"""Causes that are the same term of the equations while the axis moves, as long as there is dry friction."""
 INVISIBLE_CAUSES = {
     "battery.internal_resistance": "not visible: battery.voltage is missing, or a current",
     "motor.heating": "not visible: it takes minutes of load and a current",
@@ -63,7 +63,7 @@ INVISIBLE_CAUSES = {
 
 @dataclass(frozen=True, slots=True)
 class AxisName:
-    """Which axis it is. where: of its causes in the contract. words: for people."""
+    """Which axis it is. where: the place of its causes in the contract. text: for people."""
 
     where: str | None
     text: str
@@ -87,20 +87,22 @@ def diagnose_axis(columns: Columns, port: int, name: AxisName, holdout: Columns 
 def _diagnosis(judged: JudgedAxis, name: AxisName, begin: float) -> Diagnosis:
     causes = tuple(_cause(judged, name, index) for index in range(len(judged.causes)))
     channels = _channels(judged)
-    rest = _remaining_share(channels[0])
+    remaining_share = _remaining_share(channels[0])
     is_far_from_floor = judged.log.is_speed and any(
         each.rmse_after > MAX_ERROR_OVER_FLOOR * each.noise_floor for each in channels
     )
     dependences = (
-        residual_dependence(judged.heldout_data, judged.fit) if is_far_from_floor or rest > 0.1 else ()
+        residual_dependence(judged.heldout_data, judged.fit)
+        if is_far_from_floor or remaining_share > 0.1
+        else ()
     )
-    has_large_rest = is_far_from_floor or (rest > LARGE_REST and bool(dependences))
+    has_large_rest = is_far_from_floor or (remaining_share > LARGE_REST and bool(dependences))
     return Diagnosis(
         _verdict(bool(causes), has_large_rest),
         channels,
         causes,
         _rejected(judged, name),
-        Unexplained(rest, dependences),
+        Unexplained(remaining_share, dependences),
         (),
         time.perf_counter() - begin,
         None,
@@ -118,7 +120,7 @@ def _verdict(has_causes: bool, has_large_rest: bool) -> Verdict:
 
 
 def _remaining_share(channel: ChannelResult) -> float:
-    """Share of the squared error before, less the noise, that is left."""
+    """Share of the squared error, less that of the noise floor, that is left after the causes."""
     before, after, floor = (
         each**2 for each in (channel.rmse_before, channel.rmse_after, channel.noise_floor)
     )
@@ -151,20 +153,20 @@ def _cause(judged: JudgedAxis, axis_name: AxisName, index: int) -> CauseResult:
 
 
 def _std(name: str, stds: Mapping[str, float], log: AxisLog) -> float:
-    """Deviation of a number. When a command began to act is not known better than to a sample."""
+    """Standard deviation of a parameter. A latency is not known better than to a sample."""
     return math.hypot(stds[name], log.step / math.sqrt(12.0)) if name == "latency" else stds[name]
 
 
 def _probability(tried: TriedCause, odds: float) -> float:
-    """That the data ask for it at all, shared with what cannot be told from it."""
+    """Probability that the data ask for the cause, shared with what cannot be told from it by these odds."""
     return 1.0 / (1.0 + odds + math.exp(-min(tried.evidence / 2.0, 30.0)))
 
 
 def _rivals(judged: JudgedAxis, tried: TriedCause) -> dict[str, float]:
     """Causes that cannot be told from this one, with their odds against it.
 
-    Candidates with as much evidence at the same step, that move the data in the same direction and foresee
-    unseen data as well; and the one that is the same term of the equations while the axis moves."""
+    These are candidates with as much evidence at the same step that change the data in the same direction and
+    predict held-out data as well, and the one that is the same term of the equations while the axis moves."""
     limit = MAX_RIVAL_ERROR_RATIO * combined_error(judged.after, judged.floor)
     found = {
         each.cause.id: math.exp(min(0.5 * (each.evidence - tried.evidence), 30.0))
@@ -173,9 +175,9 @@ def _rivals(judged: JudgedAxis, tried: TriedCause) -> dict[str, float]:
         and cause_similarity(tried.fit, tried.cause, each.fit, each.cause) > MIN_RIVAL_COSINE
         and error_with_rival(judged, each, replaced=tried) < limit
     }
-    twin = EQUIVALENT_CAUSES.get(tried.cause.id)
-    if twin is not None and twin not in found and error_with_twin(judged) < limit:
-        found[twin] = 1.0
+    equivalent = EQUIVALENT_CAUSES.get(tried.cause.id)
+    if equivalent is not None and equivalent not in found and error_with_equivalent(judged) < limit:
+        found[equivalent] = 1.0
     return found
 
 
@@ -207,13 +209,13 @@ def _rejected(judged: JudgedAxis, axis_name: AxisName) -> tuple[Rejected, ...]:
         Rejected(each.cause.id + suffix, "it improves the fit but not the data that the fit has not seen")
         for each in judged.unhelpful
     ]
-    told = named | {each.cause.id for each in judged.unhelpful}
-    # The better one of two rules of one effect comes last, and stays.
+    judged_ids = named | {each.cause.id for each in judged.unhelpful}
+    # Of two rules of one effect the better one comes last, and stays.
     tried = {each.cause.id: each for each in sorted(judged.search.tried, key=lambda each: each.evidence)}
     found += [
         Rejected(each.cause.id + suffix, _rejection_reason(each))
         for each in judged.search.tried
-        if each.cause.id not in told and tried[each.cause.id] is each
+        if each.cause.id not in judged_ids and tried[each.cause.id] is each
     ]
     return (*found, *(Rejected(id_, reason) for id_, reason in INVISIBLE_CAUSES.items()))
 

@@ -1,7 +1,7 @@
-"""Fit an axis' numbers to its motion by simulation error over stretches of two time constants.
+"""Fits an axis' parameters to its motion by simulation error over stretches of two time constants.
 
-Why stretches: a position is an integral, so a free run over the whole recording is ruled by the few moments
-where the axis sticks, and finds no friction at all. A speed forgets, and is run on freely.
+Why stretches: a position is an integral, so a free simulation over the whole recording is dominated by the
+few moments where the axis sticks, and finds no friction at all. A speed forgets, and is simulated for longer.
 """
 
 from __future__ import annotations
@@ -24,30 +24,32 @@ RowFilter = Callable[[Rows], NDArray[np.bool_]]
 """Which rows of a recording count."""
 
 SECANT_STEP = 1e-3
-"""Widths over which a column is the difference of two simulations."""
+"""Step in u of the secants that make the Jacobian."""
 DAMPINGS = (1e-6, 1e-2, 1.0, 100.0)
-"""Of Levenberg and Marquardt's method, all tried at once: side by side simulations cost little."""
+"""Levenberg-Marquardt dampings, all tried at once: simulations side by side cost little."""
 MAX_STEPS, MIN_RELATIVE_GAIN = 20, 1e-5
-"""Most steps of a fit, and the part of its cost up to which a step that gains no more is the last."""
+"""Most steps of a fit, and gain of a step, over the cost, up to which it is the last."""
 BOUND_TOLERANCE = 1.02
-"""Times a bound, up to which a number is said to be at it."""
+"""Factor from a bound within which a parameter is said to be at it."""
 MAX_POSITION_ROWS, MAX_SPEED_ROWS = 100, 8000
-"""Of a stretch, that are compared at most."""
+"""Most rows of a stretch that are compared."""
 MIN_STRETCHES = 10
-"""Of a position, that a recording is cut into at least."""
+"""Stretches that a recording of a position is cut into at least."""
 RUN_TIME_CONSTANTS, RUN_SECONDS = 20.0, 60.0
-"""A speed is run on freely for the longer of the two."""
+"""A stretch of a speed lasts for the longer of the two."""
 MAX_LOG_CHANGE = 200.0
-"""Most by which the logarithm of a number may change."""
+"""Most by which the logarithm of a parameter may change."""
 MAX_RESIDUAL = 1e60
-"""Times the noise, of which squares can still be added up."""
+"""Largest whitened residual, of which squares can still be summed."""
 
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One number of the model. start: value at u = 0. width: change at u = 1, in the logarithm where
-    `positive`.
-    low, high: bounds of the value. prior: whether u is held near 0 with a standard deviation of 1."""
+    """One parameter of the model, with the dimensionless coordinate u that is fitted.
+
+    start: value at u = 0. width: change at u = 1, of the logarithm where `positive`. low, high: bounds of the
+    value. prior: whether u has a normal prior around 0 with a standard deviation of 1.
+    """
 
     name: str
     start: float
@@ -58,13 +60,12 @@ class FreeParameter:
     prior: bool = False
 
     def is_at_bound(self, value: float) -> bool:
-        """Whether a value of a number that is positive by nature stands at a bound: there it was not found,
-        only not allowed to go on."""
+        """Whether the value of a positive parameter is at a bound: then it was not found, only limited."""
         return self.positive and (value <= BOUND_TOLERANCE * self.low or value >= self.high / BOUND_TOLERANCE)
 
     def value(self, u: Array) -> Array:
-        """The number at u."""
-        # Where nothing holds a number a step may be any size: its exponential must stay a number.
+        """The value at u."""
+        # Without a prior a step may have any size: its exponential must stay finite.
         change = np.clip(self.width * u, -MAX_LOG_CHANGE, MAX_LOG_CHANGE) if self.positive else self.width * u
         value = self.start * np.exp(change) if self.positive else self.start + change
         return np.asarray(np.clip(value, self.low, self.high))
@@ -72,19 +73,19 @@ class FreeParameter:
 
 @dataclass(frozen=True, slots=True)
 class AxisFit:
-    """Fitted u of `numbers`, whitened residual (rows,) and Jacobian (rows, k) there, without prior rows.
+    """Fitted u of `parameters`, whitened residual (rows,) and Jacobian (rows, k) there, without prior rows.
 
-    group (rows,): the stretch of each row."""
+    group_of_row (rows,): the stretch, or piece of time, of each row."""
 
     parameters: tuple[FreeParameter, ...]
     u: Array
     residual: Array
     jacobian: Array
-    stretch_of_row: NDArray[np.intp]
+    group_of_row: NDArray[np.intp]
 
     @property
     def values(self) -> Mapping[str, float]:
-        """The numbers by name."""
+        """The parameters' values by name."""
         return {
             each.name: float(each.value(np.asarray(u)))
             for each, u in zip(self.parameters, self.u, strict=True)
@@ -97,14 +98,14 @@ class AxisFit:
         return float(self.residual @ self.residual + self.u[has_prior] @ self.u[has_prior])
 
     def stds(self) -> Mapping[str, float]:
-        """Standard deviations by the spread of the stretches' own scores (a sandwich): residuals within a
-        stretch are one push of the same disturbance, not so many independent ones."""
+        """Standard deviations by name, by the spread of the groups' scores (a sandwich estimate): residuals
+        within a stretch come from one disturbance and are not independent."""
         J = self.jacobian
         prior = np.diag([float(each.prior) for each in self.parameters])
         inverse = np.linalg.pinv(J.T @ J + prior)
-        count = int(self.stretch_of_row.max()) + 1
+        count = int(self.group_of_row.max()) + 1
         scores = np.zeros((count, len(self.u)))
-        np.add.at(scores, self.stretch_of_row, J * self.residual[:, None])
+        np.add.at(scores, self.group_of_row, J * self.residual[:, None])
         spread = scores.T @ scores * count / max(count - 1, 1) + prior
         std = np.sqrt(np.maximum(np.diag(inverse @ spread @ inverse), 0.0))
         return {
@@ -142,8 +143,9 @@ class AxisData:
         lanes = error.shape[1]
         return np.asarray(np.nan_to_num(np.moveaxis(error, 1, 0).reshape(lanes, -1)))
 
-    def stretch_of_rows(self) -> NDArray[np.intp]:
-        """Index of a piece of time for each row of the residual."""
+    def group_of_rows(self) -> NDArray[np.intp]:
+        """Index of a group for each row of the residual: its stretch, or of few stretches a twelfth of the
+        time."""
         rows = self.stretches.rows()
         if len(self.stretches.first) > 5:
             group = np.broadcast_to(np.arange(rows.shape[1])[None, :], rows.shape)
@@ -167,17 +169,17 @@ def fit_axis(data: AxisData, parameters: Sequence[FreeParameter], start: Array |
         errors = data.residuals(parameters, trials)
         costs = (errors**2).sum(axis=1) + (prior * trials**2).sum(axis=1)
         best = int(np.argmin(costs))
-        gained = cost - float(costs[best])
-        if gained > 0.0:
+        gain = cost - float(costs[best])
+        if gain > 0.0:
             u, residual, cost = trials[best], errors[best], float(costs[best])
             J = _jacobian(data, parameters, u, residual, bounds)
-        if gained <= MIN_RELATIVE_GAIN * cost:
+        if gain <= MIN_RELATIVE_GAIN * cost:
             break
-    return AxisFit(tuple(parameters), u, residual, J, data.stretch_of_rows())
+    return AxisFit(tuple(parameters), u, residual, J, data.group_of_rows())
 
 
 def _check_finite(residual: Array) -> None:
-    """Raise TraceError where the model has no numbers for a motion."""
+    """Raise TraceError where the simulation diverges from the motion beyond what can be fitted."""
     if len(residual) and float(np.abs(residual).max()) >= MAX_RESIDUAL:
         raise TraceError(
             "no numbers of a motor or an axis give such a motion: are its effort, its motion and its current "
@@ -186,7 +188,7 @@ def _check_finite(residual: Array) -> None:
 
 
 def _bounds(parameters: Sequence[FreeParameter]) -> tuple[Array, Array]:
-    """Limits of u."""
+    """Lower and upper bounds of u."""
 
     def inverse(each: FreeParameter, value: float) -> float:
         if math.isinf(value):
@@ -208,7 +210,7 @@ def _jacobian(
     residual: Array,
     bounds: tuple[Array, Array],
 ) -> Array:
-    # At the upper bound the secant goes inwards.
+    # At the upper bound the secant points inwards.
     steps = np.where(u + SECANT_STEP > bounds[1], -SECANT_STEP, SECANT_STEP)
     errors = data.residuals(parameters, u + np.diag(steps))
     return np.asarray((errors - residual).T / steps)
@@ -221,59 +223,64 @@ def _trial_points(J: Array, residual: Array, u: Array, prior: Array, bounds: tup
     return np.clip(u + np.array(steps), *bounds)
 
 
-def stretch_duration(constant: float) -> float:
-    """s, two time constants, rounded (by ratio) to 1, 2 or 5 times a power of ten."""
-    exponent = math.log10(2.0 * constant)
+def stretch_duration(time_constant: float) -> float:
+    """Two time constants, s, rounded (by ratio) to 1, 2 or 5 times a power of ten."""
+    exponent = math.log10(2.0 * time_constant)
     decade = math.floor(exponent)
     choices = [decade + math.log10(each) for each in (1.0, 2.0, 5.0, 10.0)]
     return float(10.0 ** min(choices, key=lambda each: abs(each - exponent)))
 
 
-def cut_stretches(log: AxisLog, constant: float, keep: RowFilter, overlap: int) -> Stretches | None:
-    """Stretches for a time constant in s. keep: which rows count. overlap: stretches over any instant.
+def cut_stretches(log: AxisLog, time_constant: float, keep: RowFilter, overlap: int) -> Stretches | None:
+    """Stretches for a time constant in s; None where not a single one fits.
 
-    None where not a single one fits."""
+    keep: which rows count. overlap: how many stretches cover an instant."""
     count = len(log.time)
     if log.is_speed:
-        length = min(count, round(max(RUN_TIME_CONSTANTS * constant, RUN_SECONDS) / log.step) + 1)
+        length = min(count, round(max(RUN_TIME_CONSTANTS * time_constant, RUN_SECONDS) / log.step) + 1)
         if length >= count:
-            return _make_stretches(log, np.zeros(1, np.intp), count, constant, keep)
+            return _make_stretches(log, np.zeros(1, np.intp), count, time_constant, keep)
     else:
-        seconds = min(stretch_duration(constant), stretch_duration(0.5 * count * log.step / MIN_STRETCHES))
+        seconds = min(
+            stretch_duration(time_constant), stretch_duration(0.5 * count * log.step / MIN_STRETCHES)
+        )
         length = min(count, round(seconds / log.step) + 1)
     first_rows = np.arange(0, count - length + 1, max(1, (length - 1) // overlap)).astype(np.intp)
     kept_rows = [index for index in first_rows if keep(np.arange(index, index + length, dtype=np.intp)).all()]
-    if log.is_speed and not kept_rows:  # as where the last 30 % of 100 s are kept, and a run is 60 s
+    if log.is_speed and not kept_rows:  # as where 30 of 100 s are kept and a stretch is 60 s
         is_kept = keep(np.arange(count, dtype=np.intp))
         begin, end = max(runs(is_kept), key=lambda each: each[1] - each[0], default=(0, 0))
         length = min(length, end - begin)
         kept_rows = [np.intp(begin)] if length > 1 else []
-    return _make_stretches(log, np.array(kept_rows, np.intp), length, constant, keep) if kept_rows else None
+    return (
+        _make_stretches(log, np.array(kept_rows, np.intp), length, time_constant, keep) if kept_rows else None
+    )
 
 
 def _samples_per_row(log: AxisLog, length: int) -> int:
-    """Samples to a row: a position is smooth and needs few, a speed's noise averages over many."""
+    """Samples per compared row: a position is smooth and needs few rows, a speed's noise averages over
+    many."""
     return max(1, (length - 1) // (MAX_SPEED_ROWS if log.is_speed else MAX_POSITION_ROWS))
 
 
 def _make_stretches(
-    log: AxisLog, first: NDArray[np.intp], length: int, constant: float, keep: RowFilter
+    log: AxisLog, first: NDArray[np.intp], length: int, time_constant: float, keep: RowFilter
 ) -> Stretches:
     from scipy.signal import savgol_filter
 
     known = np.isfinite(log.motion)
-    filled = np.interp(log.time, log.time[known], log.motion[known])
-    width = 2 * max(3, round(constant / 30.0 / log.step)) + 1
-    width = min(width, 2 * ((len(filled) - 1) // 2) - 1)
+    motion = np.interp(log.time, log.time[known], log.motion[known])
+    width = 2 * max(3, round(time_constant / 30.0 / log.step)) + 1
+    width = min(width, 2 * ((len(motion) - 1) // 2) - 1)
     order = 0 if log.is_speed else 1
-    smooth = savgol_filter(filled, width, 2)
-    speed = smooth if order == 0 else savgol_filter(filled, width, 2, deriv=1, delta=log.step)
+    smooth = savgol_filter(motion, width, 2)
+    speed = smooth if order == 0 else savgol_filter(motion, width, 2, deriv=1, delta=log.step)
     if log.is_speed:
-        speed = np.where(np.arange(len(speed)) == 0, filled[0], speed)
+        speed = np.where(np.arange(len(speed)) == 0, motion[0], speed)
     every = _samples_per_row(log, length)
     rows = first[None, :] + np.arange(0, length, every, dtype=np.intp)[:, None]
     weight = keep(rows).astype(float)
     weight[0] = 0.0 if not log.is_speed else weight[0]
     current = None if log.current is None or not log.is_electrical else log.current[rows]
-    position = filled[first] if not log.is_speed else np.zeros(len(first))
+    position = motion[first] if not log.is_speed else np.zeros(len(first))
     return Stretches(first, len(rows), every, position, speed[first], log.motion[rows], current, weight)

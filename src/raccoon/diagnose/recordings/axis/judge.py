@@ -1,4 +1,4 @@
-"""What the causes of an axis are worth on data that no fit has seen."""
+"""Judges the causes of an axis on held-out data, which no fit has seen."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from raccoon.diagnose.recordings.axis.search import AxisSearch, TriedCause, sear
 Array = NDArray[np.float64]
 
 MIN_GAIN = 0.03
-"""Share of the error on unseen data that a cause must save to be named."""
+"""Share of the held-out error that a cause must save to be named."""
 MIN_SIZE = 0.1
-"""Share of its usual size (its width) below which a cause is nothing that a team could act on."""
+"""Size of a cause over its usual size (its width) below which a team could do nothing about it."""
 LARGE_GAIN = 0.3
-"""Share of the error on unseen data from which a cause is named however small it is."""
+"""Share of the held-out error from which a cause is named however small it is."""
 OVERLAP = 2
-"""Stretches that are fitted over any instant."""
+"""Fitted stretches that cover an instant."""
 TINY = 1e-12
-"""In the place of an error, or a friction, of 0 that is divided by."""
+"""Replaces an error, or a friction, of 0 in a denominator."""
 MIN_TIME_CONSTANTS = 4.0
 """Time constants that a recording must last."""
 
@@ -36,11 +36,11 @@ MIN_TIME_CONSTANTS = 4.0
 class JudgedAxis:
     """An axis with its causes, best first.
 
-    data: what was fitted. unseen: what it was judged on. before, after: error of (motion, current) on unseen
-    data without causes and with them. floor: what every candidate together leaves of the data it was fitted
-    to; nothing known does better. without: error on unseen data over the floor, both channels together,
-    without each cause. useless: causes with evidence that do not help unseen data. final: the fit that gives
-    the numbers, on everything there is of the recording.
+    data: what was fitted. heldout_data: what it was judged on. before, after: held-out error of (motion,
+    current) without causes and with them. floor: error that all candidates together leave in the fitted data;
+    nothing known does better. errors_without: held-out error over the floor, both channels combined, without
+    each cause. unhelpful: causes with evidence that do not help held-out data. final_fit: the fit that gives
+    the numbers, to the whole recording.
     """
 
     rough: RoughAxis
@@ -78,7 +78,7 @@ def judge_axis(log: AxisLog, holdout: AxisLog | None) -> JudgedAxis:
         heldout_data = _make_data(log, rough, lambda rows: rows >= log.holdout_row, 1)
     causes = axis_causes(log, rough)
     search = search_axis(data, rough.parameters, causes)
-    # All candidates at once may get lost where the named ones did not.
+    # The saturated fit may not converge where that of the selected causes did.
     floor = np.maximum(
         np.fmin(channel_errors(data, search.saturated), channel_errors(data, search.fit)), TINY
     )
@@ -135,14 +135,14 @@ def _refit_on_everything(log: AxisLog, rough: RoughAxis, data: AxisData, fit: Ax
 
 @dataclass(slots=True)
 class _FitCache:
-    """The base model with any set of causes, each set fitted once, from where the search had ended."""
+    """Fits of the base model with sets of causes, each fitted once, from where the search had ended."""
 
     data: AxisData
     search: AxisSearch
     by_causes: dict[frozenset[str], AxisFit] = field(default_factory=dict)
 
     def fit_with(self, causes: Sequence[TriedCause]) -> AxisFit:
-        """The fit with exactly these."""
+        """The fit with exactly these causes."""
         key = frozenset(each.cause.id for each in causes)
         if key not in self.by_causes:
             found = dict(zip((n.name for n in self.search.fit.parameters), self.search.fit.u, strict=True))
@@ -153,24 +153,24 @@ class _FitCache:
 
 
 def error_with_rival(judged: JudgedAxis, rival: TriedCause, replaced: TriedCause) -> float:
-    """Error on unseen data over the floor with another cause in place of a named one."""
+    """Held-out error over the floor with another cause in place of a named one."""
     kept = [each for each in judged.causes if each is not replaced]
-    numbers = [
+    parameters = [
         *judged.search.base.parameters,
         *(number for each in (*kept, rival) for number in each.cause.parameters),
     ]
     starts = dict(zip((each.name for each in judged.fit.parameters), judged.fit.u, strict=True))
     starts |= dict(zip((each.name for each in rival.fit.parameters), rival.fit.u, strict=True))
-    fit = fit_axis(judged.data, numbers, np.array([starts[each.name] for each in numbers]))
+    fit = fit_axis(judged.data, parameters, np.array([starts[each.name] for each in parameters]))
     return combined_error(channel_errors(judged.heldout_data, fit), judged.floor)
 
 
-def error_with_twin(judged: JudgedAxis) -> float:
-    """The same with a constant force in place of dry friction that differs by direction, or the other way
-    round, from where both are one; infinite where they cannot be exchanged."""
+def error_with_equivalent(judged: JudgedAxis) -> float:
+    """Held-out error over the floor with a constant force in place of dry friction that differs by direction,
+    or the other way round, started from the equivalent value; infinite where they cannot be exchanged."""
     found = judged.fit.values
     coulomb = found.get("coulomb", 0.0)
-    old, new, value = (
+    old_name, new_parameter, value = (
         ("offset", dry_friction_asymmetry(), found.get("offset", 0.0) / max(coulomb, TINY))
         if "offset" in found
         else ("asymmetry", constant_force(judged.rough), found.get("asymmetry", 0.0) * coulomb)
@@ -178,29 +178,31 @@ def error_with_twin(judged: JudgedAxis) -> float:
     base = {each.name for each in judged.search.base.parameters}
     if (
         coulomb <= 0.0
-        or old not in found
-        or old in base
-        or new.name in found
-        or not new.low < value < new.high
+        or old_name not in found
+        or old_name in base
+        or new_parameter.name in found
+        or not new_parameter.low < value < new_parameter.high
     ):
         return math.inf
-    numbers = [new if each.name == old else each for each in judged.fit.parameters]
-    start = np.where([each is new for each in numbers], value / new.width, judged.fit.u)
+    parameters = [new_parameter if each.name == old_name else each for each in judged.fit.parameters]
+    start = np.where(
+        [each is new_parameter for each in parameters], value / new_parameter.width, judged.fit.u
+    )
     return combined_error(
-        channel_errors(judged.heldout_data, fit_axis(judged.data, numbers, start)), judged.floor
+        channel_errors(judged.heldout_data, fit_axis(judged.data, parameters, start)), judged.floor
     )
 
 
 def _split_by_gain(
     fits: _FitCache, heldout: AxisData, floor: Array
 ) -> tuple[list[TriedCause], list[TriedCause]]:
-    """Accepted causes that lower the error on unseen data, and those that do not."""
+    """Accepted causes that lower the held-out error, and those that do not (backward elimination)."""
     kept, unhelpful = list(fits.search.accepted), []
     while kept:
-        whole = combined_error(channel_errors(heldout, fits.fit_with(kept)), floor)
+        error = combined_error(channel_errors(heldout, fits.fit_with(kept)), floor)
         others = [[other for other in kept if other is not each] for each in kept]
         gains = [
-            1.0 - whole / combined_error(channel_errors(heldout, fits.fit_with(each)), floor)
+            1.0 - error / combined_error(channel_errors(heldout, fits.fit_with(each)), floor)
             for each in others
         ]
         gains = [
@@ -225,7 +227,7 @@ def combined_error(error: Array, floor: Array) -> float:
 
 
 def channel_errors(data: AxisData, fit: AxisFit) -> Array:
-    """Root mean square error of motion and current under a fit; NaN for a current that is not there."""
+    """Root mean square error of motion and current under a fit; NaN for a missing current."""
     motion, current = model_errors(data, fit)
     return np.array([_rms(motion), np.nan if current is None else _rms(current)])
 
@@ -236,7 +238,7 @@ def _rms(values: Array) -> float:
 
 
 def model_errors(data: AxisData, fit: AxisFit) -> tuple[Array, Array | None]:
-    """Simulated minus measured, (rows, stretches) each, NaN where nothing counts."""
+    """Simulated minus measured motion and current, (rows, stretches) each, NaN where nothing counts."""
     scales, data.scales = data.scales, np.ones(2)
     try:
         flat = data.residuals(fit.parameters, fit.u[None])[0]

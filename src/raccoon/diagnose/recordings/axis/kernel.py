@@ -1,5 +1,5 @@
-"""The equations of `model`, one sample after the other, for numba. One function, so that numba's cache,
-which looks at this file alone, cannot be stale."""
+"""The equations of `model`, sample by sample, for numba. It is one function, so that numba's cache, which
+depends on this file alone, cannot be stale."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def simulate_stretches(
     table: Array, effort: Array, step: float, first: NDArray[np.intp], position: Array, speed: Array,
     every: int, pieces: int, electrical: bool, out: Array,
 ) -> None:  # fmt: skip
-    """Fill out (3, rows, lanes, stretches), a row for every `every` samples. table (lanes, 17): the numbers
-    in the order of `NEUTRAL`."""
+    """Fill out (3, rows, lanes, stretches), a row for every `every` samples. table (lanes, 17): the
+    parameters in the order of `NEUTRAL_VALUES`."""
     h = step / pieces
     lanes = table.shape[0]
     # Drag is the same for all speeds of a sign but for its quadratic part: an exponential for each piece

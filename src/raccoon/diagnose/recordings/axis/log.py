@@ -1,4 +1,4 @@
-"""One motor or one axis as its recording shows it: what drove it and how it moved."""
+"""The recording of one motor or axis on an even grid: its effort and its motion."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from raccoon.trace.recording import mistaken_step
 Array = NDArray[np.float64]
 
 MIN_SAMPLES = 100
-"""Numbers from which a column is one."""
+"""Numbers that a column must have to be used."""
 EFFORT_UNITS = {"force": "N", "torque": "N m", "voltage": "V"}
-"""What may drive an axis, and its unit; the first one that the recording holds is taken."""
+"""What may drive an axis, with its unit; the first one that the recording holds is taken."""
 MOTION_UNITS = {"travel": "m", "angle": "rad", "speed": "rad/s"}
-"""What may be measured of its motion; `travel` belongs to a force, the others to a torque or a voltage."""
+"""Measured motions, with their units; `travel` belongs to a force, the others to a torque or a voltage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +27,9 @@ class AxisLog:
     """One axis on an even grid of `step` s.
 
     effort (n,): what drove it, in `effort_unit`, each value valid until the next. motion (n,): a position, or
-    a speed where `is_speed`; NaN where nothing is known. current (n,): A, or None. split: first row of what
-    is held back to judge on. names: columns of effort, motion and current. full: effort that a full command
-    gives: the battery's voltage where it was recorded, else the largest effort.
+    a speed where `is_speed`; NaN where nothing is known. current (n,): A, or None. holdout_row: first row of
+    the part that is held back to judge on. names: columns of effort, motion and current. full_effort: effort
+    of a full command: the battery's voltage where it was recorded, else the largest effort.
     """
 
     time: Array
@@ -60,7 +60,7 @@ class AxisLog:
 
     @property
     def torque_unit(self) -> str:
-        """Unit of what moves the axis; V where a voltage does and no current tells its torque."""
+        """Unit of the force or torque; V where a voltage drives the axis and no current tells its torque."""
         return "N m" if self.is_electrical else self.effort_unit
 
 
@@ -97,13 +97,14 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
 
 
 def with_channels_of(fitted: AxisLog, other: AxisLog) -> AxisLog:
-    """The other log of the same axis with what this one has. Raises TraceError naming what it lacks."""
+    """Another log of the same axis with the channels of the fitted one. Raises TraceError naming what it
+    lacks."""
     check_has(
         [ours for ours, theirs in zip(fitted.names[:2], other.names[:2], strict=True) if ours != theirs]
     )
     if other.full_effort <= float(
         np.abs(other.effort).max()
-    ):  # the largest of two efforts is no command's in full
+    ):  # by its largest effort, which may be that of no full command
         other = replace(other, full_effort=fitted.full_effort)
     if fitted.current is None:
         return replace(other, current=None)
@@ -144,14 +145,14 @@ def _even_time(recorded: Array) -> Array:
 
 
 def _sample_and_hold(values: Array, recorded: Array, time: Array) -> Array:
-    """The latest known value at each time."""
+    """The latest known value at each time (sample and hold)."""
     known = np.isfinite(values)
     rows = np.searchsorted(recorded[known], time + 1e-9, side="right") - 1
     return np.asarray(values[known][np.maximum(rows, 0)], float)
 
 
 def _resample(values: Array, recorded: Array, time: Array) -> Array:
-    """Interpolated, NaN where the sample next to it is."""
+    """Values interpolated at each time, NaN where the nearest sample is NaN."""
     known = np.isfinite(values)
     if len(time) == len(recorded) and np.abs(time - recorded).max() < 0.1 * (time[1] - time[0]):
         return np.where(known, values, np.nan)
@@ -161,7 +162,8 @@ def _resample(values: Array, recorded: Array, time: Array) -> Array:
 
 
 def holdout_start(effort: Array) -> int:
-    """First row of the later part that judges: at a step of the effort around the middle, else at 70 %."""
+    """First row of the later part, which is held back: at a step of the effort around the middle, else at
+    70 %."""
     count = len(effort)
     changes = np.flatnonzero(np.diff(effort) != 0.0) + 1
     inner = changes[(changes > 0.45 * count) & (changes < 0.75 * count)]

@@ -1,4 +1,4 @@
-"""The equations of one motor or axis, many parameter sets and stretches of time at once.
+"""Simulates one motor or axis with many parameter sets (lanes) over many stretches of time at once.
 
     force or torque u:   f = u, where `inductance` is given with a lag of as many seconds
     voltage u:           L di/dt = u - R i - K w,   f = K i
@@ -32,22 +32,22 @@ NEUTRAL_VALUES: Mapping[str, float] = {
     "quadratic": 0.0, "load": 0.0, "latency": 0.0, "deadband": 0.0,
     "dead_below": 0.0, "full": 1e9,
 }  # fmt: skip
-"""Every number of the model, neutral or (for the first four) to be set."""
+"""Every parameter of the model with its neutral value; the first four are to be set."""
 MAX_STEP_S, MAX_WINDING_STEP_S = 0.001, 0.0005
-"""s of a step of the simulation, and where a winding's current follows with its inductance."""
+"""Longest step of the simulation, s, and the same where a winding has an inductance."""
 MAX_SUBSTEPS = 10
-"""Steps into which a row is cut at most, however far rows are apart."""
+"""Most steps into which a sample is cut, however far samples are apart."""
 TINY = 1e-12
-"""In the place of a 0 that is divided by, where the quotient is not used."""
+"""Replaces a 0 in a denominator, where the quotient is not used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stretches:
     """Pieces of a recording that are simulated side by side, all of the same length.
 
-    first (n,): row of the recording where each begins. count: rows of a stretch, one for `every` samples.
-    position, speed (n,): where it starts. weight (rows, n): 1 where a row counts, else 0. measured, current
-    (rows, n).
+    first (n,): sample of the recording where each begins. count: rows of a stretch, one for `every` samples.
+    position, speed (n,): initial state. weight (rows, n): 1 where a row counts, else 0. measured, current
+    (rows, n): motion and current in these rows.
     """
 
     first: NDArray[np.intp]
@@ -60,14 +60,14 @@ class Stretches:
     weight: Array
 
     def rows(self) -> NDArray[np.intp]:
-        """Row of the recording of each sample, (rows, n)."""
+        """Sample of the recording at each row, (rows, n)."""
         return np.asarray(self.first[None, :] + self.every * np.arange(self.count)[:, None])
 
 
 def simulate(
     parameters: Mapping[str, Array], effort: Array, step: float, stretches: Stretches, electrical: bool
 ) -> tuple[Array, Array, Array]:
-    """Position, speed and current, each (rows, lanes, stretches), for numbers (lanes,)."""
+    """Position, speed and current, each (rows, lanes, stretches), for parameters (lanes,) by name."""
     out = np.empty((3, stretches.count, len(parameters["inertia"]), len(stretches.first)))
     longest = MAX_WINDING_STEP_S if np.any(parameters["inductance"]) else MAX_STEP_S
     substeps = min(MAX_SUBSTEPS, max(1, int(np.ceil(step / longest - 1e-9))))
@@ -102,7 +102,7 @@ def _simulate_vectorised(
     substeps: int,
     out: Array,
 ) -> None:
-    """The same with arrays over lanes and stretches, for where numba is not installed."""
+    """`simulate` with arrays over lanes and stretches, where numba is not installed."""
     p = {name: np.asarray(value, float)[:, None] for name, value in parameters.items()}
     state = _State.start(stretches, len(p["inertia"]), p, effort, electrical)
     for row in range(stretches.count):
@@ -138,13 +138,13 @@ class _State:
 def _delayed_efforts(
     effort: Array, rows: NDArray[np.intp], step: float, p: Mapping[str, Array]
 ) -> tuple[Array, Array, Array]:
-    """The efforts that act at these rows, late and with a dead band, (lanes, stretches): the one before, the
-    one after it changes, and the share of the sample until then."""
-    late = p["latency"] / step
-    whole = np.floor(late).astype(np.intp)
-    efforts = (_effort_at(effort, rows[None, :] - whole - back) for back in (1, 0))
+    """The efforts that act at these samples, with latency and dead band, (lanes, stretches): the one before
+    the delayed change, the one after it, and the share of the sample until then."""
+    latency_samples = p["latency"] / step
+    whole_samples = np.floor(latency_samples).astype(np.intp)
+    efforts = (_effort_at(effort, rows[None, :] - whole_samples - back) for back in (1, 0))
     before, after = (_with_dead_band(each, p) for each in efforts)
-    return before, after, np.asarray(late - whole)
+    return before, after, np.asarray(latency_samples - whole_samples)
 
 
 def _with_dead_band(u: Array, p: Mapping[str, Array]) -> Array:

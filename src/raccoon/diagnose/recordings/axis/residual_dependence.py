@@ -1,4 +1,4 @@
-"""What the rest that no cause explains depends on."""
+"""What the residual that no cause explains depends on."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Array = NDArray[np.float64]
 BINS = 12
 FOLDS = 5
 MIN_EXPLAINED_SHARE = 0.15
-"""Share of the rest's variance that a covariate must foresee on samples left out."""
+"""Share of the residual's variance that a covariate must predict in samples left out."""
 MIN_RELATIVE_SHARE = 0.7
-"""Share of the most telling covariate's that another one needs to be listed beside it."""
+"""Share of the best covariate's share that another one needs to be listed beside it."""
 
 
 def residual_dependence(data: AxisData, fit: AxisFit) -> tuple[str, ...]:
-    """Names of what foresees the growth of the simulation error, most telling first.
+    """Names of covariates that predict the growth of the simulation error, best first.
 
-    What is looked at is the error's growth over pieces of a stretch: a force that is missing shows there.
+    The error's growth over pieces of a stretch is used, since a missing force shows there.
     """
     error, _ = model_errors(data, fit)
     log = data.log
@@ -54,7 +54,7 @@ def _largest_change(effort: Array, at: NDArray[np.intp], piece: int) -> Array:
 
 
 def _predicted_share(values: Array, growth: Array) -> float:
-    """Share of the variance that means over bins of `values` foresee on samples left out."""
+    """Share of the variance that means over bins of `values` predict in samples left out."""
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
     bins = np.searchsorted(edges, values, side="right")
     fold = np.arange(len(values)) * FOLDS // len(values) if len(edges) < 2 else np.arange(len(values)) % FOLDS

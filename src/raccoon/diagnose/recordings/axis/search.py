@@ -1,4 +1,4 @@
-"""Which effects an axis needs: nested fits of the simulation error, judged on blocks that were left out."""
+"""Selects the causes that an axis needs: forward selection by evidence and by blocks that were left out."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from raccoon.diagnose.recordings.axis.fit import AxisData, AxisFit, FreeParamete
 Array = NDArray[np.float64]
 
 BLOCKS = 6
-"""Of time, of which each is foreseen by a fit of all others."""
+"""Blocks of time, each predicted by a fit of all others (cross-validation)."""
 MIN_EVIDENCE, MIN_LEFT_OUT_GAIN = 10.0, 6.0
-"""Log evidence that a cause needs, in all and on blocks that were not fitted."""
+"""Evidence that a cause needs (see `TriedCause`), and gain on blocks that were left out."""
 MAX_CAUSES = 4
-"""That are named of one axis."""
+"""Most causes that are named of one axis."""
 MAX_TIE = 3.0
-"""Evidence within which two causes are alike, and the plainer one is taken."""
+"""Difference of evidence within which two causes tie, and the simpler one is taken."""
 INITIAL_NOISE_SHARE = 0.05
-"""Of the spread of a channel, for its noise before anything is fitted."""
+"""Noise of a channel over its spread, assumed before anything is fitted."""
 MIN_SATURATED_SHARE = 0.5
-"""Share of the squared residual of every candidate at once below which the search must have found more."""
+"""Squared residual of the search over that of the saturated fit, below which the latter did not converge."""
 
 
 @dataclass(frozen=True, slots=True)
 class TriedCause:
-    """A cause on top of the model so far. evidence: drop of the misfit less k ln(n). left_out: drop of the
-    misfit of blocks that were left out. rivals: what else was tried at the same step."""
+    """A cause on top of the model so far. evidence: drop of the misfit less k ln(n). left_out_gain: drop of
+    the misfit of blocks that were left out. rivals: what else was tried at the same step."""
 
     cause: AxisCause
     fit: AxisFit
@@ -42,8 +42,8 @@ class TriedCause:
 
 @dataclass(frozen=True, slots=True)
 class AxisSearch:
-    """base: the fit without causes. fit: with the accepted ones. saturated: with every candidate.
-    tried: each candidate that was not accepted, on top of the final model."""
+    """The result of a search. base: the fit without causes. fit: with the accepted ones. saturated: with
+    every candidate. tried: each candidate that was not accepted, on top of the final model."""
 
     base: AxisFit
     fit: AxisFit
@@ -53,7 +53,7 @@ class AxisSearch:
 
 
 def search_axis(data: AxisData, base: Sequence[FreeParameter], causes: Sequence[AxisCause]) -> AxisSearch:
-    """Forward selection. Sets the noise scales of `data` on the way."""
+    """Forward selection of causes. Sets the noise scales of `data` on the way."""
     data.scales = _initial_scales(data)
     first = fit_axis(data, base)
     data.scales = data.scales * _residual_sizes(data, first)
@@ -61,19 +61,21 @@ def search_axis(data: AxisData, base: Sequence[FreeParameter], causes: Sequence[
     data.scales = data.scales * _effective_sizes(data, saturated)
     found = _select_forward(data, base, causes, first, saturated)
     if _residual_power(data, found.fit) < MIN_SATURATED_SHARE * _residual_power(data, saturated):
-        # Everything at once got lost: the noise is what the search has left, and evidence counts anew.
+        # The saturated fit did not converge: the noise is what the search leaves, and evidence is recounted.
         data.scales = data.scales * _effective_sizes(data, found.fit)
         found = _select_forward(data, base, causes, first, found.fit)
     return found
 
 
 def _fit_saturated(data: AxisData, first: AxisFit, causes: Sequence[AxisCause]) -> AxisFit:
-    """Every candidate at once, from where scans begin or with one rule of each effect from its usual start,
-    whichever gets further."""
-    every = _fit_with(data, first, causes)
-    once = [each for index, each in enumerate(causes) if each.id not in {it.id for it in causes[:index]}]
-    usual = _fit_with(data, first, [replace(each, scan=()) for each in once])
-    return every if _residual_power(data, every) < _residual_power(data, usual) else usual
+    """The fit of all candidates at once, from the best of their scans, or with one rule of each effect from
+    its usual start: whichever has the smaller residual."""
+    all_at_once = _fit_with(data, first, causes)
+    first_rules = [
+        each for index, each in enumerate(causes) if each.id not in {it.id for it in causes[:index]}
+    ]
+    usual = _fit_with(data, first, [replace(each, scan=()) for each in first_rules])
+    return all_at_once if _residual_power(data, all_at_once) < _residual_power(data, usual) else usual
 
 
 def _residual_power(data: AxisData, fit: AxisFit) -> float:
@@ -87,19 +89,21 @@ def _select_forward(
     first: AxisFit,
     saturated: AxisFit,
 ) -> AxisSearch:
-    current = base_fit = fit_axis(data, base, first.u)
+    model_fit = base_fit = fit_axis(data, base, first.u)
     accepted: list[TriedCause] = []
     while len(accepted) < MAX_CAUSES:
         taken = {each.cause.id for each in accepted}
-        left_out = left_out_misfit(data, current)
-        tried = [_try_cause(data, current, left_out, each) for each in causes if each.id not in taken]
+        left_out_before = left_out_misfit(data, model_fit)
+        tried = [
+            _try_cause(data, model_fit, left_out_before, each) for each in causes if each.id not in taken
+        ]
         best = _best_candidate(tried)
         if best is None:
             break
         rivals = tuple(each for each in tried if each.cause.id != best.cause.id)
         accepted.append(replace(best, rivals=rivals))
-        current = best.fit
-    return AxisSearch(base_fit, current, saturated, tuple(accepted), tuple(tried))
+        model_fit = best.fit
+    return AxisSearch(base_fit, model_fit, saturated, tuple(accepted), tuple(tried))
 
 
 def _initial_scales(data: AxisData) -> Array:
@@ -109,13 +113,13 @@ def _initial_scales(data: AxisData) -> Array:
 
 
 def _fit_with(data: AxisData, fit: AxisFit, causes: Sequence[AxisCause]) -> AxisFit:
-    numbers = [*fit.parameters, *(number for each in causes for number in each.parameters)]
+    parameters = [*fit.parameters, *(number for each in causes for number in each.parameters)]
     starts = [start for each in causes for start in _start_values(data, fit, each)]
-    return fit_axis(data, numbers, np.concatenate([fit.u, starts]))
+    return fit_axis(data, parameters, np.concatenate([fit.u, starts]))
 
 
 def _start_values(data: AxisData, fit: AxisFit, cause: AxisCause) -> tuple[float, ...]:
-    """Where the cause's numbers begin: at the best of those to scan on top of the fit as it is."""
+    """Starting u of the cause's parameters: the best of its scan on top of the fit, or its own starts."""
     if not cause.scan:
         return cause.starts
     points = np.array([[*fit.u, each] for each in cause.scan])
@@ -124,7 +128,7 @@ def _start_values(data: AxisData, fit: AxisFit, cause: AxisCause) -> tuple[float
 
 
 def _residual_sizes(data: AxisData, fit: AxisFit) -> Array:
-    """For each channel, the size of the residual."""
+    """RMS of the residual of each channel."""
     return np.array([_residual_size(data, each) for each in _channel_residuals(data, fit)])
 
 
@@ -143,7 +147,7 @@ def _channel_residuals(data: AxisData, fit: AxisFit) -> tuple[Array, Array | Non
 
 
 def _effective_sizes(data: AxisData, fit: AxisFit) -> Array:
-    """For each channel, the size of the residual times the root of how many neighbours are alike."""
+    """RMS of the residual of each channel times the root of its autocorrelation time."""
     return np.array(
         [
             _residual_size(data, each) * (1.0 if each is None else math.sqrt(_autocorrelation_time(each)))
@@ -166,35 +170,36 @@ def _autocorrelation_time(residual: Array) -> float:
     return total
 
 
-def _try_cause(data: AxisData, current: AxisFit, left_out: float, cause: AxisCause) -> TriedCause:
-    """current: the model so far. left_out: its misfit of blocks that were left out."""
-    fit = _fit_with(data, current, [cause])
-    fit = _better_fit(fit, current, cause)
+def _try_cause(data: AxisData, model_fit: AxisFit, left_out_before: float, cause: AxisCause) -> TriedCause:
+    """The cause on top of the model so far, whose misfit of left-out blocks is `left_out_before`."""
+    fit = _fit_with(data, model_fit, [cause])
+    fit = _better_fit(fit, model_fit, cause)
     k = len(cause.parameters)
     samples = max(float((fit.residual != 0.0).sum()) / _autocorrelation_time(fit.residual[:, None]), 3.0)
-    evidence = current.misfit - fit.misfit - k * math.log(samples)
-    return TriedCause(cause, fit, evidence, left_out - left_out_misfit(data, fit))
+    evidence = model_fit.misfit - fit.misfit - k * math.log(samples)
+    return TriedCause(cause, fit, evidence, left_out_before - left_out_misfit(data, fit))
 
 
-def _better_fit(fit: AxisFit, current: AxisFit, cause: AxisCause) -> AxisFit:
-    """The fit, or the old one with the cause at 0 where it is not better: a fit that got lost."""
-    if fit.misfit <= current.misfit:
+def _better_fit(fit: AxisFit, model_fit: AxisFit, cause: AxisCause) -> AxisFit:
+    """The fit with the cause, or where it did not converge the one without it, with the cause at 0."""
+    if fit.misfit <= model_fit.misfit:
         return fit
     zeros = np.zeros(len(cause.parameters))
-    jacobian = np.hstack([current.jacobian, np.zeros((len(current.residual), len(zeros)))])
+    jacobian = np.hstack([model_fit.jacobian, np.zeros((len(model_fit.residual), len(zeros)))])
     return replace(
-        current,
-        parameters=(*current.parameters, *cause.parameters),
-        u=np.concatenate([current.u, zeros]),
+        model_fit,
+        parameters=(*model_fit.parameters, *cause.parameters),
+        u=np.concatenate([model_fit.u, zeros]),
         jacobian=jacobian,
     )
 
 
 def left_out_misfit(data: AxisData, fit: AxisFit) -> float:
-    """Misfit of each block under the fit without it, one Gauss-Newton step away from the whole fit."""
+    """Sum over blocks of the misfit under the fit without that block, which is taken one Gauss-Newton step
+    from the whole fit."""
     prior = np.diag([float(each.prior) for each in fit.parameters])
-    count = int(fit.stretch_of_row.max()) + 1
-    block = fit.stretch_of_row * min(BLOCKS, count) // count
+    count = int(fit.group_of_row.max()) + 1
+    block = fit.group_of_row * min(BLOCKS, count) // count
     points = []
     for index in range(min(BLOCKS, count)):
         rest = block != index
@@ -206,7 +211,8 @@ def left_out_misfit(data: AxisData, fit: AxisFit) -> float:
 
 
 def _best_candidate(tried: Sequence[TriedCause]) -> TriedCause | None:
-    """The most evidence among those that also help what was left out; a tie goes to the plainer cause."""
+    """The cause of most evidence among those that also help left-out blocks; a tie goes to the simpler one,
+    which comes first."""
     acceptable = [
         each
         for each in tried
@@ -219,15 +225,15 @@ def _best_candidate(tried: Sequence[TriedCause]) -> TriedCause | None:
 
 
 def cause_similarity(fit: AxisFit, cause: AxisCause, other: AxisFit, rival: AxisCause) -> float:
-    """Cosine between what two causes add beyond the shared model: 1 where the data cannot tell them."""
+    """Cosine between what two causes add beyond the shared model: 1 where the data cannot tell them apart."""
     a, b = _own_direction(fit, cause), _own_direction(other, rival)
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return abs(float(a @ b)) / size if size > 0.0 else 0.0
 
 
 def _own_direction(fit: AxisFit, cause: AxisCause) -> Array:
-    """The strongest direction of a cause's columns after the other columns took what they can."""
+    """The largest of a cause's Jacobian columns after projecting out the other columns."""
     k = len(cause.parameters)
-    rest, mine = fit.jacobian[:, :-k], fit.jacobian[:, -k:]
-    left = mine - rest @ np.linalg.lstsq(rest, mine, rcond=None)[0]
-    return np.asarray(left[:, int(np.argmax((left**2).sum(axis=0)))])
+    rest, own = fit.jacobian[:, :-k], fit.jacobian[:, -k:]
+    residuals = own - rest @ np.linalg.lstsq(rest, own, rcond=None)[0]
+    return np.asarray(residuals[:, int(np.argmax((residuals**2).sum(axis=0)))])

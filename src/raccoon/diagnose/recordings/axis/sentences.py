@@ -1,4 +1,4 @@
-"""Sentences about one motor or axis, with numbers and units, and what to do."""
+"""Sentences about the causes of one motor or axis, with numbers and units, and what to do."""
 
 from __future__ import annotations
 

@@ -97,9 +97,9 @@ def with_counter_bemf(columns: Columns, robot: RobotConfig, device: Device) -> C
         if is_read(columns, counter):
             derived[reading] = device.position_counts_seconds * _tick_rate(columns["t"], columns[counter])
             counters.append(counter)
-    whole = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in counters)
+    has_whole_ticks = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in counters)
     return CounterBemf(
-        derived, tuple(counters), device.position_counts_seconds / AVERAGING_S if whole else 0.0
+        derived, tuple(counters), device.position_counts_seconds / AVERAGING_S if has_whole_ticks else 0.0
     )
 
 
@@ -153,9 +153,11 @@ def _tick_rate(time: Array, ticks: Array) -> Array:
     rows = max(2 * half + 1, 1)
     ends = known[::rows]
     spans = np.diff(time[ends])
-    whole = (spans > 0.0) & (spans < MAX_GAP_RATIO * rows * row)
+    has_no_gap = (spans > 0.0) & (spans < MAX_GAP_RATIO * rows * row)
     found = np.full(len(time), np.nan)
-    found[known[rows - half :: rows][: len(spans)][whole]] = np.diff(ticks[ends])[whole] / spans[whole]
+    found[known[rows - half :: rows][: len(spans)][has_no_gap]] = (
+        np.diff(ticks[ends])[has_no_gap] / spans[has_no_gap]
+    )
     return found
 
 

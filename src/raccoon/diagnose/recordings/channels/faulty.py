@@ -74,36 +74,38 @@ class CheckedColumns:
 
 def without_faulty_channels(columns: Columns, robot: RobotConfig) -> CheckedColumns:
     """Leave out readings to which no simulation should be fitted."""
-    kept, faults = dict(columns), []
+    remaining, faults = dict(columns), []
     commands_vary = _commands_vary(columns, robot)
     for role, name in column_names(robot).items():
-        if name not in kept:
+        if name not in remaining:
             continue
-        values = np.asarray(kept[name], float)
+        values = np.asarray(remaining[name], float)
         fault = _stuck_fault(name, role, values, commands_vary) or saturation_fault(name, role, values)
         fault = fault or _coarse_fault(name, role, values, commands_vary)
         channel_faults = [] if fault is None else [fault]
         if fault is None and role == "battery":
-            kept[name], fault = without_held_voltages(name, columns["t"], values)
-            channel_faults, values = [] if fault is None else [fault], kept[name]
+            remaining[name], fault = without_held_voltages(name, columns["t"], values)
+            channel_faults, values = [] if fault is None else [fault], remaining[name]
         if fault is None:
             command = command_behind(role, columns, robot)
             values, end_faults = (
                 (values, []) if role == "battery" else without_saturated_samples(name, values)
             )
-            kept[name], invalid_faults = without_invalid_samples(name, role, columns["t"], values, command)
+            remaining[name], invalid_faults = without_invalid_samples(
+                name, role, columns["t"], values, command
+            )
             channel_faults += [*end_faults, *invalid_faults]
         faults += channel_faults
         if any(each.fault in LEFT_OUT_REASONS for each in channel_faults):
-            del kept[name]
-    if no_sag := missing_sag_fault(kept, robot):
+            del remaining[name]
+    if no_sag := missing_sag_fault(remaining, robot):
         faults.append(no_sag)
-        del kept[no_sag.channel]
-    pose, pose_faults = check_pose(kept, robot)
-    kept |= pose
+        del remaining[no_sag.channel]
+    pose, pose_faults = check_pose(remaining, robot)
+    remaining |= pose
     time_notes = _uneven_time_notes(columns["t"])
     rate_notes = _row_rate_notes(columns["t"], robot.controller.rate_hz)
-    return CheckedColumns(kept, (*faults, *pose_faults), (*time_notes, *rate_notes), bool(time_notes))
+    return CheckedColumns(remaining, (*faults, *pose_faults), (*time_notes, *rate_notes), bool(time_notes))
 
 
 def _commands_vary(columns: Columns, robot: RobotConfig) -> bool:
@@ -138,8 +140,8 @@ def _coarse_fault(name: str, role: str, values: Array, commands_vary: bool) -> S
 
 
 def _has_few_levels(role: str, known: Array, levels: Array) -> bool:
-    most = MAX_COARSE_LEVELS.get(role.partition("_")[0], 0)
-    return 1 < len(levels) <= most and len(known) >= 20 * most
+    max_levels = MAX_COARSE_LEVELS.get(role.partition("_")[0], 0)
+    return 1 < len(levels) <= max_levels and len(known) >= 20 * max_levels
 
 
 def _is_coarsely_rounded(known: Array, levels: Array) -> bool:

@@ -139,18 +139,20 @@ def _find_frozen(time: Array, known: Array, command: Array) -> list[tuple[float,
     return found
 
 
-def _find_filler(known: Array, least: float) -> tuple[float, NDArray[np.intp]]:
+def _find_filler(known: Array, min_noise_distance: float) -> tuple[float, NDArray[np.intp]]:
     """The most frequent value, and the rows in which it is a filler: in enough places both neighbours are far
     from it, to the same side."""
     nothing = np.zeros(0, np.intp)
     if len(known) == 0:
         return 0.0, nothing
-    seen, counts = np.unique(known, return_counts=True)
-    value = float(seen[np.argmax(counts)])
+    levels, counts = np.unique(known, return_counts=True)
+    value = float(levels[np.argmax(counts)])
     offset = known - value
-    if value in (seen[0], seen[-1]) or counts.max() < max(MIN_FILLER_COUNT, MIN_FILLER_SHARE * len(known)):
+    if value in (levels[0], levels[-1]) or counts.max() < max(
+        MIN_FILLER_COUNT, MIN_FILLER_SHARE * len(known)
+    ):
         return value, nothing  # an extreme value may be where a reading is saturated
-    min_distance = max(MIN_DISTANCE_SHARE * float(np.percentile(np.abs(offset), 99.0)), least)
+    min_distance = max(MIN_DISTANCE_SHARE * float(np.percentile(np.abs(offset), 99.0)), min_noise_distance)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], offset == 0.0, [False]]).astype(int)))
     is_filler, count = np.zeros(len(known), bool), 0
     for start, end in edges.reshape(-1, 2):
@@ -177,13 +179,13 @@ def _without_held_samples(values: Array) -> Array:
     return _with_nan(values, known[held])
 
 
-def _find_spikes(known: Array, least: float) -> Flags:
+def _find_spikes(known: Array, min_spike: float) -> Flags:
     """Samples that are away from both neighbours by more than all others are apart, for `MAX_SPIKE_SAMPLES`
     at most."""
     spikes = np.zeros(len(known), bool)
     if len(known) < 100:
         return spikes
-    threshold = max(MIN_SPIKE_RANGE_RATIO * float(np.subtract(*np.percentile(known, [99.0, 1.0]))), least)
+    threshold = max(MIN_SPIKE_RANGE_RATIO * float(np.subtract(*np.percentile(known, [99.0, 1.0]))), min_spike)
     # The first and the last sample have one neighbour, which is mirrored to their other side.
     around = np.pad(known, MAX_SPIKE_SAMPLES, mode="reflect")
     flagged = np.zeros(len(around), bool)
@@ -191,8 +193,8 @@ def _find_spikes(known: Array, least: float) -> Flags:
         before, after = around[: -length - 1], around[length + 1 :]
         inner = np.lib.stride_tricks.sliding_window_view(around, length)[1:-1]
         low, high = np.minimum(before, after), np.maximum(before, after)
-        out = (inner.min(axis=1) > high + threshold) | (inner.max(axis=1) < low - threshold)
-        for start in np.flatnonzero(out):
+        is_outside = (inner.min(axis=1) > high + threshold) | (inner.max(axis=1) < low - threshold)
+        for start in np.flatnonzero(is_outside):
             flagged[start + 1 : start + 1 + length] = True
     spikes = flagged[MAX_SPIKE_SAMPLES:-MAX_SPIKE_SAMPLES]
     return spikes if float(spikes.mean()) <= MAX_SPIKE_SHARE else np.zeros(len(known), bool)

@@ -132,7 +132,7 @@ def _unmeasured_wheel_notes(checked: CheckedColumns, robot: RobotConfig) -> tupl
     }
     if all(missing.values()) or not any(missing.values()):
         return ()
-    port = next(each for each, gone in missing.items() if gone)
+    port = next(each for each, is_missing in missing.items() if is_missing)
     name = next(
         (each for each in checked.left_out if each.startswith(f"motor.{port}.")), f"motor.{port}.bemf"
     )

@@ -87,8 +87,8 @@ def _settles_at_maximum(values: Array) -> bool:
     comes = np.flatnonzero(at & ~np.append(False, at[:-1]))
     inside = np.append(0, np.cumsum(~at))
 
-    def inside_from(least: float) -> int:
-        below = np.maximum.accumulate(np.where(values < least, rows, -1))[comes]
+    def inside_from(lower: float) -> int:
+        below = np.maximum.accumulate(np.where(values < lower, rows, -1))[comes]
         return int((inside[comes] - inside[below + 1]).sum())
 
     return inside_from(min(NEAR_FRACTION * top, beside)) > MIN_SETTLING_SHARE * inside_from(

@@ -54,14 +54,16 @@ def duties_by_battery_reading(columns: Columns, robot: RobotConfig) -> Columns |
     known = reading[reading > 0.0]
     if len(known) < MIN_READINGS:
         return None
-    last = until_next(np.where(reading > 0.0, reading, np.nan))
-    held = np.where(last > 0.0, last, known[0])
+    last_reading = until_next(np.where(reading > 0.0, reading, np.nan))
+    voltage = np.where(last_reading > 0.0, last_reading, known[0])
     volts = _commanded_volts(columns, robot)
-    if any((np.abs(each) > MAX_VOLTS_RATIO * held).mean() > MAX_EXCEEDING_SHARE for each in volts.values()):
+    if any(
+        (np.abs(each) > MAX_VOLTS_RATIO * voltage).mean() > MAX_EXCEEDING_SHARE for each in volts.values()
+    ):
         return None
     names = {f"motor.{port}.voltage" for port in volts}
-    kept = {name: each for name, each in columns.items() if name not in names}
-    return kept | {f"motor.{port}.duty": np.clip(each / held, -1.0, 1.0) for port, each in volts.items()}
+    others = {name: each for name, each in columns.items() if name not in names}
+    return others | {f"motor.{port}.duty": np.clip(each / voltage, -1.0, 1.0) for port, each in volts.items()}
 
 
 def duties_of_stiff_battery(
@@ -79,11 +81,11 @@ def duties_of_stiff_battery(
         with said_of_holdout():
             largest = max(largest, _largest_volts(_commanded_volts(holdout, robot)))
     supply = max(largest, robot.model.battery.open_circuit_voltage.value)
-    kept = {name: each for name, each in columns.items() if name != "battery.voltage"}
-    kept |= {f"motor.{port}.duty": each / supply for port, each in volts.items()}
+    others = {name: each for name, each in columns.items() if name != "battery.voltage"}
+    others |= {f"motor.{port}.duty": each / supply for port, each in volts.items()}
     battery = BatteryModel(Measured(supply), Measured(0.0))
     causes = tuple(each for each in drive_causes() if not each.id.startswith("battery."))
-    return kept, replace(robot, model=replace(robot.model, battery=battery)), causes
+    return others, replace(robot, model=replace(robot.model, battery=battery)), causes
 
 
 def _commanded_volts(columns: Columns, robot: RobotConfig) -> dict[int, Array]:

@@ -1,4 +1,4 @@
-"""What the recording's device says of its back-EMF filter, where robot.toml says nothing of its own."""
+"""The prior of the back-EMF filter by the recording's device, where robot.toml has none of its own."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.model.bemf import counter_lag
 
 LAG_STD = 0.003
-"""s. A device's lag is counted in its own samples, some with a median among them and some not: half a sample
-and one of about 5 ms are between it and the time constant of the simulated filter."""
+"""Standard deviation, s. A device's lag is counted in its own samples, some with a median among them and some
+not: between it and the time constant of the simulated filter are half a sample and one of about 5 ms."""
 KNOWN_FIRMWARE_LAG_STD = 0.0005
-"""The same where it is known which samples a median saw: what a filter by 4.3 or 5.5 ms differs from one by
-5, and what the rate of the firmware's loop may be off."""
+"""The same where it is known which samples a median saw: the difference of a filter at 4.3 or 5.5 ms from one
+at 5 ms, and the error of the firmware's loop rate."""
 CYCLE_S = 0.005
 """s between two back-EMF samples of the simulated controller."""
 MIN_TIME_CONSTANT_S = 0.001
-"""s, a filter of less does nothing in a simulation of steps of 1 ms."""
+"""s; a shorter filter does nothing in a simulation with steps of 1 ms."""
 
 
 def with_device_filter(device: Device, robot: RobotConfig) -> RobotConfig:
@@ -47,5 +47,5 @@ def with_device_filter(device: Device, robot: RobotConfig) -> RobotConfig:
 
 
 def _time_constant(lag: float) -> float:
-    """s of the filter whose sums are behind by so many s; see `counter_lag`."""
+    """Time constant, s, of the filter whose sums lag by so many s; see `counter_lag`."""
     return CYCLE_S / math.log1p(CYCLE_S / lag)

@@ -1,8 +1,8 @@
-"""Which firmware made a recording that does not name it: as robot.toml or the command line says.
+"""Identifies the firmware of a recording that does not name it, by robot.toml or the command line.
 
-A CSV of a logger of one's own says nothing of the controller. That it is a Wombat is known to whoever drove,
-and how long its motors pause for samples is in no reading: of the stock firmware that is a resistance 28 %
-too high.
+A CSV of one's own logger says nothing of the controller. Its user knows that it is a Wombat, and no reading
+shows how long its motors pause for samples: with the stock firmware that looks like a resistance 28 % too
+high.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ Columns = Mapping[str, NDArray[np.float64]]
 
 STOCK_PORT, RACCOON_PORT = "wombat", "wombat-raccoon"
 FIRMWARE_PORTS = (STOCK_PORT, RACCOON_PORT)
-"""Words of robot.toml's controller.port that name a firmware."""
+"""Values of robot.toml's controller.port that name a firmware."""
 BY_PORT_NOTE = 'its firmware is named by controller.port = "{}" (robot.toml, or --port), not by the recording'
 MIN_ZONE_NEIGHBOURS = 20
-"""Readings just above a zone, from which those that are missing in it are missed."""
+"""Readings just above a dead zone that are needed to tell that readings in it are missing."""
 MAX_MISSING_RATIO, MIN_PRESENT_RATIO = 0.35, 0.6
-"""Readings below 9 counts over those from 10 to 20, up to which the firmware says 0 instead, and from which
-it does not. A wheel that comes to rest has as many of either. (At rest, which is most of them, a zone reads 0
-and nothing else; one that has an offset as well never does.)"""
+"""Readings below 9 counts over those from 10 to 20: up to the first the firmware has a dead zone, from the
+second on it has none. A wheel that comes to rest has as many of either. (At rest, which is most readings, a
+dead zone reads 0 and nothing else; with an offset it never does.)"""
 MIN_MIDDLE_RATIO = 0.1
-"""Readings from 10 to 20 over those from 25 to 50, from which these are there as well."""
+"""Readings from 10 to 20 counts over those from 25 to 50, from which the former are not in a dead zone."""
 
 
 class DeadZone(Enum):
-    """What the smallest readings of back-EMF say: below how many counts they are 0."""
+    """Dead zone of back-EMF by its smallest readings: counts below which it reads 0."""
 
     UNKNOWN = ""
     NONE = "none"
@@ -45,7 +45,7 @@ class DeadZone(Enum):
 
 
 def detect_dead_zone(columns: Columns, robot: RobotConfig) -> DeadZone:
-    """The zone in which both wheels' readings are missing, if that is one of a Wombat's."""
+    """The dead zone of both wheels' readings, if it is one of a Wombat's firmwares."""
     names = [f"motor.{port}.bemf" for port in (robot.drive.left, robot.drive.right)]
     if not all(name in columns for name in names):
         return DeadZone.UNKNOWN
@@ -71,9 +71,9 @@ def detect_dead_zone(columns: Columns, robot: RobotConfig) -> DeadZone:
 
 @dataclass(frozen=True, slots=True)
 class FirmwareIdentity:
-    """device: of the columns, with the firmware where it is known. said: whether it is told beside the
-    recording, which does not vouch for units then. notes: what is to be said of it. like: the same with a
-    firmware that nobody named, which its smallest readings are like."""
+    """The device that made a recording. device: with its firmware where that is known. is_external: whether
+    that is told from outside the recording, whose units are not certain then. notes: on the identification.
+    candidate: the identity with a firmware that nobody named, and whose dead zone the readings have."""
 
     device: Device
     is_external: bool = False
@@ -84,8 +84,8 @@ class FirmwareIdentity:
 def identify_firmware(
     device: Device, columns: Columns, robot: RobotConfig, port: str | None
 ) -> FirmwareIdentity:
-    """The device of a drive's columns. port: what robot.toml's controller.port or the command line says made
-    the recording, None where nothing does; the recording's own word goes before."""
+    """The device of a drive's columns. port: controller.port of robot.toml or of the command line, None
+    without one; a firmware that the recording names goes first."""
     if firmware_of(device) is not None or device.name != SI_WORDS.name:
         return FirmwareIdentity(device, notes=_contradiction_notes(device, port))
     zone = detect_dead_zone(columns, robot)
@@ -96,11 +96,11 @@ def identify_firmware(
         RACCOON_PORT: (DeadZone.RACCOON_21, DeadZone.NONE, DeadZone.UNKNOWN),
     }
     if zone not in zones_by_port[port]:
-        least = DeadZone.STOCK if port == STOCK_PORT else DeadZone.RACCOON_21
+        expected = DeadZone.STOCK if port == STOCK_PORT else DeadZone.RACCOON_21
         evidence = "there are smaller readings" if zone is DeadZone.NONE else f"0 is all below {zone.value}"
         unused = (
-            f'controller.port = "{port}" is not used: that firmware reads back-EMF below {least.value} as 0, '
-            f"and here {evidence}"
+            f'controller.port = "{port}" is not used: that firmware reads back-EMF below {expected.value} as '
+            f"0, and here {evidence}"
         )
         return FirmwareIdentity(device, notes=(unused,))
     firmware = STOCK if port == STOCK_PORT else RACCOON_21 if zone is DeadZone.RACCOON_21 else RACCOON_17
@@ -108,7 +108,7 @@ def identify_firmware(
 
 
 def _with_firmware_properties(firmware: Device, device: Device) -> Device:
-    """The device of the columns with what is known of the firmware's own."""
+    """The device of the columns with the properties of a firmware's device."""
     return replace(
         device,
         name=firmware.name,
@@ -121,8 +121,8 @@ def _with_firmware_properties(firmware: Device, device: Device) -> Device:
 
 
 def _contradiction_notes(device: Device, port: str | None) -> tuple[str, ...]:
-    """A note where a recording names another firmware than what is said of it. That a simulator's robot.toml
-    has a Wombat's port says nothing."""
+    """A note where a recording names another firmware than the port. A simulator's recording contradicts no
+    port."""
     own = STOCK_PORT if device.name.startswith(STOCK.name) else RACCOON_PORT
     wombat = device.name.startswith((STOCK.name, f"{RACCOON_PORT}-"))
     if port not in FIRMWARE_PORTS or not wombat or own == port:

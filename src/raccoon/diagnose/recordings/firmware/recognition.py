@@ -1,7 +1,7 @@
-"""A Wombat's firmware that nobody named, recognised by its smallest readings and by how its wheels answer.
+"""Recognises a Wombat's firmware that nobody named, by its dead zone and by how its wheels respond.
 
-Its filter and its pauses are in no catalogue of causes, so without them a search finds six that are not there
-and takes minutes for it.
+Its filter and its pauses are no causes of the catalogue, so without them a search finds six false causes, and
+takes minutes for it.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ CLOCK_FOUND = -np.inf
 
 
 def recognise_firmware(identity: FirmwareIdentity, columns: Columns, robot: RobotConfig) -> FirmwareIdentity:
-    """What made the columns: the firmware whose dead zone they have, where their counters tell its clock, or
-    the wheels are nearer to it than to any other controller. A robot may have such a zone of its own.
+    """The identity with the candidate firmware, where the counters show its clock, or the wheels fit it
+    better than any other controller; else as it is, since a robot may have such a dead zone of its own.
 
-    By their counters 21 of 21 drives behind two emulated firmwares were recognised, without them 17, and of
-    18 with a like zone behind another controller none.
+    With counters 21 of 21 drives behind two emulated firmwares were recognised, without them 17, and none of
+    18 with a similar dead zone behind another controller.
     """
     firmware = None if identity.candidate is None else firmware_of(identity.candidate.device)
     if identity.candidate is None or firmware is None or has_volt_commands(columns, robot):
@@ -54,9 +54,9 @@ def recognise_firmware(identity: FirmwareIdentity, columns: Columns, robot: Robo
 
 
 def _controller_misfit(columns: Columns, robot: RobotConfig, zone: Firmware, device: Device) -> float:
-    """How far the wheels are from the device's controller, `CLOCK_FOUND` where their counters tell its clock.
+    """Misfit of the wheels to the device's controller; `CLOCK_FOUND` where their counters show its clock.
 
-    zone: whose dead zone both have, the device's firmware or not: what is read there decides nothing.
+    zone: the firmware whose dead zone is assumed either way, so that readings there decide nothing.
     """
     firmware = firmware_of(device)
     columns = without_faulty_channels(with_counter_bemf(columns, robot, device).columns, robot).columns

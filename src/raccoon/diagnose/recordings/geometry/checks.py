@@ -1,4 +1,4 @@
-"""Whether wheels and reference of a recording are of a robot: none jumps, stands still or turns back."""
+"""Checks wheels and reference of a recording: none may jump, stand still or count backwards."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
-from raccoon.diagnose.recordings.reference.stretches import stretch_ends
+from raccoon.diagnose.recordings.reference.stretches import stretch_starts
 from raccoon.diagnose.result import SensorFault
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.model.bemf import counts_scale
@@ -19,34 +19,35 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MIN_JUMP_RATIO, USUAL_QUANTILE = 20.0, 0.98
-"""Times the usual largest rate, that of this share of the rows, from which a column jumps."""
+"""Rate of a jump over the usual largest rate, which is this quantile of the rates."""
 MIN_JUMP_SPEED = 5.0
-"""m/s that it must jump by as well: no small robot is as fast."""
+"""m/s of a jump at least: no small robot is as fast."""
 MIN_BEMF_RATIO, MIN_BEMF_SPEED = 5.0, 1.0
-"""The same of a back-EMF: times the usual largest, and m/s that it means."""
+"""The same for back-EMF: ratio to the usual largest, and least m/s that it means."""
 MAX_DISTANCE_M = 1e6
-"""m that nothing says."""
+"""m; no counter and no reference of a robot reaches it."""
 MAX_SPIKE_ROWS = 3
-"""Rows that may be off in a row; more is another zero, as of a counter that was reset."""
+"""Successive rows of a spike; more are a shift of the zero, as of a counter that was reset."""
 MIN_ROWS = 50
-"""Numbers of a column in which spikes are looked for."""
+"""Numbers of a column from which spikes are searched."""
 WINDOW_S = 0.5
-"""s over which the turns of the wheels are compared with those of the reference."""
+"""s over which turns of the wheels and of the reference are compared."""
 MIN_TURN_RAD = 0.5
-"""rad that a robot must turn for that."""
+"""rad that a robot must turn to compare them."""
 BACKWARDS_FACTOR = -0.4
-"""Factor on a wheel's way from which it counts the other way round."""
+"""Fitted factor on a wheel's distance below which it counts backwards."""
 MAX_CONDITION = 10.0
-"""Condition number of both wheels' ways: on the spot they turn as one, and nothing tells which is wrong."""
+"""Condition number of both wheels' distances above which they are not told apart: in turns on the spot both
+turn as one."""
 
 
 def without_spikes(
     columns: Columns, robot: RobotConfig, device: Device
 ) -> tuple[Columns, tuple[SensorFault, ...]]:
-    """The columns without single values that jump there and back, and what is said of them.
+    """The columns without single values that jump there and back, and their faults.
 
-    Raises CalibrationError for a counter or a reference that goes on from elsewhere after a jump, or that
-    reaches what no robot does.
+    Raises CalibrationError for a counter or a reference that continues elsewhere after a jump, or that
+    reaches `MAX_DISTANCE_M`.
     """
     cleaned = dict(columns)
     faults: list[SensorFault] = []
@@ -69,7 +70,7 @@ def without_spikes(
 
 
 def _spike_faults(name: str, spikes: Sequence[float]) -> list[SensorFault]:
-    """What is said of values that were left out."""
+    """The fault of values that were left out, if any."""
     if not len(spikes):
         return []
     text = f"{name} has {len(spikes)} impossible values such as {spikes[0]:.3g}: left out"
@@ -89,7 +90,7 @@ def _without_fast_bemf(counts: Array, metres_per_second: float) -> tuple[Array, 
 
 
 def _without_jumps(time: Array, values: Array, name: str, metres: float) -> tuple[Array, list[float]]:
-    """Values without spikes, and the spikes. metres: m that 1 is."""
+    """Values without spikes, and the spikes. metres: m that a unit of the column is worth."""
     rows = np.flatnonzero(np.isfinite(values) & np.isfinite(time))
     spikes: list[float] = []
     while len(rows) >= MIN_ROWS:
@@ -111,7 +112,7 @@ def _without_jumps(time: Array, values: Array, name: str, metres: float) -> tupl
 
 
 def _find_spike_rows(jumps: NDArray[np.intp], count: int) -> slice | None:
-    """The few rows of so many that are off where the first jump is; None where all that follow are."""
+    """The few rows of `count` that are off at the first jump; None where all rows after it are off."""
     first = int(jumps[0])
     if len(jumps) > 1 and jumps[1] - first <= MAX_SPIKE_ROWS:
         return slice(first + 1, int(jumps[1]) + 1)
@@ -138,7 +139,7 @@ def check_wheels(run: Manoeuvre, robot: RobotConfig) -> None:
         return
     known = run.known_rows
     time = run.t[known]
-    ends = known[np.unique(stretch_ends(time, time[0], time[-1], WINDOW_S))]
+    ends = known[np.unique(stretch_starts(time, time[0], time[-1], WINDOW_S))]
     turns = np.diff(run.truth[ends, 2])
     ways = np.column_stack([-np.diff(run.left[ends]), np.diff(run.right[ends])])
     if float(np.abs(turns).sum()) < MIN_TURN_RAD:

@@ -1,4 +1,5 @@
-"""Wheel angles against a reference of the pose (motion capture), without commands: what is the geometry?"""
+"""The diagnosis of wheel angles and a reference of the pose (motion capture), without commands: the
+geometry."""
 
 from __future__ import annotations
 
@@ -47,16 +48,17 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MIN_GAIN = 0.03
-"""Share of the error on unseen runs that a cause must save."""
+"""Share of the held-out error that a cause must save."""
 MAX_ERROR_RATIO = 3.0
-"""Times the error of what was fitted from which that of unseen runs is more than wheels, whatever their size,
-make of it."""
+"""Held-out error over that of the fitted runs, above which no size of wheels explains it."""
 MAX_FACTOR = 2.5
-"""By which wheels and track may be off, as in a drive with commands (`plausibility/implausible.py`)."""
+"""Factor by which wheels and track may be off, as in a drive with commands
+(`plausibility/implausible.py`)."""
 FITTED_SHARE = 0.7
-"""Of a single run; the rest is there to judge on."""
+"""Share of a single run that is fitted; the rest is held out."""
 MAX_STEP_S = 0.9
-"""s a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""
+"""Longest s of a row. Counters lose nothing between rows, so this is for a time in milliseconds, which
+advances by 1 or more."""
 POSITION, HEADING = "truth position", "truth.heading"
 NO_COMMANDS = "not identifiable: motor.N.duty is missing, so what drove the wheels is unknown"
 
@@ -103,7 +105,7 @@ def diagnose_geometry(
 def prepare_run(
     columns: Columns, robot: RobotConfig, device: Device = SI_WORDS
 ) -> tuple[Manoeuvre, tuple[SensorFault, ...]]:
-    """A recording as it can be fitted, and what is said of single values that were left out.
+    """A recording as a run that can be fitted, and faults of single values that were left out.
 
     Raises CalibrationError naming a column that is not usable, and TraceError for a time or a reference in
     other units.
@@ -118,9 +120,9 @@ def prepare_run(
 
 
 def describe_impossible_factor(factors: Array) -> str:
-    """What is to be said where a wheel or the track is no robot's of this robot.toml; "" where all may be.
+    """A note where a wheel or the track has a factor that no robot of this robot.toml has; "" where none has.
 
-    A reference that never moved, and counters in another unit, ended at the bounds of what is tried, each
+    A reference that never moved, and counters in another unit, gave factors at the bounds of the fit, each
     with a probability of 0.99.
     """
     logs = np.abs(np.log(factors))
@@ -175,7 +177,7 @@ def _judge(fit: GeometryFit, begin: float) -> Diagnosis:
         for each in all_candidates
         if each in unhelpful or not each.is_significant
     ]
-    # A start that is a little off turns a whole path, and is no path that leaves its wheels.
+    # A slightly wrong initial heading turns the whole path, which is no departure from the wheels.
     shape_errors = [
         each.errors(factors, from_start=False)
         for each, factors in ((fit, after_factors), (in_sample, fit.factors))
@@ -202,7 +204,7 @@ def _judge(fit: GeometryFit, begin: float) -> Diagnosis:
 
 
 def _unexplained(before: PoseErrors, after: PoseErrors, is_unexplained: bool) -> Unexplained:
-    """What is left where that is more than wheels make of it; what chance makes is no part of it."""
+    """The unexplained rest, where it is more than chance and wheels make."""
     if not is_unexplained:
         return Unexplained(0.0)
     share = after.position**2 / max(before.position**2, 1e-300)
@@ -250,7 +252,7 @@ def _rejected_without_commands() -> tuple[Rejected, ...]:
 
 
 def _curves(fit: GeometryFit, before: Array, after: Array) -> tuple[Curve, ...]:
-    """Distance from the reference along the unseen runs, put one behind the other."""
+    """Distance from the reference along the held-out runs, one after the other."""
     times, curves, offset = [], [], 0.0
     for each in fit.heldout:
         pair = [np.hypot(*truth_residuals(factors, fit.robot, each)[:, :2].T) for factors in (before, after)]

@@ -1,4 +1,4 @@
-"""What dead reckoning leaves with given factors on wheels and track width, and which factors are causes."""
+"""Errors of dead reckoning with factors on wheels and track width, and the factors that may be causes."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import cause_name
-from raccoon.diagnose.recordings.reference.stretches import stretch_ends
+from raccoon.diagnose.recordings.reference.stretches import stretch_starts
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.estimate.drive_calibration.paths import shape_residuals, truth_residuals
 
 Array = NDArray[np.float64]
 
 MIN_SIGMAS = 3.0
-"""Standard deviations from the configured value at which a factor is a cause."""
+"""Standard deviations from the configured value above which a factor is a cause."""
 MIN_FACTOR_CHANGE = 0.001
-"""A wheel that is 0.1 % off is as good as a wheel gets."""
+"""Change of a factor that is no cause: a wheel that is 0.1 % off is as good as a wheel gets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,8 @@ class PoseErrors:
 
 @dataclass(frozen=True, slots=True)
 class GeometryFit:
-    """Factors (3,) on left way, right way and track width, with deviations, and the runs."""
+    """Factors (3,) on left distance, right distance and track width, with stds, and the fitted and held-out
+    runs."""
 
     robot: RobotConfig
     factors: Array
@@ -42,25 +43,27 @@ class GeometryFit:
     heldout: Sequence[Manoeuvre]
 
     def errors(self, factors: Array, from_start: bool = True) -> PoseErrors:
-        """Over the unseen runs; each starts at the reference's pose, or in the pose that fits best."""
-        off = truth_residuals if from_start else shape_residuals
-        parts = [off(factors, self.robot, each) for each in self.heldout]
-        whole = np.concatenate(parts)
+        """Errors over the held-out runs, each started at the reference's pose, or at the pose that fits
+        best."""
+        residuals_of = truth_residuals if from_start else shape_residuals
+        residuals = [residuals_of(factors, self.robot, each) for each in self.heldout]
+        errors = np.concatenate(residuals)
         return PoseErrors(
-            float(np.sqrt((whole[:, :2] ** 2).sum(axis=1).mean())), float(np.sqrt((whole[:, 2] ** 2).mean()))
+            float(np.sqrt((errors[:, :2] ** 2).sum(axis=1).mean())),
+            float(np.sqrt((errors[:, 2] ** 2).mean())),
         )
 
 
 DEPARTURE_WINDOW_S = 1.0
-"""s over which is looked for where a robot leaves its wheels."""
+"""s over which the departure of a robot from its wheels is measured."""
 
 
 def describe_departure(fit: GeometryFit, factors: Array) -> str:
-    """Where the unseen runs' paths part from their wheels most, in a sentence."""
+    """A sentence on where the held-out runs depart most from the paths of their wheels."""
     largest, when = 0.0, 0.0
     for each in fit.heldout:
         errors, time = truth_residuals(factors, fit.robot, each), each.t[each.known_rows]
-        ends = stretch_ends(time, time[0], time[-1], 0.25 * DEPARTURE_WINDOW_S)
+        ends = stretch_starts(time, time[0], time[-1], 0.25 * DEPARTURE_WINDOW_S)
         later = np.minimum(np.searchsorted(time, time[ends] + DEPARTURE_WINDOW_S), len(time) - 1)
         moved = errors[later] - errors[ends]
         departures = np.hypot(moved[:, 0], moved[:, 1])
@@ -76,7 +79,7 @@ def describe_departure(fit: GeometryFit, factors: Array) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One factor that may be a cause, and what it does to (left, right, track)."""
+    """A factor that may be a cause. factors: its effect on (left, right, track)."""
 
     id: str
     where: str | None
@@ -94,10 +97,8 @@ class Candidate:
 
 
 def candidates(fit: GeometryFit) -> list[Candidate]:
-    """Both wheels' common factor, what the left has beyond it, and the track.
-
-    Wheels that differ by less than their deviations are one cause, both wheels'; else each is its own.
-    """
+    """The factor of the track, and that of both wheels; where these differ significantly one of each
+    wheel."""
     left, right, track = (float(each) for each in fit.factors)
     left_std, right_std, track_std = (float(each) for each in fit.stds)
     found = [Candidate("drive.track_width", None, track, track_std, np.array([1.0, 1.0, track]))]
@@ -105,15 +106,15 @@ def candidates(fit: GeometryFit) -> list[Candidate]:
         found.append(Candidate("drive.wheel_radius", "left", left, left_std, np.array([left, 1.0, 1.0])))
         found.append(Candidate("drive.wheel_radius", "right", right, right_std, np.array([1.0, right, 1.0])))
     else:
-        both = 0.5 * (left + right)
+        mean = 0.5 * (left + right)
         found.append(
             Candidate(
-                "drive.wheel_radius", None, both, 0.5 * (left_std + right_std), np.array([left, right, 1.0])
+                "drive.wheel_radius", None, mean, 0.5 * (left_std + right_std), np.array([left, right, 1.0])
             )
         )
     return found
 
 
 def combine_factors(parts: Sequence[Candidate]) -> Array:
-    """Factors (3,) of all together."""
+    """Factors (3,) of all candidates together."""
     return np.asarray(np.prod([np.ones(3), *(each.factors for each in parts)], axis=0))

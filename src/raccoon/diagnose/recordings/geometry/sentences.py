@@ -1,4 +1,4 @@
-"""What is said of a wheel's radius or the track width."""
+"""Causes and sentences about a wheel's radius or the track width."""
 
 from __future__ import annotations
 
@@ -54,7 +54,8 @@ def geometry_cause(
 
 
 def _is_told_from_motor(candidate: Candidate, robot: RobotConfig) -> bool:
-    """Whether the counters that tell of it were calibrated, or it is nothing of one wheel."""
+    """Whether the candidate is no radius, or its wheels' counters were calibrated: else it may be the
+    motor."""
     sides = SIDES if candidate.where is None else (candidate.where,)
     calibrated = all(robot.wheel_motor(side).radians_per_tick is not None for side in sides)
     return candidate.id != "drive.wheel_radius" or calibrated
@@ -75,7 +76,9 @@ def _sentence(candidate: Candidate, robot: RobotConfig) -> str:
 
 
 def _advice(candidate: Candidate, robot: RobotConfig) -> str:
-    """robot.toml has one radius for both, and a scale for each: what goes by them needs their product."""
+    """What to do. robot.toml has one radius for both wheels and a scale for each; odometry needs their
+    product.
+    """
     if candidate.where is None:
         radius = robot.model.drive.wheel_radius.value * candidate.factor
         return f"put wheel_radius = {radius:.5f} (m) into [model.drive] of robot.toml"

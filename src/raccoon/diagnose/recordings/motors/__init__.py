@@ -1,1 +1,1 @@
-"""Recordings of single motors and of one power step."""
+"""Recordings of single motors, and of one motor's response to a step of power."""

@@ -1,4 +1,4 @@
-"""Recordings of single motors: each as an axis, the battery behind them, and sensors that are broken."""
+"""The diagnosis of single motors: each as an axis, the battery behind them, and faulty sensors."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_DEAD_CURRENT_A = 0.01
-"""A driven motor that never draws more has no working current sensor."""
+"""A driven motor that never draws more has a dead current sensor."""
 MAX_CURRENT_A = 100.0
-"""That no motor of a robot draws."""
+"""No motor of a robot draws more."""
 MAX_REST_CURRENT_A = 0.06
-"""More at rest with no voltage is an offset of the sensor: the best of them drift by 0.02."""
+"""A larger current at rest without voltage is an offset of the sensor: the best ones drift by 0.02."""
 MAX_REST_SPEED_SHARE = 0.02
-"""Share of the largest speed below which a motor stands."""
+"""Speed over the largest one below which a motor stands."""
 MIN_CURRENT_R2 = 0.3
-"""R2 of the current over voltage and speed below which it is no current of this motor."""
+"""R2 of the current regressed on voltage and speed, below which it is not this motor's current."""
 MIN_SAMPLES = 50
 """Samples from which something is said of them."""
 MAX_STEP_S = 0.9
-"""s between samples. An axis may be slow, but not so slow."""
+"""Longest s between samples, even of a slow axis."""
 MAX_BATTERY_V = 100.0
-"""V of a battery's reading."""
+"""Largest V of a battery's reading."""
 NO_LOAD_CHANGE = "not visible: battery.voltage, or what the motors take, never changes"
 _WORST_FIRST = (Verdict.UNKNOWN, Verdict.PARTLY, Verdict.EXPLAINED, Verdict.ADEQUATE)
 
 
 @dataclass(frozen=True, slots=True)
 class _CheckedMotor:
-    """Columns without what is broken, and what that was."""
+    """Columns without the faulty readings of a motor, their faults, and notes."""
 
     columns: dict[str, Array]
     faults: tuple[SensorFault, ...]
@@ -59,7 +59,7 @@ class _CheckedMotor:
 
 
 def motor_ports(columns: Columns) -> list[int]:
-    """Ports with something that drives (force, torque, voltage) and a motion."""
+    """Ports with an effort (force, torque, voltage) and a motion."""
     ports = sorted({port for kind in EFFORT_UNITS for port in ports_in(columns, "motor", kind)})
     return [
         port
@@ -73,9 +73,9 @@ def _has_any(columns: Columns, port: int, kinds: Mapping[str, str]) -> bool:
 
 
 def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | None = None) -> Diagnosis:
-    """One diagnosis over all motors of a recording and the battery behind them.
+    """One diagnosis of all motors of a recording and the battery behind them.
 
-    Raises TraceError where no motor has both what drives it and how it moves.
+    Raises TraceError where no motor has both an effort and a motion.
     """
     begin = time.perf_counter()
     check_time(np.asarray(columns["t"], float), MAX_STEP_S)
@@ -101,12 +101,13 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
             raise
         except TraceError as error:
             rejected.append(Rejected(f"motor {port}", f"not diagnosed: {error}"))
-    supply, missing = _supply(cleaned, ports)
-    return _join(diagnoses, diagnosed_ports, supply, missing, faults, notes, rejected, begin)
+    supply, missing = _judge_battery(cleaned, ports)
+    return _join_diagnoses(diagnoses, diagnosed_ports, supply, missing, faults, notes, rejected, begin)
 
 
 def _check_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]]:
-    """The columns with a battery's reading that is none left out, and what it was."""
+    """The columns without invalid samples of the battery's reading, and their faults. Raises TraceError for a
+    reading in another unit."""
     found = dict(columns)
     battery = found.get(BATTERY)
     if battery is None:
@@ -131,7 +132,7 @@ def _axis_name(robot: RobotConfig, port: int, ports: list[int]) -> AxisName:
 
 
 def _check_motor(columns: dict[str, Array], port: int) -> _CheckedMotor:
-    """Take away a current that is none, and the sign of a motor that is wired the other way round."""
+    """Leave out a saturated speed and a current that is none, and reverse a motor with swapped wires."""
     names = [f"motor.{port}.{kind}" for kind in ("voltage", "current", "speed")]
     voltage, current, speed = (columns.get(name) for name in names)
     faults: list[SensorFault] = []
@@ -199,14 +200,14 @@ def _current_fault(name: str, voltage: Array, current: Array, speed: Array | Non
 
 
 def _rest_current(voltage: Array, current: Array, speed: Array) -> float:
-    """Median current while there is neither voltage nor motion; 0 where there is no such time."""
+    """Median current without voltage and motion, A; 0 where there are too few such samples."""
     still = (voltage == 0.0) & (
         np.abs(speed) < MAX_REST_SPEED_SHARE * float(np.percentile(np.abs(speed), 95.0))
     )
     return float(np.median(current[still])) if still.sum() >= 20 else 0.0
 
 
-def _supply(columns: Columns, ports: list[int]) -> tuple[Supply | None, tuple[str, ...]]:
+def _judge_battery(columns: Columns, ports: list[int]) -> tuple[Supply | None, tuple[str, ...]]:
     if BATTERY not in columns:
         return None, (BATTERY,)
     power, missing = motor_power(columns, ports)
@@ -215,7 +216,7 @@ def _supply(columns: Columns, ports: list[int]) -> tuple[Supply | None, tuple[st
     return judge_supply(columns["t"], columns[BATTERY], power), ()
 
 
-def _join(
+def _join_diagnoses(
     diagnoses: list[Diagnosis],
     ports: list[int],
     supply: Supply | None,
@@ -273,7 +274,7 @@ def _join(
 
 
 def _rank(causes: list[CauseResult]) -> tuple[CauseResult, ...]:
-    """By how much of the error on unseen data each removes, relative to the noise."""
+    """Causes ranked by how much held-out error each removes, relative to the noise."""
 
     def worth(each: CauseResult) -> float:
         return -(each.gain.heldout_rmse_before - each.gain.heldout_rmse_after)

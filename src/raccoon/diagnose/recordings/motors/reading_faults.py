@@ -1,8 +1,8 @@
-"""Faults of a speed reading itself, where a recording is too poor for a motor model.
+"""Faults of a speed reading in a step response, which is too little for a motor model.
 
-A single power step with a coarse, filtered reading shows the reading's habits (a stale start that a filter
+A single power step with a coarse, filtered reading shows the reading's behaviour (a stale start that a filter
 forgets, repeated samples) and when the motor began to move, but no motor constants: a step of one size at one
-battery voltage has one steady speed, which K_E, friction and the reading's scale share.
+battery voltage has one steady speed, on which K_E, friction and the reading's scale act alike.
 """
 
 from __future__ import annotations
@@ -15,20 +15,19 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MAX_DECAY_RATIO = 0.5
-"""Of the one before, below which a sample is of a leftover that decays."""
+"""Ratio of a sample to the one before, below which it belongs to a stale value that decays."""
 MIN_MOVING_SHARE = 0.1
-"""Of the usual reading later, from which a motor moves."""
+"""Reading over the later typical one, above which a motor moves."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingFaults:
-    """What a step recording says of its reading.
+    """Faults of a reading in a step response.
 
-    stale: the first value, where it is a leftover that decays (else None). decay: what a sample keeps of
-    the one
-    before while it is forgotten, so 1 - decay is the filter's share of the new (None without a stale start).
-    repeats: share of samples that repeat the one before. dead_time: s from the command to the first motion.
-    decay_std: deviation of decay.
+    stale: the first value, where it is a stale one that decays (else None). decay: ratio of a sample to the
+    one before while it decays, so 1 - decay is the filter's gain (None without a stale start). repeats: share
+    of samples that repeat the one before. dead_time: s from the command to the first motion. decay_std:
+    standard deviation of decay.
     """
 
     stale: float | None
@@ -39,12 +38,12 @@ class ReadingFaults:
 
 
 def reading_faults(time: Array, speed: Array) -> ReadingFaults:
-    """Look at a reading (n,) recorded at `time` (n,) after one power step at time[0]; NaN is left out."""
+    """Examine a reading (n,) recorded at `time` (n,) after one power step at time[0]; NaN is left out."""
     known = np.isfinite(speed)
     begin, time, speed = float(time[0]), time[known], speed[known]
     falling = _count_decaying(speed)
     ratios = speed[1 : falling + 1] / speed[:falling]
-    # The first, largest ones are least disturbed by what was measured meanwhile.
+    # The first, largest samples are least disturbed by new measurements.
     weights = speed[:falling] ** 2
     decay = float(ratios @ weights / weights.sum()) if falling >= 2 else None
     deviation = (
@@ -56,7 +55,7 @@ def reading_faults(time: Array, speed: Array) -> ReadingFaults:
 
 
 def _count_decaying(speed: Array) -> int:
-    """How many samples from the first one each keep less than half of the one before, with its sign."""
+    """How many samples from the first one are each less than half of the one before, with the same sign."""
     count = 0
     while (
         count + 1 < len(speed)

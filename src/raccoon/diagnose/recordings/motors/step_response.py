@@ -1,4 +1,4 @@
-"""One power step of one motor: what the reading is worth, and when the motor began to move."""
+"""The diagnosis of one motor's step response: faults of the reading, and when the motor began to move."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_STEP_S = 0.9
-"""s between samples."""
+"""Longest s between samples."""
 MIN_READINGS = 10
-"""Numbers from which a column is a reading."""
+"""Numbers that a column must have to be a reading."""
 MIN_REPEATED_SHARE = 0.02
-"""Share of samples that repeat the one before, from which that is said."""
+"""Share of samples that repeat the one before, above which that is a fault."""
 MIN_STALE_SPEED = 0.4
-"""rad/s; a smaller leftover is less than one count a sample."""
+"""rad/s; a smaller stale value is less than one count per sample."""
 SHARED_CONSTANTS = (
     "not identifiable: one step of one size has one steady speed, which K_E, friction and the reading's "
     "scale share"
@@ -44,7 +44,7 @@ UNIDENTIFIABLE_CAUSES = (
 
 
 def step_port(columns: Columns) -> int | None:
-    """The port of a single motor that was given one power all the time, None where this is no such step."""
+    """The port of a single motor with one power all the time; None where the recording is no such step."""
     ports = ports_in(columns, "motor", "duty")
     if len(ports) != 1:
         return None
@@ -52,11 +52,11 @@ def step_port(columns: Columns) -> int | None:
     known = duty[np.isfinite(duty)]
     if len(known) == 0 or np.ptp(known) > 0.0 or known[0] == 0.0:
         return None
-    return None if _reading_name(_from_command(columns, ports[0]), ports[0]) is None else ports[0]
+    return None if _reading_name(_rows_from_command(columns, ports[0]), ports[0]) is None else ports[0]
 
 
-def _from_command(columns: Columns, port: int) -> Columns:
-    """From the row on that has the first command: before it the motor had no power, and no time is dead."""
+def _rows_from_command(columns: Columns, port: int) -> Columns:
+    """The columns from the first row with a command: the dead time counts from there."""
     first = int(np.argmax(np.isfinite(columns[f"motor.{port}.duty"])))
     return {name: each[first:] for name, each in columns.items()}
 
@@ -68,13 +68,13 @@ def _reading_name(columns: Columns, port: int) -> str | None:
     )
 
 
-def diagnose_step(columns: Columns, port: int) -> Diagnosis:
-    """Faults of the reading and the dead time; no motor constants, since one step cannot tell them.
+def diagnose_step_response(columns: Columns, port: int) -> Diagnosis:
+    """Diagnose faults of the reading and the dead time; one step cannot tell motor constants.
 
-    Raises TraceError for a time that goes back or is in another unit: the dead time would be as well.
+    Raises TraceError for a time that goes back or is in another unit: the dead time would be wrong as well.
     """
     begin = time.perf_counter()
-    columns = _from_command(columns, port)
+    columns = _rows_from_command(columns, port)
     check_time(np.asarray(columns["t"], float), MAX_STEP_S)
     name = _reading_name(columns, port)
     if name is None:
@@ -143,7 +143,7 @@ def _sensor_faults(name: str, faults: ReadingFaults, repeats: float) -> list[Sen
 
 
 def _repeated_share(columns: Columns, port: int, faults: ReadingFaults) -> float:
-    """Share of repeated samples: as the reader found them behind the filter, else equal neighbours."""
+    """Share of repeated samples: those that the reader blanked behind the filter, else equal neighbours."""
     clean, recorded = columns.get(f"motor.{port}.speed"), columns.get(f"motor.{port}.speed_recorded")
     if clean is None or recorded is None:
         return faults.repeats

@@ -1,4 +1,4 @@
-"""The battery behind motors whose commanded voltages and currents were recorded: does it sag?"""
+"""Judges whether the battery behind motors with recorded voltages and currents sags."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ Array = NDArray[np.float64]
 
 BATTERY_RESISTANCE = "battery.internal_resistance"
 MIN_GAIN = 0.1
-"""Share of the error on unseen data that the resistance, or then a second branch, must save."""
+"""Share of the held-out error that the resistance, or then a second branch, must save."""
 MIN_CLEAR_SIGMAS, MIN_CLEAR_GAIN = 10.0, 0.01
-"""Deviations from 0 from which a resistance that saves less is named, and what it must save then."""
+"""Standard deviations from 0 above which a resistance that saves less is named, and what it must save
+then."""
 BRANCH_TIME_CONSTANTS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-"""s after which a battery's further branch may have followed the current; the one that fits best is taken."""
+"""Time constants, s, of a battery's second branch; the one that fits best is taken."""
 MIN_SAMPLES = 100
-"""Samples from which anything is said."""
+"""Samples that are needed."""
 JACKKNIFE_BLOCKS = 8
-"""Of time, which are left out one by one: by what they change a number's deviation is told (a jackknife)."""
+"""Blocks of time that are left out one by one for a standard deviation (a jackknife)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """What the battery's voltage says. cause: the resistance, where it helps unseen data."""
+    """What the battery's voltage shows. cause: the resistance, where it helps held-out data."""
 
     channel: ChannelResult
     cause: CauseResult | None
@@ -37,10 +38,11 @@ class Supply:
 
 
 def judge_supply(time: Array, voltage: Array, power: Array) -> Supply | None:
-    """voltage: V of the battery, which is taken to have no resistance so far. power: W that the motors take.
+    """Judge the battery's resistance, assumed 0 so far. voltage: V of the battery. power: W that the motors
+    take.
 
-    The current is power over voltage, the model V = V0 - R I, fitted before the split that the command steps
-    give and judged after it. None where too little is known, or one of both never changes.
+    The current is power over voltage, and the model V = V0 - R I, fitted before the row that the command
+    steps give and judged after it. None where too little is known, or one of both never changes.
     """
     known = np.isfinite(voltage) & np.isfinite(power)
     if known.sum() < MIN_SAMPLES or not (np.ptp(power[known]) > 0.0 and np.ptp(voltage[known]) > 0.0):
@@ -88,7 +90,7 @@ def _reject_branch(gain: float) -> Rejected:
 
 
 def _fit_and_score(voltage: Array, columns: Array, split: int) -> tuple[float, Array, float]:
-    """Error after the split; the numbers fitted before it; deviation of the last by leaving out blocks."""
+    """RMS error after the split; coefficients fitted before it; jackknife std of the last one."""
     rows = np.arange(split)
     numbers = np.linalg.lstsq(columns[:split], voltage[:split], rcond=None)[0]
     jackknifed = [
@@ -107,7 +109,7 @@ def _fit_and_score(voltage: Array, columns: Array, split: int) -> tuple[float, A
 
 
 def _low_passed(time: Array, current: Array, constant: float) -> Array:
-    """The current behind a first-order lag."""
+    """The current behind a first-order low-pass."""
     out = np.empty_like(current)
     out[0] = 0.0
     kept = np.exp(-np.diff(time) / constant)
@@ -130,7 +132,7 @@ def _cause(channel: ChannelResult, found: ParameterResult) -> CauseResult:
 
 
 def motor_power(columns: Mapping[str, Array], ports: list[int]) -> tuple[Array | None, tuple[str, ...]]:
-    """W that all motors take, and the columns that it would need but that are not there."""
+    """W that all motors take together, and the columns that are missing for it."""
     names = [f"motor.{port}.{kind}" for port in ports for kind in ("voltage", "current")]
     missing = tuple(
         name for name in names if name not in columns or np.isfinite(columns[name]).sum() < MIN_SAMPLES

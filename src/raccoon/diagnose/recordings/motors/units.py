@@ -1,4 +1,4 @@
-"""Whether the volts and the speed of a motor are what their names promise."""
+"""Checks that volts and speed of a motor are in the units, and with the signs, that their names promise."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
 MIN_SAMPLES = 50
-"""Samples from which something is said of them."""
+"""Samples below which a reading is not checked."""
 MIN_BATTERY_V = 3.0
-"""V, of which no experiment gives a motor less than 1 V all the time."""
+"""V of a battery from which no experiment gives a motor less than 1 V all the time."""
 MAX_VOLTS_RATIO = 1.3
-"""Of the battery's voltage, that no driver gives a motor."""
+"""Times the battery's voltage that no driver gives a motor."""
 MIN_OPPOSITE_SHARE = 0.2
-"""Part of the larger way of a motor from which it goes the other one as well."""
+"""Reading in the other direction over the larger one, from which a motor goes both ways."""
 MAX_K_E_RATIO = 3.0
-"""Times the smallest K_E of a robot's motors that none of them has: with their gears they are of one size."""
+"""Ratio of two motors' K_E that no robot has: with their gears they are of one size."""
 MIN_SATURATION_STEP = 0.005
-"""Part of a speed's largest value from which it goes there at once. One without noise nears what it has at
-last, and stays there too."""
+"""Step, over the largest speed, from which a speed reaches it at once and is saturated. A speed without noise
+approaches its final value slowly, and stays there too."""
 
 
 def speed_saturation_fault(name: str, speed: Array) -> SensorFault | None:
-    """A speed that is cut off, None where it is not. It was a friction twice as large as there is."""
+    """The fault of a saturated speed, None where it is not. Such a speed gave a friction twice as large."""
     fault = saturation_fault(name, "speed", speed)
     known = speed[np.isfinite(speed)]
     if fault is None:
@@ -44,7 +44,7 @@ def speed_saturation_fault(name: str, speed: Array) -> SensorFault | None:
 
 
 def check_volts(columns: Columns, port: int) -> None:
-    """Raise TraceError where volts and speed are not what their names promise."""
+    """Raise TraceError where volts or speed are in another unit, or without their sign."""
     voltage, speed = (columns.get(f"motor.{port}.{kind}") for kind in ("voltage", "speed"))
     battery = columns.get(BATTERY)
     if voltage is None or not np.isfinite(voltage).any():
@@ -72,7 +72,8 @@ def check_volts(columns: Columns, port: int) -> None:
 
 
 def _has_varying_values(values: Array) -> bool:
-    """Whether there are numbers, and not one alone: what is missing or stuck is said elsewhere."""
+    """Whether there are enough numbers, and not one value alone: what is missing or stuck has faults of its
+    own."""
     known = values[np.isfinite(values)]
     return len(known) >= MIN_SAMPLES and float(np.ptp(known)) > 0.0
 
@@ -86,8 +87,8 @@ def _is_one_way(values: Array) -> bool:
 
 
 def unlike_motor_notes(identified: Mapping[str, ParameterResult]) -> tuple[str, ...]:
-    """That motors of one recording have a K_E that differs as that of a speed in another unit does: friction
-    and inertia of one in rpm or degrees a second are as much too small. identified: numbers by name."""
+    """A note where the K_E of two motors differ as with a speed in another unit: with rpm or degrees per
+    second friction and inertia are too small by the same factor. identified: numbers by name."""
     constants = {name: each.value for name, each in identified.items() if name.endswith(".back_emf")}
     if len(constants) < 2 or not min(constants.values()) > 0.0:
         return ()

@@ -1,8 +1,9 @@
-"""A battery that is read too high or too low: one fault, which looks like several.
+"""A battery's reading with a wrong scale: one fault that looks like several causes.
 
-The simulated motors get the volts that the battery's reading says. Where that is s times too high, so is all
-that is counted in volts: the battery's voltage is s times robot.toml's, the back-EMF reading seems 1 / s of
-what it should be, and where wheels and gyro tell, so do their scale, a radius, K_E or the track.
+The simulated motors get the volts of the battery's reading. Where that is s times too high, so is everything
+in volts: the battery's voltage is s times robot.toml's, and the back-EMF reading seems 1 / s of what it
+should be. Where wheels and gyro are compared, their scale, a radius, K_E or the track seems wrong by the same
+factor.
 """
 
 from __future__ import annotations
@@ -25,15 +26,17 @@ SCALE_POWERS = {
     "drive.track_width": 1.0,
     "motor.back_emf_constant": 1.0,
 }
-"""Power of s with which each of them stands for what is left where only wheels and gyro are compared."""
+"""Power of s that each of them seems to have where it stands for the ratio of wheels and gyro."""
 KIPR_VOLTS_PER_COUNT = 0.009175
-"""V, of the C library's own curve of the charge."""
+"""V per count in the C library's curve of the charge."""
 KIPR_TOLERANCE = 0.01
-"""Part by which a scale may be off from that curve to be of it."""
+"""Relative difference from that curve within which a scale is attributed to it."""
 
 
 def explain_by_battery_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
-    """A diagnosis that says in one sentence what a wrong scale of the battery's reading has made of it."""
+    """The diagnosis in which causes that a wrong scale of the battery's reading would make are attributed to
+    it.
+    """
     by_name = {each.name: each for each in found.causes}
     voltage, scale = by_name.get(BATTERY_VOLTAGE), by_name.get(BEMF_SCALE)
     if voltage is None or scale is None or not any(each.name == BATTERY_COLUMN for each in found.channels):

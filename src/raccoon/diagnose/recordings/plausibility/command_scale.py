@@ -1,10 +1,11 @@
-"""Commands that are written in another scale than -1 to 1, as 127 for all of a driver's 100: one fault, which
-looks like several.
+"""Commands in another scale than -1 to 1, as 127 for a driver's 100: one fault that looks like several
+causes.
 
-Where the columns hold s of what the motors got, the simulated motors get s of their volts. All speeds are s
-of what they were, so the back-EMF reading seems 1 / s of what it should be, and so does what wheels and gyro
-are compared by. Currents and torques are s of theirs, so is the friction that fits, and what the battery
-carries, duty times current, is s squared: its resistance seems 1 / s squared of what it is.
+Where the columns hold s times what the motors got, the simulated motors get s times their volts. All speeds
+are s times the true ones, so the back-EMF reading seems 1 / s of what it should be, and so does what wheels
+and gyro are compared by. Currents and torques are s times the true ones, so is the fitted friction, and the
+battery's load, duty times current, is s squared times the true one: its resistance seems 1 / s squared of
+what it is.
 """
 
 from __future__ import annotations
@@ -28,14 +29,14 @@ SCALE_POWERS = {
     "friction.coulomb": -1.0,
     "battery.internal_resistance": 2.0,
 }
-"""Power of the back-EMF's scale with which each of them stands."""
+"""Power of the back-EMF's scale that each of them seems to have."""
 MIN_EXPLAINED_CAUSES = 2
-"""Causes that follow it: one may by chance, or by the twin of another fault."""
+"""Causes that it must explain: a single one may fit by chance, or by another fault."""
 SEE_BEMF_SCALE = f"It is of the size that commands of another scale make: see {BEMF_SCALE} first."
 
 
 def explain_by_command_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
-    """A diagnosis that says in one sentence what a wrong scale of the commands has made of it."""
+    """The diagnosis in which causes that a wrong scale of the commands would make are attributed to it."""
     by_name = {each.name: each for each in found.causes}
     scale = by_name.get(BEMF_SCALE)
     if (

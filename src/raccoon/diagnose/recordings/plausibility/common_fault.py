@@ -1,4 +1,5 @@
-"""One fault of a recording that looks like several causes: said once, and pointed to from the others."""
+"""One fault of a recording that looks like several causes: described at one, and referred to by the
+others."""
 
 from __future__ import annotations
 
@@ -8,16 +9,16 @@ from dataclasses import replace
 from raccoon.diagnose.result import Diagnosis, ParameterResult
 
 MIN_RELATIVE_ERROR = 0.01
-"""Part by which a reading is off from which it is asked what that made."""
+"""Relative error of a scale below which it explains nothing."""
 MAX_SIGMAS_APART = 2.5
-"""Standard deviations within which two numbers are the same fault's."""
+"""Standard deviations within which two numbers agree with one fault."""
 
 
 def attribute_to_one_fault(
     found: Diagnosis, primary: str, explanation: str, explained: Collection[str], see: str
 ) -> Diagnosis:
-    """A diagnosis in which the cause of the name `first` says what the fault is, and those of the names
-    `others` say `see` behind their own sentence."""
+    """The diagnosis in which the cause of the name `primary` has the fault as its explanation, and those of
+    the names `explained` have `see` appended to theirs."""
     explanations = {primary: explanation} | {
         each.name: f"{each.explanation} {see}" for each in found.causes if each.name in explained
     }
@@ -28,7 +29,7 @@ def attribute_to_one_fault(
 
 
 def inverse_with_error(factor: ParameterResult) -> tuple[float, str]:
-    """1 over a factor, and in words by how much that is not 1."""
+    """1 over a factor, and in words its difference from 1 with the standard deviation."""
     inverse = 1.0 / factor.value
     size = f"{100.0 * abs(inverse - 1.0):.1f} +- {100.0 * inverse * factor.std / factor.value:.1f} %"
     return inverse, size

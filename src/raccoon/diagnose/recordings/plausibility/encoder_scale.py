@@ -1,7 +1,7 @@
-"""An encoder that is counted with the wrong number of ticks: one fault, which looks like two.
+"""An encoder with a wrong number of ticks per turn: one fault that looks like two causes.
 
-Where it reads s times the speed, the motor seems to need 1 / s of its K_E, and a gyro turns as if the wheel's
-radius were 1 / s of what it is, or what else stands for the ratio of wheels and gyro.
+Where it reads s times the speed, the motor seems to have 1 / s of its K_E, and the wheel's radius, or
+whatever stands for the ratio of wheels and gyro, seems 1 / s of what it is.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from raccoon.diagnose.result import CauseResult, Diagnosis
 
 BACK_EMF_CONSTANT = "motor.back_emf_constant"
 SCALE_POWERS = {"drive.wheel_radius": 1.0, "imu.gyro_scale": 1.0, "drive.track_width": -1.0}
-"""Power of K_E's factor with which each of them stands for what wheels and gyro are compared by."""
+"""Power of K_E's factor that each of them seems to have where it stands for the ratio of wheels and gyro."""
 
 
 def explain_by_encoder_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
-    """A diagnosis that says in one sentence what a wrong number of ticks a turn has made of it."""
+    """The diagnosis in which causes that a wrong number of ticks per turn would make are attributed to it."""
     sides = {"left": robot.drive.left, "right": robot.drive.right}
     compared, causes = {each.name for each in found.channels}, found.causes
     for each in causes:
@@ -39,10 +39,10 @@ def explain_by_encoder_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
     return found
 
 
-def _is_explained(other: CauseResult, constant: CauseResult) -> bool:
+def _is_explained(cause: CauseResult, constant: CauseResult) -> bool:
     """Whether the other's number is what the same encoder would make of it."""
-    power = SCALE_POWERS.get(other.id)
-    other_factor, constant_factor = other.parameters.get("factor"), constant.parameters.get("factor")
+    power = SCALE_POWERS.get(cause.id)
+    other_factor, constant_factor = cause.parameters.get("factor"), constant.parameters.get("factor")
     if (
         power is None
         or other_factor is None

@@ -1,4 +1,4 @@
-"""Numbers that no robot has, and what a recording holds instead of what its names promise."""
+"""Implausible numbers of a diagnosis: hints at wrong units, a wrong time, and commands that are speeds."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class PlausibleRange:
-    """What numbers are a robot's, and what to look for beyond: factors of robot.toml's number, or the number
-    itself where that is 0 in it. parameter: of the cause."""
+    """Plausible range of a cause's parameter, as a factor on robot.toml's number, or the number itself where
+    robot.toml has 0. hint: what to check outside it. parameter: its name."""
 
     low: float
     high: float
@@ -71,26 +71,28 @@ PLAUSIBLE_RANGES: Mapping[str, PlausibleRange] = {
     ),
     "actuation.deadband": PlausibleRange(0.0, 0.3, f"No driver swallows that much: {_CHECK_UNITS}.", "duty"),
 }
-"""By id. Of robots that nobody has measured, from 21 mm wheels to 50 mm and from 4 to 60 g m2, none is beyond
-what the default robot.toml has."""
+"""By id of the cause. Unmeasured robots, with wheels from 21 to 50 mm and inertias from 4 to 60 g m2, are all
+inside these ranges of the default robot.toml."""
 TIME_PARAMETERS = {"drive.inertia": "factor", "bemf.filter_lag": "time_constant"}
-"""What a time that is too fast or too slow makes of a robot."""
+"""Parameters that a time that runs too fast or too slow changes, by id of the cause."""
 MIN_LOG_STRETCH, MAX_LOG_DIFFERENCE = 0.3, 0.25
-"""Logarithms: of how far both must be off for that, and by which they may differ."""
+"""Logarithm of the factor that both must have for that, and of the ratio by which they may differ."""
 MIN_LOG_ROW_ERROR, MAX_LOG_ROW_DIFFERENCE, MAX_ROW_SIGMAS = 0.03, 0.02, 2.0
-"""Logarithms: of how far rows must be from whole cycles, and by how much more or less a filter may be off to
-be so by the same factor (a time 10 % off made it 1.102 to 1.106 and 0.897 times what it was); and deviations
-by which one that is less sure may be, as an inertia."""
+"""Logarithm of the ratio of a row to whole cycles from which time may be wrong; logarithm of the ratio within
+which a filter is off by the same factor (a time 10 % off made it 1.102 to 1.106 and 0.897 times what it was);
+and standard deviations for a less certain number, as an inertia."""
 MAX_LOOP_FACTOR = 0.5
-"""Factor of both motors' resistance (or inertia, which may stand in its place) below which a loop drives."""
+"""Factor of both motors' resistance (or inertia, which may stand in its place) below which a speed loop
+drives.
+"""
 LOOP_CAUSES = ("motor.armature_resistance", "drive.inertia")
 
 
 def diagnose_speed_commands(
     columns: Columns, robot: RobotConfig, firmware: Firmware | None
 ) -> Diagnosis | None:
-    """What is said of commands that are clearly speeds, None of others. Over a loop's commands a search takes
-    minutes, and names nothing. Raises TraceError as `diagnose`."""
+    """The diagnosis of commands that are clearly speeds; None for others. A search over a loop's commands
+    takes minutes, and names nothing. Raises TraceError as `diagnose`."""
     begin = time.perf_counter()
     loop = speed_loop(arranged(columns, robot), robot)
     if loop is not None:
@@ -103,7 +105,7 @@ def diagnose_speed_commands(
 
 
 def with_plausibility_hints(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagnosis:
-    """A diagnosis that says where a number is none that a robot has, or that the commands are no duty."""
+    """The diagnosis with hints at implausible numbers, or that the commands are no duties."""
     if found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE):
         return found
     is_too_quick = any(
@@ -132,7 +134,7 @@ def _factor(cause: CauseResult, parameter: str = "factor") -> float:
 
 
 def _stretched_time_notes(found: Diagnosis) -> tuple[str, ...]:
-    """That all that takes time takes as much longer, or less: so it does where t is wrong."""
+    """A note where everything that takes time is stretched by the same factor, as by a wrong t."""
     by_id = {each.id: each for each in found.causes if each.id in TIME_PARAMETERS and each.where is None}
     if len(by_id) < len(TIME_PARAMETERS):
         return ()
@@ -148,13 +150,13 @@ def _stretched_time_notes(found: Diagnosis) -> tuple[str, ...]:
 
 
 def _log_row_error(columns: Columns, robot: RobotConfig) -> float:
-    """Logarithm of how much longer a row is by t than the whole cycles of the controller nearest to it."""
+    """Logarithm of the ratio of a row's duration by t to the nearest whole number of controller cycles."""
     cycles = usual_step(np.asarray(columns["t"], float)) * robot.controller.rate_hz
     return math.log(cycles / max(round(cycles), 1))
 
 
 def _with_wrong_time_hint(cause: CauseResult, row_error: float) -> CauseResult:
-    """What takes time, and takes longer by as much as rows do: more likely t is wrong, and nothing else."""
+    """The cause with a hint at a wrong t, where its time is stretched by the same factor as the rows."""
     parameter = TIME_PARAMETERS.get(cause.id)
     if parameter is None or cause.where is not None or abs(row_error) < MIN_LOG_ROW_ERROR:
         return cause
@@ -187,8 +189,8 @@ def _with_range_hint(cause: CauseResult) -> CauseResult:
 def _with_speed_commands(
     found: Diagnosis, robot: RobotConfig, loop: SpeedLoop, *, is_certain: bool
 ) -> Diagnosis:
-    """What is said of commands that are followed as a loop follows them. Nothing that was named holds
-    then."""
+    """The diagnosis of commands that are followed as a speed loop follows them. Where that is certain nothing
+    that was named holds."""
     left, right = (f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right))
     holds = "hold a speed, not a duty" if is_certain else "seem to hold a speed, not a duty"
     text = (

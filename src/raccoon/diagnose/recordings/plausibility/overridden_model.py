@@ -1,4 +1,5 @@
-"""Numbers of [model] that a robot's program does not go by, since a calibration of robot.toml goes first."""
+"""Numbers of [model] that a calibration in robot.toml overrides, so that a robot's program does not use
+them."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from raccoon.diagnose.result import CauseResult
 
 
 def overridden_model_notes(causes: Sequence[CauseResult], robot: RobotConfig) -> tuple[str, ...]:
-    """A note where a named cause is a number of [model] that a program of this robot does not look at."""
+    """A note where a named cause is a number of [model] that a program of this robot does not use."""
     ports = {"left": (robot.drive.left,), "right": (robot.drive.right,)}
     keys = [
         (f"motor.{port}.{key}", f"model.{number}")

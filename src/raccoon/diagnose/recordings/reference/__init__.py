@@ -1,1 +1,1 @@
-"""A reference of the pose beside a drive: motion capture, or what a simulator knows."""
+"""A reference of the pose beside a drive: motion capture, or a simulator's true pose."""

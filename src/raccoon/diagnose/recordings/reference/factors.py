@@ -1,4 +1,4 @@
-"""What a reference of the pose says of gyro and wheels."""
+"""Factors of gyro, track width and wheels by a reference of the pose."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
 from raccoon.diagnose.recordings.reference.stretches import (
+    MIN_DISTANCE,
     MIN_SAMPLES,
     MIN_TURN,
-    MIN_WAY,
     Columns,
-    Stretches,
+    PoseStretches,
     cut_stretches,
 )
 from raccoon.diagnose.recordings.reference.units import check_stretches
@@ -23,19 +23,19 @@ from raccoon.diagnose.recordings.reference.units import check_stretches
 Array = NDArray[np.float64]
 
 MAX_STD = 0.02
-"""Deviation of a factor from which it is not determined."""
+"""Standard deviation of a factor from which it is not determined."""
 MIN_STD = 0.001
-"""Deviation below which none is believed: filters and lags differ between turns by as much."""
+"""Least standard deviation of a factor: filters and lags differ between turns by as much."""
 TUKEY_CONSTANT, MAD_TO_STD, SMALL_SAMPLE_CORRECTION, REWEIGHTINGS = 4.685, 1.4826, 5.0, 40
-"""Tukey's constant, at which next to nothing is lost where all stretches are good; what makes a standard
-deviation of a median, and by how much more where there are few (Rousseeuw and Leroy 1987); refits."""
+"""Tukey's constant, with 95 % efficiency for normal errors; standard deviation over a median absolute
+deviation, and its correction for small samples (Rousseeuw and Leroy 1987); iterations of the weights."""
 MIN_INFLUENCE_SLOPE = 0.2
-"""Mean slope of Tukey's influence (1 without outliers) below which too much was left out to be believed."""
+"""Mean slope of Tukey's influence function (1 without outliers) below which too much was left out."""
 
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """A number over the assumed one."""
+    """A number over the assumed one, with its standard deviation."""
 
     value: float
     std: float
@@ -43,11 +43,11 @@ class Factor:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceFactors:
-    """What a reference says, None where it does not.
+    """Factors by a reference, None where it does not determine them.
 
     gyro: the gyro's reading over the turn rate. track: the track width over robot.toml's. left, right: the
-    way of a wheel over what its reading says at robot.toml's radius and K_E. uneven: the right one's over the
-    left one's, which is known better than either.
+    distance of a wheel over what its reading says at robot.toml's radius and K_E. wheel_ratio: the right
+    one's over the left one's, which is known better than either.
     """
 
     gyro: Factor | None = None
@@ -58,7 +58,7 @@ class ReferenceFactors:
 
 
 def factors_of_reference(columns: Columns, robot: RobotConfig, device: Device) -> ReferenceFactors:
-    """What the `truth.*` of a recording says.
+    """The factors by a recording's `truth.*`.
 
     Raises TraceError naming the column where it is in another unit or mirrored.
     """
@@ -67,7 +67,7 @@ def factors_of_reference(columns: Columns, robot: RobotConfig, device: Device) -
         return ReferenceFactors()
     check_stretches(stretches, columns, robot, device)
     found = ReferenceFactors(gyro=_gyro_factor(stretches, robot))
-    if stretches.way is None or stretches.wheels is None or float(np.abs(stretches.way).sum()) < MIN_WAY:
+    if stretches.way is None or stretches.wheels is None or float(np.abs(stretches.way).sum()) < MIN_DISTANCE:
         return found
     way, rise = stretches.wheels
     dt, track = stretches.seconds[:, None], robot.model.drive.track_width.value
@@ -76,7 +76,7 @@ def factors_of_reference(columns: Columns, robot: RobotConfig, device: Device) -
     if by_way is None or by_turn is None:
         return found
     mean_length, mean_turn = _mean_factor(by_way), _mean_factor(by_turn)
-    if not (mean_turn.value > 0.0 and mean_length.value > 0.0):  # as where it never turned at all
+    if not (mean_turn.value > 0.0 and mean_length.value > 0.0):  # as of a robot that never turned
         return found
     track_factor = Factor(
         mean_length.value / mean_turn.value, math.hypot(mean_length.std, mean_turn.std, MIN_STD)
@@ -90,7 +90,7 @@ def factors_of_reference(columns: Columns, robot: RobotConfig, device: Device) -
     )
 
 
-def _gyro_factor(stretches: Stretches, robot: RobotConfig) -> Factor | None:
+def _gyro_factor(stretches: PoseStretches, robot: RobotConfig) -> Factor | None:
     if stretches.gyro is None or float(np.abs(stretches.turn).sum()) < MIN_TURN:
         return None
     turned, rise = stretches.gyro
@@ -105,14 +105,15 @@ def _gyro_factor(stretches: Stretches, robot: RobotConfig) -> Factor | None:
 
 
 def _mean_factor(fitted: tuple[Array, Array]) -> Factor:
-    """Mean of both wheels' factors, with its relative deviation."""
+    """Mean of both wheels' factors, with its relative standard deviation."""
     values, covariance = fitted
     mean = 0.5 * float(values[:2].sum())
     return Factor(mean, 0.5 * math.sqrt(float(covariance[:2, :2].sum())) / abs(mean or 1.0))
 
 
 def _wheel_factor(by_turn: tuple[Array, Array], index: int, track: Factor) -> Factor:
-    """One wheel's way, from its share in turns: where a marker sits beside the middle, only these tell."""
+    """One wheel's factor, from its share in turns: with a marker beside the robot's middle only these
+    tell."""
     values, covariance = by_turn
     value, std = float(values[index]), math.sqrt(float(covariance[index, index]))
     return Factor(value * track.value, math.hypot(std * track.value, value * track.std))
@@ -125,8 +126,8 @@ def _wheel_ratio(by_turn: tuple[Array, Array]) -> Factor:
 
 
 def _fit_robustly(J: Array, y: Array) -> tuple[Array, Array] | None:
-    """Least squares in which stretches that no factor explains do not count, and its covariance; None where
-    too few move."""
+    """Robust least squares (iteratively reweighted), in which outlying stretches do not count, and the
+    covariance; None where too few stretches move."""
     moving = np.abs(J[:, :-1]).sum(axis=1) > 1e-6
     if moving.sum() < max(MIN_SAMPLES // 5, 2 * J.shape[1]) or np.linalg.matrix_rank(J) < J.shape[1]:
         return None
@@ -137,8 +138,8 @@ def _fit_robustly(J: Array, y: Array) -> tuple[Array, Array] | None:
         root = np.sqrt(weights)
         numbers = np.linalg.lstsq(J * root[:, None], y * root, rcond=None)[0]
         residuals = y - J @ numbers
-        # Huber's weights first: from a start that outliers have pulled away, Tukey's may drop what is right.
-        # And a size that Tukey's could still lower would drop more and more of few stretches.
+        # Huber's weights first: from a start that outliers have shifted, Tukey's may drop good stretches. The
+        # scale stays fixed then: updated with Tukey's weights it would drop more and more of few stretches.
         if iteration < REWEIGHTINGS // 2:
             scale = (
                 MAD_TO_STD * (1.0 + SMALL_SAMPLE_CORRECTION / freedom) * float(np.median(np.abs(residuals)))

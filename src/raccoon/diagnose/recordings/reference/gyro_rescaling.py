@@ -1,4 +1,4 @@
-"""How the readings on unseen data would fare with another factor on the simulated gyro."""
+"""How well held-out readings would be predicted with another factor on the simulated gyro."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ GYRO_COLUMN = "imu.gyro.z"
 
 @dataclass(frozen=True, slots=True)
 class GyroRescaling:
-    """Readings on unseen data, and what they are with another factor on the simulated gyro's."""
+    """Held-out readings, and how they compare with another factor on the simulated gyro's."""
 
     results: tuple[ChannelResult, ...]
     curves: tuple[Curve, ...]
 
     @classmethod
     def of_diagnosis(cls, found: Diagnosis) -> GyroRescaling:
-        """The readings that a diagnosis was judged on."""
+        """The readings on which a diagnosis was judged."""
         names = {each.name for each in found.channels}
         return cls(found.channels, tuple(each for each in found.curves if each.name in names))
 
@@ -31,7 +31,7 @@ class GyroRescaling:
         return next(index for index, each in enumerate(self.results) if each.name == GYRO_COLUMN)
 
     def residual_size(self, factor: float, before: bool = False) -> float:
-        """`size_of` what the simulation leaves, without causes where `before`."""
+        """`size_of` the residual with a factor on the simulated gyro; without causes where `before`."""
         parts = [each.measured - (each.before if before else each.after) for each in self.curves]
         gyro = self.curves[self._gyro_index()]
         parts[self._gyro_index()] = gyro.measured - factor * (gyro.before if before else gyro.after)
@@ -40,13 +40,13 @@ class GyroRescaling:
         return size_of(np.nan_to_num(np.column_stack(parts)), floor, event)
 
     def reading_change(self, factor: float) -> float:
-        """Of the gyro's reading, in units of its noise."""
+        """RMS change of the gyro's reading by a factor, in units of its noise."""
         index = self._gyro_index()
         moved = (1.0 - factor) * np.nan_to_num(self.curves[index].after)
         return float(np.sqrt((moved**2).mean())) / self.results[index].noise_floor
 
     def rescaled_channels(self, factor: float) -> tuple[ChannelResult, ...]:
-        """With the gyro's error before any cause."""
+        """The channels, with the gyro's error before any cause under a factor."""
         index = self._gyro_index()
         curve = self.curves[index]
         wrong = np.nan_to_num(curve.measured - factor * curve.before)
@@ -54,7 +54,7 @@ class GyroRescaling:
         return (*self.results[:index], changed, *self.results[index + 1 :])
 
     def rescaled_curves(self, factor: float) -> tuple[Curve, ...]:
-        """With the gyro's curve before any cause."""
+        """The curves, with the gyro's before any cause under a factor."""
         index = self._gyro_index()
         changed = replace(self.curves[index], before=factor * self.curves[index].before)
         return (*self.curves[:index], changed, *self.curves[index + 1 :])

@@ -1,4 +1,4 @@
-"""A reference of the pose that stands still while the robot turns and drives, or has lost it for a while."""
+"""Faults of a reference of the pose: it is frozen while the robot moves, has gaps, or misses columns."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ Columns = Mapping[str, Array]
 
 POSE_COLUMNS = ("truth.x", "truth.y", "truth.heading")
 MIN_FAULT_S = 1.0
-"""s for which a column must stand still, or have no number: a slow reference is blank or held between two."""
+"""s for which a column must be frozen or blank: a slow reference is blank or held between two samples."""
 MIN_TURN_RATE = 0.2
-"""rad/s from which a robot turns: one that a wall holds does not, and its reference rightly stands still."""
+"""rad/s from which a robot turns: of one held by a wall the reference rightly stands still."""
 MIN_TURN, MIN_DISTANCE = 0.5, 0.1
-"""rad and m that a robot must have gone meanwhile. On an arc as long both x and y change."""
+"""rad and m that a robot must have moved meanwhile. On an arc of that length both x and y change."""
 
 
 def check_pose(columns: Columns, robot: RobotConfig) -> tuple[dict[str, Array], tuple[SensorFault, ...]]:
-    """The `truth.*` columns of the pose with NaN where they lie, and what is said of it. Empty where there is
-    no reference."""
+    """The `truth.*` columns of the pose with NaN where they are frozen, and their faults. Empty where there
+    is no reference."""
     pose = {name: np.asarray(columns[name], float) for name in POSE_COLUMNS if name in columns}
     if not any(np.isfinite(each).any() for each in pose.values()):
         return {}, ()
-    time, moved = np.asarray(columns["t"], float), _cumulative_motion(columns, robot)
+    time, motion = np.asarray(columns["t"], float), _cumulative_motion(columns, robot)
     faults = []
     for name, values in pose.items():
         known = np.isfinite(values)
@@ -45,7 +45,7 @@ def check_pose(columns: Columns, robot: RobotConfig) -> tuple[dict[str, Array], 
         if spans := _find_gaps(time, known):
             text = f"{name} has no number {when(spans)}: the reference lost the robot, check its view of it"
             faults.append(SensorFault(name, "lost", text))
-        if moved is not None and (rows := _find_frozen(time, values, moved[name == POSE_COLUMNS[2]])):
+        if motion is not None and (rows := _find_frozen(time, values, motion[name == POSE_COLUMNS[2]])):
             spans = [(float(time[first]), float(time[last])) for first, last in rows]
             does = "turns" if name == POSE_COLUMNS[2] else "drives"
             text = (
@@ -65,8 +65,8 @@ def check_pose(columns: Columns, robot: RobotConfig) -> tuple[dict[str, Array], 
 
 
 def _cumulative_motion(columns: Columns, robot: RobotConfig) -> tuple[Array, Array] | None:
-    """By the robot's own sensors: what it has driven on arcs, and what it has turned, added up to each row in
-    parts of what must be seen; None where they do not tell."""
+    """Distance driven on arcs and angle turned up to each row, by the robot's own sensors, over
+    `MIN_DISTANCE` and `MIN_TURN`; None where the sensors do not tell."""
     model, drive = robot.model, robot.drive
     wheels = [
         _wheel_speed(columns, port, robot.motor(port).inverted, motor.back_emf_constant.value)
@@ -92,7 +92,7 @@ def _cumulative_motion(columns: Columns, robot: RobotConfig) -> tuple[Array, Arr
 
 
 def _wheel_speed(columns: Columns, port: int, inverted: bool, k_e: float) -> Array | None:
-    """rad/s of a wheel."""
+    """Speed of a wheel, rad/s; None without a reading."""
     sign = -1.0 if inverted else 1.0
     if f"motor.{port}.bemf" in columns:
         return sign * BEMF_VOLTS_PER_COUNT / k_e * np.asarray(columns[f"motor.{port}.bemf"], float)
@@ -101,8 +101,8 @@ def _wheel_speed(columns: Columns, port: int, inverted: bool, k_e: float) -> Arr
     return None
 
 
-def _find_frozen(time: Array, values: Array, moved: Array) -> list[tuple[int, int]]:
-    """First and last rows of where known values stay the same while the robot moves by enough."""
+def _find_frozen(time: Array, values: Array, motion: Array) -> list[tuple[int, int]]:
+    """First and last rows of stretches in which known values are constant although the robot moves enough."""
     known = np.flatnonzero(np.isfinite(values))
     starts = np.concatenate([[0], np.flatnonzero(np.diff(values[known]) != 0.0) + 1])
     ends = np.concatenate([starts[1:], [len(known)]]) - 1
@@ -110,14 +110,14 @@ def _find_frozen(time: Array, values: Array, moved: Array) -> list[tuple[int, in
         (int(known[first]), int(known[last]))
         for first, last in zip(starts, ends, strict=True)
         if time[known[last]] - time[known[first]] >= MIN_FAULT_S
-        and moved[known[last]] - moved[known[first]] >= 1.0
+        and motion[known[last]] - motion[known[first]] >= 1.0
     ]
 
 
 def _find_gaps(time: Array, known: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """s from and to, between which there is no number for long; rows that are missing are no blanks."""
+    """Times, s, between which there is no number for long; missing rows are no gaps."""
     edges = np.concatenate([[time[0]], time[known], [time[-1]]])
     usual = usual_step(time[known])
-    wide = np.flatnonzero(np.diff(edges) > max(MIN_FAULT_S, 4.0 * usual))
+    gaps = np.flatnonzero(np.diff(edges) > max(MIN_FAULT_S, 4.0 * usual))
     counts = np.diff(np.searchsorted(time, edges))
-    return [(float(edges[each]), float(edges[each + 1])) for each in wide if counts[each] > 1]
+    return [(float(edges[each]), float(edges[each + 1])) for each in gaps if counts[each] > 1]

@@ -1,8 +1,8 @@
-"""Where a search starts that has a reference of the pose.
+"""The robot from which a search starts that has a reference of the pose.
 
 Gyro scale, track width and wheel radius all act on the gyro alone, which reads scale r w / b. A reference
-gives the scale and the track width by themselves, so a search starts from a robot that has these numbers, and
-asks for neither. What is left of the three is the wheels' radius, which the gyro then shows.
+gives the scale and the track width independently, so a search starts from a robot that has these numbers, and
+considers neither as a cause. The third, the wheels' radius, is then shown by the gyro.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ from raccoon.sim.effects.parameters import SIDES, Parameters
 
 GYRO_SCALE, TRACK_WIDTH, WHEEL_RADIUS = "imu.gyro_scale", "drive.track_width", "drive.wheel_radius"
 READING_CAUSES = ("bemf.scale", "motor.back_emf_constant")
-"""What makes the counts of a turning wheel larger than assumed, and is no length."""
+"""Causes, other than lengths, that make the counts of a turning wheel larger than assumed."""
 DECIDED_BY_REFERENCE = (GYRO_SCALE, TRACK_WIDTH)
-"""What a reference tells whatever else is wrong. Of the radius it tells the product with what a reading says
-of a turn, which K_E and the reading's scale are parts of."""
+"""Causes that a reference decides whatever else is wrong. Of the radius it gives only the product with the
+counts per turn, which depend on K_E and the reading's scale."""
 MIN_LOG_RADIUS_SHIFT = 0.25
-"""Logarithm of a factor on the radius from which a search would not find it from where robot.toml is."""
+"""Logarithm of a factor on the radius from which a search would not find it from robot.toml's number."""
 MAX_AGREEING_SIGMAS, MAX_AGREEING_STD = 2.5, 0.007
-"""Deviations within which a reference says that robot.toml is right, and how well it must know. What it calls
-neither right nor wrong is left to the search."""
+"""Standard deviations within which a reference confirms robot.toml, and largest standard deviation of its
+factor for that. What it neither confirms nor contradicts is left to the search."""
 
 
 @dataclass(frozen=True, slots=True)
 class SearchStart:
-    """Where a search starts.
+    """The start of a search.
 
-    robot: with the reference's numbers. shifts: those over robot.toml's, by id. clear: ids of those that are
-    causes, by how many deviations. reference: what it says.
+    configured: the robot without the reference. robot: with the reference's numbers. factors: these over
+    robot.toml's, by id. significant: standard deviations by which some differ from robot.toml, by id: these
+    are causes. reference: all factors by the reference.
     """
 
     configured: RobotConfig
@@ -48,21 +49,21 @@ class SearchStart:
 
     @property
     def decided(self) -> tuple[str, ...]:
-        """What the search need not ask for."""
+        """Causes that the search need not consider."""
         return tuple(each for each in DECIDED_BY_REFERENCE if each in self.factors)
 
     def undecided(self, causes: Sequence[Cause]) -> list[Cause]:
-        """The causes that are still to be asked for."""
+        """The causes that the search still has to consider."""
         return [each for each in causes if each.id not in self.decided]
 
 
 def search_start(
     columns: Columns, robot: RobotConfig, model: Parameters | None = None, device: Device = SI_WORDS
 ) -> SearchStart:
-    """Where a search of this recording starts; without a reference where robot.toml is.
+    """The start of a search over this recording; without a reference it is robot.toml's robot.
 
-    model: the simulation that is asked about, if that has effects. Raises TraceError where the reference is
-    in another unit than the format's.
+    model: effects of the simulation, if it has any. Raises TraceError where the reference is in another unit
+    than the format's.
     """
     reference = factors_of_reference(columns, robot, device)
     factors: dict[str, Factor] = {}
@@ -87,7 +88,7 @@ def search_start(
 
 
 def _weighted_mean(one: Factor, two: Factor) -> Factor:
-    """Two findings of the same number."""
+    """Inverse-variance mean of two estimates; the second where it is exact."""
     if two.std == 0.0:
         return two
     weights = (one.std**-2, two.std**-2)
@@ -96,7 +97,7 @@ def _weighted_mean(one: Factor, two: Factor) -> Factor:
 
 
 def assumed_factor(model: Parameters | None, id_: str) -> float:
-    """The factor that the simulation which is asked about has already: of the wheels their mean."""
+    """The factor that the simulation's effects have already; of the wheels their mean."""
     if model is None:
         return 1.0
     if id_ != WHEEL_RADIUS:
@@ -109,7 +110,8 @@ def _relative_to(factor: Factor, assumed: float) -> Factor:
 
 
 def _radius_factor(reference: ReferenceFactors, model: Parameters | None) -> Factor | None:
-    """Of both wheels over what the simulation has: it also knows what a reading says of a turn."""
+    """Mean factor of both wheels' radii over what the simulation assumes, by its counts per turn; None where
+    a wheel's is not known."""
     sides = []
     for side, factor in zip(SIDES, (reference.left, reference.right), strict=True):
         if factor is None:

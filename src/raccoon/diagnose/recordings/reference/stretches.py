@@ -1,7 +1,7 @@
-"""Turn and way over short stretches, of a reference of the pose and of what is to be compared with it.
+"""Turn and distance over short stretches, of a reference of the pose and of the sensors compared with it.
 
-Not along the whole path: a robot that is held by a wall for half a second spoils that half second, not all
-that follows.
+Stretches are compared, not the whole path: a robot held by a wall for half a second spoils that half second,
+and not all that follows.
 """
 
 from __future__ import annotations
@@ -23,24 +23,28 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 STRETCH_S = 0.5
-"""s of a stretch."""
+"""Duration of a stretch, s."""
 MIN_SAMPLES = 50
-"""Samples of a reference, and a tenth of them stretches in which something moves."""
-MIN_TURN, MIN_WAY = math.pi, 0.3
-"""rad and m that a recording must turn and drive to be judged."""
+"""Samples of a reference that are needed, and a fifth as many stretches."""
+MIN_TURN, MIN_DISTANCE = math.pi, 0.3
+"""rad and m that a recording must turn and drive to be compared."""
 SPEED_HALF_WINDOW_S = 0.02
-"""s to either side over which a wheel's speed is taken: single ticks say little."""
+"""s to either side over which a speed is differenced: single ticks say little."""
 TICK_TOLERANCE = 0.02
-"""Share by which a tick may be worth something else than its device says, as by a firmware's clock."""
+"""Relative difference by which a tick may be worth more or less than its device says, as by a firmware's
+clock."""
 MAX_MISALIGNMENT = 0.35
-"""rad between where a reference moves and where it says that the robot points; less is how a marker sits."""
+"""rad between the direction in which a reference moves and its heading; less is how a marker is mounted."""
 
 
 @dataclass(frozen=True, slots=True)
-class Stretches:
-    """Each array (stretches,) or (stretches, 2) for both wheels. time and the rows at which stretches begin
-    and end; seconds; turn and, where there is a place, way of the reference; turn of the gyro and by how much
-    its rate rose; way of the wheels in m and by how much their speeds rose."""
+class PoseStretches:
+    """Motion over stretches; each array is (stretches,), or (stretches, 2) for both wheels.
+
+    time: s, of all rows. ends: rows at which stretches begin and end. seconds: their durations. turn, way: of
+    the reference, rad and m; way is None without a position. gyro: turn, rad, and rise of the rate, rad/s.
+    wheels: distances, m, and rise of the speeds, m/s.
+    """
 
     time: Array
     ends: NDArray[np.intp]
@@ -51,25 +55,25 @@ class Stretches:
     wheels: tuple[Array, Array] | None
 
 
-def cut_stretches(columns: Columns, robot: RobotConfig, device: Device) -> Stretches | None:
+def cut_stretches(columns: Columns, robot: RobotConfig, device: Device) -> PoseStretches | None:
     """The stretches of a recording; None where its reference has too few samples."""
     heading = columns.get("truth.heading")
     if heading is None or np.isfinite(heading).sum() < MIN_SAMPLES:
         return None
     time = np.asarray(columns["t"], float)
     known = time[np.isfinite(heading)]
-    ends = stretch_ends(time, known[0], known[-1], STRETCH_S)
+    ends = stretch_starts(time, known[0], known[-1], STRETCH_S)
     if len(ends) < MIN_SAMPLES // 5:
         return None
     truth = heading_at(time, heading, 2.0 * math.pi)
     gyro = _gyro_turns(columns, time, ends)
-    wheels = wheel_ways(columns, robot, device, time, ends)
-    way = _way_along_heading(columns, time, truth, ends, wheels)
-    return Stretches(time, ends, np.diff(time[ends]), np.diff(truth[ends]), way, gyro, wheels)
+    wheels = wheel_distances(columns, robot, device, time, ends)
+    way = _distance_along_heading(columns, time, truth, ends, wheels)
+    return PoseStretches(time, ends, np.diff(time[ends]), np.diff(truth[ends]), way, gyro, wheels)
 
 
 def heading_at(time: Array, heading: Array, period: float) -> Array:
-    """The reference's heading at every row, without jumps of a period."""
+    """The reference's heading at every row, unwrapped."""
     known = np.isfinite(heading)
     return np.interp(time, time[known], np.unwrap(heading[known], period=period))
 
@@ -82,11 +86,14 @@ def _gyro_turns(columns: Columns, time: Array, ends: NDArray[np.intp]) -> tuple[
     return np.diff(angle[ends]), np.diff(_rate_of_change(time, angle)[ends])
 
 
-def wheel_ways(
+def wheel_distances(
     columns: Columns, robot: RobotConfig, device: Device, time: Array, ends: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Where back-EMF is recorded, at robot.toml's K_E as the simulation has it, whatever a tick was
-    calibrated to be worth; and whatever the device says of it, where the readings say otherwise."""
+    """Distances of both wheels over stretches, m, and rise of their speeds, m/s; None where they are not
+    known.
+
+    Where back-EMF is recorded, ticks are worth what robot.toml's K_E says, as in the simulation, whatever
+    they were calibrated to, and whatever the device says where the readings contradict it."""
     motors = {
         port: replace(each, radians_per_tick=None) if f"motor.{port}.bemf" in columns else each
         for port, each in robot.motors.items()
@@ -105,8 +112,8 @@ def wheel_ways(
 
 
 def _measured_tick(columns: Columns, robot: RobotConfig, time: Array, ends: NDArray[np.intp]) -> float | None:
-    """Counts times seconds of back-EMF in a tick of the counters, by what both say of the faster stretches;
-    None without both. A CSV's counters are those of any firmware, and one's tick is 181 of another's."""
+    """Back-EMF in a tick of the counters, counts times seconds, by the faster stretches; None without both
+    readings. A CSV's counters are those of any firmware, and one's tick is 181 of another's."""
     ticks = []
     for port in (robot.drive.left, robot.drive.right):
         counts = _filled_column(columns, f"motor.{port}.bemf", time)
@@ -121,7 +128,7 @@ def _measured_tick(columns: Columns, robot: RobotConfig, time: Array, ends: NDAr
 
 
 def _filled_column(columns: Columns, name: str, time: Array) -> Array | None:
-    """A column without blanks; None where it has too few numbers."""
+    """A column interpolated over blanks; None where it has too few numbers."""
     values = columns.get(name)
     if values is None or np.isfinite(values).sum() < MIN_SAMPLES:
         return None
@@ -130,7 +137,7 @@ def _filled_column(columns: Columns, name: str, time: Array) -> Array | None:
 
 
 def _rate_of_change(time: Array, along: Array) -> Array:
-    """Rate of change over a few samples; what a sensor that is late has seen less is its rise times that."""
+    """Rate of change over a few samples. A late sensor has seen less by its delay times the rise of this."""
     ahead, behind = (
         np.interp(time + each, time, along) for each in (SPEED_HALF_WINDOW_S, -SPEED_HALF_WINDOW_S)
     )
@@ -138,7 +145,7 @@ def _rate_of_change(time: Array, along: Array) -> Array:
 
 
 def position_at(columns: Columns, time: Array) -> NDArray[np.complex128] | None:
-    """The reference's x + iy at every row; None where there is none."""
+    """The reference's position x + iy at every row; None without one."""
     x, y = columns.get("truth.x"), columns.get("truth.y")
     if x is None or y is None:
         return None
@@ -149,10 +156,11 @@ def position_at(columns: Columns, time: Array) -> NDArray[np.complex128] | None:
     return np.asarray(both[0] + 1j * both[1], complex)
 
 
-def _way_along_heading(
+def _distance_along_heading(
     columns: Columns, time: Array, heading: Array, ends: NDArray[np.intp], wheels: tuple[Array, Array] | None
 ) -> Array | None:
-    """m along the heading, turned by how the reference's marker sits."""
+    """Distance along the heading over stretches, m, corrected for the marker's misalignment; None without a
+    position."""
     position = position_at(columns, time)
     if position is None:
         return None
@@ -165,7 +173,7 @@ def _way_along_heading(
     return np.asarray(steps.real, float)
 
 
-def stretch_ends(time: Array, first: float, last: float, seconds: float) -> NDArray[np.intp]:
+def stretch_starts(time: Array, first: float, last: float, seconds: float) -> NDArray[np.intp]:
     """Rows of `time` at which stretches of so many seconds begin, from `first` to before `last`."""
     begins = np.arange(first, last, seconds)
     return np.searchsorted(time, begins[begins < last])  # arange may go a rounding beyond its end

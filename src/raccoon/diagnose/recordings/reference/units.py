@@ -1,4 +1,4 @@
-"""Whether a reference of the pose has the units and the signs of the format, by what gyro and wheels say."""
+"""Checks units and signs of a reference of the pose by gyro and wheels."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device
 from raccoon.diagnose.recordings.reference.stretches import (
     MAX_MISALIGNMENT,
+    MIN_DISTANCE,
     MIN_SAMPLES,
     MIN_TURN,
-    MIN_WAY,
     STRETCH_S,
     Columns,
-    Stretches,
+    PoseStretches,
     cut_stretches,
     heading_at,
     position_at,
-    stretch_ends,
-    wheel_ways,
+    stretch_starts,
+    wheel_distances,
 )
 
 Array = NDArray[np.float64]
@@ -33,16 +33,16 @@ Array = NDArray[np.float64]
 DEGREES = 180.0 / math.pi
 LENGTH_UNITS = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37}
 MIN_UNIT_FACTOR = 15.0
-"""Factor beyond which no robot.toml is as wrong as that: it is a unit."""
+"""Factor beyond which a unit is wrong, since no robot.toml is that wrong."""
 MAX_SENSOR_RATIO, MIN_CORRELATION = 2.5, 0.8
-"""Factor within which two sensors agree on what they both see; correlation from which they see the same."""
+"""Ratio within which two sensors agree, and correlation from which they see the same motion."""
 SENSOR_EXPLANATIONS = {
     "imu.gyro.z": "the gyro's axis points down",
     "the wheels": "left and right are swapped",
 }
-"""What else it may be where one sensor alone turns against a reference."""
+"""Another explanation where a single sensor turns against a reference."""
 MAX_MIRROR_RATIO = 0.85
-"""Part of what one way of counting explains that the other may, where it is clearly the first: along one line
+"""Ratio of what right and mirrored signs explain, below which a reference is clearly mirrored: along one line
 both explain the same."""
 
 
@@ -53,8 +53,8 @@ def check_reference(columns: Columns, robot: RobotConfig, device: Device) -> Non
         check_stretches(stretches, columns, robot, device)
 
 
-def check_stretches(stretches: Stretches, columns: Columns, robot: RobotConfig, device: Device) -> None:
-    """`check_reference` of stretches that were taken already."""
+def check_stretches(stretches: PoseStretches, columns: Columns, robot: RobotConfig, device: Device) -> None:
+    """`check_reference` for stretches that were already cut."""
     others = {} if stretches.gyro is None else {"imu.gyro.z": stretches.gyro[0]}
     if stretches.wheels is not None:
         left, right = stretches.wheels[0].T
@@ -72,12 +72,12 @@ def check_stretches(stretches: Stretches, columns: Columns, robot: RobotConfig, 
     if "the wheels" in others and stretches.wheels is not None:
         turns = _turn_ratio(stretches.turn, {"the wheels": others["the wheels"]})
         if turns is not None and 1.0 / (2.0 * MAX_SENSOR_RATIO) < turns < 2.0 * MAX_SENSOR_RATIO:
-            _check_place(columns, robot, device)
+            _check_position(columns, robot, device)
 
 
 def unrelated_reference_note(columns: Columns, robot: RobotConfig, device: Device) -> str:
-    """That a reference is like neither the gyro nor the wheels, though these turn and drive; "" where it is,
-    and where there is none."""
+    """A note on a reference that correlates with neither gyro nor wheels, though these turn and drive; ""
+    where it does, and without a reference."""
     stretches = cut_stretches(columns, robot, device)
     if stretches is None or stretches.wheels is None:
         return ""
@@ -94,8 +94,8 @@ def unrelated_reference_note(columns: Columns, robot: RobotConfig, device: Devic
             " do" if len(others) == 1 else " and the gyro do"
         )
     else:
-        moved = _place_motion(columns, robot, device)
-        if moved is not None and abs(moved.along) < MIN_CORRELATION * moved.size:
+        motion = _position_motion(columns, robot, device)
+        if motion is not None and abs(motion.along) < MIN_CORRELATION * motion.size:
             problem = "truth.x and truth.y do not move where truth.heading points as the wheels do"
     return (
         f"{problem}: is the reference of another drive, of another time or of something else?"
@@ -109,7 +109,7 @@ def _abs_correlation(one: Array, other: Array) -> float:
 
 
 def _turn_ratio(turn: Array, others: Mapping[str, Array]) -> float | None:
-    """By how much the reference turns more than the others do; None where they do not agree on that."""
+    """How many times as much the reference turns as the sensors; None where these do not agree on that."""
     factors = []
     for each in others.values():
         if abs(float(np.corrcoef(each, turn)[0, 1])) < MIN_CORRELATION:
@@ -142,10 +142,10 @@ def _check_turns(turn: Array, others: Mapping[str, Array], allowed: tuple[float,
 
 
 @dataclass(frozen=True, slots=True)
-class _PlaceMotion:
-    """How a place moves where the heading points: the sum over stretches of the wheels' way times what it
-    moves along and across, the same with one sign changed, and what both are at most. way: the wheels' power.
-    """
+class _PositionMotion:
+    """How a position moves along its heading. along: sum over stretches of the wheels' distance times the
+    movement in the heading's frame, complex. mirrored: the same with the sign of y changed. size: upper bound
+    of both. way: sum of the squared distances of the wheels."""
 
     along: complex
     mirrored: complex
@@ -153,35 +153,35 @@ class _PlaceMotion:
     way: float
 
 
-def _place_motion(columns: Columns, robot: RobotConfig, device: Device) -> _PlaceMotion | None:
+def _position_motion(columns: Columns, robot: RobotConfig, device: Device) -> _PositionMotion | None:
     """None where too little is known, or nothing moves."""
     time = np.asarray(columns["t"], float)
     place = position_at(columns, time)
     if place is None:
         return None
     heading = heading_at(time, columns["truth.heading"], 2.0 * math.pi)
-    # A place and a heading may be of rows of their own, as from two cameras.
+    # Position and heading may be known in different rows, as from two cameras.
     known = [time[np.isfinite(columns[f"truth.{each}"])] for each in ("x", "y", "heading")]
-    ends = stretch_ends(
+    ends = stretch_starts(
         time, max(each[0] for each in known), min(each[-1] for each in known), 0.2 * STRETCH_S
     )
-    wheels = wheel_ways(columns, robot, device, time, ends)
+    wheels = wheel_distances(columns, robot, device, time, ends)
     if wheels is None or len(ends) < MIN_SAMPLES:
         return None
     wheel_way, moved = wheels[0].mean(axis=1), np.diff(place[ends])
     middle = 0.5 * (heading[ends][1:] + heading[ends][:-1])
     size = math.sqrt(float(wheel_way @ wheel_way) * float((np.abs(moved) ** 2).sum()))
-    if float(np.abs(wheel_way).sum()) < MIN_WAY or size == 0.0:
+    if float(np.abs(wheel_way).sum()) < MIN_DISTANCE or size == 0.0:
         return None
     expected = wheel_way * np.exp(-1j * middle)
-    return _PlaceMotion(
+    return _PositionMotion(
         complex(expected @ moved), complex(expected @ moved.conj()), size, float(wheel_way @ wheel_way)
     )
 
 
-def _check_place(columns: Columns, robot: RobotConfig, device: Device) -> None:
-    """Whether the place moves where the heading points, and as far as the wheels say."""
-    motion = _place_motion(columns, robot, device)
+def _check_position(columns: Columns, robot: RobotConfig, device: Device) -> None:
+    """Raise TraceError where the position does not move along the heading, or not as far as the wheels."""
+    motion = _position_motion(columns, robot, device)
     if motion is None:
         return
     along, mirrored, size = motion.along, motion.mirrored, motion.size

@@ -71,61 +71,48 @@ def check_not_interpolated(columns: Columns) -> None:
 
 def _has_interpolated_steps(duty: NDArray[np.float64]) -> bool:
     """Whether most steps of a command pass through rows whose share of the step is random."""
-    steps = np.diff(duty)
-    changes = runs(steps != 0.0)
-    first_shares, largest_shares, largest_changes, rows_between, jumps, previous_end, max_share = (
-        [],
-        [],
-        [],
-        [],
-        0,
-        -MIN_STILL_ROWS,
-        0.0,
-    )
-    for (start, end), next_start in zip(
-        changes, [*(start for start, _ in changes[1:]), len(duty)], strict=False
-    ):
-        is_isolated = start - previous_end >= MIN_STILL_ROWS and next_start - end >= MIN_STILL_ROWS
-        size, previous_end, changes_by_row = float(duty[end] - duty[start]), end, steps[start:end]
-        if (
-            not is_isolated
-            or abs(size) < MIN_STEP_SIZE
-            or len(changes_by_row) > MAX_STEP_ROWS
-            or (changes_by_row * size < 0.0).any()
-        ):
-            continue
-        if len(changes_by_row) == 1 or (
-            len(changes_by_row) > 2 and np.ptp(changes_by_row[1:-1]) > STEP_LINE_TOLERANCE * abs(size)
-        ):
-            jumps += 1
-            continue
-        rows_between.append(len(changes_by_row) - 1)
-        first_shares.append(float(changes_by_row[0] / size))
-        max_share = max(max_share, float((changes_by_row / size).max()))
-        if len(changes_by_row) > 2:
-            largest_shares.append(float((changes_by_row / size).max()))
-            largest_changes.append(largest_shares[-1] * abs(size))
-    if len(rows_between) < MIN_STEPS or len(rows_between) < MIN_INTERPOLATED_STEP_SHARE * (
-        len(rows_between) + jumps
-    ):
+    lines, jumps = _find_line_steps(duty)
+    if len(lines) < MIN_STEPS or len(lines) < MIN_INTERPOLATED_STEP_SHARE * (len(lines) + jumps):
         return False
-    mean_rows = float(np.mean(rows_between))
-    if (
-        mean_rows < MIN_ROWS_BETWEEN
-        or len(largest_shares) < MIN_LONG_STEPS
-        or np.std(first_shares) <= MIN_FIRST_SHARE_STD
-        or np.std(largest_shares) >= MAX_LARGEST_SHARE_STD
-    ):
+    first_shares = [float(shares[0]) for _, shares in lines]
+    largest_shares = [float(shares.max()) for _, shares in lines if len(shares) > 2]
+    largest_changes = [float(shares.max()) * size for size, shares in lines if len(shares) > 2]
+    mean_rows = float(np.mean([len(shares) - 1 for _, shares in lines]))
+    if mean_rows < MIN_ROWS_BETWEEN or len(largest_shares) < MIN_LONG_STEPS:
         return False
-    if _coefficient_of_variation(largest_changes) < MIN_VARIATION_RATIO * _coefficient_of_variation(
-        largest_shares
-    ):
+    if np.std(first_shares) <= MIN_FIRST_SHARE_STD or np.std(largest_shares) >= MAX_LARGEST_SHARE_STD:
         return False
+    min_variation = MIN_VARIATION_RATIO * _coefficient_of_variation(largest_shares)
+    if _coefficient_of_variation(largest_changes) < min_variation:
+        return False
+    if mean_rows >= MIN_ROWS_BETWEEN_ALONE:
+        return True
     mean_largest = float(np.mean(largest_shares))
-    return mean_rows >= MIN_ROWS_BETWEEN_ALONE or (
+    max_share = max(float(shares.max()) for _, shares in lines)
+    return (
         abs(mean_rows * mean_largest - 1.0) < ROWS_TIMES_SHARE_TOLERANCE
         and max_share < MAX_SHARE_RATIO * mean_largest
     )
+
+
+def _find_line_steps(duty: NDArray[np.float64]) -> tuple[list[tuple[float, NDArray[np.float64]]], int]:
+    """Isolated steps of a command along a straight line, as the step's size and each row's share of it; and
+    the number of isolated steps that are no such line."""
+    changes = np.diff(duty)
+    spans = runs(changes != 0.0)
+    next_starts = [*(start for start, _ in spans[1:]), len(duty)]
+    lines, jumps, previous_end = [], 0, -MIN_STILL_ROWS
+    for (start, end), next_start in zip(spans, next_starts, strict=False):
+        is_isolated = start - previous_end >= MIN_STILL_ROWS and next_start - end >= MIN_STILL_ROWS
+        size, previous_end, rows = float(duty[end] - duty[start]), end, changes[start:end]
+        is_small = abs(size) < MIN_STEP_SIZE
+        if not is_isolated or is_small or len(rows) > MAX_STEP_ROWS or (rows * size < 0.0).any():
+            continue
+        if len(rows) == 1 or (len(rows) > 2 and np.ptp(rows[1:-1]) > STEP_LINE_TOLERANCE * abs(size)):
+            jumps += 1
+        else:
+            lines.append((abs(size), rows / size))
+    return lines, jumps
 
 
 def _coefficient_of_variation(sizes: list[float]) -> float:

@@ -1,4 +1,4 @@
-"""What else two levels may be, beside what is named: other causes, another make of sensor, other counts."""
+"""Alternative explanations of two levels: other causes, another make of sensor, counts of fewer bits."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from raccoon.diagnose.recordings.tophats.sentences import (
 )
 
 MAX_TIE_COST = 3.0
-"""Cost by which another fit may be above the best one and do about as well."""
+"""Cost above the best fit's up to which another fit does about as well."""
 MOUNTING_HEIGHTS_M = (0.003, 0.025)
-"""m above the floor between which sensors are mounted."""
+"""m; lowest and highest mounting of a sensor above the floor."""
 
 
 def find_rivals(fits: Sequence[LevelFit], best: LevelFit, id_: str, levels_read: int) -> tuple[str, ...]:
     """Causes of other fits that do about as well without this one. Where one level is left, and where the
-    numbers of the causes are not what was fitted, all that fit the levels are listed. Two numbers give any
-    two levels: beside what was fitted anything else is listed."""
+    causes' numbers are not what was fitted, all causes that fit the levels. Two parameters fit any two
+    levels, so beside a pair all other causes. levels_read: how many levels are not clipped."""
     if best.parameter_count > 1:
         return tuple(sorted(set(CHANGE_WIDTHS) - set(best.ids)))
     is_ambiguous = levels_read < 2 or not best.is_exact
@@ -66,7 +66,7 @@ def alternative_notes(
 
 
 def _find_fewer_bits(levels: SurfaceLevels, nominal: NominalSensor, best: LevelFit) -> ReadingScale | None:
-    """Counts of fewer bits, of which one cause explains the levels at less cost than what is named does."""
+    """A scale of fewer bits on which a single cause explains the levels at a lower cost than the best fit."""
 
     def is_better(found: list[LevelFit]) -> bool:
         return any(

@@ -1,4 +1,4 @@
-"""Readings of a tophat that are none of a converter's counts, and labels that are not theirs."""
+"""Checks of a tophat's readings and labels: impossible counts, other units, labels of something else."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from raccoon.model.reflectance import FULL_SCALE
 Array = NDArray[np.float64]
 
 MAX_SWAPPED_AGREEMENT = 0.1
-"""Share of readings on the surface that their label says, below which black and white are exchanged."""
+"""Share of readings that agree with their labels, below which black and white are exchanged."""
 MAX_VOLTS = 5.5
-"""What volts of a board, or shares of its range, reach at most."""
+"""Largest reading in volts, or as a share of the range."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingScale:
-    """Another scale than counts of 12 bits. counts: that one step of it is. most: its largest reading."""
+    """Another scale than counts of 12 bits. counts_per_step: counts in one of its steps. max_reading: its
+    largest reading."""
 
     words: str
     counts_per_step: float
@@ -39,7 +40,7 @@ SCALES = (*FEWER_BITS, ReadingScale("percent", (FULL_SCALE + 1.0) / 100.0, 100.0
 
 
 def without_impossible_counts(counts: Array, port: int) -> tuple[Array, tuple[SensorFault, ...]]:
-    """Readings that the converter can give, NaN for the others, and what is said of those."""
+    """The readings with NaN in place of what the converter cannot give, and the fault these are."""
     impossible = (counts < 0.0) | (counts > FULL_SCALE)
     if not impossible.any():
         return counts, ()
@@ -50,8 +51,8 @@ def without_impossible_counts(counts: Array, port: int) -> tuple[Array, tuple[Se
 
 
 def describe_wrong_labels(time: Array, counts: Array, surface: Array | None, port: int) -> str:
-    """That labels by which nothing can be told are not this sensor's, or not in time, where its readings
-    alone tell white from black; "" where they do not, and of labels that are swapped."""
+    """That labels by which nothing can be told are of something else or of another time, where the readings
+    alone tell white from black; "" where they do not, and where labels are swapped."""
     by_readings = "" if surface is None else sort_levels(time, counts, None)
     if surface is None or isinstance(by_readings, str) or not by_readings.is_sorting_certain:
         return ""
@@ -66,9 +67,9 @@ def describe_wrong_labels(time: Array, counts: Array, surface: Array | None, por
 
 
 def describe_other_unit(counts: Array, levels: SurfaceLevels | str, nominal: NominalSensor) -> str:
-    """What readings seem to be that are no counts of the converter; "" where they are.
+    """What the readings seem to be where they are no counts of 12 bits; "" where they are.
 
-    levels: of the readings, or why there are none, as of all that are small.
+    levels: of the readings, or why there are none.
     """
     known = counts[np.isfinite(counts)]
     if len(known) and float(known.max()) <= MAX_VOLTS and not np.all(known == np.rint(known)):
@@ -78,7 +79,7 @@ def describe_other_unit(counts: Array, levels: SurfaceLevels | str, nominal: Nom
         )
     if isinstance(levels, str):
         return ""
-    # Of fewer bits as assumed are the levels of KIPR's analog10() and analog8().
+    # KIPR's analog10() and analog8() give the assumed levels in fewer bits.
     scale = find_scale(levels, nominal, SCALES, lambda found: found[0].misfit <= MAX_MISFIT)
     if scale is None:
         return ""

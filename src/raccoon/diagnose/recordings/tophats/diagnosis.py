@@ -28,8 +28,8 @@ from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
 MAX_STEP_S = 0.9
-"""s between samples: a sensor that is held over a surface may be read slowly. A time in ms advances by more.
-"""
+"""Longest s between samples: a sensor held over a surface may be read slowly; a time in ms advances by
+more."""
 Columns = Mapping[str, Array]
 
 
@@ -111,7 +111,7 @@ def diagnose_tophats(
 
 
 def _rejected_missing(columns: Columns, robot: RobotConfig, of_a_drive: bool) -> list[Rejected]:
-    """What cannot be told of tophats that the robot has and the recording has not."""
+    """The causes of tophats that the robot has and the recording has not, rejected."""
     recorded = _recorded_ports(columns)
     ports = [] if of_a_drive else sorted({each.analog for each in robot.tophats.values()} - set(recorded))
     return [
@@ -129,12 +129,12 @@ def _notes(
     return (*(note for each in sensors for note in each.notes), *_unjudged_notes(columns, ports))
 
 
-def _verdict(seen: bool, causes: bool, unknown: bool) -> Verdict:
-    if not seen:
+def _verdict(has_channels: bool, has_causes: bool, has_unknown_rest: bool) -> Verdict:
+    if not has_channels:
         return Verdict.NOT_IDENTIFIABLE
-    if causes:
-        return Verdict.PARTLY if unknown else Verdict.EXPLAINED
-    return Verdict.UNKNOWN if unknown else Verdict.ADEQUATE
+    if has_causes:
+        return Verdict.PARTLY if has_unknown_rest else Verdict.EXPLAINED
+    return Verdict.UNKNOWN if has_unknown_rest else Verdict.ADEQUATE
 
 
 def _nominal(model: Parameters | None, port: int) -> NominalSensor:

@@ -1,8 +1,8 @@
-"""White and black levels of a tophat explained by light from outside, gain, height, or several of them.
+"""Fits white and black levels of a tophat by light from outside, gain, height, or several of them.
 
-Light is an added offset in the contract, as a converter's is. Real light lowers both levels, black far more,
-and the older make of the sensor reads both otherwise (`raccoon.model.reflectance`): no offset and no factor
-does. So levels are compared with these as well, and what fits is said in the contract's numbers.
+In the contract light is an added offset. Real light lowers both levels, black far more, and the older make of
+the sensor differs in both (`raccoon.model.reflectance`), as no offset and no factor does. So levels are
+compared with these as well, and what fits is expressed in the contract's numbers.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ LIGHT = "light"
 """Real light, fitted in place of an offset."""
 OLDER_GENERATION = "old"
 PARAMETER_COST = 6.0
-"""What a number more costs, and the other make of sensor."""
+"""Cost of each fitted parameter, and of assuming the other make of sensor."""
 MIN_DOUBT_HEIGHT = 0.005
-"""m below which what is not known of black grows no more: it would explain any level."""
+"""m below which the uncertainty of black no longer grows: it would explain any level."""
 MAX_STEPS = 40
 """Most steps of a fit."""
 MAX_MISFIT = 9.0
 """Misfit up to which levels count as explained."""
 MAX_PROBABILITY_OF_PAIR = 0.8
-"""How probable each of two names is at the most: of sensors with two of the causes hidden, and whose levels
-took two, three names in four were right."""
+"""Largest probability of a cause where two are named: of sensors with two hidden causes whose levels needed
+two, three of four names were right."""
 USUAL_LIGHT = 0.1
-"""Share of direct sun that recorded calibrations had at the most."""
+"""Largest share of direct sun in recorded calibrations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class NominalSensor:
     sd: float = 0.0
 
     def level(self, black: float) -> float:
-        """Counts over a surface, 1 black, 0 white."""
+        """Counts over a surface (1 black, 0 white), clipped to the converter's range."""
         return float(np.clip(self.unclipped_level(black, 0.0, 1.0, 0.0), 0.0, FULL_SCALE))
 
     def unclipped_level(
@@ -70,8 +70,8 @@ class NominalSensor:
         light: float = 0.0,
         generation: str = GENERATION,
     ) -> float:
-        """The same with changes of the three on top, before the converter cuts it off. light: share of direct
-        sun."""
+        """Counts over a surface with changes of offset, factor and height, before clipping. light: share of
+        direct sun."""
         at = _clip_height(self.height + height)
         return self.factor * factor * counts(float(black), generation, at, light) + self.offset + offset
 
@@ -103,7 +103,7 @@ class LevelFit:
 
 
 def _clip_height(height: float) -> float:
-    """m at which the reflectance model still holds."""
+    """The height, m, clipped to where the reflectance model holds."""
     return float(np.clip(height, LEAST_HEIGHT, MOST_HEIGHT))
 
 
@@ -134,9 +134,9 @@ def _fit_causes(
     clipped: tuple[int, int] = (0, 0),
     generation: str = GENERATION,
 ) -> LevelFit:
-    """Gauss-Newton on the levels with usual deviations as priors."""
+    """Fit these causes to the levels, with usual deviations as priors."""
     u, misfit, std = _gauss_newton(table, nominal, free, clipped, generation)
-    if HEIGHT in free and clipped == (0, 0):  # again with what is not known of black at that height
+    if HEIGHT in free and clipped == (0, 0):  # refit with the uncertainty of black at that height
         height = max(_clip_height(nominal.height + _changes(free, u)[HEIGHT]), MIN_DOUBT_HEIGHT)
         black_std = np.where(table[:, 0] > 0.5, black_doubt(generation, height), 0.0)
         wider = np.column_stack([table[:, :2], np.hypot(table[:, 2], black_std)])
@@ -147,17 +147,17 @@ def _fit_causes(
 def _gauss_newton(
     table: Array, nominal: NominalSensor, free: tuple[str, ...], clipped: tuple[int, int], generation: str
 ) -> tuple[Array, float, Array]:
-    """Coordinates of the causes, the misfit of the levels, and the deviations of the coordinates."""
-    black, level, weight = table[:, 0], table[:, 1], 1.0 / table[:, 2]
+    """Gauss-Newton: coordinates of the causes, misfit of the levels, and stds of the coordinates."""
+    black, level, weights = table[:, 0], table[:, 1], 1.0 / table[:, 2]
 
     def residual(u: Array) -> Array:
         pair = _unclipped_pair(nominal, _changes(free, u), generation)
-        return _clipped_residuals(np.where(black > 0.5, pair[1], pair[0]) - level, black, clipped) * weight
+        return _clipped_residuals(np.where(black > 0.5, pair[1], pair[0]) - level, black, clipped) * weights
 
     def slopes(u: Array, r: Array) -> Array:
         return np.column_stack([(residual(u + 1e-4 * row) - r) / 1e-4 for row in np.eye(len(free))])
 
-    # Of light the root is fitted, which keeps it above 0; from 0 itself it would not move.
+    # The root of light is fitted, which keeps light positive; from 0 itself it would not move.
     u = np.array([0.3 if each == LIGHT else 0.0 for each in free])
     for _ in range(MAX_STEPS if free else 0):
         r = residual(u)
@@ -175,7 +175,7 @@ def _gauss_newton(
 
 
 def _changes(free: Sequence[str], u: Array) -> dict[str, float]:
-    """Changes of the causes and the light for coordinates."""
+    """Changes of the causes, and the light, at these coordinates."""
     return {
         each: USUAL_LIGHT * float(coordinate) ** 2
         if each == LIGHT
@@ -187,29 +187,31 @@ def _changes(free: Sequence[str], u: Array) -> dict[str, float]:
 def _as_contract_numbers(
     nominal: NominalSensor, free: Sequence[str], u: Array, std: Array, misfit: float, generation: str
 ) -> LevelFit:
-    """Light as the offset, and another make as the factor, that are least wrong over white and black."""
-    # Large deviations are rare but happen: their cost grows as a logarithm.
+    """The fit in the contract's numbers: light as an offset, and another make as a factor, that are least
+    wrong over white and black."""
+    # Large deviations are rare but happen: their cost grows logarithmically.
     parameter_count = len(free) + (generation != GENERATION)
     cost = misfit + 2.0 * float(np.log1p(u**2).sum()) + PARAMETER_COST * parameter_count
     changes = _changes(free, u)
     found = {
-        each: (changes[each], CHANGE_WIDTHS[each] * float(off)) for each, off in zip(free, std, strict=True)
+        each: (changes[each], CHANGE_WIDTHS[each] * float(std_of_u))
+        for each, std_of_u in zip(free, std, strict=True)
         if each != LIGHT
-    }  # fmt: skip
+    }
     height, light = changes.get(HEIGHT, 0.0), changes.get(LIGHT, 0.0)
     if HEIGHT in found:
         doubt = height_doubt(_clip_height(nominal.height + height))
         found[HEIGHT] = height, math.hypot(found[HEIGHT][1], doubt)
-    dark = [nominal.unclipped_level(side, 0.0, 1.0, height, 0.0, generation) for side in (0.0, 1.0)]
+    unlit = [nominal.unclipped_level(side, 0.0, 1.0, height, 0.0, generation) for side in (0.0, 1.0)]
     if generation != GENERATION:
         usual = np.array([nominal.unclipped_level(side, 0.0, 1.0, height) for side in (0.0, 1.0)])
-        factors = np.array(dark) / usual
-        factor = float(usual @ np.array(dark) / (usual @ usual))
+        factors = np.array(unlit) / usual
+        factor = float(usual @ np.array(unlit) / (usual @ usual))
         found[GAIN] = factor - 1.0, 0.5 * float(np.ptp(factors))
     level_drops = (0.0, 0.0)
     if light:
         lit = [nominal.unclipped_level(side, 0.0, 1.0, height, light, generation) for side in (0.0, 1.0)]
-        level_drops = dark[0] - lit[0], dark[1] - lit[1]
+        level_drops = unlit[0] - lit[0], unlit[1] - lit[1]
         found[AMBIENT_LIGHT] = (
             -0.5 * (level_drops[0] + level_drops[1]),
             0.5 * abs(level_drops[1] - level_drops[0]),
@@ -220,7 +222,7 @@ def _as_contract_numbers(
 
 
 def _clipped_residuals(residuals: Array, black: Array, clipped: tuple[int, int]) -> Array:
-    """Errors of the levels; none where a level that is cut off is beyond the end."""
+    """Residuals of the levels, 0 where a clipped level is predicted beyond the end of the range."""
     side = np.where(black > 0.5, clipped[1], clipped[0])
     below = np.where(side < 0, np.maximum(residuals, 0.0), residuals)
     return np.asarray(np.where(side > 0, np.minimum(residuals, 0.0), below))
@@ -239,7 +241,7 @@ def probability(fits: Sequence[LevelFit], id_: str) -> float:
 def _unclipped_pair(
     nominal: NominalSensor, changes: Mapping[str, float], generation: str = GENERATION
 ) -> tuple[float, float]:
-    """Counts over white and black with changes of the causes and light, not cut off."""
+    """Unclipped counts over white and black with these changes of the causes and the light."""
     offset, height, light = (changes.get(each, 0.0) for each in (AMBIENT_LIGHT, HEIGHT, LIGHT))
     factor = max(1.0 + changes.get(GAIN, 0.0), 0.01)
     white, black = (

@@ -1,4 +1,4 @@
-"""One tophat: its levels, what explains them, and what cannot be told."""
+"""The diagnosis of one tophat: its levels, what explains them, and what cannot be told."""
 
 from __future__ import annotations
 
@@ -58,14 +58,15 @@ from raccoon.sim.tophats import GENERATION
 Array = NDArray[np.float64]
 
 FITTED_SHARE = 0.7
-"""Part of the time that is fitted; the rest is there to judge on."""
+"""Part of the time that is fitted; the rest is held out."""
 MAX_MOVE_SHARE = 0.25
-"""Share of what is wrong with the levels by which they may move and still be judged as one."""
+"""Movement of the levels, over their error, up to which they are explained by one cause."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorDiagnosis:
-    """What was found at one port. unknown: what the rest depends on. rest: its share."""
+    """What was found at one port. depends_on: what the unexplained rest depends on. unexplained_share: its
+    share of the squared error."""
 
     channel: ChannelResult | None
     causes: tuple[CauseResult, ...] = ()
@@ -82,7 +83,7 @@ class SensorDiagnosis:
 def diagnose_sensor(
     time: Array, counts: Array, surface: Array | None, port: int, nominal: NominalSensor
 ) -> SensorDiagnosis:
-    """Judge the tophat at `port`. surface: 1 black, 0 white where a reference says so."""
+    """Diagnose the tophat at `port`. surface: 1 black, 0 white, NaN without a label; None without labels."""
     counts, faults = without_impossible_counts(counts, port)
     found = _judge(*labelled_readings(time, counts, surface), port, nominal)
     return replace(found, faults=(*faults, *found.faults))
@@ -116,7 +117,8 @@ def _not_identifiable(port: int, reason: str, advice: str) -> SensorDiagnosis:
 def _judge_both_sides(
     port: int, nominal: NominalSensor, when: float, before: SurfaceLevels, after: SurfaceLevels
 ) -> SensorDiagnosis:
-    """Both parts apart; the later one is how the sensor is now, so its causes are named first."""
+    """Levels that jump at `when`, s: both parts are judged apart. The later one is how the sensor is now, so
+    its causes are named first."""
     earlier, later = _judge_constant(before, port, nominal), _judge_constant(after, port, nominal)
     is_later_shown = bool(later.causes) or not earlier.causes
     shown, other = (later, earlier) if is_later_shown else (earlier, later)
@@ -157,7 +159,8 @@ def _join_curves(first: Curve, second: Curve) -> Curve:
 def _judge_drifting(
     levels: SurfaceLevels, port: int, nominal: NominalSensor, movement: tuple[float, float, float]
 ) -> SensorDiagnosis:
-    """Levels that move more than they are wrong have no one cause; else the one of their mean is named."""
+    """Levels that drift. Where they move by more than `MAX_MOVE_SHARE` of their error they have no one cause;
+    else the cause of their mean is named."""
     size, lowest, highest = movement
     largest_error = max(abs(levels.medians[side] - nominal.level(side)) for side in (0, 1))
     found = _judge_constant(levels, port, nominal, (() if size > MAX_MOVE_SHARE * largest_error else None))
@@ -171,7 +174,7 @@ def _judge_drifting(
 def _judge_constant(
     levels: SurfaceLevels, port: int, nominal: NominalSensor, allowed: tuple[str, ...] | None = None
 ) -> SensorDiagnosis:
-    """Levels that stand. allowed: the causes that may be named, all by default."""
+    """Levels that are constant. allowed: the causes that may be named, all by default."""
     is_early = levels.time < levels.time[0] + FITTED_SHARE * float(np.ptp(levels.time))
     if not all((is_early & (levels.black == side)).sum() >= 8 for side in (False, True)):
         is_early = np.ones(len(is_early), np.bool_)
@@ -195,11 +198,8 @@ def _sensor_diagnosis(
     is_certain: bool,
 ) -> SensorDiagnosis:
     counts, black = levels.counts[is_late], levels.black[is_late].astype(float)
-    spread = float(
-        np.std(
-            counts - np.where(black > 0.5, _surface_mean(counts, black, 1), _surface_mean(counts, black, 0))
-        )
-    )
+    white_mean, black_mean = (_surface_mean(counts, black, side) for side in (0, 1))
+    spread = float(np.std(counts - np.where(black > 0.5, black_mean, white_mean)))
     floor = max(levels.noise, 1.0)
 
     def error(ids: Sequence[str], values: Array) -> float:
@@ -244,7 +244,8 @@ def _sensor_diagnosis(
 def _with_model_sentences(
     causes: Sequence[CauseResult], port: int, best: LevelFit
 ) -> tuple[list[CauseResult], tuple[str, ...]]:
-    """Causes whose sentences say what light or what make of sensor it is, and what the numbers make of it."""
+    """The causes with sentences that name the light or the make of the sensor, and notes on how the
+    contract's numbers approximate these."""
     described, notes = [], []
     for each in causes:
         if each.id == AMBIENT_LIGHT and best.light:
@@ -259,15 +260,15 @@ def _with_model_sentences(
 
 
 def _saturation_faults(levels: SurfaceLevels, port: int, fits: Sequence[LevelFit]) -> tuple[SensorFault, ...]:
-    """What is said of a level that is cut off."""
+    """The fault of a clipped level."""
     if levels.unclipped_count == 2:
         return ()
     words = {AMBIENT_LIGHT: "light", GAIN: "gain", HEIGHT: "height"}
     wrong = fits[0].misfit > MAX_MISFIT
-    able = tuple(
+    possible_causes = tuple(
         words[each.ids[0]] for each in fits if wrong and len(each.ids) == 1 and each.misfit <= MAX_MISFIT
     )
-    text = describe_saturation(port, levels.clipped, able)
+    text = describe_saturation(port, levels.clipped, possible_causes)
     return (SensorFault(f"analog.{port}", "saturated", text),)
 
 
@@ -286,7 +287,7 @@ def _curve(levels: SurfaceLevels, port: int, nominal: NominalSensor, best: Level
 
 
 def _parameter_result(id_: str, change: float, std: float, nominal: NominalSensor) -> ParameterResult:
-    """The number as the catalogue allows it."""
+    """The changed number, clipped to the catalogue's bounds."""
     base = {AMBIENT_LIGHT: nominal.offset, GAIN: nominal.factor, HEIGHT: nominal.height}[id_]
     parameter = effect(id_).parameters[0]
     value, std = (base * (1.0 + change), base * std) if id_ == GAIN else (base + change, std)
@@ -294,6 +295,6 @@ def _parameter_result(id_: str, change: float, std: float, nominal: NominalSenso
     return ParameterResult(value, std, parameter.unit, base)
 
 
-def _surface_mean(seen: Array, black: Array, side: int) -> float:
-    mine = seen[black == side]
+def _surface_mean(counts: Array, black: Array, side: int) -> float:
+    mine = counts[black == side]
     return float(mine.mean()) if len(mine) else 0.0

@@ -1,4 +1,4 @@
-"""Levels of a tophat that move with time: a step, or a drift."""
+"""Finds levels of a tophat that change with time: a step, or a drift."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MIN_MOVE_SIGMAS = 5.0
-"""Deviations by which a level must move to have moved."""
+"""Standard deviations by which a level must move to have moved."""
 MIN_PIECES = 3
-"""Pieces of time with a level, from which it may have moved."""
+"""Pieces of time with a level that are needed to tell that it moved."""
 STEP_CANDIDATES = 40
-"""Parts of a recording between which a step is looked for at first."""
+"""Parts of a recording between which a step is searched at first."""
 MAX_COST_RATIO = 0.5
-"""Share of their distance from two levels that readings must keep from two pairs of levels, one before and
-one after a step, where the two alone do not show that they moved: what a step makes of them may pass for
+"""Distance of the readings from two pairs of levels, before and after a step, over that from a single pair,
+below which a step is accepted where single levels did not show a movement: its readings may pass for
 edges."""
 
 MAX_DISTANCE_RATIO = 5.0
-"""Usual distances from its level beyond which a reading tells no more of when a step was."""
+"""Median distances from its level at which a reading's say in the time of a step is capped."""
 
 
 def find_movement(levels: SurfaceLevels) -> tuple[float, float, float] | None:
-    """By how many counts a level moves at the most, and when it is lowest and highest (s); None where both
-    stand."""
+    """Counts by which a level moves at the most, and when it is lowest and highest, s; None where both levels
+    are constant."""
     table = levels.piece_levels(np.ones(len(levels.time), np.bool_))
     found: list[tuple[float, float, float]] = []
     length = float(np.ptp(levels.time)) / TIME_PIECES
@@ -51,8 +51,8 @@ def find_movement(levels: SurfaceLevels) -> tuple[float, float, float] | None:
 
 
 def _differ_significantly(rows: Array) -> bool:
-    """Whether two of the levels are further apart than they may be off, each by its own deviation. rows: of
-    one surface, of `Levels.means`."""
+    """Whether two of the levels differ by more than their standard deviations allow. rows: of one surface, of
+    `SurfaceLevels.piece_levels`."""
     return any(
         abs(one[2] - two[2]) >= MIN_MOVE_SIGMAS * float(np.hypot(np.hypot(one[3], two[3]), SENSOR_SPREAD))
         for one, two in combinations(rows, 2)
@@ -62,11 +62,11 @@ def _differ_significantly(rows: Array) -> bool:
 def split_at_step(
     time: Array, counts: Array, surface: Array | None, levels: SurfaceLevels | str
 ) -> tuple[float, SurfaceLevels, SurfaceLevels] | None:
-    """When (s) the levels jump, and the levels before and after, each sorted by itself; None where they do
-    not, or do not stand apart from that. levels: what all readings together are sorted into.
+    """When the levels jump, s, and the levels before and after, each sorted by itself; None where they do not
+    jump, or are not constant otherwise. levels: of all readings together, or why there are none.
 
-    Light that lowers both levels makes white of black, where the readings have to tell: so when it came on
-    is found by all of them, sorted or not.
+    Light that lowers both levels makes black read as white did, where there are no labels: so the time of the
+    step is found by all readings, sorted or not.
     """
     known = np.isfinite(counts)
     time, counts = time[known], counts[known]
@@ -96,7 +96,7 @@ def split_at_step(
 
 
 def _levels_differ(before: SurfaceLevels, after: SurfaceLevels) -> bool:
-    """Whether white or black moved by more than both may be off."""
+    """Whether white or black moved significantly."""
     tables = [each.surface_levels(np.ones(len(each.time), np.bool_)) for each in (before, after)]
     return any(
         _differ_significantly(np.array([[0.0, *one], [1.0, *two]])) for one, two in zip(*tables, strict=True)
@@ -104,8 +104,8 @@ def _levels_differ(before: SurfaceLevels, after: SurfaceLevels) -> bool:
 
 
 def _find_step_row(time: Array, counts: Array, black: Flags | None, max_ratio: float) -> int | None:
-    """The first reading after a step: two levels before it and two after it are nearer to all readings than
-    with any other, and leave at most the share `most` of what two levels leave."""
+    """Row of the first reading after a step, at which two levels before and two after fit the readings best;
+    None where they do not lower the distance from a single pair of levels to `max_ratio` of it."""
     single_pair = level_pair(counts, black)
     ends = np.searchsorted(time, np.linspace(time[0], time[-1], STEP_CANDIDATES + 1))
     rows = []
@@ -113,8 +113,8 @@ def _find_step_row(time: Array, counts: Array, black: Flags | None, max_ratio: f
         distances = _distances_before_and_after(counts, black, int(ends[place]))
         if distances is None or ends[place - 1] == ends[place + 1]:  # in a gap there is nothing
             continue
-        # White of before may pass for black of after where a moment is a little off: so moments are compared
-        # once each is where its levels put it.
+        # White before may pass for black after where a candidate is a little off, so candidates are compared
+        # after each was refined by its own levels.
         row = _refine_step_row(distances, int(ends[place]), int(ends[place - 1]), int(ends[place + 1]))
         refined = _distances_before_and_after(counts, black, row)
         if refined is not None:
@@ -130,8 +130,8 @@ def _find_step_row(time: Array, counts: Array, black: Flags | None, max_ratio: f
 
 
 def _distances_before_and_after(counts: Array, black: Flags | None, row: int) -> tuple[Array, Array] | None:
-    """Of all readings how far they are from the levels before the row, and from those after it; None where
-    not both surfaces are seen on either side."""
+    """Distances of all readings from the levels before the row, and from those after it; None where not both
+    surfaces are seen on either side."""
     parts = slice(row), slice(row, None)
     pairs = [level_pair(counts[each], None if black is None else black[each]) for each in parts]
     if pairs[0] is None or pairs[1] is None:
@@ -140,19 +140,20 @@ def _distances_before_and_after(counts: Array, black: Flags | None, row: int) ->
 
 
 def _total_distance(distances: tuple[Array, Array], row: int) -> float:
-    """Counts that all readings together are from their levels."""
+    """Sum of the readings' distances from their levels, counts, for a step at this row."""
     return float(distances[0][:row].sum() + distances[1][row:].sum())
 
 
 def _refine_step_row(distances: tuple[Array, Array], row: int, first: int, last: int) -> int:
-    """The row from first to last at which the levels best give way to the others; they are of `row`."""
-    # Readings on an edge are far from the levels, and may happen to be near those of the other side.
+    """The row from first to last at which a step between the levels found at `row` fits best."""
+    # Readings on an edge are far from the levels, and may by chance be near those of the other side.
     max_distance = MAX_DISTANCE_RATIO * float(np.median(np.append(distances[0][:row], distances[1][row:])))
     sooner, later = (np.minimum(each[first:last], max_distance) for each in distances)
     return min(first + 1 + int(np.argmin(np.cumsum(sooner - later))), len(distances[0]) - 1)
 
 
 def _distance_from_level(counts: Array, black: Flags | None, pair: tuple[float, float]) -> Array:
-    """Counts from the level of its surface, or else from the nearer one."""
+    """Distance of each reading, counts, from the level of its surface, or without labels from the nearer
+    one."""
     white, dark = np.abs(counts - pair[0]), np.abs(counts - pair[1])
     return np.minimum(white, dark) if black is None else np.where(black, dark, white)

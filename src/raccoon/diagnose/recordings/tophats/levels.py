@@ -1,4 +1,4 @@
-"""What a reflectance sensor read over white and over black, piece of time by piece of time."""
+"""Sorts the readings of a reflectance sensor into white and black levels."""
 
 from __future__ import annotations
 
@@ -29,29 +29,30 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 TIME_PIECES = 10
-"""Of time, in which the levels may differ."""
+"""Pieces of time in which the levels may differ."""
 MAX_NOISE = 50.0
-"""Counts from reading to reading that no floor makes: `floor_pattern` is 20 at the most."""
+"""Noise, counts, that no floor makes: `floor_pattern` is 20 at the most."""
 MIN_CLIPPED_SHARE = 0.1
-"""Share of a surface's readings at the end of the converter from which its level is cut off."""
+"""Share of a surface's readings at an end of the converter's range from which its level is clipped."""
 MIN_LIMIT_RATIO = 3.0
-"""Times as often black must read the one largest value as white reads any, where that is cut off."""
+"""Share of black readings at the largest value over that of white's most frequent value, from which black is
+clipped there."""
 SENSOR_SPREAD = 4.0
-"""Counts by which two sound sensors of one make differ on the same floor at the least."""
+"""Counts; least standard deviation between sound sensors of one make on the same floor."""
 MIN_VISITS = 3
-"""How often black must have been seen, where no reference says what is black: a shadow over white falls once
-or twice, and its two levels are those of no sensor."""
+"""Visits to black that are needed where no reference labels it: a shadow falls on white once or twice, and
+its two levels are not white and black."""
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceLevels:
     """Readings of one sensor sorted by surface.
 
-    time, counts, black (n,): the readings that lie clearly on a surface. noise: counts, sd of a reading.
-    pattern: counts, how much of that the floor itself may make. piece (n,): piece of time of each. usual:
-    counts, white and black over all. cut: for white and black, 1 where the level is cut off at the
-    converter's largest value, -1 at 0, else 0. sorted_surely: a reference told white from black, or both
-    were seen in turns.
+    time, counts, black (n,): the readings that are clearly on a surface. noise: counts, sd of a reading.
+    floor_pattern: counts, how much of that the floor itself may make. piece (n,): piece of time of each.
+    medians: counts over white and over black. clipped: for white and black, 1 where the level is clipped at
+    the converter's largest value, -1 at 0, else 0. is_sorting_certain: a reference labelled white and black,
+    or both were seen in turns.
     """
 
     time: Array
@@ -66,18 +67,18 @@ class SurfaceLevels:
 
     @property
     def unclipped_count(self) -> int:
-        """How many of the two levels were read as they are."""
+        """How many of the two levels are not clipped."""
         return self.clipped.count(0)
 
     def noise_number(self, assumed: float) -> ParameterResult:
-        """The noise with its deviation: n steps between neighbours, each two of which have a reading in
-        common, tell it to sqrt(3 / n) / 2 of itself."""
+        """The noise with its standard deviation: n steps between neighbours, of which each two have a reading
+        in common, give it to sqrt(3 / n) / 2 of itself."""
         fewest = float(min(self.black.sum(), (~self.black).sum()))
         std = float(max(0.5 * np.sqrt(3.0 / max(fewest, 1.0)), 0.02)) * self.noise
         return ParameterResult(self.noise, max(std, 0.5), "counts", assumed)
 
     def piece_levels(self, keep: Flags) -> Array:
-        """Rows of piece, black 0/1, level, its deviation, for pieces with enough readings."""
+        """Rows of piece, black 0/1, level and its std, for pieces of time with enough readings."""
         rows = []
         for piece in range(TIME_PIECES):
             for black in (False, True):
@@ -88,14 +89,14 @@ class SurfaceLevels:
         return np.array(rows).reshape(-1, 4)
 
     def surface_levels(self, keep: Flags) -> Array:
-        """Rows of black 0/1, level, and by how much a sound sensor's may be off: by its own spread, and since
-        no two floors and no two sensors are alike."""
+        """Rows of black 0/1, level, and its std around that of a nominal sensor: from its own spread, and
+        from differences between floors and between sensors."""
         rows = []
         for black in (False, True):
             values = self.counts[keep & (self.black == black)]
             level = float(np.median(values))
-            off = np.hypot(np.hypot(self._level_std(values), SENSOR_SPREAD), floor_pattern(level))
-            rows.append((float(black), level, float(off)))
+            std = np.hypot(np.hypot(self._level_std(values), SENSOR_SPREAD), floor_pattern(level))
+            rows.append((float(black), level, float(std)))
         return np.array(rows)
 
     def _level_std(self, values: Array) -> float:
@@ -103,38 +104,40 @@ class SurfaceLevels:
 
 
 def sort_levels(time: Array, counts: Array, surface: Array | None) -> SurfaceLevels | str:
-    """Sort the readings. surface: 1 black, 0 white where a reference says so, else the readings decide.
+    """Sort the readings into levels; where that cannot be done, the reason as text.
 
-    Gives the reason as text where it cannot be done.
+    surface: 1 black, 0 white by a reference; without it the readings decide.
     """
     known = np.isfinite(counts)
     time, counts = time[known], counts[known]
     if len(counts) < 4 * MIN_READINGS:
         return f"it has {len(counts)} readings: at least {4 * MIN_READINGS} are needed"
     noise = noise_sd(np.diff(counts))
-    piece = time_pieces(time)
+    pieces = time_pieces(time)
     if surface is not None:
         black = surface[known] > 0.5
-        sure = is_off_edges(time, black)
+        is_sure = is_off_edges(time, black)
     else:
-        sorted_ = sort_by_threshold(counts, piece, noise)
+        sorted_ = sort_by_threshold(counts, pieces, noise)
         if sorted_ is None:
             return _describe_single_surface(counts, noise)
-        black, sure = sorted_
-    if min((sure & black).sum(), (sure & ~black).sum()) < MIN_READINGS:
+        black, is_sure = sorted_
+    if min((is_sure & black).sum(), (is_sure & ~black).sum()) < MIN_READINGS:
         return _describe_single_surface(counts, noise if surface is None else 0.0)
-    medians, clipped = _medians_and_clipping(counts[sure], black[sure])
-    # Edges are steps, not noise; and what is cut off has none.
-    steady = sure & is_off_edges(time, black) & np.where(black, clipped[1] == 0, clipped[0] == 0)
+    medians, clipped = _medians_and_clipping(counts[is_sure], black[is_sure])
+    # Edges are steps, not noise, and clipped readings have no noise.
+    steady = is_sure & is_off_edges(time, black) & np.where(black, clipped[1] == 0, clipped[0] == 0)
     pairs = steady[1:] & steady[:-1] & (black[1:] == black[:-1])
     if pairs.sum() >= MIN_READINGS:
         noise = noise_sd(np.diff(counts)[pairs])
-    sd, floor_pattern = sensor_noise(np.diff(counts), pairs, black, medians, noise)
-    contrast_std = noise if surface is None else _contrast_std(counts[sure], black[sure], piece[sure], noise)
+    sd, pattern = sensor_noise(np.diff(counts), pairs, black, medians, noise)
+    contrast_std = (
+        noise if surface is None else _contrast_std(counts[is_sure], black[is_sure], pieces[is_sure], noise)
+    )
     if abs(medians[1] - medians[0]) < max(MIN_CONTRAST, MIN_CONTRAST_SIGMAS * contrast_std):
-        end = "; both are cut off: it is saturated" if 0 not in clipped else ""
-        return f"white ({medians[0]:.0f}) and black ({medians[1]:.0f} counts) cannot be told apart{end}"
-    if limit := _describe_lower_limit(counts[sure], black[sure], clipped):
+        hint = "; both are cut off: it is saturated" if 0 not in clipped else ""
+        return f"white ({medians[0]:.0f}) and black ({medians[1]:.0f} counts) cannot be told apart{hint}"
+    if limit := _describe_lower_limit(counts[is_sure], black[is_sure], clipped):
         return limit
     if medians[1] < medians[0]:
         return (
@@ -143,22 +146,23 @@ def sort_levels(time: Array, counts: Array, surface: Array | None) -> SurfaceLev
         )
     if 0 not in clipped:
         return f"white ({medians[0]:.0f}) and black ({medians[1]:.0f} counts) are both cut off"
-    is_certain = surface is not None or count_visits(black[sure]) >= MIN_VISITS
+    is_certain = surface is not None or count_visits(black[is_sure]) >= MIN_VISITS
     return SurfaceLevels(
-        time[sure],
-        counts[sure],
-        black[sure],
+        time[is_sure],
+        counts[is_sure],
+        black[is_sure],
         sd,
-        piece[sure],
+        pieces[is_sure],
         medians,
         clipped,
         is_certain,
-        floor_pattern,
+        pattern,
     )
 
 
 def level_pair(counts: Array, black: Flags | None) -> tuple[float, float] | None:
-    """Levels of white and of black, by `black` or else by the readings; None where not both are seen."""
+    """Median counts over white and black, by `black` or else by the readings; None where not both are
+    seen."""
     if black is not None:
         sides = counts[~black], counts[black]
         if min(map(len, sides)) < MIN_READINGS:
@@ -175,8 +179,9 @@ def time_pieces(time: Array) -> NDArray[np.intp]:
 
 
 def _contrast_std(counts: Array, black: Flags, piece: NDArray[np.intp], noise: float) -> float:
-    """Deviation of the contrast where a reference says what is black: then single readings need not tell, and
-    light that changes the levels from one piece of time to another hides no contrast."""
+    """Standard deviation of the contrast between labelled surfaces. Single readings need not tell these
+    apart, and light that changes the levels from one piece of time to the next does not hide their
+    contrast."""
     still = counts.astype(float)
     for index in np.unique(piece):
         for side in (False, True):
@@ -186,7 +191,7 @@ def _contrast_std(counts: Array, black: Flags, piece: NDArray[np.intp], noise: f
 
 
 def _describe_single_surface(counts: Array, noise: float) -> str:
-    """Why nothing is told. noise: counts, of readings that had to tell the surfaces themselves."""
+    """Why surfaces were not found. noise: counts, of readings without labels; 0 with labels."""
     if noise >= MAX_NOISE:
         return (
             f"readings differ by {noise:.0f} counts from one to the next, which hides what is white and what "
@@ -202,8 +207,8 @@ def _describe_single_surface(counts: Array, noise: float) -> str:
 
 
 def _describe_lower_limit(counts: Array, black: Flags, clipped: tuple[int, int]) -> str:
-    """That black is cut off below the converter's largest value; "" where it is not. A sensor so quiet that
-    its readings are alike is it over white as well."""
+    """That black is clipped below the converter's largest value; "" where it is not. Readings of a sensor
+    without noise are equal over white as well."""
     white, dark = counts[~black], counts[black]
     at_end = float((dark == counts.max()).mean())
     most_common_share = float(np.unique(white, return_counts=True)[1].max()) / len(white)
@@ -216,7 +221,7 @@ def _describe_lower_limit(counts: Array, black: Flags, clipped: tuple[int, int])
 
 
 def _medians_and_clipping(counts: Array, black: Flags) -> tuple[tuple[float, float], tuple[int, int]]:
-    """Usual reading over white and over black, and whether it is cut off."""
+    """Median counts over white and over black, and whether each level is clipped (see `SurfaceLevels`)."""
     sides = counts[~black], counts[black]
     white, dark = (float(np.median(each)) for each in sides)
     clipped = [

@@ -1,4 +1,4 @@
-"""What is said of a reflectance sensor."""
+"""Sentences and notes about a reflectance sensor."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ RECALIBRATE_ADVICE = ("read white and black again in another light and at the he
 USUAL_NOISE_COUNTS = 5.0
 """Counts; a standing sensor has 2 to 5."""
 MILLIVOLTS_PER_COUNT, MILLIVOLT_TOLERANCE = 3300.0 / FULL_SCALE, 0.008
-"""Of a count: what a converter of 3.3 V makes of it, and how near a gain is to be told to be it."""
+"""Millivolts of a count of a 3.3 V converter, and difference of a gain from it within which readings may be
+millivolts."""
 PARAMETER_NAMES = {AMBIENT_LIGHT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
-"""The parameter of each, as the catalogue calls it."""
+"""Name of each cause's parameter in the catalogue."""
 
 
 def tophat_cause(
@@ -40,7 +41,7 @@ def _millivolts_hint(gain: float) -> str:
 
 
 def describe_light(port: int, light: float, falls: tuple[float, float]) -> str:
-    """Light that lowers the levels by `falls` (white, black), as the model of the sensor has it."""
+    """Light that lowers the levels by so many counts (white, black) by the sensor's model."""
     return (
         f"Light from outside, about {format_two_digits(100.0 * light)} % of direct sun, lowers tophat "
         f"{port} by {falls[0]:.0f} counts over white and {falls[1]:.0f} over black: shade it, or calibrate "
@@ -49,7 +50,7 @@ def describe_light(port: int, light: float, falls: tuple[float, float]) -> str:
 
 
 def describe_light_offset(port: int, number: ParameterResult) -> str:
-    """What an offset makes of it."""
+    """How an offset approximates light."""
     moved = number.value - number.nominal
     return (
         f"analog.{port}: light lowers black more than white, and the offset of {moved:+.0f} counts is only "
@@ -68,7 +69,7 @@ def describe_older_sensor(port: int) -> str:
 
 
 def describe_older_factor(port: int, number: ParameterResult) -> str:
-    """What a factor makes of it."""
+    """How a factor approximates a sensor of the older make."""
     return (
         f"analog.{port}: the simulated sensor is of the newer make, and the factor of {number.value:.2f} is "
         f"only the one that is least wrong, off by {number.std:.2f} on either surface; gain and height "
@@ -77,7 +78,7 @@ def describe_older_factor(port: int, number: ParameterResult) -> str:
 
 
 def describe_older_alternative(port: int, height: float) -> str:
-    """An older sensor that reads at another height what a newer one does at the named one."""
+    """A sensor of the older make at another height, which reads the same as what is named."""
     return (
         f"analog.{port}: at about {format_two_digits(1000.0 * height)} mm a sensor of the older make reads "
         "the same: measure the height, or look at its make"
@@ -93,7 +94,7 @@ def describe_fewer_bits(port: int, words: str, counts: float) -> str:
 
 
 def describe_unsure_surfaces(port: int, levels: tuple[float, float]) -> str:
-    """Two levels that no single cause gives, of which nobody says that they are white and black."""
+    """Two levels without labels that no single cause gives, and that may not be white and black."""
     return (
         f"analog.{port}: no single cause gives {levels[0]:.0f} and {levels[1]:.0f} counts, which were not "
         "seen in turns: it may be one surface in changing light; cross several lines, or record "
@@ -102,7 +103,7 @@ def describe_unsure_surfaces(port: int, levels: tuple[float, float]) -> str:
 
 
 def describe_saturation(port: int, clipped: tuple[int, int], causes: tuple[str, ...]) -> str:
-    """A level that is cut off, and what cannot be told then. causes: those that fit what is left."""
+    """A clipped level, and what cannot be told then. causes: those that fit the other level."""
     side, other = ("white", "black") if clipped[0] else ("black", "white")
     end = "4095, the largest value" if 1 in clipped else "0"
     ambiguity = f"; what is left, {other}, cannot tell {' from '.join(causes)}" if len(causes) > 1 else ""
@@ -110,7 +111,8 @@ def describe_saturation(port: int, clipped: tuple[int, int], causes: tuple[str, 
 
 
 def noise_cause(port: int, number: ParameterResult, error: float) -> CauseResult:
-    """Too much noise. error: of the readings over the floor; naming the noise does not lower it."""
+    """The cause of too much noise. error: of the readings over the floor; naming the noise does not lower
+    it."""
     sentence = (
         f"Tophat {port} is noisy: {number.value:.0f} counts from reading to reading where "
         f"{USUAL_NOISE_COUNTS:.0f} are usual: check its plug and wires, keep it from flickering lamps, and "

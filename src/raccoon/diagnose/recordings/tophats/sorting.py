@@ -1,4 +1,4 @@
-"""Which readings of a reflectance sensor lie over black, which over white, and which on an edge."""
+"""Tells which readings of a reflectance sensor are over black, over white, and on an edge."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MIN_CONTRAST = 12.0
-"""Counts between white and black at least."""
+"""Least counts between white and black."""
 MAX_LABEL_GAP_RATIO = 3.0
-"""Times the usual distance of two labels beyond which the surface between them may have been another."""
+"""Times the usual distance of two labels beyond which the surface between them is not known."""
 MIN_CONTRAST_SIGMAS = 5.0
-"""Noise deviations that the two levels must lie apart to be two."""
+"""Standard deviations of the noise by which two levels must differ."""
 EDGE_SHARE = 0.2
-"""Share of the contrast around a level; readings outside lie on an edge."""
+"""Share of the contrast around a level; readings outside are on an edge."""
 EDGE_S = 0.03
 """s: a spot of 5 mm is over an edge for so long, before its middle and after, at 0.08 m/s."""
 
 
 def labelled_readings(time: Array, counts: Array, surface: Array | None) -> tuple[Array, Array, Array | None]:
-    """The readings of which a reference says the surface; all, and None, where none says it.
+    """Time, counts and surface of the labelled readings; all readings and None without labels.
 
-    Labels that are each another one than the last are written when they change, and hold till the next. Of a
-    reference that is slower than the readings the blanks between two alike labels are as these.
+    Labels that alternate are written when they change, and hold until the next. Of a reference that is slower
+    than the readings, blanks between two equal labels have the same label.
     """
     known = np.flatnonzero([] if surface is None else np.isfinite(surface))
     if surface is None or not len(known):
@@ -46,28 +46,30 @@ def labelled_readings(time: Array, counts: Array, surface: Array | None) -> tupl
 
 
 def count_visits(black: Flags) -> int:
-    """How often black was come to."""
+    """How often black was entered."""
     return int((np.diff(black.astype(int), prepend=0) == 1).sum())
 
 
 def is_off_edges(time: Array, black: Flags) -> Flags:
-    """Not on an edge: not beside a change of surface, nor within the time that the spot takes over one."""
+    """Whether each reading is off the edges: not beside a change of surface, nor within the time that the
+    spot takes over an edge."""
     changed = np.flatnonzero(np.diff(black.astype(int)) != 0)
-    sure = np.ones(len(black), np.bool_)
+    is_off_edge = np.ones(len(black), np.bool_)
     for row in changed:
         start, end = np.searchsorted(time, [time[row] - EDGE_S, time[row + 1] + EDGE_S])
-        sure[min(int(start), row) : max(int(end), row + 2)] = False
-    return sure
+        is_off_edge[min(int(start), row) : max(int(end), row + 2)] = False
+    return is_off_edge
 
 
 def sort_by_threshold(counts: Array, piece: NDArray[np.intp], noise: float) -> tuple[Flags, Flags] | None:
-    """Black reads high. The threshold is found anew in each piece, for light that changes."""
+    """Which readings are black (high) and which are certain; None where none is. Each piece of time has its
+    own threshold, since light may change."""
     smoothed = _median_of_three(counts)
     overall = two_means_threshold(smoothed, noise)
     thresholds = {
         int(index): two_means_threshold(smoothed[piece == index], noise) for index in np.unique(piece)
     }
-    black, sure = np.zeros(len(counts), np.bool_), np.zeros(len(counts), np.bool_)
+    black, is_sure = np.zeros(len(counts), np.bool_), np.zeros(len(counts), np.bool_)
     for index, piece_threshold in thresholds.items():
         mine = piece == index
         if piece_threshold is None or (
@@ -79,16 +81,16 @@ def sort_by_threshold(counts: Array, piece: NDArray[np.intp], noise: float) -> t
         low, middle, high = piece_threshold
         margin = max(EDGE_SHARE * (high - low), 4.0 * noise)
         black[mine] = counts[mine] > middle
-        sure[mine] = np.minimum(np.abs(counts[mine] - low), np.abs(counts[mine] - high)) < margin
-    if not sure.any():
+        is_sure[mine] = np.minimum(np.abs(counts[mine] - low), np.abs(counts[mine] - high)) < margin
+    if not is_sure.any():
         return None
-    return black, sure & _has_equal_neighbour(black)
+    return black, is_sure & _has_equal_neighbour(black)
 
 
 def _has_equal_neighbour(black: Flags) -> Flags:
-    """Readings with a neighbour on the same surface: a lone one is a spike."""
-    alike = black[1:] == black[:-1]
-    return np.asarray(np.append(False, alike) | np.append(alike, False), np.bool_)
+    """Whether each reading has a neighbour on the same surface: a single one is a spike."""
+    is_equal = black[1:] == black[:-1]
+    return np.asarray(np.append(False, is_equal) | np.append(is_equal, False), np.bool_)
 
 
 def _median_of_three(counts: Array) -> Array:
@@ -98,8 +100,8 @@ def _median_of_three(counts: Array) -> Array:
 
 
 def two_means_threshold(counts: Array, noise: float) -> tuple[float, float, float] | None:
-    """(white, threshold, black) by two means; None where the readings are of one surface, which drifts or is
-    uneven: then the two lie no farther apart than each of them spreads."""
+    """(white, threshold, black) by two-means clustering with medians; None where the readings are of a single
+    surface that drifts or is uneven: then both levels are no farther apart than each spreads."""
     if len(counts) < 2 * MIN_READINGS:
         return None
     ordered = np.sort(counts)
