@@ -25,8 +25,8 @@ AVERAGING_S = 0.015
 What is faster than 20 ms is averaged out in any case. A counter that does not change for as long is a reading
 of 0."""
 ROW_TOLERANCE = 0.05
-"""Rows by which the averaging time may be missed: with rows of 5 ms, as their times are written, it is three
-rows."""
+"""Rows by which a mean may be shorter than `AVERAGING_S`: of rows of 5 ms, with times as they are written, it
+takes three."""
 MAX_GAP_RATIO = 1.5
 """Times the usual duration of such rows, from which there is a gap in them."""
 MIN_ZONE_SIGMAS = 3.5
@@ -113,8 +113,8 @@ def counter_reset_notes(columns: Columns, robot: RobotConfig) -> tuple[str, ...]
     if len(known) < FEWEST:
         return ()
     steps = np.abs([np.diff(columns[each][known]) for each in names])
-    usual_step = np.percentile(steps, 99.0, axis=1, keepdims=True)
-    rows = known[1:][(steps > MIN_RESET_JUMP_RATIO * np.maximum(usual_step, 1.0)).all(axis=0)]
+    usual_steps = np.percentile(steps, 99.0, axis=1, keepdims=True)
+    rows = known[1:][(steps > MIN_RESET_JUMP_RATIO * np.maximum(usual_steps, 1.0)).all(axis=0)]
     if len(rows) != 1:
         return ()
     row = int(rows[0])

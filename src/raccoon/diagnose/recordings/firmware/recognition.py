@@ -53,10 +53,12 @@ def recognise_firmware(identity: FirmwareIdentity, columns: Columns, robot: Robo
     return identity.candidate if is_candidate else identity
 
 
-def _controller_misfit(columns: Columns, robot: RobotConfig, zone: Firmware, device: Device) -> float:
+def _controller_misfit(
+    columns: Columns, robot: RobotConfig, zone_firmware: Firmware, device: Device
+) -> float:
     """Misfit of the wheels to the device's controller; `CLOCK_FOUND` where their counters show its clock.
 
-    zone: the firmware whose dead zone is assumed either way, so that readings there decide nothing.
+    zone_firmware: whose dead zone is assumed either way, so that readings there decide nothing.
     """
     firmware = firmware_of(device)
     columns = without_faulty_channels(with_counter_bemf(columns, robot, device).columns, robot).columns
@@ -67,7 +69,9 @@ def _controller_misfit(columns: Columns, robot: RobotConfig, zone: Firmware, dev
     log = understood([columns], robot, firmware)
     if any(each is not None for each in log.clocks):
         return CLOCK_FOUND
-    causes = zone.asked_for(drive_causes(), filters=firmware is not None)
+    causes = zone_firmware.asked_for(drive_causes(), filters=firmware is not None)
     return (
-        fit_habits(log, robot, causes, zone.start(robot, None), firmware).log_misfit if moves(log) else np.inf
+        fit_habits(log, robot, causes, zone_firmware.start(robot, None), firmware).log_misfit
+        if moves(log)
+        else np.inf
     )

@@ -82,7 +82,7 @@ def diagnose_geometry(
         prepared_holdout = [prepare_run(each, robot, device) for each in holdout]
     except CalibrationError as error:
         return _not_identifiable(str(error), [], robot, begin)
-    fitted, unseen = _split_runs([each for each, _ in prepared], [each for each, _ in prepared_holdout])
+    fitted, heldout = _split_runs([each for each, _ in prepared], [each for each, _ in prepared_holdout])
     faults = tuple(fault for _, each in prepared for fault in each)
     try:
         calibrated = fit_drive(robot, fitted, device=device)
@@ -99,7 +99,7 @@ def diagnose_geometry(
     impossible = describe_impossible_factor(factors)
     if impossible:
         return _not_identifiable(impossible, fitted, robot, begin)
-    return replace(_judge(GeometryFit(robot, factors, stds, fitted, unseen), begin), sensor_faults=faults)
+    return replace(_judge(GeometryFit(robot, factors, stds, fitted, heldout), begin), sensor_faults=faults)
 
 
 def prepare_run(
@@ -110,8 +110,8 @@ def prepare_run(
     Raises CalibrationError naming a column that is not usable, and TraceError for a time or a reference in
     other units.
     """
-    moments = np.unique(np.asarray(columns["t"], float))  # a sample that was written twice does no harm here
-    check_time(moments[np.isfinite(moments)], MAX_STEP_S)
+    times = np.unique(np.asarray(columns["t"], float))  # a sample that was written twice does no harm here
+    check_time(times[np.isfinite(times)], MAX_STEP_S)
     columns, faults = without_spikes(columns, robot, device)
     check_reference(columns, robot, device)
     run = manoeuvre_from_columns(columns, robot, device=device)
@@ -218,13 +218,12 @@ def _verdict(has_causes: bool, is_unexplained: bool) -> Verdict:
 
 
 def _split_note(fit: GeometryFit) -> str:
-    fitted, unseen = len(fit.fitted), len(fit.heldout)
-    if fitted == unseen == 1 and fit.fitted[0].t[-1] < fit.heldout[0].t[0]:
+    fitted_count, heldout_count = len(fit.fitted), len(fit.heldout)
+    if fitted_count == heldout_count == 1 and fit.fitted[0].t[-1] < fit.heldout[0].t[0]:
         return f"the first {100 * FITTED_SHARE:.0f} % of the run was fitted, the rest is there to judge on"
-    return (
-        f"{fitted} run{'' if fitted == 1 else 's'} fitted, {unseen} other{'' if unseen == 1 else 's'} to "
-        "judge on"
-    )
+    fitted = f"{fitted_count} run{'' if fitted_count == 1 else 's'}"
+    heldout = f"{heldout_count} other{'' if heldout_count == 1 else 's'}"
+    return f"{fitted} fitted, {heldout} to judge on"
 
 
 def _channels(before: PoseErrors, after: PoseErrors, floor: PoseErrors) -> tuple[ChannelResult, ...]:

@@ -108,19 +108,19 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
 def _check_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]]:
     """The columns without invalid samples of the battery's reading, and their faults. Raises TraceError for a
     reading in another unit."""
-    found = dict(columns)
-    battery = found.get(BATTERY)
+    cleaned = dict(columns)
+    battery = cleaned.get(BATTERY)
     if battery is None:
-        return found, []
-    found[BATTERY], faults = without_invalid_samples(BATTERY, "battery", found["t"], battery, None)
+        return cleaned, []
+    cleaned[BATTERY], faults = without_invalid_samples(BATTERY, "battery", cleaned["t"], battery, None)
     if not (np.nan_to_num(battery) > 0.0).any():
-        del found[BATTERY]
-    elif (median := float(np.nanmedian(found[BATTERY]))) > MAX_BATTERY_V:
+        del cleaned[BATTERY]
+    elif (median := float(np.nanmedian(cleaned[BATTERY]))) > MAX_BATTERY_V:
         raise TraceError(
             f"{BATTERY} is around {median:g} V: allowed are {MAX_BATTERY_V:g}; it looks like counts or "
             "millivolts, not volts"
         )
-    return found, list(faults)
+    return cleaned, list(faults)
 
 
 def _axis_name(robot: RobotConfig, port: int, ports: list[int]) -> AxisName:

@@ -2,8 +2,8 @@
 
 The simulated motors get the volts of the battery's reading. Where that is s times too high, so is everything
 in volts: the battery's voltage is s times robot.toml's, and the back-EMF reading seems 1 / s of what it
-should be. Where wheels and gyro are compared, their scale, a radius, K_E or the track seems wrong by the same
-factor.
+should be. Where wheels and gyro are compared, the gyro's scale, a radius, K_E or the track seems wrong by s
+or 1 / s.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ KIPR_VOLTS_PER_COUNT = 0.009175
 """V per count in the C library's curve of the charge."""
 KIPR_TOLERANCE = 0.01
 """Relative difference from that curve within which a scale is attributed to it."""
+SEE_BATTERY = (
+    f"It is of the size that a wrong scale of the battery's reading makes: see {BATTERY_VOLTAGE} first."
+)
 
 
 def explain_by_battery_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
@@ -57,11 +60,6 @@ def explain_by_battery_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
         names,
         SEE_BATTERY,
     )
-
-
-SEE_BATTERY = (
-    f"It is of the size that a wrong scale of the battery's reading makes: see {BATTERY_VOLTAGE} first."
-)
 
 
 def _is_explained(cause: CauseResult, log_scale: float) -> bool:

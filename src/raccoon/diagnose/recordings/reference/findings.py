@@ -111,11 +111,11 @@ def _with_reference_causes(
         power = GYRO_EXPONENTS[id_]
         without = rescaling.residual_size(factor.value**-power)
         possible = max(size_before, without) ** 2 - 1.0
-        gained = float(np.clip((without**2 - size_after**2) / max(possible, 1e-6), 0.0, 1.0))
+        gain_share = float(np.clip((without**2 - size_after**2) / max(possible, 1e-6), 0.0, 1.0))
         change = rescaling.reading_change(factor.value**-power)
-        prior_std = INSIDE * _prior_std(start.configured)
+        prior_range = INSIDE * _prior_std(start.configured)
         unabsorbed = (
-            change * max(1.0 - prior_std / abs(factor.value - 1.0), 0.0) / math.sqrt(len(found.channels))
+            change * max(1.0 - prior_range / abs(factor.value - 1.0), 0.0) / math.sqrt(len(found.channels))
         )
         assumed = assumed_factor(model, id_)
         std = _radius_std(start) if id_ == WHEEL_RADIUS else factor.std
@@ -123,7 +123,7 @@ def _with_reference_causes(
         certainty = math.erf(named[id_] / math.sqrt(2.0))
         rivals = _rivals(id_, found)
         text = f"{explanation_sentence(id_, None, values)} {SAID_BY_REFERENCE}"
-        probability, gain = certainty / (1.0 + len(rivals)), Gain(without, size_after, gained)
+        probability, gain = certainty / (1.0 + len(rivals)), Gain(without, size_after, gain_share)
         causes.append(CauseResult(id_, None, 0, values, gain, probability, rivals, text, change, unabsorbed))
     causes.sort(key=lambda each: (each.little, -each.unabsorbed))
     ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(causes, start=1))

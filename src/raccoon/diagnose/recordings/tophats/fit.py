@@ -78,12 +78,13 @@ class NominalSensor:
 
 @dataclass(frozen=True, slots=True)
 class LevelFit:
-    """Causes with their values. cost: misfit of the levels plus that of usual deviations.
+    """Causes, `ids`, with their values and standard deviations.
 
-    numbers: how many were fitted. light: share of direct sun, where the levels fall as light makes them, and
-    falls by how many counts over white and black; the offset is then the mean of these. generation: the make
-    of sensor that was assumed; where it is not the simulation's, the factor is the one that is least wrong.
-    The misfit is that of the light and of the make.
+    misfit: squared whitened residuals of the levels. cost: misfit plus the costs of the deviations and of
+    `parameter_count`, the number of fitted parameters. light: share of direct sun, where light lowers the
+    levels, and level_drops: by how many counts over white and black; the offset is then minus their mean.
+    generation: the make of sensor that was assumed; where it is not the simulation's, the factor is the one
+    that is least wrong. The misfit is that of the light and of the make themselves.
     """
 
     ids: tuple[str, ...]
@@ -108,10 +109,10 @@ def _clip_height(height: float) -> float:
 
 
 def fit_levels(table: Array, nominal: NominalSensor, clipped: tuple[int, int] = (0, 0)) -> list[LevelFit]:
-    """No cause, each alone, and several; each must earn its place.
+    """Fits without a cause, with each cause alone, and with several; each parameter has its cost.
 
-    table: `Levels.both`. clipped: of white and black, as `Levels` has it. A level that is cut off says only
-    that it is beyond, and one level that is left tells no two causes.
+    table: `SurfaceLevels.surface_levels`. clipped: `SurfaceLevels.clipped`. A clipped level only says that it
+    is beyond the range, and the one level that is left does not tell two causes.
     """
     single_causes: list[tuple[str, ...]] = [(), *((each,) for each in CHANGE_WIDTHS)]
     if clipped != (0, 0):
