@@ -17,7 +17,7 @@ from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE
 from raccoon.diagnose.findings.cause_results import TURN_CLASSES
 from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
-from raccoon.diagnose.result import LITTLE
+from raccoon.diagnose.result import MIN_VISIBLE_CHANGE
 from raccoon.diagnose.select.refits import SCALE, delay_alike
 from raccoon.sim.effects.effect import effect
 
@@ -25,7 +25,7 @@ Result = dict[str, Any]
 Number = tuple[float, float, float, float]
 """Value and deviation that were said, the true one, nominal."""
 
-PRACTICAL = LITTLE
+PRACTICAL = MIN_VISIBLE_CHANGE
 """Rise of the held-out error, or contribution, in units of the noise: from here on of practical size."""
 TIE = 0.8
 LIKELY = (0.0, 0.5, 0.8, 0.95, 1.01)

@@ -109,7 +109,7 @@ def test_what_is_real_but_changes_next_to_nothing_is_said_not_to_matter() -> Non
     hidden = Hidden("bemf.dead_zone", None, {"counts": 2.0}, {"dead_zone": 2.0})
     said = diagnose(make(8, [hidden], seconds=20.0).columns, RobotConfig())  # of seed 6 it is at the gate
     assert [each.name for each in said.causes] == [hidden.name]
-    assert said.causes[0].little
+    assert said.causes[0].is_negligible
     assert said.verdict is Verdict.ADEQUATE
 
 

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.answer import Found, answered, faults_of
-from raccoon.diagnose.drives.driven import moves
-from raccoon.diagnose.drives.features import Features, with_readings
+from raccoon.diagnose.drives.disturbances import without_disturbances
+from raccoon.diagnose.drives.excitation import is_driven
+from raccoon.diagnose.drives.features import Features, without_empty_channels
+from raccoon.diagnose.drives.holdout import naming_holdout, with_channels_of
 from raccoon.diagnose.drives.log import WHEELS, Log
-from raccoon.diagnose.drives.moments import without_moments
-from raccoon.diagnose.drives.unseen import said_of_holdout, with_channels_of
 from raccoon.diagnose.findings.held_out import HeldOut
 from raccoon.diagnose.findings.path_dependence import (
     GAPS_REASON,
@@ -47,6 +46,7 @@ from raccoon.diagnose.result import (
 from raccoon.diagnose.rollout.dead_zone_evidence import asked_for
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.log_building import understood
+from raccoon.diagnose.search_outcome import SearchOutcome, conclude, stall_faults
 from raccoon.diagnose.unknown.friction_change import friction_may_have_changed
 from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME
 from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX
@@ -56,7 +56,7 @@ from raccoon.sim.effects.parameters import Parameters
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-STRANGE = 6.0
+MAX_ERROR_OF_SAME_ROBOT = 6.0
 """Times the noise that a better model is off by on the recording of another robot, although it helps there.
 Robots of one robot.toml were off by 2 to 4.5."""
 NOTHING_MOVES = "the commands never change, or no wheel answers them"
@@ -93,21 +93,21 @@ def diagnose(
     log = understood([columns, *more], robot, firmware)
     # The matrices are small: threads that wait for each other cost more than they do.
     with threadpool_limits(1):
-        if not moves(log):
-            return _nothing_to_see(log, begin, _driven_instead(columns, robot))
+        if not is_driven(log):
+            return _not_identifiable(log, begin, _other_motors_question(columns, robot))
         tried = asked_for(drive_causes() if causes is None else causes, log)
         tried = shareable_causes(tried) if log.runs else tried
         other = None
         if holdout is not None:
-            with said_of_holdout():
+            with naming_holdout():
                 other = with_channels_of(log, understood([holdout], robot, firmware))
-                if not moves(other):
+                if not is_driven(other):
                     raise TraceError(f"{NOTHING_MOVES}: nothing can be judged on it; name a drive")
-        return Way(robot, tried, model, firmware, begin).through(log, other)
+        return Diagnoser(robot, tried, model, firmware, begin).diagnose(log, other)
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Diagnoser:
     """From a log to its diagnosis: one search, and others where its answer asks for them. begin: when the
     diagnosis began, s. unseen: the log of another recording to judge on, where there is one."""
 
@@ -117,69 +117,69 @@ class Way:
     firmware: Firmware | None
     begin: float
 
-    def through(self, log: Log, unseen: Log | None) -> Diagnosis:
+    def diagnose(self, log: Log, unseen: Log | None) -> Diagnosis:
         """The diagnosis. What adds up over time is told by the longest part alone where rows are lost."""
-        found, log = self._without_moments(log, unseen)
+        found, log = self._without_disturbances(log, unseen)
         if log.runs:
             return restricted_to_shareable(found)
         if not (log.lost and is_path_dependent(found)):
             return found
-        part = with_readings(log.longest_part())
-        if is_too_short(part.seconds) or not moves(part):
+        part = without_empty_channels(log.longest_part())
+        if is_too_short(part.seconds) or not is_driven(part):
             return not_judged_for_gaps(found, part.seconds)
         judged = f"only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
         part = replace(part, notes=(*part.notes, f"{GAPS_REASON}: {judged}"))
         other = None if unseen is None else with_channels_of(part, unseen.longest_part())
-        return self._without_moments(part, other)[0]
+        return self._without_disturbances(part, other)[0]
 
-    def _without_moments(self, log: Log, unseen: Log | None) -> tuple[Diagnosis, Log]:
+    def _without_disturbances(self, log: Log, unseen: Log | None) -> tuple[Diagnosis, Log]:
         """The diagnosis without what happened in a moment, and the log that it is of."""
-        found = self._changed(log, unseen)
-        freely = without_moments(log, found.moments)
+        found = self._with_step_change(log, unseen)
+        freely = without_disturbances(log, found.moments)
         if freely is log:
             return found.diagnosis, log
         tell("searching again without what happened in a moment")
-        again = self._changed(freely, unseen).diagnosis
+        again = self._with_step_change(freely, unseen).diagnosis
         if is_path_dependent(again) and is_too_short(freely.longest_part().seconds):
             return found.diagnosis, log
         return again, freely
 
-    def _changed(self, log: Log, unseen: Log | None) -> Found:
+    def _with_step_change(self, log: Log, unseen: Log | None) -> SearchOutcome:
         """What is found, beside what changed at one moment where something did: a zero that jumps is no
         drift, and a wheel that lost its tyre not one that is not round."""
-        first = self._rubbing_anew(log, unseen)
+        first = self._with_friction_change(log, unseen)
         if first.change is None:
             return first
         tell(f"searching again beside what changed at {first.change.at:.1f} s")
-        again = self._rubbing_anew(replace(log, change=first.change), unseen)
+        again = self._with_friction_change(replace(log, change=first.change), unseen)
         told = (
             change_name(first.change).removeprefix(UNKNOWN_PREFIX) in again.diagnosis.unexplained.depends_on
         )
         return again if told else first
 
-    def _rubbing_anew(self, log: Log, unseen: Log | None) -> Found:
+    def _with_friction_change(self, log: Log, unseen: Log | None) -> SearchOutcome:
         """What is found, also with friction over time where it may be that: a load that was taken."""
-        first = self._each_battery(log, unseen)
+        first = self._with_separate_batteries(log, unseen)
         if not friction_may_have_changed(first.diagnosis, first.hot):
             return first
         tell("asking whether friction changed in the drive")
-        again = self.once(replace(log, rubs_anew=True), unseen)
+        again = self.search_once(replace(log, friction_may_change=True), unseen)
         return again if FRICTION_OVER_TIME in again.diagnosis.unexplained.depends_on else first
 
-    def _each_battery(self, log: Log, unseen: Log | None) -> Found:
+    def _with_separate_batteries(self, log: Log, unseen: Log | None) -> SearchOutcome:
         """What is found, also with a battery of each recording's own where several may not share one."""
-        first = self.once(log, unseen)
+        first = self.search_once(log, unseen)
         if not (log.runs and batteries_may_differ(first.diagnosis)):
             return first
         tell("asking whether the recordings share a battery")
-        again = replace(self, causes=without_shared_resistance(self.causes)).once(
+        again = replace(self, causes=without_shared_resistance(self.causes)).search_once(
             with_own_batteries(log), unseen
         )
         if not has_separate_batteries(again.diagnosis):
             return first
         return replace(again, diagnosis=with_resistance_not_judged(again.diagnosis))
 
-    def once(self, log: Log, unseen: Log | None) -> Found:
+    def search_once(self, log: Log, unseen: Log | None) -> SearchOutcome:
         """What one search finds, judged on the end of the log or on the unseen one."""
         robot, causes, model = self.robot, self.causes, self.model
         search, habits, log = search_with_habits(log, robot, causes, model, self.firmware)
@@ -188,21 +188,23 @@ class Way:
             unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
             other = drive_problem(unseen, robot, causes, habits, model)
             fitted = search.problem  # whose noise is that of bins as long as its own
-            bins = Features.kept(unseen, fitted.features.width)
+            bins = Features.cached(unseen, fitted.features.width)
             other = replace(other, neutral=fitted.neutral, base=fitted.base, features=bins)
         search, judged = validate_causes(search, other)
-        found = answered(log, search, judged, habits, self.begin)
+        found = conclude(log, search, judged, habits, self.begin)
         if other is None:
             return found
-        notes = (*found.diagnosis.notes, *_not_the_same(found.diagnosis, judged))
+        notes = (*found.diagnosis.notes, *_other_robot_notes(found.diagnosis, judged))
         return replace(found, diagnosis=replace(found.diagnosis, notes=notes))
 
 
-def _not_the_same(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
+def _other_robot_notes(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
     """That another recording is no better for what was found in this one, or far off with it, or without
     that anything was."""
     off = f"is off by {judged.size_after:.2f} times the noise"
-    if found.causes and (judged.size_after >= judged.size_before or judged.size_after > STRANGE):
+    if found.causes and (
+        judged.size_after >= judged.size_before or judged.size_after > MAX_ERROR_OF_SAME_ROBOT
+    ):
         off = f"the better model {off}, and robot.toml's by {judged.size_before:.2f}"
     elif judged.is_model_wrong and not found.causes and not found.unexplained.depends_on:
         off = f"the simulation {off}, and nothing was found in this one"
@@ -211,7 +213,7 @@ def _not_the_same(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
     return (f"on the other recording {off}: {SAME_ROBOT}",)
 
 
-def _driven_instead(columns: Columns, robot: RobotConfig) -> str:
+def _other_motors_question(columns: Columns, robot: RobotConfig) -> str:
     """Motors that are no wheels in robot.toml and were driven where the wheels were not, as a question."""
     wheels = [f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right)]
     duties = {name: each[np.isfinite(each)] for name, each in columns.items() if name.endswith(".duty")}
@@ -222,7 +224,7 @@ def _driven_instead(columns: Columns, robot: RobotConfig) -> str:
     return f"; {' and '.join(changes)} {do}: is [drive] in robot.toml this robot's?"
 
 
-def _nothing_to_see(log: Log, begin: float, instead: str) -> Diagnosis:
+def _not_identifiable(log: Log, begin: float, instead: str) -> Diagnosis:
     note = f"{NOTHING_MOVES}: drive, turn and stop while recording{instead}"
     if not any(each.role in WHEELS for each in log.channels):
         names = " and ".join(name for name in log.missing if name.endswith(".bemf"))
@@ -237,5 +239,5 @@ def _nothing_to_see(log: Log, begin: float, instead: str) -> Diagnosis:
         time.perf_counter() - begin,
         None,
         (*log.notes, note),
-        sensor_faults=faults_of(log),
+        sensor_faults=stall_faults(log),
     )

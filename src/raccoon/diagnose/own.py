@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Values = Mapping[str, float]
 """The effect's parameters by name."""
 
-NAME = "CAUSES"
+LIST_NAME = "CAUSES"
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ class OwnEffect(Effect):
         return array
 
 
-def load_own(path: str | Path) -> tuple[OwnEffect, ...]:
+def load_own_effects(path: str | Path) -> tuple[OwnEffect, ...]:
     """The effects in a Python file's list `CAUSES`. Raises ConfigError naming file and mistake."""
     path = Path(path)
     if not path.is_file():
@@ -141,13 +141,13 @@ def load_own(path: str | Path) -> tuple[OwnEffect, ...]:
         raise ConfigError(f"{path}: causes are a Python file, whose name ends in .py")
     try:
         with no_robot_opened():  # a program that is given by mistake must not drive
-            found = runpy.run_path(str(path)).get(NAME)
+            found = runpy.run_path(str(path)).get(LIST_NAME)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     except (Exception, SystemExit) as error:
         raise ConfigError(f"{path}: {type(error).__name__}: {error}") from error
     if not isinstance(found, list | tuple) or not all(isinstance(each, OwnEffect) for each in found):
-        raise ConfigError(f"{path}: it must have a list {NAME} of OwnEffect")
+        raise ConfigError(f"{path}: it must have a list {LIST_NAME} of OwnEffect")
     ids = [each.id for each in found]
     twice = sorted({each for each in ids if ids.count(each) > 1})
     if twice:

@@ -19,29 +19,29 @@ from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
 
-WORST_SECONDS = 0.5
+WORST_STRETCH_S = 0.5
 """Length of the stretch of which a report says that the simulation is furthest off in it."""
-LITTLE = 0.05
+MIN_VISIBLE_CHANGE = 0.05
 """Change of a reading, in units of its noise, below which a cause does not matter. Of a gyro that is 4
 degrees in a match of two minutes, if it never averages out."""
-BRIEF = 0.003
+MIN_LAG_S = 0.003
 """s of a lag below which it does not matter: half a cycle of a firmware at 175 Hz. When in its cycle a
 controller reads and acts makes as much, and a robot at 0.3 m/s drives 1 mm in it."""
-PWM_STEP = 1.0 / 400.0
+PWM_STEP_DUTY = 1.0 / 400.0
 """Duty of one step of a Wombat's PWM, with either firmware. A deadband that is narrower swallows no command
 that can be given."""
-_NO_MATTER = {
-    "actuation.latency": ("seconds", BRIEF, "less than half a cycle"),
-    "imu.latency": ("seconds", BRIEF, "less than half a cycle"),
-    "drive.wheel_slip": ("time", BRIEF, "less than half a cycle"),
-    "actuation.deadband": ("duty", PWM_STEP, "less than a step of the PWM"),
+_NEGLIGIBLE_BELOW = {
+    "actuation.latency": ("seconds", MIN_LAG_S, "less than half a cycle"),
+    "imu.latency": ("seconds", MIN_LAG_S, "less than half a cycle"),
+    "drive.wheel_slip": ("time", MIN_LAG_S, "less than half a cycle"),
+    "actuation.deadband": ("duty", PWM_STEP_DUTY, "less than a step of the PWM"),
 }
 """By causes: the parameter that does not matter where it is off by less than that, however well readings show
 it, and in words."""
 
 STOOD, NO_DUTY = "stood", "speed"
 """Faults of a motor that did not turn although it was driven, and of a command that is no duty."""
-LARGE_REST = 0.3
+MAX_UNEXPLAINED_SHARE = 0.3
 """Share that is left of what could be gained, from which a recording is explained in part only."""
 
 
@@ -124,15 +124,15 @@ class CauseResult:
         return cause_name(self.id, self.where)
 
     @property
-    def little(self) -> bool:
+    def is_negligible(self) -> bool:
         """Whether it is real but does not matter: readings would be next to the same without it, or as much
         sooner as no robot feels, or no command falls into it."""
-        return self.change < LITTLE or bool(self.no_matter)
+        return self.change < MIN_VISIBLE_CHANGE or bool(self.negligible_reason)
 
     @property
-    def no_matter(self) -> str:
+    def negligible_reason(self) -> str:
         """Why its number does not matter, however well readings show it; "" where it does."""
-        name, size, why = _NO_MATTER.get(self.id, ("", 0.0, ""))
+        name, size, why = _NEGLIGIBLE_BELOW.get(self.id, ("", 0.0, ""))
         number = self.parameters.get(name)
         return why if number is not None and abs(number.value - number.nominal) < size else ""
 
@@ -224,9 +224,9 @@ class Curve:
     def worst(self) -> float:
         """Middle (s) of the half second in which the simulation with the causes is furthest off."""
         square = np.nan_to_num(self.after - self.measured) ** 2
-        part = ((self.time - self.time[0]) / WORST_SECONDS).astype(int)
+        part = ((self.time - self.time[0]) / WORST_STRETCH_S).astype(int)
         power = np.bincount(part, square) / np.maximum(np.bincount(part), 1)
-        return float(self.time[0] + (int(np.argmax(power)) + 0.5) * WORST_SECONDS)
+        return float(self.time[0] + (int(np.argmax(power)) + 0.5) * WORST_STRETCH_S)
 
 
 @dataclass(frozen=True, slots=True)

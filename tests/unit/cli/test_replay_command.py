@@ -17,7 +17,7 @@ from raccoon.cli.replay.drive import replay_odometry
 from raccoon.cli.view.drive import load_drive
 from raccoon.core.config import ControllerConfig
 from raccoon.core.errors import ConfigError, TraceError
-from raccoon.diagnose.drives.times import check_time
+from raccoon.diagnose.drives.time_column import check_time
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World

@@ -12,9 +12,8 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose import diagnosis as diagnosing
-from raccoon.diagnose.answer import Found, _verdict
-from raccoon.diagnose.diagnosis import SAME_ROBOT, Way, _not_the_same, diagnose
-from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.diagnosis import SAME_ROBOT, Diagnoser, _other_robot_notes, diagnose
+from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.findings import validation
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
@@ -31,6 +30,7 @@ from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.simulated_robot import parameters_of
+from raccoon.diagnose.search_outcome import SearchOutcome, _verdict
 from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
@@ -68,9 +68,9 @@ def test_what_is_judged_on_has_bins_as_long_as_what_was_fitted(monkeypatch: pyte
     monkeypatch.setattr(diagnosing, "search_with_habits", found)
     monkeypatch.setattr(diagnosing, "validate_causes", judged)
     with pytest.raises(StopIteration):
-        Way(ROBOT, (), None, None, 0.0).once(fitted, unseen)
-    assert seen[0].features.width == BIN
-    assert drive_problem(unseen, ROBOT, (), habits, None).features.width < BIN
+        Diagnoser(ROBOT, (), None, None, 0.0).search_once(fitted, unseen)
+    assert seen[0].features.width == BIN_S
+    assert drive_problem(unseen, ROBOT, (), habits, None).features.width < BIN_S
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_a_recording_of_another_robot_proves_no_cause(
     """Of which the better model is no better, or far off; or robot.toml, where nothing was found."""
     found: Any = SimpleNamespace(causes=(1,) * named, unexplained=SimpleNamespace(depends_on=()))
     judged: Any = SimpleNamespace(size_before=before, size_after=after, is_model_wrong=after > 1.5)
-    told = "".join(_not_the_same(found, judged))
+    told = "".join(_other_robot_notes(found, judged))
     assert told == (f"on the other recording {said}: {SAME_ROBOT}" if said else "")
 
 
@@ -119,12 +119,12 @@ def test_what_happened_in_a_moment_is_left_out_and_asked_again(
     found = SimpleNamespace(causes=(), channels=(), unexplained=SimpleNamespace(depends_on=(depends_on,)))
     logs: list[Any] = []
 
-    def once(_: Way, log: Any, __: Any) -> Found:
+    def once(_: Diagnoser, log: Any, __: Any) -> SearchOutcome:
         logs.append(log)
         said: Any = SimpleNamespace(**vars(found), asked=len(logs))
-        return Found(said, (5.0,) if len(logs) == 1 else ())
+        return SearchOutcome(said, (5.0,) if len(logs) == 1 else ())
 
-    monkeypatch.setattr(Way, "once", once)
+    monkeypatch.setattr(Diagnoser, "search_once", once)
     said: Any = diagnose(columns, ROBOT)
     assert len(logs) == times
     assert not logs[0].lost
@@ -152,16 +152,16 @@ def test_friction_over_time_is_asked_for_where_it_may_have_changed(
     channel = SimpleNamespace(name="motor.0.bemf", rmse_after=left, noise_floor=1.0)
     logs: list[Any] = []
 
-    def once(_: Way, log: Any, __: Any) -> Found:
+    def once(_: Diagnoser, log: Any, __: Any) -> SearchOutcome:
         logs.append(log)
         causes = (SimpleNamespace(id=cause),) if len(logs) == 1 else ()
         unexplained = SimpleNamespace(depends_on=(later,) if len(logs) > 1 else ())
         said: Any = SimpleNamespace(causes=causes, channels=(channel,), unexplained=unexplained)
-        return Found(said, (), hot=lambda: clear)
+        return SearchOutcome(said, (), hot=lambda: clear)
 
-    monkeypatch.setattr(Way, "once", once)
+    monkeypatch.setattr(Diagnoser, "search_once", once)
     said: Any = diagnose(dict(make(8, seconds=8.0).columns), ROBOT)
-    assert [each.rubs_anew for each in logs] == [False, True][:asked]
+    assert [each.friction_may_change for each in logs] == [False, True][:asked]
     assert said.unexplained.depends_on == ((FRICTION_OVER_TIME,) if later == FRICTION_OVER_TIME else ())
 
 

@@ -98,14 +98,14 @@ def _diagnose_runs(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: 
     """The diagnosis of runs of one robot, as one where they are several."""
     from raccoon.cli.diagnose.known_values import without_known_values
     from raccoon.core.errors import HoldoutError, TraceError
-    from raccoon.diagnose.own import load_own
+    from raccoon.diagnose.own import load_own_effects
     from raccoon.diagnose.recordings.diagnosis import diagnose_recording
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.trace.loading import load_run
 
     robot, file, told = whose
     start = Parameters.from_model_file(job.model, robot) if isinstance(job.model, Path) else job.model
-    own = () if job.causes is None else load_own(job.causes)
+    own = () if job.causes is None else load_own_effects(job.causes)
     holdout = None if job.holdout is None else load_run(job.holdout).recording
     if start is not None and job.robot is not None:  # wheels and sensors are where robot.toml has them now
         start = replace(start, robot=_with_model_numbers(robot, start))

@@ -13,8 +13,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
-from raccoon.diagnose.drives.gravity import strange_acceleration
-from raccoon.diagnose.drives.units import strange_units
+from raccoon.diagnose.drives.gravity import describe_wrong_acceleration
+from raccoon.diagnose.drives.units import describe_wrong_units
 from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
@@ -62,7 +62,10 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
     native = firmware_of(run.recording.device) is not None
     columns = run.recording.columns
-    for strange in (strange_units(columns, config, native=native), strange_acceleration(columns)):
+    for strange in (
+        describe_wrong_units(columns, config, native=native),
+        describe_wrong_acceleration(columns),
+    ):
         if strange:
             notes.append(f"{strange}; the odometry took it as it is")
     odometry = Odometry(config)

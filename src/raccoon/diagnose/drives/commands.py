@@ -13,7 +13,7 @@ from raccoon.trace.mistaken import misnamed, unnamed
 Array = NDArray[np.float64]
 
 
-def commanded(columns: Mapping[str, Array], port: int) -> Array:
+def commanded_duty(columns: Mapping[str, Array], port: int) -> Array:
     """The duty of a motor, -1 to 1, in force from each row on. Raises TraceError where none is recorded."""
     name = f"motor.{port}.duty"
     if name not in columns:
@@ -23,16 +23,16 @@ def commanded(columns: Mapping[str, Array], port: int) -> Array:
     duty = np.asarray(columns[name], float)
     if not np.isfinite(duty).any():
         raise TraceError(f"{name} holds no numbers")
-    return until_next(duty)
+    return hold_until_next(duty)
 
 
-def until_next(values: Array) -> Array:
+def hold_until_next(values: Array) -> Array:
     """Each number until the next one, 0 before the first."""
     latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     return np.where(latest < 0, 0.0, values[latest])
 
 
-def brakes_in(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bool_] | None:
+def read_brakes(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bool_] | None:
     """Whether each motor is shorted at duty 0, (n, 2), each valid until the next row, as the format has it: a
     command without a word of it does not brake, and a row without either has that of before. None where no
     row of one of them has any word."""
@@ -40,10 +40,10 @@ def brakes_in(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.
     if not all(name in columns and np.isfinite(columns[name]).any() for name in names):
         return None
     duties = [columns[f"motor.{port}.duty"] for port in ports]
-    words = [braked(columns[name], duty) for name, duty in zip(names, duties, strict=True)]
+    words = [brake_in_force(columns[name], duty) for name, duty in zip(names, duties, strict=True)]
     return np.column_stack([each > 0.5 for each in words])
 
 
-def braked(words: Array, duty: Array) -> Array:
+def brake_in_force(words: Array, duty: Array) -> Array:
     """Whether a motor is shorted at duty 0 in each row, 0 or 1. words, duty: its columns as recorded."""
-    return until_next(np.where(np.isfinite(duty), np.nan_to_num(words), words))
+    return hold_until_next(np.where(np.isfinite(duty), np.nan_to_num(words), words))

@@ -1,10 +1,9 @@
 """Averages over short bins: what of a recording is compared, and the same of a simulation.
 
 Measured and simulated samples pass the same linear map, so what the map loses is lost on both sides. Where
-commands swing (`quality.swing`) a bin is a whole swing: commands answer what disturbs the robot sooner than
-the wheels' filtered readings show it, and within a swing that looks like other wheels. Where a loop holds the
-wheels' speeds a bin is no longer than the loop takes to answer a reading (`bin_width`).
-"""
+commands swing (`excitation.swing_period`) a bin is a whole swing: commands answer what disturbs the robot
+sooner than the wheels' filtered readings show it, and within a swing that looks like other wheels. Where a
+loop holds the wheels' speeds a bin is no longer than the loop takes to answer a reading (`bin_width`)."""
 
 from __future__ import annotations
 
@@ -15,28 +14,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from raccoon.diagnose.drives.binned import in_force
-from raccoon.diagnose.drives.log import FEWEST, Channel, Log
-from raccoon.diagnose.drives.whole_counts import uncut
+from raccoon.diagnose.drives.bins import values_at_bins
+from raccoon.diagnose.drives.log import MIN_READINGS, Channel, Log
+from raccoon.diagnose.drives.truncation import undo_truncation
 
 Array = NDArray[np.float64]
 
-BIN, SHORTEST_BIN = 0.02, 0.005
+BIN_S, MIN_BIN_S = 0.02, 0.005
 """s over which readings are averaged before they are compared; where a loop answers its readings, down to a
 usual controller's cycle."""
-EVENT_SECONDS = 0.5
+EVENT_S = 0.5
 """s in which all that happens counts as one event: what a wheel that breaks loose late is off by is over."""
-SETTLING = 0.3
+SETTLING_S = 0.3
 """s at the start that are not compared: what the robot did before is not known, and forgotten by then."""
 
 
-def half_second(width: float) -> int:
+def bins_per_event(width: float) -> int:
     """How many bins of that width, s, are half a second, 1 or more."""
-    return max(round(EVENT_SECONDS / width), 1)
+    return max(round(EVENT_S / width), 1)
 
 
 def bin_width(log: Log) -> float:
-    """s of a bin, `BIN` or less, within which no command answers what a reading of the same bin is off by.
+    """s of a bin, `BIN_S` or less, within which no command answers what a reading of the same bin is off by.
 
     Means of a bin hold such an answer and its reading's noise together, so noise looks as if it were what the
     commands did: of sound robots that drove 1.5 m there and back with the wheel loop, all had a latency of
@@ -49,13 +48,13 @@ def bin_width(log: Log) -> float:
     gaps = np.diff(log.time[edges])
     gaps = np.sort(gaps[driven[edges[:-1]]])
     if len(gaps) == 0:
-        return BIN
+        return BIN_S
     passed = np.cumsum(gaps)
     usual = float(gaps[np.searchsorted(passed, 0.5 * passed[-1])])
-    return min(max(usual, SHORTEST_BIN), BIN)
+    return min(max(usual, MIN_BIN_S), BIN_S)
 
 
-def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array:
+def _bin_map(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array:
     """The map of one channel, (bins, samples): means of the samples in each bin, lines over empty ones."""
     samples = np.flatnonzero(np.isfinite(channel.values) & (position >= 0) & (position < count))
     filled, row, sizes = np.unique(position[samples], return_inverse=True, return_counts=True)
@@ -73,13 +72,13 @@ def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array
     return whole
 
 
-def _before_cutting(channel: Channel) -> Array:
+def _without_truncation(channel: Channel) -> Array:
     """A channel's samples, 0 where there is none; back-EMF as it was before it was cut off."""
     values = np.nan_to_num(channel.values)
-    return uncut(values) if channel.role.startswith("bemf") else values
+    return undo_truncation(values) if channel.role.startswith("bemf") else values
 
 
-def _within(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
+def _is_left_out(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
     """Which times, s, are nearer than reach to what the log has lost, or to what other loads act in."""
     lost = np.zeros(len(time), bool)
     for start, end in (*log.lost, *((each.start, each.end) for each in log.loads)):
@@ -87,21 +86,21 @@ def _within(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
     return lost
 
 
-def _known(log: Log) -> tuple[Channel, ...]:
+def _known_channels(log: Log) -> tuple[Channel, ...]:
     """The channels without readings of what is lost: a line from the last one before a gap must not end at
     one of a robot that has not settled yet."""
     if not (log.lost or log.loads):
         return log.channels
-    lost = _within(log, log.time, 0.0)
+    lost = _is_left_out(log, log.time, 0.0)
     return tuple(replace(each, values=np.where(lost, np.nan, each.values)) for each in log.channels)
 
 
-def with_readings(log: Log) -> Log:
+def without_empty_channels(log: Log) -> Log:
     """The log without channels of which too few readings are left where anything is compared, and a note of
     them; the same log where there are none."""
-    compared = log.time >= log.time[0] + SETTLING
-    seen = {each.role: int(np.isfinite(each.values[compared]).sum()) for each in _known(log)}
-    gone = [each.name for each in log.channels if seen[each.role] < FEWEST]
+    compared = log.time >= log.time[0] + SETTLING_S
+    seen = {each.role: int(np.isfinite(each.values[compared]).sum()) for each in _known_channels(log)}
+    gone = [each.name for each in log.channels if seen[each.role] < MIN_READINGS]
     if not gone:
         return log
     kept = tuple(each for each in log.channels if each.name not in gone)
@@ -125,21 +124,21 @@ class Features:
     starts: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, log: Log, width: float = BIN) -> Features:
+    def of(cls, log: Log, width: float = BIN_S) -> Features:
         """Bins of that width, s, from the settling of the unknown start state to the end, less what is
         lost and what other loads act in."""
-        start = log.time[0] + SETTLING
+        start = log.time[0] + SETTLING_S
         count = max(int((log.time[-1] - start) / width), 1)
         position = np.floor((log.time - start) / width).astype(np.intp)
         time = start + width * (np.arange(count) + 0.5)
-        maps = tuple(_bins(each, position, count) for each in _known(log))
-        driven = in_force(log.time, log.duty, time, 0.0) != 0.0
+        maps = tuple(_bin_map(each, position, count) for each in _known_channels(log))
+        driven = values_at_bins(log.time, log.duty, time, 0.0) != 0.0
         if log.lost or log.loads:
-            kept = np.flatnonzero(~_within(log, time, width / 2))
+            kept = np.flatnonzero(~_is_left_out(log, time, width / 2))
             time, driven = time[kept], driven[kept]
             maps = tuple(csr_array(each[kept]) for each in maps)
         measured = np.column_stack(
-            [bins @ _before_cutting(each) for bins, each in zip(maps, log.channels, strict=True)]
+            [bins @ _without_truncation(each) for bins, each in zip(maps, log.channels, strict=True)]
         )
         return cls(
             tuple(each.role for each in log.channels),
@@ -153,9 +152,9 @@ class Features:
         )
 
     @classmethod
-    def kept(cls, log: Log, width: float) -> Features:
+    def cached(cls, log: Log, width: float) -> Features:
         """The same, made once while the log lives: a diagnosis asks under each of a controller's habits."""
-        made = _MADE.setdefault(log, {})
+        made = _CACHE.setdefault(log, {})
         if width not in made:
             made[width] = cls.of(log, width)
         return made[width]
@@ -163,7 +162,7 @@ class Features:
     @property
     def event(self) -> int:
         """Bins of half a second."""
-        return half_second(self.width)
+        return bins_per_event(self.width)
 
     def simulated(self, channels: Array) -> Array:
         """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""
@@ -173,5 +172,5 @@ class Features:
         return binned
 
 
-_MADE: WeakKeyDictionary[Log, dict[float, Features]] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[Log, dict[float, Features]] = WeakKeyDictionary()
 """By log and width; they hold nothing of the log, so they go with it."""

@@ -12,26 +12,26 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.commands import brakes_in, commanded
+from raccoon.diagnose.drives.commands import commanded_duty, read_brakes
 from raccoon.diagnose.drives.sample_clock import SampleClock
-from raccoon.diagnose.drives.slow_rows import OWN_RATE, said_of_rows
-from raccoon.diagnose.drives.times import check_time
+from raccoon.diagnose.drives.slow_rows import MAX_ROW_CYCLES, check_row_length
+from raccoon.diagnose.drives.time_column import check_time
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
-SHORTEST_SECONDS = 2.0
+MIN_DRIVE_S = 2.0
 """s of driving that a diagnosis needs at least."""
-GAP = 0.1
+MIN_GAP_S = 0.1
 """s between rows from which nobody knows what was commanded; what shorter losses hide is found out
 (`habits/lost_commands.py`)."""
-SETTLED = 0.3
+SETTLING_DRIVE_S = 0.3
 """s of driving in which a robot forgets the speeds that it had."""
-STOPPED = 1.0
+ROLL_OUT_S = 1.0
 """s in which a robot that is not driven has come to rest."""
-GAPS_SAID = 3
+MAX_LISTED_GAPS = 3
 """Gaps whose times are said."""
-FEWEST = 20
+MIN_READINGS = 20
 """Readings from which a channel is one."""
 
 
@@ -59,7 +59,7 @@ class Load:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class StepChange:
     """What is another from a moment of a drive on. at: s. of: "gyro", its zero, or the side of a wheel."""
 
     at: float
@@ -83,14 +83,14 @@ class Log:
 
     lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
     there. Nothing is compared in them. held: s, from and to, what of it has rows, but was not driven freely
-    (`held.py`). clocks: of the samples of the left and the right wheel, where they are known; the wheels'
-    readings are then as if each were half a cycle old, and commands wait for them. brake: (n, 2), whether
-    each motor is shorted where its duty is 0; None where the recording does not say. loads: other ones than
-    the wheels on the battery; nothing is compared while they act either. stood: wheels that did not turn
-    although they were driven (`standing.py`), a column and a sentence each. runs: the recordings that it was
-    joined of (`joined.py`), none where it is one. rubs_anew: whether friction may be another from some moment
-    on. change: what is known to have changed in it. own_batteries: whether each of `runs` has a battery of
-    its own.
+    (`obstructions.py`). clocks: of the samples of the left and the right wheel, where they are known; the
+    wheels' readings are then as if each were half a cycle old, and commands wait for them. brake: (n, 2),
+    whether each motor is shorted where its duty is 0; None where the recording does not say. loads: other
+    ones than the wheels on the battery; nothing is compared while they act either. stood: wheels that did not
+    turn although they were driven (`stalls.py`), a column and a sentence each. runs: the recordings that it
+    was joined of (`log_joining.py`), none where it is one. friction_may_change: whether friction may be
+    another from some moment on. change: what is known to have changed in it. separate_batteries: whether each
+    of `runs` has a battery of its own.
     """
 
     time: Array
@@ -105,9 +105,9 @@ class Log:
     loads: tuple[Load, ...] = ()
     stood: tuple[tuple[str, str], ...] = ()
     runs: tuple[Run, ...] = ()
-    rubs_anew: bool = False
-    change: Change | None = None
-    own_batteries: bool = False
+    friction_may_change: bool = False
+    change: StepChange | None = None
+    separate_batteries: bool = False
 
     @property
     def seconds(self) -> float:
@@ -129,18 +129,18 @@ class Log:
         brake = None if self.brake is None else self.brake[keep]
         return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts, brake=brake)
 
-    def without(self, spans: Sequence[tuple[float, float]]) -> Log | None:
+    def without_spans(self, spans: Sequence[tuple[float, float]]) -> Log | None:
         """With spans of time, s from and to, that were not driven freely: nothing is compared in them, nor
-        until the robot has settled after each. None where less than `SHORTEST_SECONDS` would be left."""
+        until the robot has settled after each. None where less than `MIN_DRIVE_S` would be left."""
         rows = np.minimum(np.searchsorted(self.time, [end for _, end in spans]), len(self.time) - 1)
-        until = [settled(self.time, self.duty, int(row)) for row in rows]
+        until = [settled_time(self.time, self.duty, int(row)) for row in rows]
         gone = ((start, end) for (start, _), end in zip(spans, until, strict=True))
         lost = tuple(sorted((*self.lost, *gone)))
-        if self.seconds - sum(apart(lost)) < SHORTEST_SECONDS:
+        if self.seconds - sum(lengths_without_overlap(lost)) < MIN_DRIVE_S:
             return None
         return replace(self, lost=lost, held=tuple(sorted((*self.held, *spans))))
 
-    def single(self) -> list[Log]:
+    def split_recordings(self) -> list[Log]:
         """Its recordings, each as a log of its own; itself where it is one."""
         if not self.runs:
             return [self]
@@ -185,9 +185,9 @@ def column_names(robot: RobotConfig) -> dict[str, str]:
     return {role: pattern.format(**ports) for role, (pattern, _, _) in ROLES.items()}
 
 
-def is_read(columns: Mapping[str, Array], name: str) -> bool:
+def has_readings(columns: Mapping[str, Array], name: str) -> bool:
     """Whether a column is there, with readings enough to be a channel."""
-    return name in columns and int(np.isfinite(columns[name]).sum()) >= FEWEST
+    return name in columns and int(np.isfinite(columns[name]).sum()) >= MIN_READINGS
 
 
 def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
@@ -196,47 +196,47 @@ def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     Raises TraceError for a recording without time or commands, with time that does not advance, with rows too
     far apart, or too short.
     """
-    time = _time(columns)
-    log = arranged(columns, robot)
+    time = _checked_time(columns)
+    log = arrange_columns(columns, robot)
     wheels = [(log.duty[:, side], log.wheel(name)) for side, name in enumerate(("left", "right"))]
     readings = [(duty, wheel.values) for duty, wheel in wheels if wheel is not None]
     gyro = log.channel("gyro")
     turns = [] if gyro is None else [(log.duty[:, 1] - log.duty[:, 0], gyro.values)]
-    slow = said_of_rows(usual_step(time), robot.controller.rate_hz, readings, turns)
-    lost, notes = _lost(time, log.duty)
+    slow = check_row_length(usual_step(time), robot.controller.rate_hz, readings, turns)
+    lost, notes = _find_gaps(time, log.duty)
     return replace(log, notes=(*slow, *notes), lost=lost)
 
 
-def arranged(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
+def arrange_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     """The same without a look at the time, of which nothing is lost: for whoever compares sizes alone.
 
     Raises TraceError for a recording without commands.
     """
     ports = {"left": robot.drive.left, "right": robot.drive.right}
     signs = {side: -1.0 if robot.motor(port).inverted else 1.0 for side, port in ports.items()}
-    duty = np.column_stack([signs[side] * commanded(columns, port) for side, port in ports.items()])
+    duty = np.column_stack([signs[side] * commanded_duty(columns, port) for side, port in ports.items()])
     channels, missing = [], []
     for role, name in column_names(robot).items():
-        if not is_read(columns, name):
+        if not has_readings(columns, name):
             missing.append(name)
             continue
         _, unit, floor = ROLES[role]
         sign = signs[role.rpartition("_")[2]] if role in WHEELS else 1.0
         channels.append(Channel(name, role, unit, sign * np.asarray(columns[name], float), floor))
-    time, brake = np.asarray(columns["t"], float), brakes_in(columns, list(ports.values()))
+    time, brake = np.asarray(columns["t"], float), read_brakes(columns, list(ports.values()))
     return Log(time, duty, tuple(channels), tuple(missing), brake=brake)
 
 
-def _time(columns: Mapping[str, Array]) -> Array:
+def _checked_time(columns: Mapping[str, Array]) -> Array:
     if "t" not in columns or len(columns["t"]) == 0:
         raise TraceError("the recording is empty: it has no samples with a time t")
     time = np.asarray(columns["t"], float)
     check_time(time)
-    if len(time) < 50 or time[-1] - time[0] < SHORTEST_SECONDS:
+    if len(time) < 50 or time[-1] - time[0] < MIN_DRIVE_S:
         raise TraceError(
             f"the recording has {len(time)} sample{'s' * (len(time) != 1)} over "
             f"{_rounded_down(time[-1] - time[0]):g} s: "
-            f"a diagnosis needs at least 50 over {SHORTEST_SECONDS:g} s"
+            f"a diagnosis needs at least 50 over {MIN_DRIVE_S:g} s"
         )
     return time
 
@@ -246,35 +246,35 @@ def _rounded_down(seconds: float) -> float:
     return math.floor(1000.0 * seconds + 1e-6) / 1000.0
 
 
-def _lost(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tuple[str, ...]]:
+def _find_gaps(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tuple[str, ...]]:
     """What of a recording is not compared because rows are missing, and what is said of it."""
     steps = np.diff(time)
     usual = float(np.median(steps))
-    ends = np.flatnonzero(steps > max(GAP, 2.0 * OWN_RATE * usual)) + 1
+    ends = np.flatnonzero(steps > max(MIN_GAP_S, 2.0 * MAX_ROW_CYCLES * usual)) + 1
     if len(ends) == 0:
         return (), ()
-    lost = tuple((float(time[end - 1] + usual), settled(time, duty, int(end))) for end in ends)
-    left = float(time[-1] - time[0]) - sum(apart(lost))
-    gaps = ", ".join(f"{time[end - 1]:.1f} to {time[end]:.1f} s" for end in ends[:GAPS_SAID])
-    more = ", ..." if len(ends) > GAPS_SAID else ""
+    lost = tuple((float(time[end - 1] + usual), settled_time(time, duty, int(end))) for end in ends)
+    left = float(time[-1] - time[0]) - sum(lengths_without_overlap(lost))
+    gaps = ", ".join(f"{time[end - 1]:.1f} to {time[end]:.1f} s" for end in ends[:MAX_LISTED_GAPS])
+    more = ", ..." if len(ends) > MAX_LISTED_GAPS else ""
     count = "1 gap" if len(ends) == 1 else f"{len(ends)} gaps"
     told = f"no rows from {gaps}{more}: {count}, {float(steps[ends - 1].sum()):.1f} s in all"
-    if left < SHORTEST_SECONDS:
-        raise TraceError(f"{told}; a diagnosis needs at least {SHORTEST_SECONDS:g} s without gaps")
+    if left < MIN_DRIVE_S:
+        raise TraceError(f"{told}; a diagnosis needs at least {MIN_DRIVE_S:g} s without gaps")
     return lost, (f"{told}; what happened there, and until the robot has settled after it, is not judged",)
 
 
-def settled(time: Array, duty: Array, row: int) -> float:
+def settled_time(time: Array, duty: Array, row: int) -> float:
     """s at which a robot whose past before that row is not known has forgotten it: wheels that are driven do
     so soon, those that roll when they stand."""
     steps = np.diff(time[row:], append=time[-1])
     driven = np.cumsum(np.where(np.all(duty[row:] != 0.0, axis=1), steps, 0.0))
-    enough = np.flatnonzero(driven >= SETTLED)
-    latest = float(time[row]) + STOPPED
+    enough = np.flatnonzero(driven >= SETTLING_DRIVE_S)
+    latest = float(time[row]) + ROLL_OUT_S
     return min(latest, float(time[row + enough[0]])) if len(enough) else latest
 
 
-def apart(lost: Sequence[tuple[float, float]]) -> list[float]:
+def lengths_without_overlap(lost: Sequence[tuple[float, float]]) -> list[float]:
     """s of each, where they overlap only once."""
     found, reached = [], -math.inf
     for start, end in lost:

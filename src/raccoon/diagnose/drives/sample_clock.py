@@ -13,26 +13,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.whole_counts import uncut
+from raccoon.diagnose.drives.truncation import undo_truncation
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
-SLOW, FEW = 100.0, 1.5
+MIN_COUNTED_BEMF, MIN_COUNTED_TICKS = 100.0, 1.5
 """Counts of back-EMF, and ticks a sample where counters show whole ones, from which a row's samples can be
 counted."""
-SAME = 0.2
+MAX_COUNTED_CHANGE = 0.2
 """Part of a reading by which it may change in a row of which the samples are counted."""
-EVEN = 0.2
+ROW_TOLERANCE = 0.2
 """Part of the usual row by which one may be longer or shorter for the same."""
-FINE = 0.05
+RATE_STEP_CYCLES = 0.05
 """Cycles over the whole recording between two rates that are tried."""
-AROUND = 0.4
+PHASE_WINDOW_S = 0.4
 """s, standard deviation of the window in which a clock's phase is found: it may drift."""
-LEAST_ROWS, LEAST_NEAR = 30, 3.0
+MIN_UNUSUAL_ROWS, MIN_ROWS_NEAR = 30, 3.0
 """Rows with another number of samples than usual that make a clock, and those near a moment that tell its
 phase there."""
-FAR = 2.5
+MAX_SAMPLE_GAP_CYCLES = 2.5
 """Cycles between two samples from which none between them is on a line."""
 CLOSE = 1e-6
 """Part of a row that is none: sums of what is 0 are not."""
@@ -81,8 +81,8 @@ class SampleClock:
         moments = self.taken_up(time)
         edges = np.append(moments, moments[-1] + (time[-1] - time[-2]))
         spans = np.append(time, time[-1] + (time[-1] - time[-2]))
-        powered = _means(edges, duty * closed, spans)
-        connected = np.clip(_means(edges, closed, spans), 0.0, 1.0)
+        powered = _means_between(edges, duty * closed, spans)
+        connected = np.clip(_means_between(edges, closed, spans), 0.0, 1.0)
         connected = np.where(connected < CLOSE, 0.0, np.where(connected > 1.0 - CLOSE, 1.0, connected))
         mean = np.divide(powered, connected, out=np.zeros_like(powered), where=connected > 0.0)
         return np.clip(mean, -1.0, 1.0), connected
@@ -92,45 +92,45 @@ class SampleClock:
 
 
 @dataclass(frozen=True, slots=True)
-class Counted:
+class SampleCounts:
     """How many samples each row has (rows,), and whether that is known of it."""
 
     samples: Array
     known: NDArray[np.bool_]
 
 
-def arrivals(time: Array, values: Array) -> Counted:
+def count_arrivals(time: Array, values: Array) -> SampleCounts:
     """Of a channel that has a number (rows,) where there is a new sample."""
-    return Counted(np.isfinite(values).astype(float), _even(time))
+    return SampleCounts(np.isfinite(values).astype(float), _is_even(time))
 
 
-def counted(time: Array, bemf: Array, position: Array, tick: float) -> Counted:
+def count_by_ticks(time: Array, bemf: Array, position: Array, tick: float) -> SampleCounts:
     """Of a motor whose counter adds up the samples that it shows.
 
     time: s, of rows. bemf: counts. position: ticks. tick: counts of one sample that move the position by one.
     """
     now = np.nan_to_num(np.abs(bemf))
     before = np.concatenate([now[:1], now[:-1]])
-    gone = tick * np.abs(_moved(position))
+    gone = tick * np.abs(_ticks_moved(position))
     whole = not np.any(np.nan_to_num(position) % 1.0)
-    least = max(SLOW, FEW * tick) if whole else SLOW
-    known = (np.minimum(now, before) > least) & (np.abs(now - before) < SAME * now)
-    known &= np.isfinite(gone) & _even(time)
-    return Counted(np.rint(np.divide(gone, now, out=np.ones_like(now), where=known)), known)
+    least = max(MIN_COUNTED_BEMF, MIN_COUNTED_TICKS * tick) if whole else MIN_COUNTED_BEMF
+    known = (np.minimum(now, before) > least) & (np.abs(now - before) < MAX_COUNTED_CHANGE * now)
+    known &= np.isfinite(gone) & _is_even(time)
+    return SampleCounts(np.rint(np.divide(gone, now, out=np.ones_like(now), where=known)), known)
 
 
-def _moved(position: Array) -> Array:
+def _ticks_moved(position: Array) -> Array:
     return np.asarray(np.diff(position, prepend=position[:1]), float)
 
 
-def _even(time: Array) -> NDArray[np.bool_]:
+def _is_even(time: Array) -> NDArray[np.bool_]:
     steps = np.diff(time, prepend=time[0])
     usual = float(np.median(steps[1:]))
-    return np.asarray(np.abs(steps - usual) < EVEN * usual)
+    return np.asarray(np.abs(steps - usual) < ROW_TOLERANCE * usual)
 
 
-def sample_clock(
-    time: Array, rows: Counted, rates: tuple[float, float], waits: int = 1, lead: float = 0.0
+def find_sample_clock(
+    time: Array, rows: SampleCounts, rates: tuple[float, float], waits: int = 1, lead: float = 0.0
 ) -> SampleClock | None:
     """The clock of samples, None where the rows tell none.
 
@@ -141,14 +141,14 @@ def sample_clock(
     usual = round(per_row)
     rare = usual + 1 if per_row > usual else usual - 1
     unusual = np.flatnonzero(rows.known & (rows.samples == rare))
-    if len(unusual) < LEAST_ROWS:
+    if len(unusual) < MIN_UNUSUAL_ROWS:
         return None
     middles = 0.5 * (time[unusual] + time[unusual - 1])
-    found = _rate(middles, rates, FINE / float(np.ptp(time)))
-    turns = _turns(middles, found)
-    knots = np.arange(time[0], time[-1] + AROUND, 0.5 * AROUND)
-    weights = np.exp(-0.5 * ((knots[:, None] - middles) / AROUND) ** 2)
-    known = weights.sum(axis=1) >= LEAST_NEAR
+    found = _best_rate(middles, rates, RATE_STEP_CYCLES / float(np.ptp(time)))
+    turns = _phasors(middles, found)
+    knots = np.arange(time[0], time[-1] + PHASE_WINDOW_S, 0.5 * PHASE_WINDOW_S)
+    weights = np.exp(-0.5 * ((knots[:, None] - middles) / PHASE_WINDOW_S) ** 2)
+    known = weights.sum(axis=1) >= MIN_ROWS_NEAR
     if not known.any():
         return None
     angles = np.unwrap(np.angle(weights[known] @ turns))
@@ -159,10 +159,10 @@ def sample_clock(
     return SampleClock(1.0 / found, knots[known], phases, waits, lead)
 
 
-def _rate(moments: Array, rates: tuple[float, float], step: float) -> float:
+def _best_rate(moments: Array, rates: tuple[float, float], step: float) -> float:
     """At which of the rates, 1/s, moments lie most at one phase."""
     tried = np.arange(*rates, step)
-    turns, further = _turns(moments, rates[0]), _turns(moments, step)
+    turns, further = _phasors(moments, rates[0]), _phasors(moments, step)
     agreed = np.empty(len(tried))
     for index in range(len(tried)):
         agreed[index] = abs(turns.sum())
@@ -170,18 +170,18 @@ def _rate(moments: Array, rates: tuple[float, float], step: float) -> float:
     return float(tried[int(np.argmax(agreed))])
 
 
-def _turns(moments: Array, rate: float) -> NDArray[np.complex128]:
+def _phasors(moments: Array, rate: float) -> NDArray[np.complex128]:
     return np.asarray(np.exp(2j * np.pi * rate * moments), np.complex128)
 
 
-def of_one_age(clock: SampleClock, time: Array, values: Array) -> Array:
+def resample_to_one_age(clock: SampleClock, time: Array, values: Array) -> Array:
     """A channel (rows,) as if each row's sample had been taken half a cycle before; NaN where it is NaN."""
-    moments, rows = _firsts(clock, time, values)
-    even, silent = _between(clock, time, values, moments, values[rows])
+    moments, rows = _first_rows(clock, time, values)
+    even, silent = _interpolate_samples(clock, time, values, moments, values[rows])
     return np.where(silent, values, even)
 
 
-def wheel_of_one_age(
+def resample_wheel_to_one_age(
     clock: SampleClock,
     time: Array,
     bemf: Array,
@@ -192,23 +192,25 @@ def wheel_of_one_age(
 ) -> Array:
     """The same of back-EMF.
 
-    position, tick: see `counted`. sums: whether a row with several samples shows their mean. zone: counts of
-    a dead zone. What stands next to a reading of 0, or would be in the zone, is left as it is. A reading in
-    whole counts gets the half back that was cut off.
+    position, tick: see `count_by_ticks`. sums: whether a row with several samples shows their mean. zone:
+    counts of a dead zone. What stands next to a reading of 0, or would be in the zone, is left as it is. A
+    reading in whole counts gets the half back that was cut off.
     """
-    bemf = uncut(bemf)
-    moments, rows = _firsts(clock, time, bemf)
+    bemf = undo_truncation(bemf)
+    moments, rows = _first_rows(clock, time, bemf)
     values = bemf[rows]
     if sums:
-        each = counted(time, bemf, position, tick)
+        each = count_by_ticks(time, bemf, position, tick)
         samples = np.where(each.known, each.samples, 1.0)[rows]
-        values = np.where(samples > 1.0, tick * _moved(position)[rows] / np.maximum(samples, 1.0), values)
+        values = np.where(
+            samples > 1.0, tick * _ticks_moved(position)[rows] / np.maximum(samples, 1.0), values
+        )
         moments = moments - 0.5 * np.maximum(samples - 1.0, 0.0) * clock.period
-    even, silent = _between(clock, time, bemf, moments, values)
+    even, silent = _interpolate_samples(clock, time, bemf, moments, values)
     return np.where(silent | (np.abs(even) <= zone), bemf, even)
 
 
-def _firsts(clock: SampleClock, time: Array, values: Array) -> tuple[Array, NDArray[np.intp]]:
+def _first_rows(clock: SampleClock, time: Array, values: Array) -> tuple[Array, NDArray[np.intp]]:
     """When each sample that a row shows was ready, s, and the first row that does."""
     number, ready = clock.seen(time)
     _, rows = np.unique(number, return_index=True)
@@ -216,7 +218,7 @@ def _firsts(clock: SampleClock, time: Array, values: Array) -> tuple[Array, NDAr
     return ready[rows], rows
 
 
-def _between(
+def _interpolate_samples(
     clock: SampleClock, time: Array, channel: Array, moments: Array, values: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Lines between samples, half a cycle before each row of the channel, and whether one next to it is 0, or
@@ -226,12 +228,12 @@ def _between(
     at = time + clock.lead - 0.5 * clock.period
     after = np.clip(np.searchsorted(moments, at), 1, len(moments) - 1)
     silent = (values[after] == 0.0) | (values[after - 1] == 0.0)
-    silent |= moments[after] - moments[after - 1] > FAR * clock.period
+    silent |= moments[after] - moments[after - 1] > MAX_SAMPLE_GAP_CYCLES * clock.period
     even = np.where(np.isfinite(channel), np.interp(at, moments, values), np.nan)
     return np.asarray(even, float), np.asarray(silent)
 
 
-def _means(edges: Array, values: Array, spans: Array) -> Array:
+def _means_between(edges: Array, values: Array, spans: Array) -> Array:
     """Means, between neighbouring spans (n + 1,), of what is values[i] from edges[i] to edges[i + 1]; before
     the first edge it is the first value, after the last the last."""
     total = np.concatenate([[0.0], np.cumsum(values * np.diff(edges))])

@@ -11,23 +11,23 @@ from raccoon.diagnose.drives.log import Log
 
 BRAKING_SECONDS = 0.1
 """s after a release at which it is asked how much of the speed is left."""
-BRAKES = 0.4
+MAX_BRAKED_SPEED = 0.4
 """Part of its speed that a motor has left after that, below which it brakes."""
-SURELY, SURELY_NOT = 0.25, 0.5
+MAX_SURELY_BRAKED, MIN_SURELY_COASTED = 0.25, 0.5
 """The same where a robot does both."""
-MORE = 1.6
+MIN_BRAKING_RATIO = 1.6
 """Times what coasting takes of a speed, which is the same of any, that braking takes at least: friction alone
 stops a wheel that is slow."""
-FREE, SLOWED = 0.9, 1.5
+MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.9, 1.5
 """Parts of a usual wheel's speed for its command between which it was before: at a wall it stops by that, and
 at the end of a ramp the command has slowed it down already, which its reading is late to show."""
-EACH = 2
+MIN_MOMENTS = 2
 """Moments of either kind from which a robot does both."""
-TOGETHER = 0.05
+SAME_MOMENT_S = 0.05
 """s within which both wheels are released at once."""
-FAST = 0.15
+MIN_SPEED_SHARE = 0.15
 """Part of a wheel's largest speed from which it has to stop from."""
-BOTH = (
+MIXED_STOPS_NOTE = (
     "at duty 0 the motors sometimes brake and sometimes coast, and the recording has no motor.N.brake: each "
     "stop is taken for what the wheels show it to be"
 )
@@ -45,49 +45,54 @@ class Stop:
     share: float
 
 
-def brakes(log: Log) -> bool:
+def motors_brake(log: Log) -> bool:
     """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
-    left = [each.left for each in stops(log)]
-    return bool(left) and float(np.median(left)) < BRAKES
+    left = [each.left for each in find_stops(log)]
+    return bool(left) and float(np.median(left)) < MAX_BRAKED_SPEED
 
 
-def with_stops(log: Log) -> Log:
+def with_brake_by_stop(log: Log) -> Log:
     """The log with what each stop was, where it does not say so itself and there were both kinds."""
     if log.brake is not None:
         return log
-    moments = _moments(log, sorted(stops(log), key=lambda each: each.row))
-    coasting = [each for each in moments if all(one.left > SURELY_NOT for one in each)]
-    if len(coasting) < EACH:
+    moments = _group_stops(log, sorted(find_stops(log), key=lambda each: each.row))
+    coasting = [each for each in moments if all(one.left > MIN_SURELY_COASTED for one in each)]
+    if len(coasting) < MIN_MOMENTS:
         return log
     usual = [one for each in coasting for one in each]
-    lost = MORE * float(np.median([one.lost for one in usual]))
+    lost = MIN_BRAKING_RATIO * float(np.median([one.lost for one in usual]))
     share = float(np.median([one.share for one in usual]))
     braking = [
         each
         for each in moments
-        if all(one.left < SURELY and one.lost > lost and FREE < one.share / share < SLOWED for one in each)
+        if all(
+            one.left < MAX_SURELY_BRAKED
+            and one.lost > lost
+            and MIN_SPEED_RATIO < one.share / share < MAX_SPEED_RATIO
+            for one in each
+        )
     ]
-    if len(braking) < EACH:
+    if len(braking) < MIN_MOMENTS:
         return log
     brake = np.zeros(log.duty.shape, bool)
     for one in (one for each in braking for one in each):
         driven = np.flatnonzero(log.duty[one.row :, one.wheel])
         brake[one.row : one.row + int(driven[0]) if len(driven) else None, one.wheel] = True
-    return replace(log, brake=brake, notes=(*log.notes, BOTH))
+    return replace(log, brake=brake, notes=(*log.notes, MIXED_STOPS_NOTE))
 
 
-def _moments(log: Log, found: Sequence[Stop]) -> list[list[Stop]]:
+def _group_stops(log: Log, found: Sequence[Stop]) -> list[list[Stop]]:
     """Stops of both wheels at once together."""
     moments: list[list[Stop]] = []
     for each in found:
-        if moments and log.time[each.row] - log.time[moments[-1][0].row] < TOGETHER:
+        if moments and log.time[each.row] - log.time[moments[-1][0].row] < SAME_MOMENT_S:
             moments[-1].append(each)
         else:
             moments.append([each])
     return moments
 
 
-def stops(log: Log) -> Iterator[Stop]:
+def find_stops(log: Log) -> Iterator[Stop]:
     """Each release of a turning motor that is long enough."""
     for index, side in enumerate(("left", "right")):
         wheel = log.wheel(side)
@@ -96,7 +101,11 @@ def stops(log: Log) -> Iterator[Stop]:
         duty, size = log.duty[:, index], np.abs(wheel.values)
         for row in np.flatnonzero((duty[1:] == 0.0) & (duty[:-1] != 0.0)) + 1:
             later = int(np.searchsorted(log.time, log.time[row] + BRAKING_SECONDS))
-            if later < len(log.time) and not duty[row:later].any() and size[row] > FAST * np.nanmax(size):
+            if (
+                later < len(log.time)
+                and not duty[row:later].any()
+                and size[row] > MIN_SPEED_SHARE * np.nanmax(size)
+            ):
                 left, share = float(size[later] / size[row]), float(size[row] / abs(duty[row - 1]))
                 if np.isfinite(left):
                     yield Stop(index, int(row), left, float(size[row] - size[later]), share)

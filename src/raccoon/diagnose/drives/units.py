@@ -11,74 +11,80 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.answers import check_signs
-from raccoon.diagnose.drives.held import of_free_driving, where_held
-from raccoon.diagnose.drives.log import Channel, Log, arranged
-from raccoon.diagnose.drives.sizes import (
-    DEGREES,
-    FAR,
-    FEWEST,
-    SHARE,
-    SPEEDS,
-    check_sizes,
+from raccoon.diagnose.drives.directions import (
+    check_gyro_turns,
+    check_motor_directions,
+    check_wheel_directions,
+)
+from raccoon.diagnose.drives.log import Channel, Log, arrange_columns
+from raccoon.diagnose.drives.magnitudes import (
+    DEGREES_PER_RADIAN,
+    MAX_FACTOR,
+    MIN_SAMPLES,
+    SPEED_UNITS,
+    USUAL_BEMF_SHARE,
+    check_magnitudes,
     nearest_unit,
     slope,
-    steady,
-    turn_rate,
-    volts,
+    steady_duty,
+    volts_per_unit,
+    wheel_turn_rate,
 )
-from raccoon.diagnose.drives.standing import DRIVEN, SIDES, standing
-from raccoon.diagnose.drives.times import SLOWEST_STEP
-from raccoon.diagnose.drives.ways import check_signed, check_turns, check_ways
+from raccoon.diagnose.drives.obstructions import find_held_spans, without_held_readings
+from raccoon.diagnose.drives.response_checks import check_signs
+from raccoon.diagnose.drives.stalls import DRIVEN_SHARE, SIDES, find_stalls
+from raccoon.diagnose.drives.time_column import MAX_STEP_S
 from raccoon.trace.recording import mistaken_duty, usual_step
 
 Array = NDArray[np.float64]
 
-IN_DEGREES = (0.5 * DEGREES, 2.0 * DEGREES)
+DEGREES_FACTOR_RANGE = (0.5 * DEGREES_PER_RADIAN, 2.0 * DEGREES_PER_RADIAN)
 """How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
 2."""
-BEST = 75.0
+BEST_PERCENTILE = 75.0
 """Percentile of what a wheel reads over its command with which it follows that best."""
-LEAST_SHARE = 0.2
+MIN_BEMF_SHARE = 0.2
 """Part of its command's voltage that the back-EMF of every motor has which turns freely."""
-HALF_AS_FAR = 0.5
+MAX_SWAPPED_ERROR_RATIO = 0.5
 """Error with which a wheel follows the other's command, of that with which it follows its own, up to which
 the two are swapped."""
-FOLLOWED = 0.8
+MIN_CORRELATION = 0.8
 """Correlation of a wheel with the command that it follows, where it is steady."""
-MOST_ALIKE = 0.9
+MAX_COMMAND_CORRELATION = 0.9
 """Correlation of the commands from which nobody can tell which of them a wheel follows."""
-CLEAR = 0.5
+MIN_CORRELATION_LEAD = 0.5
 """By how much better than its own a wheel follows the other one's command, where columns are swapped."""
 
 
-def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: bool = False) -> str:
+def describe_wrong_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: bool = False) -> str:
     """What `check_units` says of a recording's columns, also of one too slow or too short for a diagnosis; ""
     where it finds nothing, or no command to compare with."""
     commands = [columns.get(f"motor.{port}.duty") for port in (robot.drive.left, robot.drive.right)]
     if any(each is None or not np.isfinite(each).any() for each in commands):
         return ""
     try:
-        log = arranged(columns, robot)
+        log = arrange_columns(columns, robot)
         check_signs(log)
-        check_signed(log, robot)
-        check_units(driven_freely(log, robot), robot, native=native)
+        check_wheel_directions(log, robot)
+        check_units(only_free_driving(log, robot), robot, native=native)
     except TraceError as error:
         return str(error)
     return ""
 
 
-def driven_freely(log: Log, robot: RobotConfig, held: tuple[tuple[float, float], ...] | None = None) -> Log:
+def only_free_driving(
+    log: Log, robot: RobotConfig, held: tuple[tuple[float, float], ...] | None = None
+) -> Log:
     """What of a log tells its units: what was driven freely, by wheels that did not stand. It is all where a
     wheel never reads what a motor can, which looks like a wall and is another unit, and where the time is no
-    controller's: by one in microseconds it drove for months. held: `where_held`, where that is known."""
+    controller's: by one in microseconds it drove for months. held: `find_held_spans`, where that is known."""
     advances = len(log.time) > 1 and bool((np.diff(log.time) > 0.0).all())
-    timed = advances and usual_step(log.time) <= SLOWEST_STEP
+    timed = advances and usual_step(log.time) <= MAX_STEP_S
     if not timed or any(_always_small(log, robot, index) for index in (0, 1)):
         return log
-    known = where_held(log, robot) if held is None else held
-    stood = ((each.start, each.end) for each in standing(log, robot))
-    return of_free_driving(replace(log, held=(*known, *stood)))
+    known = find_held_spans(log, robot) if held is None else held
+    stood = ((each.start, each.end) for each in find_stalls(log, robot))
+    return without_held_readings(replace(log, held=(*known, *stood)))
 
 
 def _always_small(log: Log, robot: RobotConfig, index: int) -> bool:
@@ -87,12 +93,12 @@ def _always_small(log: Log, robot: RobotConfig, index: int) -> bool:
     wheel, motor = log.wheel(SIDES[index]), getattr(robot.model, SIDES[index])
     if wheel is None:
         return False
-    asked = (np.abs(log.duty[:, index]) > DRIVEN) & np.isfinite(wheel.values)
-    if asked.sum() < FEWEST:
+    asked = (np.abs(log.duty[:, index]) > DRIVEN_SHARE) & np.isfinite(wheel.values)
+    if asked.sum() < MIN_SAMPLES:
         return False
     full = robot.model.battery.open_circuit_voltage.value
-    shares = volts(wheel, motor) * wheel.values[asked] / (full * log.duty[asked, index])
-    return bool(np.percentile(np.abs(shares), BEST) < SHARE / FAR)
+    shares = volts_per_unit(wheel, motor) * wheel.values[asked] / (full * log.duty[asked, index])
+    return bool(np.percentile(np.abs(shares), BEST_PERCENTILE) < USUAL_BEMF_SHARE / MAX_FACTOR)
 
 
 def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
@@ -113,9 +119,9 @@ def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
         _check_counts(log, robot)
     _check_gyro(log, robot, native)
     if not native:
-        check_sizes(log, robot)
-    check_ways(log, robot)
-    check_turns(log, robot)
+        check_magnitudes(log, robot)
+    check_motor_directions(log, robot)
+    check_gyro_turns(log, robot)
 
 
 def _check_battery(log: Log) -> None:
@@ -146,10 +152,10 @@ def check_wheel_signs(log: Log, robot: RobotConfig) -> None:
 def _check_counts(log: Log, robot: RobotConfig) -> None:
     """Back-EMF must have the size that its command makes."""
     for side, channel, factor in _wheels_over_commands(log, robot):
-        if channel.unit == "counts" and LEAST_SHARE / 1e4 < factor < LEAST_SHARE:
-            unit = nearest_unit(factor / SHARE, _bemf_units(robot, side))
+        if channel.unit == "counts" and MIN_BEMF_SHARE / 1e4 < factor < MIN_BEMF_SHARE:
+            unit = nearest_unit(factor / USUAL_BEMF_SHARE, _bemf_units(robot, side))
             guess = f"it looks like {unit}, not counts" if unit else "is it in counts?"
-            raise TraceError(f"{channel.name} is {SHARE / factor:.0f} times too small: {guess}")
+            raise TraceError(f"{channel.name} is {USUAL_BEMF_SHARE / factor:.0f} times too small: {guess}")
 
 
 def _wheels_over_commands(log: Log, robot: RobotConfig) -> Iterator[tuple[str, Channel, float]]:
@@ -161,7 +167,7 @@ def _wheels_over_commands(log: Log, robot: RobotConfig) -> Iterator[tuple[str, C
         if channel is None:
             continue
         volts = BEMF_VOLTS_PER_COUNT if channel.unit == "counts" else 1.0
-        factor = slope(steady(log.duty[:, index]) * voltage / volts, channel.values)
+        factor = slope(steady_duty(log.duty[:, index]) * voltage / volts, channel.values)
         if factor is not None:
             yield side, channel, factor
 
@@ -171,13 +177,17 @@ def _bemf_units(robot: RobotConfig, side: str) -> Mapping[str, float]:
     motor = robot.model.left if side == "left" else robot.model.right
     a_count = BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value
     speeds = {"radians a second": a_count, "metres a second": a_count * robot.model.drive.wheel_radius.value}
-    return {"volts": BEMF_VOLTS_PER_COUNT, **speeds, "turns a minute": a_count * SPEEDS["turns a minute"]}
+    return {
+        "volts": BEMF_VOLTS_PER_COUNT,
+        **speeds,
+        "turns a minute": a_count * SPEED_UNITS["turns a minute"],
+    }
 
 
 def _check_plugs(log: Log) -> None:
     """Each wheel must follow its own command, not the other one's: two columns of a log that are swapped."""
     wheels = [log.wheel(side) for side in ("left", "right")]
-    held = np.column_stack([steady(log.duty[:, 0]), steady(log.duty[:, 1])])
+    held = np.column_stack([steady_duty(log.duty[:, 0]), steady_duty(log.duty[:, 1])])
     crossed = []
     for index, wheel in enumerate(wheels):
         if wheel is None:
@@ -186,13 +196,13 @@ def _check_plugs(log: Log) -> None:
         duty, reading = held[known], wheel.values[known]
         if known.sum() < 50 or float(np.ptp(duty, axis=0).min()) == 0.0 or float(np.ptp(reading)) == 0.0:
             return
-        if abs(float(np.corrcoef(duty[:, 0], duty[:, 1])[0, 1])) > MOST_ALIKE:
+        if abs(float(np.corrcoef(duty[:, 0], duty[:, 1])[0, 1])) > MAX_COMMAND_CORRELATION:
             return
         own, other = (float(np.corrcoef(duty[:, each], reading)[0, 1]) for each in (index, 1 - index))
         # A drive that is mostly straight follows the other's command too, with what turns as its error.
         off_own, off_other = 1.0 - own * abs(own), 1.0 - other * abs(other)
-        nearer = own < other - CLEAR or off_other < HALF_AS_FAR**2 * off_own
-        crossed.append(other > FOLLOWED and nearer)
+        nearer = own < other - MIN_CORRELATION_LEAD or off_other < MAX_SWAPPED_ERROR_RATIO**2 * off_own
+        crossed.append(other > MIN_CORRELATION and nearer)
     if all(crossed):
         left, right = (each.name for each in wheels if each is not None)
         raise TraceError(
@@ -202,14 +212,14 @@ def _check_plugs(log: Log) -> None:
 
 
 def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
-    gyro, expected = log.channel("gyro"), turn_rate(log, robot)
+    gyro, expected = log.channel("gyro"), wheel_turn_rate(log, robot)
     if gyro is None or expected is None:
         return
     factor = slope(expected, gyro.values)
     if factor is None:
         return
     if factor > 20.0 and not native:
-        least, most = IN_DEGREES
+        least, most = DEGREES_FACTOR_RANGE
         guess = "degrees" if factor <= most else "the sensor's own counts, milliradians or millidegrees"
         guess += "" if factor >= least else " or the sensor's own counts"
         raise TraceError(

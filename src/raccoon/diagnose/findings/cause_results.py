@@ -53,7 +53,7 @@ def make_cause_results(
                 only_beside(search, name, rivals),
             )
         )  # fmt: skip
-    found.sort(key=lambda each: (each.little, -each.unabsorbed * of_a_fault(search, each.name)))
+    found.sort(key=lambda each: (each.is_negligible, -each.unabsorbed * of_a_fault(search, each.name)))
     return tuple(replace(each, rank=rank) for rank, each in enumerate(found, start=1))
 
 

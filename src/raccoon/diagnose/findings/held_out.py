@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.features import EVENT_SECONDS, Features
+from raccoon.diagnose.drives.features import EVENT_S, Features
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_many, fit_point
 from raccoon.diagnose.fit.noise_model import event_means
@@ -66,7 +66,7 @@ class HeldOut:
     @property
     def seconds(self) -> float:
         """How long the held-out data is, above 0."""
-        return max(len(self.time), 1) * EVENT_SECONDS / self.event
+        return max(len(self.time), 1) * EVENT_S / self.event
 
     @property
     def size_expected(self) -> float:

@@ -26,7 +26,7 @@ def batteries_may_differ(found: Diagnosis) -> bool:
 
 def with_own_batteries(log: Log) -> Log:
     """The log with a battery for each recording."""
-    return replace(log, own_batteries=True)
+    return replace(log, separate_batteries=True)
 
 
 def without_shared_resistance(causes: Sequence[Cause]) -> tuple[Cause, ...]:
@@ -36,7 +36,7 @@ def without_shared_resistance(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 def separate_battery_notes(settings: Settings, log: Log) -> tuple[str, ...]:
     """A note that the batteries of several recordings differ, where they do; none where they share one."""
-    if not log.own_batteries:
+    if not log.separate_batteries:
         return ()
     found = resistances(settings, len(log.runs))
     if (

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import costs_at, fit_afresh, fit_point
 from raccoon.diagnose.fit.levenberg_marquardt import ROUGH, SETTLED
@@ -61,7 +61,7 @@ def fit_scanned(problem: Problem, whitener: Whitening, start: Point | Fit, last:
 def places_of_play(problem: Problem, whitener: Whitening, fit: Fit) -> list[Point]:
     """The best few places of play of both wheels, where it is off, that explain more than its absence with
     all else held. The valley is narrow, and the columns of no play do not lead into it."""
-    between = max(round(BIN / problem.features.width), 1)
+    between = max(round(BIN_S / problem.features.width), 1)
     every = np.arange(between * (len(WIDE_SIZES) - 1) + 1) / between
     sizes = np.interp(every, np.arange(len(WIDE_SIZES)), WIDE_SIZES)
     starts = [fit.point.with_cause(STAIRS, np.array(each)) for each in product(sizes, WIDE_SHAPES)]

@@ -17,8 +17,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.binned import runs
-from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.drives.bins import runs_of_true
+from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.fit.cross_validation import Part, evidence_of, foreseen_error
 from raccoon.diagnose.fit.linear_model import Group, Linear
@@ -88,7 +88,7 @@ def whitener_for(
     unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
     known cause is blamed for what they do.
     """
-    order = ORDER if problem.features.width > BIN / 2 else FINER_ORDER
+    order = ORDER if problem.features.width > BIN_S / 2 else FINER_ORDER
     slow = [Piece.of(problem, linear, bins, order) for bins in pieces(problem.features)]
     known = [linear.own, *(each.columns for each in (*linear.groups, *extra))]
     floors, event, regimes = problem.features.floors, problem.features.event, regimes_of(problem)
@@ -98,7 +98,7 @@ def whitener_for(
         else white_noise(np.maximum(linear.residual.std(axis=0), floors), regimes)
     )
     rest, wander = linear.residual, 0.0
-    few = len(runs(regimes == CHANGING)) <= FEW
+    few = len(runs_of_true(regimes == CHANGING)) <= FEW
     left = np.maximum(_levels(rest, regimes), floors) if few else None
     for _ in range(1 if before is not None else 2):
         rest, wander = _unexplained(noise, known, slow, linear.target, left, event)
@@ -109,7 +109,7 @@ def whitener_for(
     names = [linear.groups[place].name for place in places]
     columns = np.concatenate([linear.own[:0], *(each.columns for each in linear.groups)])
     white = noise.whiten(columns)
-    width = problem.features.width / BIN
+    width = problem.features.width / BIN_S
     parts = faint_parts(names, own, white, acting(linear.acting, noise), width)[:, None, None]
     one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
     spread = ((parts[one] * columns[one]) ** 2).sum(axis=0)
@@ -168,7 +168,7 @@ def regimes_of(problem: Problem) -> NDArray[np.intp]:
     speed = speed / np.maximum(np.abs(speed).max(axis=0), 1e-9)
     moving = _widened((np.abs(speed) > STANDSTILL).any(axis=1), 2, 2)
     changing = _widened(
-        (np.abs(np.gradient(speed, axis=0)) > CHANGE * features.width / BIN).any(axis=1), 2, 3
+        (np.abs(np.gradient(speed, axis=0)) > CHANGE * features.width / BIN_S).any(axis=1), 2, 3
     )
     creeping = _widened((np.abs(speed) < CREEP).any(axis=1), 1, 1)
     driving = np.where(changing, CHANGING, np.where(creeping, CREEPING, STEADY))

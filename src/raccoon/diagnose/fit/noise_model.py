@@ -20,14 +20,14 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.features import BIN, half_second
+from raccoon.diagnose.drives.features import BIN_S, bins_per_event
 
 Array = NDArray[np.float64]
 
 
 Regimes = NDArray[np.intp]
 STANDING, STEADY, CHANGING, CREEPING = range(4)
-EVENT = half_second(BIN)
+EVENT = bins_per_event(BIN_S)
 """Bins, half a second where they are 20 ms."""
 LARGE_EVENT = 1.2
 """Size of half a second, over its expected size, from which it counts less."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.drives.log import Change
+from raccoon.diagnose.drives.log import StepChange
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Setting, Settings
 from raccoon.diagnose.rollout.plant_rollout import Rollout
 
@@ -79,8 +79,9 @@ class Problem:
 
     told: causes that the readings show apart from any simulation, with the log evidence of that and the least
     first coordinate with which they are it. creep: how the battery's reading wanders slowly. coasts: part of
-    the time in which a motor that is driven is unpowered, to be measured. rubs_anew: whether friction may be
-    another from some moment on, as of a robot that took a load. change: what is known to have changed.
+    the time in which a motor that is driven is unpowered, to be measured. friction_may_change: whether
+    friction may be another from some moment on, as of a robot that took a load. change: what is known to have
+    changed.
     """
 
     features: Features
@@ -92,8 +93,8 @@ class Problem:
     told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     creep: Creep = Creep()
     coasts: float = 0.0
-    rubs_anew: bool = False
-    change: Change | None = None
+    friction_may_change: bool = False
+    change: StepChange | None = None
     _latest: OrderedDict[Key, tuple[Array, float]] = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )

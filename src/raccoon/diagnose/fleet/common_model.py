@@ -55,7 +55,7 @@ def make_cross_check(with_own_robot: Diagnosis, with_common_model: Diagnosis) ->
         {each.name: each.rmse_before for each in it.channels} for it in (with_own_robot, with_common_model)
     )
     own = {each.name: each.rmse_after for each in with_own_robot.channels}
-    still = [each.name for each in with_common_model.causes if not each.little]
+    still = [each.name for each in with_common_model.causes if not each.is_negligible]
     still += [f"something that depends on {each}" for each in with_common_model.unexplained.depends_on]
     return CrossCheck(size(before), size(after), size(own), tuple(still))
 

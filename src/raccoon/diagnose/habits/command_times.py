@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.features import SETTLING
+from raccoon.diagnose.drives.features import SETTLING_S
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import fit_habits, sample_cycle_from_rows
@@ -76,7 +76,7 @@ class CommandJumps:
         gaps = np.diff(log.time[rows], prepend=log.time[0], append=log.time[-1])
         sizes = np.abs(log.duty[rows] - log.duty[rows - 1]).max(axis=1)
         tell = (np.minimum(gaps[:-1], gaps[1:]) >= MIN_HELD_S) & (sizes >= MIN_DUTY_JUMP)
-        tell &= log.time[rows] > log.time[0] + SETTLING + MIN_HELD_S
+        tell &= log.time[rows] > log.time[0] + SETTLING_S + MIN_HELD_S
         return cls(rows[tell], np.minimum(gaps[1:], RESPONSE_S)[tell])
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
-from raccoon.diagnose.drives.stops import brakes
+from raccoon.diagnose.drives.stops import motors_brake
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.chains import (
     FREE_RUNNING,
@@ -137,7 +137,7 @@ def fit_habits(
     slow = None if first.knows_battery else _detect_battery_filter(first, free_problem, best.point)
     if slow is not None:
         best = fit_under(with_battery_filter(first, slow))
-    if log.brake is None and brakes(log):
+    if log.brake is None and motors_brake(log):
         best = fit_under(replace(best.habits, brake=True)).if_better_than(best, MIN_MISFIT_SAVED_BY_BRAKES)
         if best.habits.ramp is not None:  # without brakes, one made the stops of a robot that has them
             no_ramp = fit_under(replace(best.habits, ramp=None, brake=True))

@@ -14,7 +14,7 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
-from raccoon.diagnose.drives.driven import swing
+from raccoon.diagnose.drives.excitation import swing_period
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.habits.alternatives import try_battery_filters, try_friction_forms
 from raccoon.diagnose.habits.chain_trials import try_commands_until_row, try_sensor_chains
@@ -135,7 +135,7 @@ def search_with_habits(
 
     trials = trials_of(restored)
     search, habits = _begin(first, trials)
-    if len(search.named) > 1 and (seconds := swing(log)):
+    if len(search.named) > 1 and (seconds := swing_period(log)):
         tell("comparing over whole swings of the commands")
         search, habits = _begin(replace(first, swing=seconds), trials)
     search, habits = _grow(search, habits, trials)

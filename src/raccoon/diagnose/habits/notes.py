@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from raccoon.diagnose.drives.ramps import Ramp
+from raccoon.diagnose.drives.ramp import Ramp
 from raccoon.diagnose.findings.uncertainty import LATENCY, FitUncertainty
 from raccoon.diagnose.findings.validation import MIN_DEVIATIONS
 from raccoon.diagnose.habits.chains import CONTINUOUS_CYCLE_S, pauses_at_cycle_end

@@ -35,7 +35,7 @@ def drive_problem(
 ) -> Problem:
     """The problem of a drive under a controller's habits."""
     own = [each.own for each in causes if each.own is not None]
-    battery = robot.model.battery.internal_resistance.value if log.own_batteries else 0.0
+    battery = robot.model.battery.internal_resistance.value if log.separate_batteries else 0.0
     settings = starting_settings(robot, model) | encoder_settings(log)
     settings |= run_settings(len(log.runs), battery)
     settings |= age_settings() if habits.any_moment else {}
@@ -56,7 +56,7 @@ def drive_problem(
         *run_coordinates(len(log.runs), battery),
     )
     return Problem(
-        Features.kept(log, habits.swing or bin_width(log)),
+        Features.cached(log, habits.swing or bin_width(log)),
         rollout_of(log, robot, habits, own),
         robot,
         settings,
@@ -65,7 +65,7 @@ def drive_problem(
         told(by_name, log),
         HELD_BATTERY_CREEP if habits.chain.battery_held else Creep(),
         habits.chain.coast_share,
-        log.rubs_anew,
+        log.friction_may_change,
         log.change,
     )
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.ramps import Ramp
+from raccoon.diagnose.drives.ramp import Ramp
 from raccoon.diagnose.fit.problem import Point, Problem, carried
 from raccoon.diagnose.habits.habit_fits import HabitFit, choose_start, fit_from, log_misfit
 from raccoon.diagnose.hypotheses.coordinates import Cause

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.diagnose.drives.unseen import said_of_holdout
+from raccoon.diagnose.drives.holdout import naming_holdout
 from raccoon.diagnose.hypotheses.base_coordinates import with_usual_stds, without_std
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.channels.counters import counters_named_in_errors
@@ -87,7 +87,7 @@ def diagnose_recording(
     row_notes = (*duplicate_notes, *row_notes, *row_notes_of_more)
     holdout_note = ""
     if holdout is not None:
-        with said_of_holdout():
+        with naming_holdout():
             holdout, row_notes_of_holdout = select_unique_rows(holdout, kind)
             row_notes = (*row_notes, *(f"the other recording: {each}" for each in row_notes_of_holdout))
             holdout_note = check_holdout(columns, holdout, kind, kind_of(holdout, robot))

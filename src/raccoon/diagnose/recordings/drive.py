@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.drives.gravity import strange_acceleration
-from raccoon.diagnose.drives.times import check_time
-from raccoon.diagnose.drives.unseen import said_of_holdout
+from raccoon.diagnose.drives.gravity import describe_wrong_acceleration
+from raccoon.diagnose.drives.holdout import naming_holdout
+from raccoon.diagnose.drives.time_column import check_time
 from raccoon.diagnose.findings.fitted_model import with_causes
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect
@@ -161,7 +161,7 @@ def _without_faults_in_others(drive: Drive) -> tuple[Drive, list[str]]:
 
     holdout = drive.holdout
     if holdout is not None:
-        with said_of_holdout():
+        with naming_holdout():
             holdout = repaired(holdout, "the other recording")
     more = [repaired(each, f"recording {number}") for number, each in enumerate(drive.more, 2)]
     return replace(drive, holdout=holdout, more=more), notes
@@ -225,7 +225,7 @@ def _compare_in_volts(drive: Drive) -> Diagnosis:
 
 def _notes(drive: Drive) -> tuple[str, ...]:
     """Notes on what is strange about the recording, beside the faults of its channels."""
-    acceleration = strange_acceleration(drive.columns)
+    acceleration = describe_wrong_acceleration(drive.columns)
     notes = (
         f"{acceleration} (a diagnosis does not use it, and odometry does)" if acceleration else "",
         unrelated_reference_note(drive.columns, drive.robot, drive.device),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.joined import said_of_recording
+from raccoon.diagnose.drives.log_joining import naming_recording
 from raccoon.diagnose.recordings.channels.volt_commands import has_volt_commands
 from raccoon.diagnose.recordings.kind import Kind, kind_of
 
@@ -22,7 +22,7 @@ def check_joint_recordings(recordings: Sequence[Columns], robot: RobotConfig) ->
     if len(recordings) == 1:
         return
     for number, each in enumerate(recordings):
-        with said_of_recording(number):
+        with naming_recording(number):
             if (kind := kind_of(each, robot)) is not Kind.DRIVE:
                 raise TraceError(f"it is of {kind}; only drives are diagnosed together")
     for (first_index, first), (second_index, second) in combinations(enumerate(recordings), 2):

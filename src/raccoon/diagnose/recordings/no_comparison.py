@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.unseen import are_missing
+from raccoon.diagnose.drives.holdout import missing_phrase
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 
 Columns = Mapping[str, NDArray[np.float64]]
@@ -23,7 +23,7 @@ def diagnose_without_comparison(columns: Columns, robot: RobotConfig) -> Diagnos
     if "truth.x" not in columns:
         missing.append("truth.x")
     reason = (
-        f"not identifiable: {are_missing(missing)}: without commands the simulation cannot drive "
+        f"not identifiable: {missing_phrase(missing)}: without commands the simulation cannot drive "
         "along, and without a reference wheels have nothing to be compared with"
     )
     groups = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*")

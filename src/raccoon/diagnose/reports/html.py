@@ -100,7 +100,7 @@ def load_template(name: str) -> Any:
 
 def _headline(diagnosis: Diagnosis) -> str:
     """The first cause in one sentence where it matters, what did not work, else the verdict."""
-    if diagnosis.causes and not diagnosis.causes[0].little:
+    if diagnosis.causes and not diagnosis.causes[0].is_negligible:
         return _problem_sentence(diagnosis.causes[0])
     if diagnosis.sensor_faults:
         return f"{capitalise(diagnosis.sensor_faults[0].text)}."
@@ -132,7 +132,7 @@ def _held_out_text(cause: CauseResult) -> str:
 
 def _action_text(cause: CauseResult) -> str:
     """The part that says what to do, if it is that; nothing about what does not matter."""
-    advice = "" if cause.little else describe_cause(cause).todo
+    advice = "" if cause.is_negligible else describe_cause(cause).todo
     if advice and set(cause.confounded_with) - set(cause.beside):
         return f"If it is {plain_name(cause.name)}: {advice}."
     return f"{capitalise(advice)}." if advice else ""

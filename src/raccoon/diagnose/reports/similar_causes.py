@@ -18,12 +18,12 @@ chance the other one is, one time in fifteen."""
 def causes_of_similar_size(causes: Sequence[CauseResult]) -> tuple[CauseResult, ...]:
     """Causes behind the first that may change as much as it does; none where the first does not matter
     itself, or where no drive was recorded. causes: in their order."""
-    if not causes or causes[0].little or not causes[0].unabsorbed > 0.0:
+    if not causes or causes[0].is_negligible or not causes[0].unabsorbed > 0.0:
         return ()
     return tuple(
         each
         for each in causes[1:]
-        if not each.little and _separation_stds(causes[0], each) < MIN_SEPARATION_STDS
+        if not each.is_negligible and _separation_stds(causes[0], each) < MIN_SEPARATION_STDS
     )
 
 

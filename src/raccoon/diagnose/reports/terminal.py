@@ -189,8 +189,8 @@ def change_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
     as much; nothing but of a drive."""
     if not math.isfinite(cause.change):
         return ""
-    why = f", {cause.no_matter}" if cause.no_matter else ""
-    little = f"real, but too small to matter{why}: it " if cause.little else ""
+    why = f", {cause.negligible_reason}" if cause.negligible_reason else ""
+    little = f"real, but too small to matter{why}: it " if cause.is_negligible else ""
     most = f"moves the reading that shows it most by {_factor_text(cause.change)} its noise"
     if cause.unabsorbed < MAX_ABSORBED_CHANGE:
         return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
@@ -228,7 +228,7 @@ def _cause_lines(cause: CauseResult, diagnosis: Diagnosis) -> Iterator[str]:
         yield f"       {name} {parameter_text(each)} (assumed {each.nominal:.4g})"
     if change := change_text(cause, diagnosis):
         yield f"       {change}"
-    if not cause.little:  # of what does not matter it does not matter where it shows
+    if not cause.is_negligible:  # of what does not matter it does not matter where it shows
         yield f"       {compensation_text(cause, diagnosis) or evidence_text(cause)}"
     yield f"       {probability_text(cause)}"
 

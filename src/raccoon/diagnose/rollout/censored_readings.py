@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.whole_counts import HALF_A_COUNT
+from raccoon.diagnose.drives.truncation import HALF_A_COUNT
 
 Array = NDArray[np.float64]
 

@@ -18,11 +18,11 @@ from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, MOTOR_PORTS, RACCOON_
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.sample_clock import (
     SampleClock,
-    arrivals,
-    counted,
-    of_one_age,
-    sample_clock,
-    wheel_of_one_age,
+    count_arrivals,
+    count_by_ticks,
+    find_sample_clock,
+    resample_to_one_age,
+    resample_wheel_to_one_age,
 )
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.rollout.dead_zone_evidence import ZONE
@@ -125,15 +125,15 @@ class Firmware:
                 values = self._in_range(values, position)
                 ticks = position * (-1.0 if robot.motor(port).inverted else 1.0)
                 seen = (log.time, values, ticks, self.tick)
-                clock = sample_clock(log.time, counted(*seen), self.rates, self.waits, self.lead)
+                clock = find_sample_clock(log.time, count_by_ticks(*seen), self.rates, self.waits, self.lead)
                 if clock is not None:
-                    values = wheel_of_one_age(clock, *seen, self.sums, self.dead_zone)
+                    values = resample_wheel_to_one_age(clock, *seen, self.sums, self.dead_zone)
                 channels[f"bemf_{side}"] = values
             clocks.append(clock)
         if "gyro" in channels and self.gyro_rates is not None:
-            clock = sample_clock(log.time, arrivals(log.time, channels["gyro"]), self.gyro_rates)
+            clock = find_sample_clock(log.time, count_arrivals(log.time, channels["gyro"]), self.gyro_rates)
             if clock is not None:
-                channels["gyro"] = of_one_age(clock, log.time, channels["gyro"])
+                channels["gyro"] = resample_to_one_age(clock, log.time, channels["gyro"])
         return replace(
             log,
             duty=np.rint(FULL_PWM * log.duty) / FULL_PWM,

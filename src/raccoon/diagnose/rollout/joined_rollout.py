@@ -31,5 +31,5 @@ class JoinedRollout:
 
 def rollout_of(log: Log, robot: RobotConfig, habits: Habits, own: Sequence[OwnEffect] = ()) -> Rollout:
     """The package's plant along a log's commands, recording by recording."""
-    parts = [PlantRollout(each, robot, habits, own=own) for each in log.single()]
+    parts = [PlantRollout(each, robot, habits, own=own) for each in log.split_recordings()]
     return parts[0] if len(parts) == 1 else JoinedRollout(parts)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log, column_names
-from raccoon.diagnose.drives.ramps import Ramp
+from raccoon.diagnose.drives.ramp import Ramp
 from raccoon.diagnose.hypotheses.base_coordinates import Wheels
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.own import OwnEffect, Simulated
@@ -62,9 +62,9 @@ class Habits:
     """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes (where
     it does say, its rows decide), whether the command of a row was in force until then (past) instead of from
     then on, how wheels slide, and whether the gyro's chip smooths the turn rate (low_pass). swing: s in which
-    commands swing, 0 where they do not; see `quality.swing`. firmware: the controller's, where the recording
-    names it; nothing of it is asked for then. any_moment: whether it may sample each motor at any moment of a
-    row, with which it is in step; a clock of its own is at any on average. ramp: what is between
+    commands swing, 0 where they do not; see `excitation.swing_period`. firmware: the controller's, where the
+    recording names it; nothing of it is asked for then. any_moment: whether it may sample each motor at any
+    moment of a row, with which it is in step; a clock of its own is at any on average. ramp: what is between
     commands and motors, None where they get what is commanded."""
 
     chain: Chain

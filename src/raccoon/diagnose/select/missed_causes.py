@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from raccoon.core.doing import tell
-from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.linear_model import tabulate
 from raccoon.diagnose.fit.noise_estimation import acting, inexact
@@ -56,6 +56,6 @@ def _further(search: Search) -> float:
     that loses torque beside it with 39, and a filter with 16."""
     problem, named = search.problem, len(search.fit.point.active)
     strength = acting(search.linear.acting, search.whitener.noise)
-    width = problem.features.width / BIN
+    width = problem.features.width / BIN_S
     readings = problem.features.measured.size * width  # as many as there are in bins of 20 ms
     return SHORT * max(CROWD - named, 0) + readings * inexact(strength, width) ** 2

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.disturbances import DISTURBANCE_S
 from raccoon.diagnose.drives.log import WHEELS
-from raccoon.diagnose.drives.moments import AROUND
 from raccoon.diagnose.fit.noise_model import CHANGING, STANDING, STEADY, Regimes
 from raccoon.sim.effects.parameters import SIDES
 
@@ -80,7 +80,7 @@ class _Residuals:
 
     def without_moment(self, moment: float) -> _Residuals:
         """The residuals less those around a moment, s."""
-        keep = np.abs(self.time - moment) > AROUND
+        keep = np.abs(self.time - moment) > DISTURBANCE_S
         return _Residuals(
             self.roles, self.measured[keep], self.residual[keep], self.time[keep], self.regimes[keep]
         )
@@ -146,7 +146,7 @@ def _find_gyro_only_moments(residuals: _Residuals) -> list[float]:
     moments: list[float] = []
     while len(moments) < residuals.max_moments:
         middle = float(residuals.time[np.argmax(remaining)])
-        around = np.abs(residuals.time - middle) <= AROUND
+        around = np.abs(residuals.time - middle) <= DISTURBANCE_S
         if np.sqrt(remaining[around].mean()) < MIN_GYRO_ERROR:
             break
         remaining[around] = 0.0

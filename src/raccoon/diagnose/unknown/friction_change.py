@@ -49,7 +49,7 @@ def is_clearly_heating(search: Search) -> bool:
     heating = [each for each in point.active if each.startswith(HEATING)]
     if not heating:
         return False
-    problem = replace(search.problem, rubs_anew=True)
+    problem = replace(search.problem, friction_may_change=True)
     all_probes = make_probe_function(problem)
 
     def friction_probe(linear: Linear) -> Sequence[Probe]:

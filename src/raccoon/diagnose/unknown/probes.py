@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.features import SETTLING
-from raccoon.diagnose.drives.log import Change
+from raccoon.diagnose.drives.features import SETTLING_S
+from raccoon.diagnose.drives.log import StepChange
 from raccoon.diagnose.fit.linear_model import Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
@@ -110,7 +110,7 @@ def estimate_motion(problem: Problem, settings: Settings) -> Motion | None:
     rate = (way[:, 1] - way[:, 0]) / track
     if "gyro" in features.roles:
         scale = problem.robot.model.imu.gyro_scale.value * settings[("imu.gyro_scale", None, "factor")]
-        since = features.time - features.time[0] + SETTLING
+        since = features.time - features.time[0] + SETTLING_S
         drift = settings[("imu.gyro_drift", None, "rate_per_second")] * since
         bias = settings[("imu.gyro_bias", None, "rate")] + drift
         rate = (features.measured[:, features.roles.index("gyro")] - bias) / scale
@@ -158,7 +158,7 @@ def make_probe_function(problem: Problem) -> Callable[[Linear], Sequence[Probe]]
             )
         speed = np.abs(wheels).mean(axis=1)
         over_speed = _TorqueCurve("speed", True, hat_functions(speed, 6), speed, WHEEL_SPEED_UNIT)
-        over_time = [_friction_over_time(motion.time)] if problem.rubs_anew else []
+        over_time = [_friction_over_time(motion.time)] if problem.friction_may_change else []
         torques = [*_torque_curves(motion), *over_time, over_speed]
         return [
             *_wheel_probes(problem, settings, motion, wheels),
@@ -272,7 +272,7 @@ def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Pr
     ]  # fmt: skip
 
 
-def find_change(problem: Problem, linear: Linear) -> Change | None:
+def find_change(problem: Problem, linear: Linear) -> StepChange | None:
     """The step change of the drive, by the residual at a working point; None where nothing surely changed."""
     features = problem.features
     predicted = features.measured - linear.residual

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.binned import bin_means
-from raccoon.diagnose.drives.log import Change
+from raccoon.diagnose.drives.bins import bin_means
+from raccoon.diagnose.drives.log import StepChange
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX, USUAL_GYRO_ERROR, Probe, sensor_probe
@@ -46,7 +46,7 @@ MIN_SHARE_OF_CURVE = 0.97
 """Part of what a free curve over time explains that the step must explain: a zero that creeps is no step."""
 
 
-def find_step_change(time: Array, gyro: Array, wheels: Mapping[str, Array]) -> Change | None:
+def find_step_change(time: Array, gyro: Array, wheels: Mapping[str, Array]) -> StepChange | None:
     """Find the step change of a drive, None where nothing surely changed. gyro (bins,): its residual, rad/s.
     wheels (bins,): rad/s, of each side."""
     rows = max(round(BIN_S / max(float(np.median(np.diff(time))), 1e-9)), 1)
@@ -85,10 +85,10 @@ def find_step_change(time: Array, gyro: Array, wheels: Mapping[str, Array]) -> C
     curve = _residual_power(clipped, np.vstack([base, hats[1:] * course]))
     if evidence < MIN_LOG_EVIDENCE or without_step - best < MIN_SHARE_OF_CURVE * (without_step - curve):
         return None
-    return Change(at, of)
+    return StepChange(at, of)
 
 
-def change_name(change: Change) -> str:
+def change_name(change: StepChange) -> str:
     """The name of the change among unknown causes."""
     return f"{UNKNOWN_PREFIX}time ({change.of if change.of == GYRO_ZERO else f'{change.of} wheel'})"
 

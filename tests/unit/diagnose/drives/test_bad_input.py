@@ -13,7 +13,7 @@ from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.drives.times import check_time
+from raccoon.diagnose.drives.time_column import check_time
 from raccoon.diagnose.drives.units import check_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.linear_model import linearise

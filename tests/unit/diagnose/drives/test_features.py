@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.features import BIN, SETTLING, Features, bin_width, with_readings
+from raccoon.diagnose.drives.features import BIN_S, SETTLING_S, Features, bin_width, without_empty_channels
 from raccoon.diagnose.drives.log import Channel, Log
 
 Array = NDArray[np.float64]
@@ -48,8 +48,8 @@ def test_a_channel_without_readings_of_what_is_compared_is_missing() -> None:
     log = Log(
         TIME, np.zeros((len(TIME), 2)), (counts, Channel("battery.voltage", "battery", "V", volts, 0.004))
     )
-    assert with_readings(log) is log
-    kept = with_readings(replace(log, lost=((3.9, 5.1),)))
+    assert without_empty_channels(log) is log
+    kept = without_empty_channels(replace(log, lost=((3.9, 5.1),)))
     assert [each.role for each in kept.channels] == ["bemf_left"]
     assert kept.missing == ("battery.voltage",)
     assert kept.notes[0].startswith("battery.voltage: next to no readings are left")
@@ -65,7 +65,7 @@ def test_bins_are_means_and_lines_over_what_is_missing() -> None:
     values[500:560] = np.nan
     log = Log(time, np.zeros((len(time), 2)), (Channel("battery.voltage", "battery", "V", values, 0.004),))
     features = Features.of(log)
-    edges = time[0] + SETTLING + BIN * np.arange(len(features.time) + 1)
+    edges = time[0] + SETTLING_S + BIN_S * np.arange(len(features.time) + 1)
     means = np.full(len(features.time), np.nan)
     for index, (low, high) in enumerate(pairwise(edges)):
         inside = values[(time >= low) & (time < high) & np.isfinite(values)]
@@ -81,9 +81,9 @@ def test_bins_are_means_and_lines_over_what_is_missing() -> None:
 def test_what_is_kept_of_a_log_goes_with_it() -> None:
     """Four logs and their bins stayed in memory after a diagnosis."""
     log = Log(TIME, np.zeros((len(TIME), 2)), (Channel("battery.voltage", "battery", "V", TIME, 0.004),))
-    kept = Features.kept(log, BIN)
-    assert Features.kept(log, BIN) is kept
-    assert Features.kept(log, 2.0 * BIN) is not kept
+    kept = Features.cached(log, BIN_S)
+    assert Features.cached(log, BIN_S) is kept
+    assert Features.cached(log, 2.0 * BIN_S) is not kept
     alive = weakref.ref(log), weakref.ref(kept.measured)
     del log, kept
     gc.collect()
@@ -99,11 +99,11 @@ def test_bins_are_usual_where_no_loop_answers() -> None:
     duty = np.where(TIME < 5.0, 0.4, -0.3)
     duty[:200] = 0.0
     duty[200:300] = np.linspace(0.0, 0.4, 100)  # a ramp says nothing of a loop
-    assert bin_width(commanded(duty)) == BIN
-    assert bin_width(commanded(np.zeros(len(TIME)))) == BIN
+    assert bin_width(commanded(duty)) == BIN_S
+    assert bin_width(commanded(np.zeros(len(TIME)))) == BIN_S
 
 
-@pytest.mark.parametrize(("rows", "seconds"), [(1, 0.005), (2, 0.01), (8, BIN)])
+@pytest.mark.parametrize(("rows", "seconds"), [(1, 0.005), (2, 0.01), (8, BIN_S)])
 def test_bins_are_no_longer_than_a_loop_takes_to_answer(rows: int, seconds: float) -> None:
     steady = 0.4 + 0.01 * np.random.default_rng(1).normal(size=len(TIME))
     duty = np.repeat(steady[::rows], rows)[: len(TIME)]

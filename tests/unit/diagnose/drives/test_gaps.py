@@ -13,15 +13,15 @@ from blind.drives import exciting
 from diagnoses import cause, diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.answer import Found
-from raccoon.diagnose.diagnosis import Way, diagnose
+from raccoon.diagnose.diagnosis import Diagnoser, diagnose
 from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.drives.log import SETTLED, STOPPED, Log, column_names, log_from_columns
+from raccoon.diagnose.drives.log import ROLL_OUT_S, SETTLING_DRIVE_S, Log, column_names, log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings import path_dependence
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
+from raccoon.diagnose.search_outcome import SearchOutcome
 from raccoon.sim.effects.chain import Chain
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def test_bins_beside_a_gap_are_as_without_it(whole: dict[str, Array]) -> None:
     np.testing.assert_allclose(features.measured, full.measured[same], atol=1e-9)
     lost = full.time[~np.isin(full.time, features.time)]
     assert 3.98 < lost[0] < 4.03
-    assert 5.0 + SETTLED - 0.03 < lost[-1] < 5.0 + STOPPED + 0.03
+    assert 5.0 + SETTLING_DRIVE_S - 0.03 < lost[-1] < 5.0 + ROLL_OUT_S + 0.03
 
 
 def test_a_robot_that_rolls_takes_longer_to_forget() -> None:
@@ -87,7 +87,7 @@ def test_a_robot_that_rolls_takes_longer_to_forget() -> None:
     columns = {"t": time, "motor.0.duty": np.zeros(1200), "motor.1.duty": np.zeros(1200)}
     columns = less(columns, (2.0, 3.0))
     (lost,) = log_from_columns(columns, ROBOT).lost
-    assert lost == pytest.approx((2.0, 3.0 + STOPPED), abs=0.006)
+    assert lost == pytest.approx((2.0, 3.0 + ROLL_OUT_S), abs=0.006)
 
 
 def test_what_is_left_must_be_long_enough(whole: dict[str, Array]) -> None:
@@ -116,11 +116,13 @@ def judged_parts(
     """A diagnosis whose search of everything finds that, and the logs that were searched."""
     seen: list[Log] = []
 
-    def once(_: Way, log: Log, __: Log | None) -> Found:
+    def once(_: Diagnoser, log: Log, __: Log | None) -> SearchOutcome:
         seen.append(log)
-        return Found(replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes), ())
+        return SearchOutcome(
+            replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes), ()
+        )
 
-    monkeypatch.setattr(Way, "once", once)
+    monkeypatch.setattr(Diagnoser, "search_once", once)
     monkeypatch.setattr(path_dependence, "MIN_PART_S", 6.0)
     return diagnose(columns, ROBOT), seen
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from raccoon.diagnose.drives.gravity import strange_acceleration
+from raccoon.diagnose.drives.gravity import describe_wrong_acceleration
 
 
 def felt(factor: float, gravity: float = 9.81, tilt: float = 0.1) -> dict[str, np.ndarray]:
@@ -30,13 +30,15 @@ def felt(factor: float, gravity: float = 9.81, tilt: float = 0.1) -> dict[str, n
     ],
 )
 def test_another_unit_is_said(factor: float, said: str) -> None:
-    assert said in strange_acceleration(felt(factor))
+    assert said in describe_wrong_acceleration(felt(factor))
 
 
 def test_nothing_is_said_of_what_is_right_or_feels_no_gravity() -> None:
     columns = felt(1.0)
-    assert strange_acceleration(columns) == ""
-    assert strange_acceleration(felt(1.05)) == ""
-    assert strange_acceleration(felt(1.0, gravity=0.0)) == ""  # a logger that takes it out
-    assert strange_acceleration({name: each for name, each in columns.items() if "z" not in name}) == ""
-    assert strange_acceleration({"t": columns["t"]}) == ""
+    assert describe_wrong_acceleration(columns) == ""
+    assert describe_wrong_acceleration(felt(1.05)) == ""
+    assert describe_wrong_acceleration(felt(1.0, gravity=0.0)) == ""  # a logger that takes it out
+    assert (
+        describe_wrong_acceleration({name: each for name, each in columns.items() if "z" not in name}) == ""
+    )
+    assert describe_wrong_acceleration({"t": columns["t"]}) == ""

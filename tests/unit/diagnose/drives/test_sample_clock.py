@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.sample_clock import (
     SampleClock,
-    arrivals,
-    counted,
-    of_one_age,
-    sample_clock,
-    wheel_of_one_age,
+    count_arrivals,
+    count_by_ticks,
+    find_sample_clock,
+    resample_to_one_age,
+    resample_wheel_to_one_age,
 )
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def test_rows_without_a_sample_or_with_two_tell_when_all_were_taken(
 ) -> None:
     seen = made(rate, drift, jitter)
     rates = (172.0, 199.0) if rate < 200.0 else (225.0, 275.0)
-    clock = sample_clock(TIME, counted(TIME, seen.bemf, seen.position, TICK), rates)
+    clock = find_sample_clock(TIME, count_by_ticks(TIME, seen.bemf, seen.position, TICK), rates)
     assert clock is not None
     assert 1.0 / clock.period == pytest.approx(rate, abs=0.4 if drift else 0.05)
     _, latest = clock.seen(TIME)
@@ -75,13 +75,13 @@ def test_rows_without_a_sample_or_with_two_tell_when_all_were_taken(
     assert np.abs(off).max() < 0.0004 + 10.0 * jitter
     assert np.median(np.abs(off)) < 0.0001 + 2.0 * jitter
 
-    even = wheel_of_one_age(clock, TIME, seen.bemf, seen.position, TICK)
+    even = resample_wheel_to_one_age(clock, TIME, seen.bemf, seen.position, TICK)
     wanted = speed(TIME - 0.5 * clock.period)
     loud = np.abs(wanted) > 5.0
     size = np.std((seen.bemf - wanted)[loud])
     assert np.std((even - wanted)[loud]) < (0.6 if jitter else 0.25) * size
 
-    summed = wheel_of_one_age(clock, TIME, seen.mean, seen.position, TICK, sums=True)
+    summed = resample_wheel_to_one_age(clock, TIME, seen.mean, seen.position, TICK, sums=True)
     assert np.std((summed - wanted)[loud]) < (0.6 if jitter else 0.4) * size
 
 
@@ -89,9 +89,9 @@ def test_a_channel_that_says_when_it_has_a_new_sample_has_a_clock_too() -> None:
     seen = made(188.0)
     number = np.searchsorted(seen.moments, TIME, side="right")
     gyro = np.where(np.diff(number, prepend=0) > 0, seen.bemf, np.nan)
-    clock = sample_clock(TIME, arrivals(TIME, gyro), (170.0, 199.0))
+    clock = find_sample_clock(TIME, count_arrivals(TIME, gyro), (170.0, 199.0))
     assert clock is not None
-    even = of_one_age(clock, TIME, gyro)
+    even = resample_to_one_age(clock, TIME, gyro)
     assert (np.isnan(even) == np.isnan(gyro)).all()
     wanted = speed(TIME - 0.5 * clock.period)
     assert np.nanstd(even - wanted) < 0.2 * np.nanstd(gyro - wanted)
@@ -99,25 +99,25 @@ def test_a_channel_that_says_when_it_has_a_new_sample_has_a_clock_too() -> None:
 
 def test_what_tells_no_clock_has_none() -> None:
     stands = np.zeros_like(TIME)
-    assert sample_clock(TIME, counted(TIME, stands, stands, TICK), (172.0, 199.0)) is None
+    assert find_sample_clock(TIME, count_by_ticks(TIME, stands, stands, TICK), (172.0, 199.0)) is None
     in_step = made(200.0)
-    rows = counted(TIME, in_step.bemf, in_step.position, TICK)
-    assert sample_clock(TIME, rows, (172.0, 199.0)) is None
+    rows = count_by_ticks(TIME, in_step.bemf, in_step.position, TICK)
+    assert find_sample_clock(TIME, rows, (172.0, 199.0)) is None
     random = np.random.default_rng(2)
     late = made(181.0)
-    rows = counted(TIME, late.bemf, random.permutation(late.position), TICK)
-    assert sample_clock(TIME, rows, (172.0, 199.0)) is None
+    rows = count_by_ticks(TIME, late.bemf, random.permutation(late.position), TICK)
+    assert find_sample_clock(TIME, rows, (172.0, 199.0)) is None
     known = np.isfinite(random.choice([1.0, np.nan], len(TIME), p=[0.9, 0.1]))
     gyro = np.where(known, 1.0, np.nan)
-    assert sample_clock(TIME, arrivals(TIME, gyro), (170.0, 199.0)) is None
+    assert find_sample_clock(TIME, count_arrivals(TIME, gyro), (170.0, 199.0)) is None
 
 
 def test_a_dead_zone_is_left_as_it_is() -> None:
     seen = made(181.0)
     heard = np.where(np.abs(seen.bemf) < 25.0, 0.0, seen.bemf)
-    clock = sample_clock(TIME, counted(TIME, heard, seen.position, TICK), (172.0, 199.0))
+    clock = find_sample_clock(TIME, count_by_ticks(TIME, heard, seen.position, TICK), (172.0, 199.0))
     assert clock is not None
-    even = wheel_of_one_age(clock, TIME, heard, seen.position, TICK, zone=25.0)
+    even = resample_wheel_to_one_age(clock, TIME, heard, seen.position, TICK, zone=25.0)
     assert (even[heard == 0.0] == 0.0).all()
     assert np.abs(even[heard != 0.0]).min() >= 25.0
 

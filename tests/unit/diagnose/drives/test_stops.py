@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.holdout import with_channels_of
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.drives.stops import BOTH, brakes, with_stops
-from raccoon.diagnose.drives.unseen import with_channels_of
+from raccoon.diagnose.drives.stops import MIXED_STOPS_NOTE, motors_brake, with_brake_by_stop
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
@@ -52,15 +52,15 @@ def stops(
 def test_a_robot_that_stops_in_one_way_is_asked_as_before(kinds: tuple[bool, ...]) -> None:
     columns, _ = stops(kinds)
     log = log_from_columns(columns, ROBOT)
-    assert with_stops(log) is log
-    assert brakes(log) is kinds[0]
+    assert with_brake_by_stop(log) is log
+    assert motors_brake(log) is kinds[0]
 
 
 def test_a_robot_that_does_both_is_taken_as_its_wheels_show() -> None:
     columns, braking = stops((True, False, False, True, True))
-    log = with_stops(log_from_columns(columns, ROBOT))
+    log = with_brake_by_stop(log_from_columns(columns, ROBOT))
     assert log.brake is not None
-    assert log.notes == (BOTH,)
+    assert log.notes == (MIXED_STOPS_NOTE,)
     for side in (0, 1):
         idle = log.duty[:, side] == 0.0
         assert np.array_equal(log.brake[idle, side], braking[idle])
@@ -71,7 +71,7 @@ def test_stops_of_both_kinds_are_no_loose_part() -> None:
     columns, _ = stops((True, False, False, True, True))
     found = diagnose(columns, ROBOT)
     assert (found.verdict, found.causes) == (Verdict.ADEQUATE, ())
-    assert BOTH in found.notes
+    assert MIXED_STOPS_NOTE in found.notes
     assert not any("loose" in each for each in found.notes)
 
 
@@ -79,7 +79,7 @@ def test_rows_decide_where_they_say() -> None:
     columns, braking = stops((True, False))
     columns |= {f"motor.{port}.brake": braking.astype(float) for port in (0, 1)}
     log = log_from_columns(columns, ROBOT)
-    assert with_stops(log) is log
+    assert with_brake_by_stop(log) is log
 
 
 def test_walls_and_slow_wheels_are_no_brakes() -> None:
@@ -93,7 +93,7 @@ def test_walls_and_slow_wheels_are_no_brakes() -> None:
                 np.where(np.abs(late - 0.125) < 0.375, held, 1.0) * columns[f"motor.{port}.bemf"]
             )
     log = log_from_columns(columns, ROBOT)
-    assert with_stops(log) is log
+    assert with_brake_by_stop(log) is log
 
 
 @pytest.mark.parametrize("ramp", [0.15, 0.2, 0.25])
@@ -101,7 +101,7 @@ def test_a_ramp_down_is_no_brake(ramp: float) -> None:
     """Its reading is late to show what the command has slowed down before it ends."""
     columns, _ = stops((False,), ramp)
     log = log_from_columns(columns, ROBOT)
-    assert with_stops(log) is log
+    assert with_brake_by_stop(log) is log
 
 
 @pytest.mark.parametrize("brake", [True, False])

@@ -12,7 +12,7 @@ import pytest
 from blind.generator import make
 from first_problem import problem_of
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.features import BIN, half_second
+from raccoon.diagnose.drives.features import BIN_S, bins_per_event
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.held_out import (
     HeldOut,
@@ -52,7 +52,7 @@ def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
 def test_how_far_is_too_far_depends_on_how_much_there_is_to_judge_on(
     seconds: float, adequate: float, wrong: float
 ) -> None:
-    bins = int(seconds / BIN)
+    bins = int(seconds / BIN_S)
     assert not held(np.full((bins, 2), adequate)).is_model_wrong
     assert held(np.full((bins, 2), wrong)).is_model_wrong
 
@@ -76,7 +76,7 @@ def test_what_wanders_has_as_many_values_as_it_forgets_itself_times_on_both_whee
     chance, unit = 1.0 + 0.2 * np.sqrt(12.0 / seconds), np.full(2, np.sqrt(2.0))
     most = np.sqrt(chance**2 + 3.0 * 0.5 * np.sqrt(2.0 / values))
     for size, far in ((0.99 * most, False), (1.01 * most, True)):
-        residual = np.full((int(seconds / BIN), 2), size) * unit
+        residual = np.full((int(seconds / BIN_S), 2), size) * unit
         assert replace(held(residual), expected=unit).is_model_wrong == far
 
 
@@ -89,7 +89,7 @@ def test_what_is_far_off_in_every_half_second_is_far_however_short_it_is() -> No
 
 @pytest.mark.parametrize(("seconds", "part"), [(3.0, 0.8), (12.0, 0.9), (30.0, 0.9)])
 def test_the_less_there_is_to_judge_on_the_more_harm_may_be_chance(seconds: float, part: float) -> None:
-    residual = np.ones((int(seconds / BIN), 2))
+    residual = np.ones((int(seconds / BIN_S), 2))
     assert replace(held(residual), size_after=1.3).harm_limit == pytest.approx(part * 1.3, rel=0.01)
 
 
@@ -168,12 +168,12 @@ def test_a_base_number_absorbs_as_far_as_it_may_go_from_where_it_is(place: float
 def test_another_factor_on_the_gyro_is_judged_by_half_seconds_of_whole_swings_as_well() -> None:
     width, bins = 0.16, 60
     residual = np.random.default_rng(3).standard_normal((bins, 2))
-    residual[: half_second(width)] *= 30.0  # a wheel that broke loose a moment late
+    residual[: bins_per_event(width)] *= 30.0  # a wheel that broke loose a moment late
     names, nothing = ("motor.0.bemf", "imu.gyro.z"), np.zeros(bins)
     time = np.asarray(width * np.arange(bins), np.float64)
     curves = [Curve(name, "", time, residual[:, index], nothing, nothing) for index, name in enumerate(names)]
     results = [ChannelResult(name, "", 1.0, 1.0, 1.0, 0.5) for name in names]
     found = GyroRescaling(tuple(results), tuple(curves)).residual_size(1.0)
-    assert half_second(width) == 3
+    assert bins_per_event(width) == 3
     assert found == pytest.approx(size_of(residual, np.ones(2), 3))
     assert found < 1.3

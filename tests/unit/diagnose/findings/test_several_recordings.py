@@ -49,7 +49,7 @@ def test_batteries_that_differ_are_said_with_the_resistance_of_each(
 ) -> None:
     asked = settings(*ohm)
     assert resistances(asked, 2) == pytest.approx(ohm)
-    said = separate_battery_notes(asked, replace(LOG, own_batteries=True))
+    said = separate_battery_notes(asked, replace(LOG, separate_batteries=True))
     assert bool(said) is told
     if told:
         assert said[0].startswith(

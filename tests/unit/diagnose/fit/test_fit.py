@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from blind.drives import exciting
-from raccoon.diagnose.drives.features import SHORTEST_BIN, Features
+from raccoon.diagnose.drives.features import MIN_BIN_S, Features
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit import backlash_scan, levenberg_marquardt
 from raccoon.diagnose.fit.backlash_scan import fit_scanned, places_of_play
@@ -274,7 +274,7 @@ def test_play_is_looked_for_between_as_finely_as_bins_are_short(problem: Problem
     """In bins of 5 ms, as a wheel loop takes to answer, play of 0.13 rad was nowhere beside sizes of 0.12 and
     0.15, and called unknown: a few hundredths of a radian from its size the teeth meet in other bins."""
     log = planned_log(exciting(np.random.default_rng(1), 8.0))
-    problem = replace(problem, features=Features.of(log, SHORTEST_BIN))
+    problem = replace(problem, features=Features.of(log, MIN_BIN_S))
     none = problem.nominal()
     true = none.with_cause("drive.backlash", np.array([1.3, 0.2]))
     measured = problem.predict([true])[0]

@@ -17,7 +17,7 @@ from blind.generator import make
 from blind.hidden import Hidden, draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.drives.driven import swing
+from raccoon.diagnose.drives.excitation import swing_period
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
@@ -314,7 +314,7 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
     for name in ("grown_on", "finished"):
         monkeypatch.setattr(f"raccoon.diagnose.habits.habit_search.{name}", lambda search: search)
     monkeypatch.setattr("raccoon.diagnose.habits.habit_search.with_lost_changes", lambda log, *_: log)
-    for names, seconds in ((SEVERAL, swing(log)), (SEVERAL[:1], 0.0)):
+    for names, seconds in ((SEVERAL, swing_period(log)), (SEVERAL[:1], 0.0)):
 
         def begun(start: Search, names: tuple[str, ...] = names) -> Search:
             point = start.fit.point
@@ -325,7 +325,7 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
         monkeypatch.setattr("raccoon.diagnose.habits.habit_search.begun", begun)
         _, habits, _ = search_with_habits(log, ROBOT, CAUSES, None)
         assert habits == replace(known, swing=seconds)
-    said = habit_notes(replace(known, swing=swing(log)), (), NOTHING_FITTED)
+    said = habit_notes(replace(known, swing=swing_period(log)), (), NOTHING_FITTED)
     assert any("times a second" in each for each in said)
 
 

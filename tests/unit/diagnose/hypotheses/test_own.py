@@ -26,7 +26,7 @@ from raccoon.diagnose.fit.linear_model import linearise
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes, own_cause
-from raccoon.diagnose.own import OwnEffect, Simulated, load_own
+from raccoon.diagnose.own import OwnEffect, Simulated, load_own_effects
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
@@ -84,7 +84,7 @@ def test_what_reaches_the_motors_can_be_an_idea_as_well() -> None:
     others = [
         each for each in drive_causes() if each.id.startswith(("actuation.", "bemf.", "imu.", "motor."))
     ]
-    (cause,) = diagnose(columns, ROBOT, causes=[*others, *map(own_cause, load_own(EXAMPLE))]).causes
+    (cause,) = diagnose(columns, ROBOT, causes=[*others, *map(own_cause, load_own_effects(EXAMPLE))]).causes
     assert cause.id == "team.slow_driver"
     assert cause.parameters["seconds"].value == pytest.approx(lag, rel=0.1)
 
@@ -93,7 +93,7 @@ def test_where_a_reading_that_it_needs_is_missing_it_is_not_identifiable_and_the
     columns = dict(make(3, [draw("bemf.offset", np.random.default_rng(3))], seconds=8.0).columns)
     del columns["imu.gyro.z"]
     causes = [each for each in drive_causes() if each.id == "bemf.offset"]
-    said = diagnose(columns, ROBOT, causes=[*causes, *map(own_cause, load_own(EXAMPLE))])
+    said = diagnose(columns, ROBOT, causes=[*causes, *map(own_cause, load_own_effects(EXAMPLE))])
     reasons = {each.id: each.reason for each in said.rejected}
     assert reasons["team.motor_hum"] == "not identifiable: there is no gyro reading in this recording"
     assert [each.id for each in said.causes] == ["bemf.offset"]
@@ -266,7 +266,7 @@ def test_what_is_no_python_file_is_not_run_as_one(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text("[controller]\n")
     with pytest.raises(ConfigError, match=r"robot\.toml: causes are a Python file, whose name ends in \.py"):
-        load_own(path)
+        load_own_effects(path)
 
 
 def test_a_program_in_place_of_causes_opens_no_robot(tmp_path: Path) -> None:
@@ -275,4 +275,4 @@ def test_a_program_in_place_of_causes_opens_no_robot(tmp_path: Path) -> None:
     with pytest.raises(
         ConfigError, match=r"team\.py: a program that is read, swept or replayed opens no robot"
     ):
-        load_own(path)
+        load_own_effects(path)

@@ -242,7 +242,7 @@ def test_a_lag_of_less_than_half_a_cycle_or_a_deadband_of_less_than_a_step_of_du
     """When in its cycle a controller reads made latencies of 2.6 ms of sound robots, and when in a pause a
     wheel breaks loose deadbands of 0.0018."""
     lag = replace(CAUSE, id=id_, where=None, parameters={name: ParameterResult(value, 1e-4, "s", 0.0)})
-    assert replace(lag, change=1.6, unabsorbed=0.2).little is little
+    assert replace(lag, change=1.6, unabsorbed=0.2).is_negligible is little
     text = terminal_report(replace(FOUND, causes=(replace(lag, change=1.6, unabsorbed=0.2),)))
     why = "less than half a cycle" if name != "duty" else "less than a step of the PWM"
     assert (f"too small to matter, {why}" in text) is little
@@ -253,14 +253,14 @@ def test_a_lag_matters_by_what_it_is_off_from_a_model_to_start_from(value: float
     """A simulation whose commands are 29 ms late, as the robot's are no more, does not fit."""
     number = ParameterResult(value, 1e-4, "s", 0.03)
     lag = replace(CAUSE, id="actuation.latency", where=None, parameters={"seconds": number}, change=1.6)
-    assert lag.little is little
+    assert lag.is_negligible is little
 
 
 @pytest.mark.usefixtures("words_only")
 @pytest.mark.parametrize(("change", "said"), [(0.04, True), (0.06, False), (np.nan, False)])
 def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) -> None:
     small = replace(CAUSE, change=change, unabsorbed=0.6 * change)
-    assert small.little is said
+    assert small.is_negligible is said
     found = replace(
         FOUND, verdict=Verdict.ADEQUATE if said else Verdict.EXPLAINED, causes=(small,), sensor_faults=()
     )

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.joined import joined
 from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.drives.log_joining import join_logs
 from raccoon.diagnose.habits.lost_commands import LostChange, with_change_at
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
@@ -75,12 +75,12 @@ def test_of_several_recordings_each_has_its_own_stops() -> None:
     if nothing ever braked, and something was loose."""
     every = np.ones(len(TIME), bool)
     logs = [log_from_columns(each, ROBOT) for each in (stops(every) | said(every), stops(~every))]
-    both = joined(logs)
+    both = join_logs(logs)
     assert both.brake is not None
     second = both.time >= both.runs[1].start
     assert both.brake[~second].all()
     assert not both.brake[second].any()
-    unsaid = joined(
+    unsaid = join_logs(
         [log_from_columns(stops(every) | said(every), ROBOT), log_from_columns(stops(every), ROBOT)]
     )
     assert unsaid.brake is not None

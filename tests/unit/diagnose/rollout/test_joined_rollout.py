@@ -7,8 +7,8 @@ import pytest
 
 from blind.generator import make
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.joined import joined
 from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.drives.log_joining import join_logs
 from raccoon.diagnose.habits.problems import starting_settings
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.per_recording import DIFFERS, RUN, run_coordinates, run_settings
@@ -28,13 +28,13 @@ def samples(log: Log, *variants: Settings) -> np.ndarray[tuple[int, ...], np.dty
 
 @pytest.fixture(scope="module")
 def both() -> Log:
-    return joined([log_from_columns(make(seed, seconds=5.0).columns, ROBOT) for seed in (1, 2)])
+    return join_logs([log_from_columns(make(seed, seconds=5.0).columns, ROBOT) for seed in (1, 2)])
 
 
 def test_they_are_what_each_is_alone_and_motors_are_cold_again(both: Log) -> None:
     hot = starting_settings(ROBOT, None) | HOT
     together = samples(both, hot | run_settings(2))
-    alone = np.concatenate([samples(each, hot) for each in both.single()], axis=2)
+    alone = np.concatenate([samples(each, hot) for each in both.split_recordings()], axis=2)
     np.testing.assert_array_equal(together, alone)
 
 

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.at_once import SAID
+from raccoon.diagnose.drives.battery_timing import BATTERY_AFTER_COMMAND_NOTE
 from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.log_building import understood
 
@@ -72,4 +72,4 @@ def test_a_logger_of_ones_own_may_read_the_battery_after_the_command(named_besid
         sag += 0.1 * duty * (6.8 * duty - volts) / 1.8
     columns["battery.voltage"] = 6.8 - sag
     made_by = replace(FIRMWARES["wombat-raccoon-21"], units=not named_beside)
-    assert (SAID in understood([columns], ROBOT, made_by).notes) is named_beside
+    assert (BATTERY_AFTER_COMMAND_NOTE in understood([columns], ROBOT, made_by).notes) is named_beside

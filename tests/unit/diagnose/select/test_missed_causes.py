@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.fit.noise_estimation import FORM_SHARE, SPARED
 from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
@@ -75,7 +75,7 @@ def test_in_bins_of_another_length_as_much_is_needed(problem: Problem, parts: fl
     form of a limit of the current makes of others is the same: 400 readings of (0.5 % of 9 noises) squared.
     """
     count, names = int(200 * parts), ("motor.current_limit", "a", "b", "c", "d")
-    features = replace(problem.features, width=BIN / parts, measured=np.zeros((count, 2)))
+    features = replace(problem.features, width=BIN_S / parts, measured=np.zeros((count, 2)))
     noise = white_noise(np.full(2, np.sqrt(parts)), np.zeros(count, np.intp))
     response = np.full((count, 2), np.hypot(9.0, SPARED) / form_weight(names[0]))
     asked = SimpleNamespace(

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.answer import Found
-from raccoon.diagnose.diagnosis import Way
-from raccoon.diagnose.drives.log import Change, Log
+from raccoon.diagnose.diagnosis import Diagnoser
+from raccoon.diagnose.drives.log import Log, StepChange
+from raccoon.diagnose.search_outcome import SearchOutcome
 from raccoon.diagnose.unknown.step_change import change_probes, find_step_change
 
 TIME = np.asarray(0.02 * np.arange(1500), np.float64)
@@ -81,7 +81,7 @@ def test_the_response_to_a_wheel_that_grew_is_what_it_turns_the_robot_by_from_th
         ("drive.track_width", None, "factor"): 1.0,
         ("imu.gyro_scale", None, "factor"): 1.0,
     }
-    problem: Any = SimpleNamespace(change=Change(17.3, "left"), features=features, robot=robot)
+    problem: Any = SimpleNamespace(change=StepChange(17.3, "left"), features=features, robot=robot)
     wheels = np.column_stack([WHEELS["left"], WHEELS["right"]])
     (probe,) = change_probes(problem, settings, wheels)
     drive = robot.model.drive
@@ -95,16 +95,16 @@ def test_the_response_to_a_wheel_that_grew_is_what_it_turns_the_robot_by_from_th
 def test_what_changed_is_beside_all_that_is_sought_again(monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
     logs: list[Log] = []
 
-    def once(_: Way, log: Log, __: None) -> Found:
+    def once(_: Diagnoser, log: Log, __: None) -> SearchOutcome:
         logs.append(log)
         depends_on = ("time (right wheel)",) if told and log.change else ()
         said: Any = SimpleNamespace(
             causes=(), channels=(), unexplained=SimpleNamespace(depends_on=depends_on), asked=len(logs)
         )
-        return Found(said, (), None if log.change else Change(17.3, "right"))
+        return SearchOutcome(said, (), None if log.change else StepChange(17.3, "right"))
 
-    monkeypatch.setattr(Way, "once", once)
+    monkeypatch.setattr(Diagnoser, "search_once", once)
     log = Log(TIME, np.zeros((len(TIME), 2)), ())
-    found: Any = Way(RobotConfig(), (), None, None, 0.0)._changed(log, None)
-    assert [each.change for each in logs] == [None, Change(17.3, "right")]
+    found: Any = Diagnoser(RobotConfig(), (), None, None, 0.0)._with_step_change(log, None)
+    assert [each.change for each in logs] == [None, StepChange(17.3, "right")]
     assert found.diagnosis.asked == (2 if told else 1)

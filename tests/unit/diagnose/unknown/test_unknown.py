@@ -12,7 +12,7 @@ from blind.hidden import Hidden, draw
 from first_problem import problem_of
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.linear_model import Group, Linear, coulomb_response, linearise
@@ -85,7 +85,7 @@ def test_friction_that_is_another_from_a_moment_on_is_a_curve(problem: Problem) 
     linear = linearise(problem, problem.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
     name = f"{UNKNOWN_PREFIX}{FRICTION_OVER_TIME}"
     assert name not in {each.name for each in make_probe_function(problem)(linear)}  # not of every drive
-    asked = make_probe_function(replace(problem, rubs_anew=True))
+    asked = make_probe_function(replace(problem, friction_may_change=True))
     found = next(each for each in asked(linear) if each.name == name)
     later = problem.features.time > problem.features.time[0] + 0.3 * problem.features.time[-1]
     change = np.zeros_like(linear.residual)
@@ -137,10 +137,10 @@ def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> N
     found = estimate_motion(replace(problem, features=replace(problem.features, measured=measured)), settings)
     assert found is not None
     bins = len(measured)
-    assert found.angle[-1] == pytest.approx([5.0 * bins * BIN, 7.0 * bins * BIN])
-    assert found.heading[-1] == pytest.approx(0.5 * bins * BIN)
+    assert found.angle[-1] == pytest.approx([5.0 * bins * BIN_S, 7.0 * bins * BIN_S])
+    assert found.heading[-1] == pytest.approx(0.5 * bins * BIN_S)
     way = np.hypot(np.diff(found.x), np.diff(found.y)).sum()
-    assert way == pytest.approx(6.0 * 1.01 * model.drive.wheel_radius.value * (bins - 1) * BIN)
+    assert way == pytest.approx(6.0 * 1.01 * model.drive.wheel_radius.value * (bins - 1) * BIN_S)
 
 
 def test_a_gyro_that_drifts_does_not_turn_the_robot(problem: Problem) -> None:

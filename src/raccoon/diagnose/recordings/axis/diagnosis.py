@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.unseen import said_of_holdout
+from raccoon.diagnose.drives.holdout import naming_holdout
 from raccoon.diagnose.fit.noise_model import whiteness
 from raccoon.diagnose.recordings.axis.causes import unit_of
 from raccoon.diagnose.recordings.axis.fit import BOUND_TOLERANCE
@@ -27,7 +27,7 @@ from raccoon.diagnose.recordings.axis.residual_dependence import residual_depend
 from raccoon.diagnose.recordings.axis.search import MAX_TIE, TriedCause, cause_similarity
 from raccoon.diagnose.recordings.axis.sentences import axis_sentence
 from raccoon.diagnose.result import (
-    LARGE_REST,
+    MAX_UNEXPLAINED_SHARE,
     CauseResult,
     ChannelResult,
     Curve,
@@ -79,7 +79,7 @@ def diagnose_axis(columns: Columns, port: int, name: AxisName, holdout: Columns 
     log = axis_log(columns, port)
     other = None
     if holdout is not None:
-        with said_of_holdout():
+        with naming_holdout():
             other = with_channels_of(log, axis_log(holdout, port))
     return _diagnosis(judge_axis(log, other), name, begin)
 
@@ -96,7 +96,7 @@ def _diagnosis(judged: JudgedAxis, name: AxisName, begin: float) -> Diagnosis:
         if is_far_from_floor or remaining_share > 0.1
         else ()
     )
-    has_large_rest = is_far_from_floor or (remaining_share > LARGE_REST and bool(dependences))
+    has_large_rest = is_far_from_floor or (remaining_share > MAX_UNEXPLAINED_SHARE and bool(dependences))
     return Diagnosis(
         _verdict(bool(causes), has_large_rest),
         channels,

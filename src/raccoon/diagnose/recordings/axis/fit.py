@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.binned import runs
+from raccoon.diagnose.drives.bins import runs_of_true
 from raccoon.diagnose.recordings.axis.log import AxisLog
 from raccoon.diagnose.recordings.axis.model import NEUTRAL_VALUES, Stretches, simulate
 
@@ -249,7 +249,7 @@ def cut_stretches(log: AxisLog, time_constant: float, keep: RowFilter, overlap: 
     kept_rows = [index for index in first_rows if keep(np.arange(index, index + length, dtype=np.intp)).all()]
     if log.is_speed and not kept_rows:  # as where 30 of 100 s are kept and a stretch is 60 s
         is_kept = keep(np.arange(count, dtype=np.intp))
-        begin, end = max(runs(is_kept), key=lambda each: each[1] - each[0], default=(0, 0))
+        begin, end = max(runs_of_true(is_kept), key=lambda each: each[1] - each[0], default=(0, 0))
         length = min(length, end - begin)
         kept_rows = [np.intp(begin)] if length > 1 else []
     return (

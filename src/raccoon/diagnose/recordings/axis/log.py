@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.unseen import check_has
+from raccoon.diagnose.drives.holdout import check_none_missing
 from raccoon.trace.recording import mistaken_step
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
 def with_channels_of(fitted: AxisLog, other: AxisLog) -> AxisLog:
     """Another log of the same axis with the channels of the fitted one. Raises TraceError naming what it
     lacks."""
-    check_has(
+    check_none_missing(
         [ours for ours, theirs in zip(fitted.names[:2], other.names[:2], strict=True) if ours != theirs]
     )
     if other.full_effort <= float(
@@ -108,7 +108,7 @@ def with_channels_of(fitted: AxisLog, other: AxisLog) -> AxisLog:
         other = replace(other, full_effort=fitted.full_effort)
     if fitted.current is None:
         return replace(other, current=None)
-    check_has([fitted.names[2]] if other.current is None else [])
+    check_none_missing([fitted.names[2]] if other.current is None else [])
     return other
 
 

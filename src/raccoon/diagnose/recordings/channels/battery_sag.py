@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.binned import bin_means, low_passed
-from raccoon.diagnose.drives.commands import until_next
+from raccoon.diagnose.drives.bins import bin_means, low_pass
+from raccoon.diagnose.drives.commands import hold_until_next
 from raccoon.diagnose.result import SensorFault
 from raccoon.trace.recording import usual_step
 
@@ -84,7 +84,7 @@ def estimate_sag(columns: Columns, robot: RobotConfig) -> Sag | None:
     count = int(bins[-1]) + 1
     voltage = bin_means(bins, reading, count)
     charge = bin_means(bins, np.cumsum(np.abs(activity[0])) * step, count)
-    filtered = [low_passed(each, step, seconds) for each in activity for seconds in FILTER_TAUS_S]
+    filtered = [low_pass(each, step, seconds) for each in activity for seconds in FILTER_TAUS_S]
     table = np.column_stack([np.ones(count), charge, *(bin_means(bins, each, count) for each in filtered)])
     known = np.flatnonzero(np.isfinite(voltage) & np.isfinite(table).all(axis=1))
     if len(known) < MIN_BINS:
@@ -134,7 +134,7 @@ def _motor_activity(columns: Columns, robot: RobotConfig) -> Array | None:
         back_emf = np.interp(time, time[known], back_emf[known])
         if bemf is not None:  # without its filter's lag, which at a reversing wheel is half of the current
             back_emf += robot.model.bemf.filter_time_constant.value * np.gradient(back_emf, time)
-        command = until_next(duty)
+        command = hold_until_next(duty)
         full = robot.model.battery.open_circuit_voltage.value
         drawn = command * (command * full - back_emf) / motor.armature_resistance.value
         total += [drawn, np.abs(command), back_emf**2, np.abs(np.gradient(back_emf, time))]

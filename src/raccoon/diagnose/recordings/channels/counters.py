@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import Device
-from raccoon.diagnose.drives.log import FEWEST, is_read
+from raccoon.diagnose.drives.log import MIN_READINGS, has_readings
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 from raccoon.diagnose.rollout.dead_zone_evidence import ZONE
 from raccoon.trace.recording import ports_in, usual_step
@@ -67,7 +67,7 @@ class CounterBemf:
     def _without_zones(self, found: Diagnosis, names: list[str]) -> Diagnosis:
         remaining = [each for each in found.causes if each.name not in names]
         ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(remaining, start=1))
-        is_adequate = found.verdict is Verdict.EXPLAINED and all(each.little for each in ranked)
+        is_adequate = found.verdict is Verdict.EXPLAINED and all(each.is_negligible for each in ranked)
         reason = (
             f"not identifiable: whole ticks of {' and '.join(self.counters)} hide readings below "
             f"{self.hidden_counts:.2g} counts as such a zone does"
@@ -92,9 +92,9 @@ def with_counter_bemf(columns: Columns, robot: RobotConfig, device: Device) -> C
     derived, counters = dict(columns), []
     for port in (robot.drive.left, robot.drive.right):
         counter, reading = f"motor.{port}.position", f"motor.{port}.bemf"
-        if any(is_read(columns, each) for each in (reading, f"motor.{port}.speed")):
+        if any(has_readings(columns, each) for each in (reading, f"motor.{port}.speed")):
             continue
-        if is_read(columns, counter):
+        if has_readings(columns, counter):
             derived[reading] = device.position_counts_seconds * _tick_rate(columns["t"], columns[counter])
             counters.append(counter)
     has_whole_ticks = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in counters)
@@ -107,10 +107,10 @@ def counter_reset_notes(columns: Columns, robot: RobotConfig) -> tuple[str, ...]
     """A note where both wheels' counters jump once, in the same row: two drives joined at rest show nothing
     else. A program that clears its counters for each motion does so more often."""
     names = [f"motor.{port}.position" for port in (robot.drive.left, robot.drive.right)]
-    if not all(is_read(columns, each) for each in names):
+    if not all(has_readings(columns, each) for each in names):
         return ()
     known = np.flatnonzero(np.isfinite(columns[names[0]]) & np.isfinite(columns[names[1]]))
-    if len(known) < FEWEST:
+    if len(known) < MIN_READINGS:
         return ()
     steps = np.abs([np.diff(columns[each][known]) for each in names])
     usual_steps = np.percentile(steps, 99.0, axis=1, keepdims=True)

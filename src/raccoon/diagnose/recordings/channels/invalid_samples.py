@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.commands import until_next
+from raccoon.diagnose.drives.commands import hold_until_next
 from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.result import SensorFault
 
@@ -114,7 +114,7 @@ def command_behind(role: str, columns: Mapping[str, Array], robot: RobotConfig) 
     None where it is missing."""
     ports = {"left": robot.drive.left, "right": robot.drive.right}
     commands = {
-        side: (-1.0 if robot.motor(port).inverted else 1.0) * until_next(columns[f"motor.{port}.duty"])
+        side: (-1.0 if robot.motor(port).inverted else 1.0) * hold_until_next(columns[f"motor.{port}.duty"])
         for side, port in ports.items()
         if f"motor.{port}.duty" in columns
     }

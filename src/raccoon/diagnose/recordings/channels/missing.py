@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import column_names, is_read
+from raccoon.diagnose.drives.log import column_names, has_readings
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ def _rejected_without_wheels(
     """All groups of causes rejected where no wheel is measured, also those of the gyro, which turns with the
     wheels."""
     wheels = [name for role, name in names.items() if role.startswith(("bemf", "speed"))]
-    if any(is_read(columns, name) for name in wheels):
+    if any(has_readings(columns, name) for name in wheels):
         return ()
     broken = [describe_absence(name, left_out) for name in wheels if name in left_out]
     sides = (" or ".join(names[f"{kind}_{side}"] for kind in ("bemf", "speed")) for side in ("left", "right"))

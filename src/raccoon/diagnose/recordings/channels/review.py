@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.log import column_names, is_read
+from raccoon.diagnose.drives.log import column_names, has_readings
 from raccoon.diagnose.findings.deviations import without_deviation_notes
 from raccoon.diagnose.recordings.channels.faulty import CheckedColumns
 from raccoon.diagnose.recordings.channels.missing import describe_absence
@@ -71,7 +71,7 @@ def _without_causes_of_uneven_time(found: Diagnosis) -> Diagnosis:
     kept = tuple(each for each in found.causes if each not in dropped)
     reason = "not judged: t is uneven, which may look like as much of it as was found"
     verdict = found.verdict
-    if not any(not each.little for each in kept):
+    if not any(not each.is_negligible for each in kept):
         verdict = Verdict.NOT_IDENTIFIABLE
     elif verdict is Verdict.EXPLAINED:
         verdict = Verdict.PARTLY
@@ -92,7 +92,7 @@ def _unchecked_notes(found: Diagnosis, checked: CheckedColumns, robot: RobotConf
         elif (
             role == "battery"
             and found.channels
-            and not is_read(checked.columns, name)
+            and not has_readings(checked.columns, name)
             and not _has_no_duties(checked, robot)
         ):
             notes.append(f"{reason}: the battery was checked by the wheels alone")
@@ -103,7 +103,7 @@ def _has_no_duties(checked: CheckedColumns, robot: RobotConfig) -> bool:
     """Whether no wheel has duties: volts were commanded, which hide the battery and have a note of their
     own."""
     ports = (robot.drive.left, robot.drive.right)
-    return not any(is_read(checked.columns, f"motor.{port}.duty") for port in ports)
+    return not any(has_readings(checked.columns, f"motor.{port}.duty") for port in ports)
 
 
 def _is_unfollowed(name: str, error: float, columns: Columns, robot: RobotConfig) -> bool:
@@ -127,7 +127,7 @@ def _counting_error(values: Array) -> float:
 def _unmeasured_wheel_notes(checked: CheckedColumns, robot: RobotConfig) -> tuple[str, ...]:
     """A note on the wheel that is not measured, where the other one is."""
     missing = {
-        port: not any(is_read(checked.columns, f"motor.{port}.{kind}") for kind in ("bemf", "speed"))
+        port: not any(has_readings(checked.columns, f"motor.{port}.{kind}") for kind in ("bemf", "speed"))
         for port in (robot.drive.left, robot.drive.right)
     }
     if all(missing.values()) or not any(missing.values()):

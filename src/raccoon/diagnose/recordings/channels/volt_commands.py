@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import BatteryModel, Measured, RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.commands import until_next
-from raccoon.diagnose.drives.unseen import check_has, said_of_holdout
+from raccoon.diagnose.drives.commands import hold_until_next
+from raccoon.diagnose.drives.holdout import check_none_missing, naming_holdout
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
@@ -54,7 +54,7 @@ def duties_by_battery_reading(columns: Columns, robot: RobotConfig) -> Columns |
     known = reading[reading > 0.0]
     if len(known) < MIN_READINGS:
         return None
-    last_reading = until_next(np.where(reading > 0.0, reading, np.nan))
+    last_reading = hold_until_next(np.where(reading > 0.0, reading, np.nan))
     voltage = np.where(last_reading > 0.0, last_reading, known[0])
     volts = _commanded_volts(columns, robot)
     if any(
@@ -78,7 +78,7 @@ def duties_of_stiff_battery(
     volts = _commanded_volts(columns, robot)
     largest = _largest_volts(volts)
     if holdout is not None:
-        with said_of_holdout():
+        with naming_holdout():
             largest = max(largest, _largest_volts(_commanded_volts(holdout, robot)))
     supply = max(largest, robot.model.battery.open_circuit_voltage.value)
     others = {name: each for name, each in columns.items() if name != "battery.voltage"}
@@ -90,7 +90,7 @@ def duties_of_stiff_battery(
 
 def _commanded_volts(columns: Columns, robot: RobotConfig) -> dict[int, Array]:
     names = {port: f"motor.{port}.voltage" for port in (robot.drive.left, robot.drive.right)}
-    check_has([name for name in names.values() if name not in columns])
+    check_none_missing([name for name in names.values() if name not in columns])
     return {port: np.asarray(columns[name], float) for port, name in names.items()}
 
 

@@ -16,7 +16,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.doing import tell
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device
-from raccoon.diagnose.drives.driven import moves
+from raccoon.diagnose.drives.excitation import is_driven
 from raccoon.diagnose.habits.controller import fit_habits
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.recordings.channels.counters import with_counter_bemf
@@ -72,6 +72,6 @@ def _controller_misfit(
     causes = zone_firmware.asked_for(drive_causes(), filters=firmware is not None)
     return (
         fit_habits(log, robot, causes, zone_firmware.start(robot, None), firmware).log_misfit
-        if moves(log)
+        if is_driven(log)
         else np.inf
     )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.diagnose.drives.times import check_time
+from raccoon.diagnose.drives.time_column import check_time
 from raccoon.diagnose.findings.fitted_model import with_causes
 from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
 from raccoon.diagnose.recordings.channels.review import wrong_robot_notes

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
-from raccoon.diagnose.drives.times import check_time
-from raccoon.diagnose.drives.unseen import are_missing
+from raccoon.diagnose.drives.holdout import missing_phrase
+from raccoon.diagnose.drives.time_column import check_time
 from raccoon.diagnose.recordings.axis.diagnosis import AxisName, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORT_UNITS, MOTION_UNITS
 from raccoon.diagnose.recordings.channels.invalid_samples import without_invalid_samples
@@ -237,7 +237,7 @@ def _join_diagnoses(
         rejected += supply.rejected
         causes += [] if supply.cause is None else [supply.cause]
     else:
-        reason = f"not identifiable: {are_missing(missing)}" if missing else NO_LOAD_CHANGE
+        reason = f"not identifiable: {missing_phrase(missing)}" if missing else NO_LOAD_CHANGE
         rejected.append(Rejected("battery.internal_resistance", reason))
     identified = {
         name if len(ports) == 1 else f"motor.{port}.{name}": value

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.times import check_time
+from raccoon.diagnose.drives.time_column import check_time
 from raccoon.diagnose.recordings.motors.reading_faults import ReadingFaults, reading_faults
 from raccoon.diagnose.reports.manoeuvre_text import MANOEUVRES
 from raccoon.diagnose.result import (

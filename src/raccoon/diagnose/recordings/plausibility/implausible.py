@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import arranged
-from raccoon.diagnose.drives.speed_loop import SpeedLoop, speed_loop
-from raccoon.diagnose.drives.units import driven_freely
+from raccoon.diagnose.drives.log import arrange_columns
+from raccoon.diagnose.drives.speed_loop import SpeedLoop, find_speed_loop
+from raccoon.diagnose.drives.units import only_free_driving
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.recordings.plausibility.rounded_commands import with_rounding_doubt
 from raccoon.diagnose.result import (
@@ -94,9 +94,9 @@ def diagnose_speed_commands(
     """The diagnosis of commands that are clearly speeds; None for others. A search over a loop's commands
     takes minutes, and names nothing. Raises TraceError as `diagnose`."""
     begin = time.perf_counter()
-    loop = speed_loop(arranged(columns, robot), robot)
+    loop = find_speed_loop(arrange_columns(columns, robot), robot)
     if loop is not None:
-        loop = speed_loop(understood([columns], robot, firmware), robot)
+        loop = find_speed_loop(understood([columns], robot, firmware), robot)
     if loop is None or not loop.clear:
         return None
     rejected = tuple(Rejected(id_, "") for id_ in dict.fromkeys(each.id for each in drive_causes()))
@@ -113,8 +113,8 @@ def with_plausibility_hints(found: Diagnosis, columns: Columns, robot: RobotConf
         for each in found.causes
     )
     if is_too_quick or not found.causes:
-        log = arranged(columns, robot)
-        loop = speed_loop(driven_freely(log, robot), robot)
+        log = arrange_columns(columns, robot)
+        loop = find_speed_loop(only_free_driving(log, robot), robot)
         if loop is not None:
             return _with_speed_commands(found, robot, loop, is_certain=is_too_quick or loop.clear)
     time_notes = _stretched_time_notes(found)
@@ -179,7 +179,7 @@ def _with_range_hint(cause: CauseResult) -> CauseResult:
     plausible = PLAUSIBLE_RANGES.get(cause.id)
     if (
         plausible is None
-        or cause.little
+        or cause.is_negligible
         or plausible.low <= _factor(cause, plausible.parameter) <= plausible.high
     ):
         return cause

@@ -24,7 +24,7 @@ from raccoon.diagnose.recordings.reference.search_start import (
 )
 from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.result import (
-    LARGE_REST,
+    MAX_UNEXPLAINED_SHARE,
     CauseResult,
     Diagnosis,
     Gain,
@@ -125,9 +125,9 @@ def _with_reference_causes(
         text = f"{explanation_sentence(id_, None, values)} {SAID_BY_REFERENCE}"
         probability, gain = certainty / (1.0 + len(rivals)), Gain(without, size_after, gain_share)
         causes.append(CauseResult(id_, None, 0, values, gain, probability, rivals, text, change, unabsorbed))
-    causes.sort(key=lambda each: (each.little, -each.unabsorbed))
+    causes.sort(key=lambda each: (each.is_negligible, -each.unabsorbed))
     ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(causes, start=1))
-    matters = any(not each.little for each in ranked)
+    matters = any(not each.is_negligible for each in ranked)
     return replace(
         found,
         causes=ranked,
@@ -180,7 +180,7 @@ def _verdict(found: Diagnosis, share: float) -> Verdict:
     """The verdict of a diagnosis with one more cause that matters."""
     if found.verdict is Verdict.ADEQUATE:
         return Verdict.EXPLAINED
-    if found.unexplained.depends_on or share >= LARGE_REST:
+    if found.unexplained.depends_on or share >= MAX_UNEXPLAINED_SHARE:
         return Verdict.PARTLY
     return Verdict.EXPLAINED
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.binned import when
+from raccoon.diagnose.drives.bins import describe_spans
 from raccoon.diagnose.recordings.reference.stretches import MIN_SAMPLES
 from raccoon.diagnose.result import SensorFault
 from raccoon.trace.recording import usual_step
@@ -43,14 +43,15 @@ def check_pose(columns: Columns, robot: RobotConfig) -> tuple[dict[str, Array], 
             faults.append(SensorFault(name, "missing", text))
             continue
         if spans := _find_gaps(time, known):
-            text = f"{name} has no number {when(spans)}: the reference lost the robot, check its view of it"
+            when = describe_spans(spans)
+            text = f"{name} has no number {when}: the reference lost the robot, check its view of it"
             faults.append(SensorFault(name, "lost", text))
         if motion is not None and (rows := _find_frozen(time, values, motion[name == POSE_COLUMNS[2]])):
             spans = [(float(time[first]), float(time[last])) for first, last in rows]
             does = "turns" if name == POSE_COLUMNS[2] else "drives"
             text = (
-                f"{name} stands still {when(spans)} although the robot {does}: left out there, check "
-                "whether the reference still sees the robot"
+                f"{name} stands still {describe_spans(spans)} although the robot {does}: left out there, "
+                "check whether the reference still sees the robot"
             )
             faults.append(SensorFault(name, "frozen", text))
             values = values.copy()

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.commands import braked, until_next
+from raccoon.diagnose.drives.commands import brake_in_force, hold_until_next
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def limit_duration(columns: Columns, *, shorten_pauses: bool = True) -> tuple[Co
     if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
         return columns, ()  # not a time at all, which `check_time` refuses
     time, pause_notes = _shorten_pauses(time) if shorten_pauses else (time, ())
-    commands = {name: until_next(each) for name, each in columns.items() if _COMMAND.fullmatch(name)}
+    commands = {name: hold_until_next(each) for name, each in columns.items() if _COMMAND.fullmatch(name)}
     driven = np.any([each != 0.0 for each in commands.values()], axis=0)
     driven_part, part_notes = _select_driven_rows(time, driven)
     if part_notes:
@@ -53,7 +53,7 @@ def _filled_brake_columns(columns: Columns) -> dict[str, Array]:
     """The brake columns by name, with a value in every row."""
     duties = {name: name.replace(".brake", ".duty") for name in columns if _BRAKE.fullmatch(name)}
     return {
-        name: braked(columns[name], columns[duty])
+        name: brake_in_force(columns[name], columns[duty])
         for name, duty in duties.items()
         if duty in columns and np.isfinite(columns[name]).any()
     }

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.binned import runs
+from raccoon.diagnose.drives.bins import runs_of_true
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -99,7 +99,7 @@ def _find_line_steps(duty: NDArray[np.float64]) -> tuple[list[tuple[float, NDArr
     """Isolated steps of a command along a straight line, as the step's size and each row's share of it; and
     the number of isolated steps that are no such line."""
     changes = np.diff(duty)
-    spans = runs(changes != 0.0)
+    spans = runs_of_true(changes != 0.0)
     next_starts = [*(start for start, _ in spans[1:]), len(duty)]
     lines, jumps, previous_end = [], 0, -MIN_STILL_ROWS
     for (start, end), next_start in zip(spans, next_starts, strict=False):
@@ -127,7 +127,7 @@ def _interpolated_share(values: NDArray[np.float64]) -> float:
     if changing.sum() < MIN_CHANGING_ROWS or _is_quantised(known):
         return 0.0
     straight = changing & (np.abs(np.diff(steps)) <= LINE_TOLERANCE * np.abs(steps[1:]))
-    lengths = [end - start for start, end in runs(straight)]
+    lengths = [end - start for start, end in runs_of_true(straight)]
     return float(sum(each for each in lengths if each <= MAX_LINE_ROWS) / changing.sum())
 
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.joined import said_of_recording
-from raccoon.diagnose.drives.times import check_step
+from raccoon.diagnose.drives.log_joining import naming_recording
+from raccoon.diagnose.drives.time_column import check_step
 from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.rows.duration import limit_duration
 from raccoon.diagnose.recordings.rows.interpolation import check_not_interpolated
@@ -50,7 +50,7 @@ def select_unique_rows_of_each(
     """`select_unique_rows` of every recording after the first; notes and errors give its number."""
     selected, notes = [], []
     for number, each in enumerate(recordings, 1):
-        with said_of_recording(number):
+        with naming_recording(number):
             columns, row_notes = select_unique_rows(each, kind)
         selected.append(columns)
         notes += [f"recording {number + 1}: {note}" for note in row_notes]

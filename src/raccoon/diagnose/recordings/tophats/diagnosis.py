@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.times import check_time
+from raccoon.diagnose.drives.time_column import check_time
 from raccoon.diagnose.findings.fitted_model import with_causes
 from raccoon.diagnose.recordings.tophats.fit import NominalSensor
 from raccoon.diagnose.recordings.tophats.judge import SensorDiagnosis, diagnose_sensor

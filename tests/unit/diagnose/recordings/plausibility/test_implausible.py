@@ -12,7 +12,7 @@ from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.drives.speed_loop import speed_loop
+from raccoon.diagnose.drives.speed_loop import find_speed_loop
 from raccoon.diagnose.recordings import drive as drive_diagnosis
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.plausibility.implausible import (
@@ -54,21 +54,21 @@ def slowly(columns: Columns) -> Columns:
 
 
 def test_a_loop_takes_friction_from_no_speed() -> None:
-    found = speed_loop(log_from_columns(driven(0.02), ROBOT), ROBOT)
+    found = find_speed_loop(log_from_columns(driven(0.02), ROBOT), ROBOT)
     assert found is not None
     assert found.counts == pytest.approx(5.0 / BEMF_VOLTS_PER_COUNT, rel=0.01)
     assert found.taken == pytest.approx(0.02, abs=0.01)
     still = replace(log_from_columns(driven(0.02), ROBOT), duty=np.full((3200, 2), 0.5))
-    assert speed_loop(still, ROBOT) is None  # one command
+    assert find_speed_loop(still, ROBOT) is None  # one command
     for other in (driven(0.3), driven(0.02, right=0.9)):  # friction; two motors that are not alike
-        assert speed_loop(log_from_columns(other, ROBOT), ROBOT) is None
+        assert find_speed_loop(log_from_columns(other, ROBOT), ROBOT) is None
 
 
 def test_a_duty_of_a_robot_that_rubs_less_is_no_speed() -> None:
     """robot.toml of another robot: a command of 1 was the battery's voltage, and friction a third."""
     less = driven(0.09, per_duty=6.65)
-    assert speed_loop(log_from_columns(less, ROBOT), ROBOT) is None
-    assert speed_loop(log_from_columns(driven(0.01, per_duty=6.65), ROBOT), ROBOT) is not None
+    assert find_speed_loop(log_from_columns(less, ROBOT), ROBOT) is None
+    assert find_speed_loop(log_from_columns(driven(0.01, per_duty=6.65), ROBOT), ROBOT) is not None
     found = with_plausibility_hints(diagnosis(cause(RESISTANCE, factor(0.3))), less, ROBOT)
     assert "is it this robot's?" in found.causes[0].explanation
 

@@ -417,7 +417,7 @@ def test_without_a_gyro_a_track_width_that_the_reference_has_is_a_cause_all_the_
     assert (cause.name, cause.rank, cause.confounded_with) == ("drive.track_width", 1, ())
     assert cause.parameters["factor"].value == pytest.approx(1.07, abs=0.005)
     assert "The recorded reference says so." in cause.explanation
-    assert not cause.little
+    assert not cause.is_negligible
     assert found.verdict is Verdict.EXPLAINED
     assert found.model is not None
     assert found.model.value("drive.track_width", "factor") == pytest.approx(1.07, abs=0.005)

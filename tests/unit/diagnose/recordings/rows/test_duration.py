@@ -5,7 +5,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.log import arranged
+from raccoon.diagnose.drives.log import arrange_columns
 from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.rows.duration import MARGIN_S, MAX_DURATION_S, MAX_PAUSE_S, limit_duration
 from raccoon.diagnose.recordings.rows.selection import select_rows, select_unique_rows_of_each
@@ -69,7 +69,7 @@ def test_a_motor_that_was_told_to_brake_still_does_in_a_part() -> None:
     found, (said,) = limit_duration(columns)
     assert "only 10.0 to 40.0 s" in said
     part = (columns["t"] >= found["t"][0]) & (columns["t"] <= found["t"][-1])
-    whole, less = arranged(columns, RobotConfig()).brake, arranged(found, RobotConfig()).brake
+    whole, less = arrange_columns(columns, RobotConfig()).brake, arrange_columns(found, RobotConfig()).brake
     assert whole is not None
     assert less is not None
     np.testing.assert_array_equal(less, whole[part])

@@ -13,10 +13,14 @@ from blind.hidden import CAUSES, UNKNOWN, Hidden, draw, draw_unknown
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import MOTOR_PORTS, Outputs
-from raccoon.diagnose.drives.held import not_free, of_free_driving, with_free_driving
+from raccoon.diagnose.drives.disturbances import without_disturbances
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.drives.moments import without_moments
-from raccoon.diagnose.drives.units import check_units, strange_units
+from raccoon.diagnose.drives.obstructions import (
+    find_obstructed_stretches,
+    leave_out_obstructed,
+    without_held_readings,
+)
+from raccoon.diagnose.drives.units import check_units, describe_wrong_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Verdict
@@ -60,7 +64,7 @@ def touched(recording: Recording) -> tuple[float, float]:
 
 def test_a_push_against_a_wall_is_found(pushed: Recording) -> None:
     log = log_from_columns(pushed.columns, ROBOT)
-    (found,) = not_free(log, ROBOT)
+    (found,) = find_obstructed_stretches(log, ROBOT)
     start, end = touched(pushed)
     assert found.start == pytest.approx(start, abs=0.2)
     assert found.start < start + 0.03
@@ -78,12 +82,12 @@ def test_a_wall_is_no_fault_of_the_robot_and_is_said(pushed: Recording) -> None:
 
 def test_what_is_left_out_is_lost_until_the_robot_has_settled(pushed: Recording) -> None:
     log = log_from_columns(pushed.columns, ROBOT)
-    free = with_free_driving(log, not_free(log, ROBOT))
+    free = leave_out_obstructed(log, find_obstructed_stretches(log, ROBOT))
     ((start, end),) = free.held
     ((first, settled),) = free.lost
     assert first == start
     assert end + 0.2 < settled < end + 1.1
-    known = of_free_driving(free).channel("bemf_left")
+    known = without_held_readings(free).channel("bemf_left")
     assert known is not None
     out = (log.time >= start) & (log.time <= end)
     assert np.array_equal(np.isnan(known.values), out)
@@ -111,11 +115,11 @@ def blind() -> dict[str, Array]:
 def test_a_robot_in_a_hand_is_found(blind: dict[str, Array], start: float, end: float) -> None:
     lifted = turned_in_a_hand(blind, start, end)
     log = log_from_columns(lifted, ROBOT)
-    (found,) = not_free(log, ROBOT)
+    (found,) = find_obstructed_stretches(log, ROBOT)
     assert found.why == "lifted"
     assert start - 1.0 < found.start < start + 0.3
     assert min(end, float(blind["t"][-1])) - 0.3 < found.end < end + 1.0
-    (note,) = with_free_driving(log, [found]).notes
+    (note,) = leave_out_obstructed(log, [found]).notes
     assert note.startswith(f"from {found.start:.1f} to {found.end:.1f} s the robot turned as no wheel did")
 
 
@@ -130,24 +134,24 @@ def test_so_it_is_of_a_controller_of_50_hz(blind: dict[str, Array]) -> None:
         read = {**columns, "imu.gyro.z": np.interp(columns["t"], columns["t"][seen], gyro[seen])}
         return log_from_columns({name: each[::4] for name, each in read.items()}, slow)
 
-    (found,) = not_free(in_slow_rows(lifted), slow)
+    (found,) = find_obstructed_stretches(in_slow_rows(lifted), slow)
     assert found.why == "lifted"
     assert 7.0 < found.start < 8.3
     assert 10.7 < found.end < 12.0
-    assert not_free(in_slow_rows(blind), slow) == ()
+    assert find_obstructed_stretches(in_slow_rows(blind), slow) == ()
 
 
 def test_too_little_free_driving_is_an_error_that_says_why(blind: dict[str, Array]) -> None:
     short = {name: each[:2000] for name, each in turned_in_a_hand(blind, 1.5, 10.0).items()}
     log = log_from_columns(short, ROBOT)
-    found = not_free(log, ROBOT)
+    found = find_obstructed_stretches(log, ROBOT)
     with pytest.raises(TraceError, match=r"turned as no wheel did.*needs at least 2 s of driving freely"):
-        with_free_driving(log, found)
+        leave_out_obstructed(log, found)
 
 
 def test_what_happened_in_a_moment_is_left_out_with_a_note(blind: dict[str, Array]) -> None:
     log = log_from_columns(blind, ROBOT)
-    less = without_moments(log, [12.0, 5.0])
+    less = without_disturbances(log, [12.0, 5.0])
     starts, ends = [start for start, _ in less.lost], [end - start for start, end in less.lost]
     assert starts == pytest.approx([4.4, 11.4])
     assert all(1.2 < each < 2.6 for each in ends)
@@ -156,8 +160,8 @@ def test_what_happened_in_a_moment_is_left_out_with_a_note(blind: dict[str, Arra
     )
     part = less.longest_part()  # which began 0.6 s before the second one, and compared it
     assert (part.time[0], part.time[-1]) == pytest.approx((12.6, log.time[-1]), abs=0.01)
-    assert without_moments(log, []) is log
-    assert without_moments(log.between(11.0, 13.5), [12.0]).lost == ()  # too little is left
+    assert without_disturbances(log, []) is log
+    assert without_disturbances(log.between(11.0, 13.5), [12.0]).lost == ()  # too little is left
 
 
 def hidden() -> list[Hidden]:
@@ -171,7 +175,7 @@ def hidden() -> list[Hidden]:
 def test_no_fault_is_taken_for_a_wall_or_a_hand(drive: str) -> None:
     for number, each in enumerate(hidden()):
         log = log_from_columns(make(number, [each], drive=drive, seconds=15.0).columns, ROBOT)
-        assert not_free(log, ROBOT) == (), each
+        assert find_obstructed_stretches(log, ROBOT) == (), each
 
 
 def dead_from(columns: dict[str, Array], start: float, ports: tuple[int, ...]) -> dict[str, Array]:
@@ -188,8 +192,8 @@ def dead_from(columns: dict[str, Array], start: float, ports: tuple[int, ...]) -
 def test_a_motor_that_is_unplugged_is_none(blind: dict[str, Array]) -> None:
     """Its wheel stands in the midst of a command, but the robot turns as the wheels say."""
     straight = dict(make(4, drive=manoeuvre("straight"), seconds=10.0).columns)
-    assert not_free(log_from_columns(dead_from(straight, 1.0, (0,)), ROBOT), ROBOT) == ()
-    assert not_free(log_from_columns(dead_from(blind, 8.0, (1,)), ROBOT), ROBOT) == ()
+    assert find_obstructed_stretches(log_from_columns(dead_from(straight, 1.0, (0,)), ROBOT), ROBOT) == ()
+    assert find_obstructed_stretches(log_from_columns(dead_from(blind, 8.0, (1,)), ROBOT), ROBOT) == ()
 
 
 def test_a_battery_that_gives_way_is_none() -> None:
@@ -198,10 +202,10 @@ def test_a_battery_that_gives_way_is_none() -> None:
     weak = (columns["t"] > 1.0) & (columns["t"] < 1.8)
     for port in (0, 1):
         columns[f"motor.{port}.bemf"] = np.where(weak, 0.6, 1.0) * columns[f"motor.{port}.bemf"]
-    said = not_free(log_from_columns(columns, ROBOT), ROBOT)
+    said = find_obstructed_stretches(log_from_columns(columns, ROBOT), ROBOT)
     assert [each.why for each in said] == ["held"]
     columns["battery.voltage"] = np.where(weak, 0.65, 1.0) * columns["battery.voltage"]
-    assert not_free(log_from_columns(columns, ROBOT), ROBOT) == ()
+    assert find_obstructed_stretches(log_from_columns(columns, ROBOT), ROBOT) == ()
 
 
 def test_what_was_not_read_is_no_hand(blind: dict[str, Array]) -> None:
@@ -210,20 +214,20 @@ def test_what_was_not_read_is_no_hand(blind: dict[str, Array]) -> None:
     for name in ("imu.gyro.z", "motor.1.bemf"):
         unread = (np.sin(3.0 * blind["t"] + len(name)) > 0.6) | (blind["t"] > blind["t"][-1] - 3.0)
         columns[name] = np.where(unread, np.nan, blind[name])
-    assert not_free(log_from_columns(columns, RobotConfig()), RobotConfig()) == ()
+    assert find_obstructed_stretches(log_from_columns(columns, RobotConfig()), RobotConfig()) == ()
 
 
 def test_a_gyro_that_never_agrees_with_the_wheels_is_none(blind: dict[str, Array]) -> None:
     """One of another axis, or in another unit: that is an error, and no robot in a hand."""
     gyro = blind["imu.gyro.z"]
     for other in (-gyro, gyro / 6.28, 57.3 * gyro, 0.02 * np.random.default_rng(2).normal(size=len(gyro))):
-        assert not_free(log_from_columns({**blind, "imu.gyro.z": other}, ROBOT), ROBOT) == ()
+        assert find_obstructed_stretches(log_from_columns({**blind, "imu.gyro.z": other}, ROBOT), ROBOT) == ()
 
 
 def test_a_log_of_free_driving_is_the_same_object(blind: dict[str, Array]) -> None:
     log = log_from_columns(blind, ROBOT)
-    assert with_free_driving(log, not_free(log, ROBOT)) is log
-    assert of_free_driving(log) is log
+    assert leave_out_obstructed(log, find_obstructed_stretches(log, ROBOT)) is log
+    assert without_held_readings(log) is log
 
 
 def slipping_at_a_wall(columns: dict[str, Array]) -> dict[str, Array]:
@@ -238,18 +242,20 @@ def test_units_are_judged_by_free_driving_alone() -> None:
     log = log_from_columns(columns, ROBOT)
     with pytest.raises(TraceError, match="times what is to be expected of the wheels"):
         check_units(log, ROBOT)
-    check_units(of_free_driving(with_free_driving(log, not_free(log, ROBOT))), ROBOT)
-    assert strange_units(columns, ROBOT) == ""
+    check_units(
+        without_held_readings(leave_out_obstructed(log, find_obstructed_stretches(log, ROBOT))), ROBOT
+    )
+    assert describe_wrong_units(columns, ROBOT) == ""
 
 
 def test_a_recording_that_names_its_firmware_knows_its_units(blind: dict[str, Array]) -> None:
     turns = {**blind, "imu.gyro.z": blind["imu.gyro.z"] / 6.28}
-    assert "turns a second" in strange_units(turns, ROBOT)
-    assert strange_units(turns, ROBOT, native=True) == ""
+    assert "turns a second" in describe_wrong_units(turns, ROBOT)
+    assert describe_wrong_units(turns, ROBOT, native=True) == ""
     blank = np.full(len(turns["t"]), np.nan)
     without = {name: column for name, column in turns.items() if name != "motor.1.duty"}
     for told in (without, {**turns, "motor.1.duty": blank}):  # there is nothing to compare with
-        assert strange_units(told, ROBOT) == ""
+        assert describe_wrong_units(told, ROBOT) == ""
     wrong: Log = log_from_columns({**blind, "imu.gyro.z": -blind["imu.gyro.z"]}, ROBOT)
     with pytest.raises(TraceError, match="swapped"):
         check_units(replace(wrong), ROBOT, native=True)

@@ -14,78 +14,67 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.binned import low_passed
-from raccoon.diagnose.drives.followers import (
-    ANSWERS,
-    FARTHEST,
-    FEWEST,
-    MOST,
-    STEP,
-    Answer,
-    Asked,
-    answer_of,
-    least_unexplained,
-    unexplained,
-)
 from raccoon.diagnose.drives.log import Channel, Log
-from raccoon.trace.recording import usual_step
+from raccoon.diagnose.drives.ramp import estimate_ramp
+from raccoon.diagnose.drives.response_models import (
+    MIN_READINGS,
+    DelayScan,
+    Response,
+    estimate_response,
+    least_residual_power,
+)
 
 Array = NDArray[np.float64]
 
-EARLY, EARLY_GYRO = -0.015, -0.035
+EARLIEST_RESPONSE_S, EARLIEST_GYRO_RESPONSE_S = -0.015, -0.035
 """s before which an answer is early, of a wheel and of a gyro, which no filter holds back. Where the command
 is one row late both still come after it."""
-AHEAD = -0.055
+MAX_GYRO_LEAD_S = -0.055
 """s by which a gyro may be ahead of what wheels read behind their filters: it was 0.03 of 120 drives."""
-LOST = 0.25
+MAX_UNEXPLAINED = 0.25
 """Part of a reading's power that commands leave from which they do not explain it: it was 0.05 at most of 67
 drives with each cause in turn, up to twice its usual size."""
-LOST_GYRO, TURNED = 0.5, 0.1
+MAX_UNEXPLAINED_GYRO, MIN_TURN_DUTY_STD = 0.5, 0.1
 """The same of a gyro, of which it was 0.06 at most; and how much commands must turn a robot to say so."""
-WAYS = ((1.0, "below"), (-1.0, "above"))
-RAMPS, SLOW_RAMP = (2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 8.0, 12.0), 5.0
-"""Duty a second, and up to which it is a ramp: a limit of the current may look like a ramp of 8."""
-RAMPED, SEEN = 0.1, 0.005
-"""Part of the error that a ramp leaves where there is one, and part of a reading's power that it is without.
-It was 0.01 to 0.03 of drives behind a ramp. A motor whose current is limited speeds up by a ramp as well, but
-brakes by a steeper one, since friction helps it then: of one with a fifth of the current that it draws when
-it stalls, on a heavy robot, 0.2 of the error was left by a ramp of 5."""
-UNDRIVEN = 0.5
+DIRECTIONS = ((1.0, "below"), (-1.0, "above"))
+MAX_SLOW_RAMP = 5.0
+"""Duty a second up to which it is a ramp: a limit of the current may look like a ramp of 8."""
+MAX_UNDRIVEN_RANGE = 0.5
 """Part of the other wheel's range that no wheel has which is not driven."""
-DRIVEN, TURNS, OFTEN = 0.2, 0.3, 0.05
+DRIVEN_DUTY, TURNING_SHARE, FREQUENT_SHARE = 0.2, 0.3, 0.05
 """Duty that surely drives a wheel; part of the largest reading that surely turns; and share of the rows that
 are no chance."""
-AS_FAST = 0.67
+MIN_SPEED_CORRELATION = 0.67
 """Correlation with the size of the commands from which a reading without a sign is one of speed: it was 0.83
 and more of speeds, and 0.51 at most of angles, on 18 blind drives."""
-MUST_DIFFER, TWICE, FEWEST_TWICE = 0.5, 0.9, 100
+MIN_TURN_RATE, MIN_SAME_SHARE, MIN_TURNING_ROWS = 0.5, 0.9, 100
 """rad/s at which wheels must differ; share of such rows in which they read the very same where one column was
 written twice (of noise few are), and how many of them tell."""
 
 
 def check_signs(log: Log) -> None:
     """Raise TraceError where a command or a reading has lost its sign, or one wheel's stands for both."""
-    _check_twice(log)
-    for index, wheel, command in _measured(log):
+    _check_different_columns(log)
+    for index, wheel, command in _measured_wheels(log):
         _check_command_sign(log.duty[:, index], wheel, command)
-        _check_words(wheel)
+        _check_word_overflow(wheel)
         _check_reading_sign(log.duty[:, index], wheel, ("its motor was driven", "the wheel"))
     gyro = log.channel("gyro")
     if gyro is not None:
-        _check_reading_sign(_turn(log), gyro, ("the robot was turned", "the robot"))
+        _check_reading_sign(_turn_command(log), gyro, ("the robot was turned", "the robot"))
 
 
-def _check_twice(log: Log) -> None:
+def _check_different_columns(log: Log) -> None:
     """Readings of both wheels that are the same, though their commands or the gyro's turns are not."""
     left, right, gyro = log.wheel("left"), log.wheel("right"), log.channel("gyro")
     if left is None or right is None:
         return
-    differ = np.abs(log.duty[:, 0] - log.duty[:, 1]) > DRIVEN
+    differ = np.abs(log.duty[:, 0] - log.duty[:, 1]) > DRIVEN_DUTY
     if gyro is not None:
-        differ |= np.abs(gyro.values) > MUST_DIFFER
+        differ |= np.abs(gyro.values) > MIN_TURN_RATE
     differ &= np.isfinite(left.values) & (left.values != 0.0)
     same = differ & (left.values == right.values)
-    if differ.sum() >= FEWEST_TWICE and same.sum() > TWICE * differ.sum():
+    if differ.sum() >= MIN_TURNING_ROWS and same.sum() > MIN_SAME_SHARE * differ.sum():
         raise TraceError(
             f"{left.name} and {right.name} hold the same numbers, also where the robot turns: one column was "
             "written twice, or both are of one motor"
@@ -94,13 +83,13 @@ def _check_twice(log: Log) -> None:
 
 def _check_command_sign(duty: Array, wheel: Channel, command: str) -> None:
     known = np.isfinite(wheel.values)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_READINGS:
         return
     duty, reading = duty[known], wheel.values[known]
-    least = _surely(reading, wheel)
-    for way, to in WAYS:
-        turns = way * reading[way * duty > DRIVEN]
-        if not (way * duty < 0.0).any() and _often(turns < -least) and _often(turns > least):
+    least = _surely_turning_size(reading, wheel)
+    for way, to in DIRECTIONS:
+        turns = way * reading[way * duty > DRIVEN_DUTY]
+        if not (way * duty < 0.0).any() and _is_frequent(turns < -least) and _is_frequent(turns > least):
             raise TraceError(
                 f"{command} never goes {to} 0, but {wheel.name} turns both ways: it holds how large a "
                 "command was, not which way; write it with its sign, from -1 to 1"
@@ -109,33 +98,33 @@ def _check_command_sign(duty: Array, wheel: Channel, command: str) -> None:
 
 def _check_reading_sign(duty: Array, channel: Channel, said: tuple[str, str]) -> None:
     known = np.isfinite(channel.values)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_READINGS:
         return
     duty, reading = duty[known], channel.values[known]
-    least = _surely(reading, channel)
-    for way, to in WAYS:
-        against = way * duty < -DRIVEN
-        both = _often(way * duty > DRIVEN) and _often(against)
+    least = _surely_turning_size(reading, channel)
+    for way, to in DIRECTIONS:
+        against = way * duty < -DRIVEN_DUTY
+        both = _is_frequent(way * duty > DRIVEN_DUTY) and _is_frequent(against)
         both = both and bool(np.ptp(reading[against]) > 0.0)  # one that repeats itself holds no size either
-        if both and not (way * reading < -least).any() and _often(way * reading[against] > least):
+        if both and not (way * reading < -least).any() and _is_frequent(way * reading[against] > least):
             was_driven, who = said
             raise TraceError(
                 f"{channel.name} never goes {to} 0, but {was_driven} both ways: "
-                + _without_sign(duty, way * reading, way, who)
+                + _describe_unsigned(duty, way * reading, way, who)
             )
 
 
-def _without_sign(duty: Array, size: Array, way: float, who: str) -> str:
+def _describe_unsigned(duty: Array, size: Array, way: float, who: str) -> str:
     """What a reading is that never changes its sign. size: with the sign that it has always."""
     as_signed, as_fast = (float(np.corrcoef(each, size)[0, 1]) for each in (way * duty, np.abs(duty)))
-    if as_signed > max(AS_FAST, as_fast):
+    if as_signed > max(MIN_SPEED_CORRELATION, as_fast):
         return "its zero is off; take off what it says at rest"
-    if as_fast > AS_FAST:
+    if as_fast > MIN_SPEED_CORRELATION:
         return f"it holds how fast {who} turned, not which way; write it with its sign"
     return f"it holds how far {who} had turned, and not how fast it turns"
 
 
-def _check_words(wheel: Channel) -> None:
+def _check_word_overflow(wheel: Channel) -> None:
     """Negative numbers that were read as words without a sign are the largest ones."""
     known = wheel.values[np.isfinite(wheel.values)]
     for bits in (16, 32):
@@ -147,25 +136,27 @@ def _check_words(wheel: Channel) -> None:
             )
 
 
-def _surely(reading: Array, channel: Channel) -> float:
+def _surely_turning_size(reading: Array, channel: Channel) -> float:
     """From which size on a reading surely turns."""
-    return max(TURNS * float(np.percentile(np.abs(reading), 99.0)), 5.0 * channel.floor)
+    return max(TURNING_SHARE * float(np.percentile(np.abs(reading), 99.0)), 5.0 * channel.floor)
 
 
-def _turn(log: Log) -> Array:
+def _turn_command(log: Log) -> Array:
     """What the commands turn the robot by: to the left where positive, as a gyro says."""
     return np.asarray(0.5 * (log.duty[:, 1] - log.duty[:, 0]), float)
 
 
-def _often(flags: NDArray[np.bool_]) -> bool:
-    return bool(len(flags)) and float(flags.mean()) > OFTEN
+def _is_frequent(flags: NDArray[np.bool_]) -> bool:
+    return bool(len(flags)) and float(flags.mean()) > FREQUENT_SHARE
 
 
-def check_answers(log: Log) -> None:
+def check_responses(log: Log) -> None:
     """Raise TraceError where a wheel or the gyro answers before its command, or does not follow it at all."""
-    for index, wheel, command in _measured(log):
-        _check_driven(log, index, wheel, command)
-        answer = answer_of(log.time, [log.duty[:, index]], wheel, EARLY, LOST)
+    for index, wheel, command in _measured_wheels(log):
+        _check_undriven_wheel(log, index, wheel, command)
+        answer = estimate_response(
+            log.time, [log.duty[:, index]], wheel, EARLIEST_RESPONSE_S, MAX_UNEXPLAINED
+        )
         if answer is None:
             continue
         if answer.early:
@@ -174,15 +165,15 @@ def check_answers(log: Log) -> None:
                 "are logged late, or behind a ramp or a filter that the motor does not have, or the two have "
                 "clocks of their own. Log what is given to the motor, in the row in which it is given"
             )
-        if answer.left > LOST:
+        if answer.left > MAX_UNEXPLAINED:
             raise TraceError(
                 f"{wheel.name} does not follow {command}, which explains {answer.explained} of it at any "
                 "delay, and 95 % of a robot's: are they of the same motor and of the same drive, and is it "
                 "all that was given to it?"
             )
-    ramp = _slow_ramp(log)
+    ramp = _find_slow_ramp(log)
     if ramp is not None:
-        names = " and ".join(command for _, _, command in _measured(log))
+        names = " and ".join(command for _, _, command in _measured_wheels(log))
         raise TraceError(
             f"the wheels follow {names} as if a ramp of about {ramp:g} a second were between them: the "
             "columns hold what was asked for, before something slowed it down. Log what the motors are given"
@@ -191,59 +182,61 @@ def check_answers(log: Log) -> None:
 
 
 def _check_gyro(log: Log) -> None:
-    gyro, turn = log.channel("gyro"), _turn(log)
+    gyro, turn = log.channel("gyro"), _turn_command(log)
     # What unequal wheels do to a robot that drives straight is no command's.
-    if gyro is None or not float(np.std(turn)) > TURNED:
+    if gyro is None or not float(np.std(turn)) > MIN_TURN_DUTY_STD:
         return
-    answer = answer_of(log.time, [-log.duty[:, 0], log.duty[:, 1]], gyro, EARLY_GYRO, LOST_GYRO)
-    if answer is None or not (answer.early or answer.left > LOST_GYRO):
+    answer = estimate_response(
+        log.time, [-log.duty[:, 0], log.duty[:, 1]], gyro, EARLIEST_GYRO_RESPONSE_S, MAX_UNEXPLAINED_GYRO
+    )
+    if answer is None or not (answer.early or answer.left > MAX_UNEXPLAINED_GYRO):
         return
-    beside = _beside_wheels(log, gyro)
-    if answer.early and (beside is None or beside.delay < AHEAD):
+    beside = _response_to_wheels(log, gyro)
+    if answer.early and (beside is None or beside.delay < MAX_GYRO_LEAD_S):
         ahead = answer.delay if beside is None else beside.delay
         raise TraceError(
             f"{gyro.name} turns {-1000.0 * ahead:.0f} ms before "
             + ("the commands ask" if beside is None else "the wheels do, which answer the commands in time")
             + ": its rows are of another time than those of commands and wheels"
         )
-    if answer.left > LOST_GYRO and (beside is None or beside.left > LOST_GYRO):
+    if answer.left > MAX_UNEXPLAINED_GYRO and (beside is None or beside.left > MAX_UNEXPLAINED_GYRO):
         raise TraceError(
             f"{gyro.name} does not turn as the commands and the wheels do, which explain {answer.explained} "
             "of it at any delay: is it another axis, an angle, or of another drive?"
         )
 
 
-def _beside_wheels(log: Log, gyro: Channel) -> Answer | None:
+def _response_to_wheels(log: Log, gyro: Channel) -> Response | None:
     """How a gyro answers what both wheels read; None where they are not read, or not both."""
     left, right = log.wheel("left"), log.wheel("right")
     if left is None or right is None:
         return None
     known = np.isfinite(left.values) & np.isfinite(right.values)
-    asked = Asked.of(log.time, gyro)
-    if asked is None or known.sum() < FEWEST:
+    asked = DelayScan.of(log.time, gyro)
+    if asked is None or known.sum() < MIN_READINGS:
         return None
     every = np.arange(len(known))
     turn = np.interp(every, every[known], right.values[known] - left.values[known])
-    return asked.answer(lambda rows: least_unexplained(turn[rows, None], asked.reading), AHEAD)
+    return asked.answer(lambda rows: least_residual_power(turn[rows, None], asked.reading), MAX_GYRO_LEAD_S)
 
 
-def _check_driven(log: Log, index: int, wheel: Channel, command: str) -> None:
+def _check_undriven_wheel(log: Log, index: int, wheel: Channel, command: str) -> None:
     """A wheel that moves although its command never changes, while the other's does."""
     duty, other = log.duty[:, index], log.duty[:, 1 - index]
-    if np.ptp(duty) > 0.0 or not np.ptp(other) > DRIVEN:
+    if np.ptp(duty) > 0.0 or not np.ptp(other) > DRIVEN_DUTY:
         return
     beside = log.wheel(("right", "left")[index])
     if beside is None:
         return
-    turns, most = _range(wheel), _range(beside)
-    if turns > UNDRIVEN * most:
+    turns, most = _reading_range(wheel), _reading_range(beside)
+    if turns > MAX_UNDRIVEN_RANGE * most:
         raise TraceError(
             f"{command} is {float(duty[0]):g} all the time, but {wheel.name} changes by {turns:.3g} "
             f"{wheel.unit}: it is not what was given to this motor"
         )
 
 
-def _measured(log: Log) -> Iterator[tuple[int, Channel, str]]:
+def _measured_wheels(log: Log) -> Iterator[tuple[int, Channel, str]]:
     """Each wheel that is measured: its place in the commands, what measures it, the name of its command."""
     for index, side in enumerate(("left", "right")):
         wheel = log.wheel(side)
@@ -251,50 +244,15 @@ def _measured(log: Log) -> Iterator[tuple[int, Channel, str]]:
             yield index, wheel, f"{wheel.name.rpartition('.')[0]}.duty"
 
 
-def _range(wheel: Channel) -> float:
+def _reading_range(wheel: Channel) -> float:
     return float(np.ptp(np.nanpercentile(wheel.values, [1.0, 99.0])))
 
 
-def _slow_ramp(log: Log) -> float | None:
+def _find_slow_ramp(log: Log) -> float | None:
     """The first wheel's ramp where every wheel follows a slow one; of a sound drive one wheel tells."""
     ramps: list[float | None] = []
-    for index, wheel, _ in _measured(log):
-        ramps.append(ramp_of(log.time, log.duty[:, index], wheel))
-        if ramps[-1] is None or ramps[-1] > SLOW_RAMP:
+    for index, wheel, _ in _measured_wheels(log):
+        ramps.append(estimate_ramp(log.time, log.duty[:, index], wheel))
+        if ramps[-1] is None or ramps[-1] > MAX_SLOW_RAMP:
             return None
     return ramps[0] if ramps else None
-
-
-def ramp_of(time: Array, duty: Array, channel: Channel) -> float | None:
-    """The ramp, duty a second, behind which a wheel follows its command far better; None without one."""
-    step = usual_step(time)
-    reach = round(FARTHEST / step)
-    # A wheel that coasts to its rest, and one that breaks loose from it, is slower than a command as well.
-    since = np.arange(len(duty)) - np.maximum.accumulate(np.where(duty == 0.0, np.arange(len(duty)), 0))
-    known = np.flatnonzero(np.isfinite(channel.values) & (since > reach))
-    if len(known) < FEWEST or float(np.ptp(duty[known])) == 0.0:
-        return None
-    known = known[:: -(-len(known) // MOST)]
-    reading = channel.values[known]
-
-    def least(commands: Array) -> float:
-        speeds = (low_passed(commands, step, each) for each in ANSWERS[:3])
-        rows = [known - round(delay / step) for delay in STEP * np.arange(6)]
-        return min(unexplained(each[row], reading) for each in speeds for row in rows)
-
-    plain = least(duty)
-    if plain <= SEEN * float(np.var(reading)):
-        return None
-    ramped = {rate: least(_ramped(duty, rate * step)) for rate in RAMPS}
-    best = min(ramped, key=lambda rate: ramped[rate])
-    return best if ramped[best] < RAMPED * plain else None
-
-
-def _ramped(duty: Array, most: float) -> Array:
-    """A command that changes by that much a row, at most."""
-    now, found = float(duty[0]), []
-    for each in duty.tolist():
-        change = each - now
-        now = now + most if change > most else now - most if change < -most else each
-        found.append(now)
-    return np.array(found)

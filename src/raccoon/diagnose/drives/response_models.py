@@ -14,34 +14,34 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.binned import low_passed
+from raccoon.diagnose.drives.bins import low_pass
 from raccoon.diagnose.drives.log import Channel
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
-ANSWERS = (0.03, 0.06, 0.12, 0.25)
+SIMPLE_TIME_CONSTANTS_S = (0.03, 0.06, 0.12, 0.25)
 """s in which a wheel and its reading's filter may answer a command."""
-FINER = (0.02, 0.035, 0.06, 0.1, 0.17, 0.3)
+WHEEL_TIME_CONSTANTS_S = (0.02, 0.035, 0.06, 0.1, 0.17, 0.3)
 """s in which a wheel alone may answer."""
-FRICTIONS = (0.0, 0.05, 0.1, 0.2)
+WHEEL_FRICTIONS = (0.0, 0.05, 0.1, 0.2)
 """Duty that friction takes away."""
-FILTERS = (0.0225, 0.045)
+READING_FILTERS_S = (0.0225, 0.045)
 """s of a reading's filter, where it has one."""
-STEP, FARTHEST = 0.02, 0.3
+DELAY_STEP_S, MAX_DELAY_S = 0.02, 0.3
 """s by which delays are tried, and the longest of them, either way."""
-CHANGED = 10
+MIN_CHANGED_ROWS = 10
 """Rows in which a command is another than mostly, from which it changes."""
-FEWEST, MOST = 200, 3000
+MIN_READINGS, MAX_READINGS = 200, 3000
 """Readings from which this is asked, and of how many at most."""
-BETTER = 0.8
+MAX_ERROR_RATIO = 0.8
 """Part of the error without a delay that is left where an answer is surely early."""
-FOLLOWED = 0.3
+MAX_FOLLOWED_UNEXPLAINED = 0.3
 """Part of a reading's power up to which commands explain it at all."""
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Response:
     """left: part of a reading's power that commands leave at the best delay, s; in_time: and at those that
     are not early. latest: s, the delay below which it is."""
 
@@ -53,7 +53,7 @@ class Answer:
     @property
     def early(self) -> bool:
         """Whether it surely comes before its command."""
-        better = self.left < BETTER * self.in_time and self.left < FOLLOWED
+        better = self.left < MAX_ERROR_RATIO * self.in_time and self.left < MAX_FOLLOWED_UNEXPLAINED
         return self.delay < self.latest - 1e-9 and better
 
     @property
@@ -63,7 +63,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Family:
+class WheelFamily:
     """Time constants s, frictions in duty, and whether each coasts, (wheels,), of wheels side by side."""
 
     time_constant: Array
@@ -71,22 +71,22 @@ class Family:
     coasts: NDArray[np.bool_]
 
     @classmethod
-    def usual(cls) -> Family:
+    def usual(cls) -> WheelFamily:
         """Every wheel that these may be; one that coasts is stopped by friction alone."""
-        every = product(FINER, FRICTIONS, (False, True))
+        every = product(WHEEL_TIME_CONSTANTS_S, WHEEL_FRICTIONS, (False, True))
         members = [each for each in every if each[1] > 0.0 or not each[2]]
         time_constant, friction, coasts = zip(*members, strict=True)
         return cls(np.array(time_constant), np.array(friction), np.array(coasts))
 
     def speeds(self, duty: Array, step: float) -> Array:
         """Their speeds, in duty, (rows, wheels), under a command (rows,) with rows of that step, s; then the
-        same behind each of `FILTERS`, beside them."""
+        same behind each of `READING_FILTERS_S`, beside them."""
         gain = 1.0 - np.exp(-step / self.time_constant)
         drag, undriven = gain * self.friction, np.where(self.coasts, 0.0, gain)
-        kept = [1.0 - np.exp(-step / each) for each in FILTERS]
+        kept = [1.0 - np.exp(-step / each) for each in READING_FILTERS_S]
         count = len(gain)
-        speed, found = np.zeros(count), np.zeros((len(duty), (1 + len(FILTERS)) * count))
-        read = [np.zeros(count) for _ in FILTERS]
+        speed, found = np.zeros(count), np.zeros((len(duty), (1 + len(READING_FILTERS_S)) * count))
+        read = [np.zeros(count) for _ in READING_FILTERS_S]
         for row, each in enumerate(duty.tolist()):
             speed += (gain if each else undriven) * (each - speed)
             speed = np.copysign(np.maximum(np.abs(speed) - drag, 0.0), speed)
@@ -97,7 +97,7 @@ class Family:
         return found
 
 
-def unexplained(follows: Array, reading: Array) -> float:
+def residual_power(follows: Array, reading: Array) -> float:
     """Mean square of a reading beyond what such a wheel explains, with a dry friction and an offset."""
     columns = np.stack([follows, np.sign(follows), np.ones_like(follows)])
     # Of so few columns their products do, in a tenth of the time; of two that are alike they have no inverse.
@@ -105,7 +105,7 @@ def unexplained(follows: Array, reading: Array) -> float:
     return float(np.mean((reading - found @ columns) ** 2))
 
 
-def least_unexplained(follows: Array, reading: Array) -> float:
+def least_residual_power(follows: Array, reading: Array) -> float:
     """The same of the best of many, follows (rows, wheels), with a scale and an offset alone."""
     off, centred = reading - reading.mean(), follows - follows.mean(axis=0)
     power = np.maximum((centred**2).sum(axis=0), 1e-300)
@@ -113,7 +113,7 @@ def least_unexplained(follows: Array, reading: Array) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class DelayScan:
     """A reading where it is known, and far enough from both ends; step: s of a row."""
 
     rows: NDArray[np.intp]
@@ -121,54 +121,58 @@ class Asked:
     step: float
 
     @classmethod
-    def of(cls, time: Array, channel: Channel) -> Asked | None:
+    def of(cls, time: Array, channel: Channel) -> DelayScan | None:
         """None where too little of it is known."""
         known = np.flatnonzero(np.isfinite(channel.values))
         step = usual_step(time)
-        reach = round(FARTHEST / step)
+        reach = round(MAX_DELAY_S / step)
         known = known[(known >= reach) & (known < len(time) - reach)]
-        if len(known) < FEWEST:
+        if len(known) < MIN_READINGS:
             return None
-        known = known[:: -(-len(known) // MOST)]
+        known = known[:: -(-len(known) // MAX_READINGS)]
         return cls(known, channel.values[known], step)
 
-    def answer(self, left_by: Callable[[NDArray[np.intp]], float], latest: float = 0.0) -> Answer:
+    def answer(self, left_by: Callable[[NDArray[np.intp]], float], latest: float = 0.0) -> Response:
         """left_by: mean square of the reading beyond what these rows explain, which are so much earlier.
-        latest: s, see `Answer`."""
-        delays = STEP * np.arange(-round(FARTHEST / STEP), round(FARTHEST / STEP) + 1)
+        latest: s, see `Response`."""
+        delays = DELAY_STEP_S * np.arange(
+            -round(MAX_DELAY_S / DELAY_STEP_S), round(MAX_DELAY_S / DELAY_STEP_S) + 1
+        )
         power = max(float(np.var(self.reading)), 1e-300)
         left = np.array([left_by(self.rows - round(each / self.step)) / power for each in delays])
         best = int(np.argmin(left))
         in_time = float(left[delays >= latest - 1e-9].min())
-        return Answer(float(left[best]), in_time, float(delays[best]), latest)
+        return Response(float(left[best]), in_time, float(delays[best]), latest)
 
-    def of_one(self, duty: Array, latest: float = 0.0) -> Answer:
+    def of_one(self, duty: Array, latest: float = 0.0) -> Response:
         """As the simplest wheel answers a command."""
-        simple = [low_passed(duty, self.step, each) for each in ANSWERS]
-        return self.answer(lambda rows: min(unexplained(each[rows], self.reading) for each in simple), latest)
+        simple = [low_pass(duty, self.step, each) for each in SIMPLE_TIME_CONSTANTS_S]
+        return self.answer(
+            lambda rows: min(residual_power(each[rows], self.reading) for each in simple), latest
+        )
 
-    def of_many(self, duties: Sequence[Array], latest: float) -> Answer:
+    def of_many(self, duties: Sequence[Array], latest: float) -> Response:
         """As the best of many answers commands; a gyro, to which the wheels' speeds add up, several."""
-        family = Family.usual()
+        family = WheelFamily.usual()
         speeds = np.sum([family.speeds(each, self.step) for each in duties], axis=0)
-        return self.answer(lambda rows: least_unexplained(speeds[rows], self.reading), latest)
+        return self.answer(lambda rows: least_residual_power(speeds[rows], self.reading), latest)
 
 
-def changes(command: Array) -> bool:
+def is_varied(command: Array) -> bool:
     """Whether a command is not nearly all the time the same: a stop in the last row is answered in none."""
-    return int(np.count_nonzero(command != np.median(command))) >= CHANGED
+    return int(np.count_nonzero(command != np.median(command))) >= MIN_CHANGED_ROWS
 
 
-def answer_of(
+def estimate_response(
     time: Array, duties: Sequence[Array], channel: Channel, latest: float, lost: float
-) -> Answer | None:
+) -> Response | None:
     """How a reading answers its commands, whose answers add up; None where there is too little of either.
 
     latest: s, the delay below which it is early; lost: part of its power that is left where it does not
     answer at all. Either is said of the best of many wheels only.
     """
-    asked, duty = Asked.of(time, channel), np.sum(duties, axis=0)
-    if asked is None or not changes(duty):
+    asked, duty = DelayScan.of(time, channel), np.sum(duties, axis=0)
+    if asked is None or not is_varied(duty):
         return None
     answer = asked.of_one(duty, latest)
     if not (answer.early or answer.left > lost):

@@ -10,11 +10,11 @@ import numpy as np
 
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.diagnose.drives.log import Log
-from raccoon.diagnose.drives.stops import brakes
+from raccoon.diagnose.drives.stops import motors_brake
 
 
 @contextmanager
-def said_of_holdout() -> Iterator[None]:
+def naming_holdout() -> Iterator[None]:
     """What cannot be used here is the recording to judge on: of two, nobody would know which was meant."""
     try:
         yield
@@ -22,16 +22,16 @@ def said_of_holdout() -> Iterator[None]:
         raise HoldoutError(str(error)) from None
 
 
-def are_missing(names: Sequence[str]) -> str:
+def missing_phrase(names: Sequence[str]) -> str:
     """That columns are not there, as a sentence begins."""
     return f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} missing"
 
 
-def check_has(lacking: Sequence[str]) -> None:
+def check_none_missing(lacking: Sequence[str]) -> None:
     """Raise TraceError where there are columns that the other recording lacks."""
     if lacking:
         raise TraceError(
-            f"{are_missing(lacking)} or broken in it, and not "
+            f"{missing_phrase(lacking)} or broken in it, and not "
             "in the recording that is diagnosed: name one with the same channels"
         )
 
@@ -43,9 +43,9 @@ def with_channels_of(fitted: Log, other: Log) -> Log:
     Raises TraceError naming those that it does not have.
     """
     own = {each.role: each for each in other.channels}
-    check_has([each.name for each in fitted.channels if each.role not in own])
+    check_none_missing([each.name for each in fitted.channels if each.role not in own])
     brake = other.brake
     if fitted.brake is not None and brake is None:
-        brake = np.full(other.duty.shape, brakes(other))
+        brake = np.full(other.duty.shape, motors_brake(other))
     channels = tuple(own[each.role] for each in fitted.channels)
     return replace(other, channels=channels, missing=fitted.missing, brake=brake)

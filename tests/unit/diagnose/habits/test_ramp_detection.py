@@ -13,7 +13,7 @@ from blind.generator import Noise, make
 from blind.hidden import Hidden, draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.drives.ramps import Ramp
+from raccoon.diagnose.drives.ramp import Ramp
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.habits.controller import find_habits
 from raccoon.diagnose.habits.notes import habit_notes

@@ -15,34 +15,34 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.binned import bin_means, in_force, placed, runs, when
-from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log
-from raccoon.diagnose.drives.sizes import full_voltage, volts
+from raccoon.diagnose.drives.bins import bin_indices, bin_means, describe_spans, runs_of_true, values_at_bins
+from raccoon.diagnose.drives.log import MIN_DRIVE_S, Log
+from raccoon.diagnose.drives.magnitudes import full_voltage, volts_per_unit
 
 Array = NDArray[np.float64]
 SIDES = ("left", "right")
 
-BIN = 0.02
+BIN_S = 0.02
 """s over which commands and readings are averaged."""
-DRIVEN = 0.18
+DRIVEN_SHARE = 0.18
 """Of the battery's voltage that surely drives a wheel."""
-STANDS, FOLLOWS = 0.1, 0.5
+MAX_STALLED_SHARE, MIN_FOLLOWING_SHARE = 0.1, 0.5
 """Part of its command's voltage up to which a wheel's back-EMF stands, and from which it follows."""
-LASTS, ANSWERS = 0.4, 0.1
+MIN_STALL_S, MIN_FOLLOWING_S = 0.4, 0.1
 """s for which a wheel stands at least, and for which it follows where it does again."""
-BEFORE, SLOWER = 1.0, 0.9
+BEFORE_STALL_S, MAX_SLOWED_SHARE = 1.0, 0.9
 """s before, whose median part is what it has while it follows; and part of that below which it has begun to
 roll out."""
-SHOWS = 0.015
+MIN_STALL_SAG_V = 0.015
 """V by which standing motors must take the battery down before its reading is asked."""
-NO_CURRENT, CURRENT = 0.25, 0.5
+MAX_NO_CURRENT_SHARE, MIN_CURRENT_SHARE = 0.25, 0.5
 """Part of that up to which there is no current, and from which there is."""
-SLOW = 0.3
+BATTERY_DELAY_S = 0.3
 """s that a battery's reading is behind."""
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class Stall:
     """From when to when, s, which wheels stood. current: whether they drew any, None where that is not
     known."""
 
@@ -52,46 +52,48 @@ class Standing:
     current: bool | None = None
 
 
-def with_what_turned(log: Log, robot: RobotConfig) -> Log:
+def leave_out_stalls(log: Log, robot: RobotConfig) -> Log:
     """The log with what it has of wheels that stood although they were driven among what is lost, and said;
     the same log where there is nothing of that kind.
 
     Raises TraceError where too little is left.
     """
-    known, seen = log.held, standing(log, robot)
+    known, seen = log.held, find_stalls(log, robot)
     if not seen:
         return log
     found = [each for each in seen if not any(_covers(span, each) for span in known)]
     # Of what is left out already only what the battery tells is news.
     news = [each for each in seen if each in found or each.current is not None]
-    told = told_of(news, robot)
+    told = describe_stalls(news, robot)
     log = replace(log, stood=told)
     if not found:
         return log
-    free = log.without([(each.start, each.end) for each in found])
+    free = log.without_spans([(each.start, each.end) for each in found])
     if free is None:
         raise TraceError(
-            f"{'; '.join(text for _, text in told)}; a diagnosis needs at least {SHORTEST_SECONDS:g} s of "
+            f"{'; '.join(text for _, text in told)}; a diagnosis needs at least {MIN_DRIVE_S:g} s of "
             "driving freely"
         )
     return free
 
 
-def _covers(span: tuple[float, float], found: Standing) -> bool:
+def _covers(span: tuple[float, float], found: Stall) -> bool:
     shared = min(span[1], found.end) - max(span[0], found.start)
     return shared > 0.5 * (found.end - found.start)
 
 
-def told_of(found: Sequence[Standing], robot: RobotConfig) -> tuple[tuple[str, str], ...]:
+def describe_stalls(found: Sequence[Stall], robot: RobotConfig) -> tuple[tuple[str, str], ...]:
     """For each kind of it a column and a sentence, without the point at the end."""
-    kinds: dict[tuple[tuple[str, ...], bool | None], list[Standing]] = {}
+    kinds: dict[tuple[tuple[str, ...], bool | None], list[Stall]] = {}
     for each in found:
         kinds.setdefault((each.sides, each.current), []).append(each)
     columns = {sides: f"motor.{getattr(robot.drive, sides[0])}.duty" for sides, _ in kinds}
-    return tuple((columns[kind[0]], _told(kind, each, robot)) for kind, each in kinds.items())
+    return tuple((columns[kind[0]], _describe_stall(kind, each, robot)) for kind, each in kinds.items())
 
 
-def _told(kind: tuple[tuple[str, ...], bool | None], found: Sequence[Standing], robot: RobotConfig) -> str:
+def _describe_stall(
+    kind: tuple[tuple[str, ...], bool | None], found: Sequence[Stall], robot: RobotConfig
+) -> str:
     sides, current = kind
     if len(sides) > 1:
         who = "neither wheel turned although both were driven"
@@ -109,53 +111,52 @@ def _told(kind: tuple[tuple[str, ...], bool | None], found: Sequence[Standing], 
             False: "the battery's voltage shows no current of it: unplugged, or its fuse tripped",
             True: "the battery's voltage shows its current: jammed, or held by something",
         }
-    return (
-        f"{when([(each.start, each.end) for each in found])} {who}: {why[current]}; nothing is compared there"
-    )
+    spans = describe_spans([(each.start, each.end) for each in found])
+    return f"{spans} {who}: {why[current]}; nothing is compared there"
 
 
-def standing(log: Log, robot: RobotConfig) -> tuple[Standing, ...]:
+def find_stalls(log: Log, robot: RobotConfig) -> tuple[Stall, ...]:
     """Where wheels stood although they were driven, in the order of time."""
-    if log.seconds < SHORTEST_SECONDS or not log.duty.any():
+    if log.seconds < MIN_DRIVE_S or not log.duty.any():
         return ()
-    time = np.arange(log.time[0], log.time[-1], BIN)
+    time = np.arange(log.time[0], log.time[-1], BIN_S)
     full = full_voltage(log, robot)
     found = []
     for index, side in enumerate(SIDES):
-        speed = _volts(log, robot, side, time)
+        speed = _bemf_volts(log, robot, side, time)
         if speed is None:
             continue
-        command = full * in_force(log.time, log.duty[:, index], time, BIN)
-        found += [(start, end, side) for start, end in _stretches(command, speed, full)]
-    return tuple(_with_current(each, log, robot, time, full) for each in _united(found, time))
+        command = full * values_at_bins(log.time, log.duty[:, index], time, BIN_S)
+        found += [(start, end, side) for start, end in _stalled_bins(command, speed, full)]
+    return tuple(_with_current(each, log, robot, time, full) for each in _merged(found, time))
 
 
-def _volts(log: Log, robot: RobotConfig, side: str, time: Array) -> Array | None:
+def _bemf_volts(log: Log, robot: RobotConfig, side: str, time: Array) -> Array | None:
     """V of back-EMF in each bin, NaN where nothing was read."""
     wheel = log.wheel(side)
     if wheel is None:
         return None
     motor = robot.model.left if side == "left" else robot.model.right
-    return volts(wheel, motor) * bin_means(placed(log.time, time), wheel.values, len(time))
+    return volts_per_unit(wheel, motor) * bin_means(bin_indices(log.time, time), wheel.values, len(time))
 
 
-def _stretches(volts: Array, speed: Array, full: float) -> list[tuple[int, int]]:
+def _stalled_bins(volts: Array, speed: Array, full: float) -> list[tuple[int, int]]:
     """First and one after the last bin of each stretch in which one wheel stood: from where it fell behind
     its command until it follows one again."""
-    driven = np.abs(volts) > DRIVEN * full
+    driven = np.abs(volts) > DRIVEN_SHARE * full
     share = np.where(driven, speed / np.where(driven, volts, 1.0), np.nan)
     follows = np.zeros(len(volts), bool)
-    for start, end in runs(share > FOLLOWS):
-        follows[start:end] = (end - start) * BIN >= ANSWERS
+    for start, end in runs_of_true(share > MIN_FOLLOWING_SHARE):
+        follows[start:end] = (end - start) * BIN_S >= MIN_FOLLOWING_S
     found: list[tuple[int, int]] = []
-    for start, end in runs(np.abs(share) < STANDS):
-        if (end - start) * BIN < LASTS or (found and end <= found[-1][1]):
+    for start, end in runs_of_true(np.abs(share) < MAX_STALLED_SHARE):
+        if (end - start) * BIN_S < MIN_STALL_S or (found and end <= found[-1][1]):
             continue
         first = start
         while first > 0 and driven[first - 1] and not follows[first - 1]:
             first -= 1
-        before = share[max(first - round(BEFORE / BIN), 0) : first]
-        level = SLOWER * float(np.nanmedian(before)) if np.isfinite(before).any() else 0.0
+        before = share[max(first - round(BEFORE_STALL_S / BIN_S), 0) : first]
+        level = MAX_SLOWED_SHARE * float(np.nanmedian(before)) if np.isfinite(before).any() else 0.0
         while first > 0 and share[first - 1] < level:
             first -= 1
         again = np.flatnonzero(follows[end:])
@@ -163,9 +164,9 @@ def _stretches(volts: Array, speed: Array, full: float) -> list[tuple[int, int]]
     return found
 
 
-def _united(found: Sequence[tuple[int, int, str]], time: Array) -> tuple[Standing, ...]:
+def _merged(found: Sequence[tuple[int, int, str]], time: Array) -> tuple[Stall, ...]:
     """Stretches of both wheels that are mostly the same as one; the others apart."""
-    edges = np.append(time, time[-1] + BIN)
+    edges = np.append(time, time[-1] + BIN_S)
     left = [each for each in found if each[2] == SIDES[0]]
     right = [each for each in found if each[2] == SIDES[1]]
     both = []
@@ -179,20 +180,23 @@ def _united(found: Sequence[tuple[int, int, str]], time: Array) -> tuple[Standin
                 break
     alone = [(start, end, (side,)) for start, end, side in (*left, *right)]
     spans = sorted((*both, *alone))
-    return tuple(Standing(float(edges[start]), float(edges[end]), sides) for start, end, sides in spans)
+    return tuple(Stall(float(edges[start]), float(edges[end]), sides) for start, end, sides in spans)
 
 
-def _with_current(found: Standing, log: Log, robot: RobotConfig, time: Array, full: float) -> Standing:
+def _with_current(found: Stall, log: Log, robot: RobotConfig, time: Array, full: float) -> Stall:
     """The stretch with whether its wheels drew current: by how far the battery's reading went down, the other
     wheel's doing left out."""
     battery = log.channel("battery")
     if battery is None:
         return found
     model = robot.model
-    seen = bin_means(placed(log.time, time), battery.values, len(time))
+    seen = bin_means(bin_indices(log.time, time), battery.values, len(time))
     sags = {}
     for index, (side, motor) in enumerate(zip(SIDES, (model.left, model.right), strict=True)):
-        duty, speed = in_force(log.time, log.duty[:, index], time, BIN), _volts(log, robot, side, time)
+        duty, speed = (
+            values_at_bins(log.time, log.duty[:, index], time, BIN_S),
+            _bemf_volts(log, robot, side, time),
+        )
         if speed is None:
             return found
         current = duty * (full * duty - speed) / motor.armature_resistance.value
@@ -201,12 +205,14 @@ def _with_current(found: Standing, log: Log, robot: RobotConfig, time: Array, fu
     its = sum((sags[side] for side in found.sides), np.zeros(len(time)))
     others = sum((each for side, each in sags.items() if side not in found.sides), np.zeros(len(time)))
     rest = seen + its + others
-    for_long = np.convolve((its > SHOWS).astype(float), np.ones(round(SLOW / BIN)))[: len(time)]
-    asked = inside & (for_long >= round(SLOW / BIN)) & np.isfinite(seen + its + others)
+    for_long = np.convolve((its > MIN_STALL_SAG_V).astype(float), np.ones(round(BATTERY_DELAY_S / BIN_S)))[
+        : len(time)
+    ]
+    asked = inside & (for_long >= round(BATTERY_DELAY_S / BIN_S)) & np.isfinite(seen + its + others)
     free = ~inside & np.isfinite(rest)
-    if asked.sum() * BIN < LASTS or free.sum() * BIN < LASTS:
+    if asked.sum() * BIN_S < MIN_STALL_S or free.sum() * BIN_S < MIN_STALL_S:
         return found
     down = float(np.median(rest[free])) - seen[asked] - others[asked]
     part = float(np.mean(down) / np.mean(its[asked]))
-    known = False if part < NO_CURRENT else True if part > CURRENT else None
+    known = False if part < MAX_NO_CURRENT_SHARE else True if part > MIN_CURRENT_SHARE else None
     return replace(found, current=known)

@@ -10,7 +10,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.drives.order import check_order
+from raccoon.diagnose.drives.row_order import check_row_order
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]
@@ -31,7 +31,7 @@ def appended(first: Columns, second: Columns) -> Columns:
 
 @pytest.mark.parametrize("drive", ["exciting", "contest", "legs"])
 def test_a_drive_from_its_beginning_to_its_end_passes(drive: str) -> None:
-    check_order(log_from_columns(driven(1, drive=drive), ROBOT))
+    check_row_order(log_from_columns(driven(1, drive=drive), ROBOT))
 
 
 @pytest.mark.parametrize("drive", ["exciting", "contest", "legs"])
@@ -57,7 +57,7 @@ def test_a_spike_and_a_lost_row_are_no_second_drive() -> None:
     columns = driven(6)
     columns["motor.0.bemf"][700] += 800.0
     lost = {name: np.delete(each, slice(1000, 1010)) for name, each in columns.items()}
-    check_order(log_from_columns(lost, ROBOT))
+    check_row_order(log_from_columns(lost, ROBOT))
 
 
 def test_readings_that_are_held_for_several_rows_do_not_jump() -> None:
@@ -65,14 +65,14 @@ def test_readings_that_are_held_for_several_rows_do_not_jump() -> None:
     held = np.arange(len(columns["t"])) // 4 * 4
     for name in ("motor.0.bemf", "motor.1.bemf"):
         columns[name] = columns[name][held]
-    check_order(log_from_columns(columns, ROBOT))
+    check_row_order(log_from_columns(columns, ROBOT))
 
 
 def test_a_wheel_too_fast_to_be_read_may_be_anywhere_after_it() -> None:
     columns = driven(8)
     columns["motor.0.bemf"][600:640] = np.nan
     columns["motor.0.bemf"][640:660], columns["motor.0.bemf"][580:600] = -400.0, 1500.0
-    check_order(log_from_columns(columns, ROBOT))
+    check_row_order(log_from_columns(columns, ROBOT))
 
 
 def test_wheels_that_are_turned_round_stand_still_between_two_steps() -> None:
@@ -87,4 +87,4 @@ def test_wheels_that_are_turned_round_stand_still_between_two_steps() -> None:
     course = np.concatenate([np.full(700, 716.5), reversal, 203.0 * np.exp(-0.1 * after) - 650.0])
     course += rng.integers(-2, 3, len(course))
     columns["motor.0.bemf"], columns["motor.1.bemf"] = course, -course
-    check_order(log_from_columns(columns, ROBOT))
+    check_row_order(log_from_columns(columns, ROBOT))

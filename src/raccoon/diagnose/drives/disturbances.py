@@ -11,22 +11,22 @@ from dataclasses import replace
 
 from raccoon.diagnose.drives.log import Log
 
-AROUND = 0.6
+DISTURBANCE_S = 0.6
 """s to either side of the worst reading of a moment that are left out."""
 
 
-def without_moments(log: Log, moments: Sequence[float]) -> Log:
+def without_disturbances(log: Log, moments: Sequence[float]) -> Log:
     """The log with what is around these times, s, among what is lost, and a note of it; the same log where
     there are none, or too little would be left."""
-    spans = [(each - AROUND, each + AROUND) for each in moments]
-    freely = log.without(spans) if spans else None
+    spans = [(each - DISTURBANCE_S, each + DISTURBANCE_S) for each in moments]
+    freely = log.without_spans(spans) if spans else None
     if freely is None:
         return log
-    note = f"{happened(moments)} Left out, since the simulated robot drives freely"
+    note = f"{disturbance_note(moments)} Left out, since the simulated robot drives freely"
     return replace(freely, notes=(*log.notes, note))
 
 
-def happened(moments: Sequence[float]) -> str:
+def disturbance_note(moments: Sequence[float]) -> str:
     """When it was, s, and what it may have been."""
     times = " and ".join(f"{each:.1f}" for each in sorted(moments))
     return (

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SAID = 3
+MAX_LISTED = 3
 """Spans that are listed."""
 
 
@@ -22,7 +22,7 @@ def bin_means(place: NDArray[np.intp], values: Array, count: int) -> Array:
     return np.where(sizes > 0, sums / np.maximum(sizes, 1), np.nan)
 
 
-def low_passed(values: Array, step: float, seconds: float) -> Array:
+def low_pass(values: Array, step: float, seconds: float) -> Array:
     """Samples, each `step` s after the last, behind a filter of this time constant, s, that begins at 0."""
     from scipy.signal import lfilter
 
@@ -30,25 +30,25 @@ def low_passed(values: Array, step: float, seconds: float) -> Array:
     return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values), float)
 
 
-def placed(at: Array, time: Array) -> NDArray[np.intp]:
+def bin_indices(at: Array, time: Array) -> NDArray[np.intp]:
     """The bin that each sample at these times, s, falls into. time: the starts of the bins, s."""
     return np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
 
 
-def in_force(at: Array, values: Array, time: Array, width: float) -> Array:
+def values_at_bins(at: Array, values: Array, time: Array, width: float) -> Array:
     """What is in force in the middle of each bin, of values, (samples, ...), valid from their times, s, on.
     time: the starts of the bins, s; width: of one, s."""
     rows = np.searchsorted(at, time + 0.5 * width, side="right") - 1
     return np.asarray(values[np.clip(rows, 0, len(values) - 1)], float)
 
 
-def when(spans: Sequence[tuple[float, float]]) -> str:
+def describe_spans(spans: Sequence[tuple[float, float]]) -> str:
     """Spans of time, s from and to, in words; of many the first."""
-    shown = ", ".join(f"from {start:.1f} to {end:.1f} s" for start, end in spans[:SAID])
-    return shown + (f" and {len(spans) - SAID} times more" if len(spans) > SAID else "")
+    shown = ", ".join(f"from {start:.1f} to {end:.1f} s" for start, end in spans[:MAX_LISTED])
+    return shown + (f" and {len(spans) - MAX_LISTED} times more" if len(spans) > MAX_LISTED else "")
 
 
-def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs_of_true(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and one after the last of each run of flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]

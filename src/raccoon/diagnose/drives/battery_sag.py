@@ -19,54 +19,54 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.binned import bin_means, low_passed, runs
-from raccoon.diagnose.drives.log import SETTLED, SHORTEST_SECONDS, Load, Log
+from raccoon.diagnose.drives.bins import bin_means, low_pass, runs_of_true
+from raccoon.diagnose.drives.log import MIN_DRIVE_S, SETTLING_DRIVE_S, Load, Log
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-BIN = 0.05
+BIN_S = 0.05
 """s."""
-FILTERS = (0.02, 0.05, 0.1, 0.15, 0.25, 0.4)
+BATTERY_FILTERS_S = (0.02, 0.05, 0.1, 0.15, 0.25, 0.4)
 """s, of the battery's reading."""
-RECOVERY = 3.0
+RECOVERY_S = 3.0
 """s, in which a battery comes to its voltage again."""
-LEAST_NOISE = 0.004
+MIN_NOISE_V = 0.004
 """V, of a bin's mean."""
-NEAR = 4.0
+OUTLIER_NOISES = 4.0
 """Noises up to which a reading is one without a load."""
-EDGE = 6
+DIFFERENCE_BINS = 6
 """Bins over which a course is compared with itself: what stays for longer does not count there."""
-LEVELS = (50.0, 70.0, 85.0, 95.0)
+LEVEL_PERCENTILES = (50.0, 70.0, 85.0, 95.0)
 """Percentiles of what is left at which the battery without a load may be."""
-DEEP, LEAST_SAG = 4.0, 0.01
+MIN_SAG_SCATTERS, MIN_SAG_V = 4.0, 0.01
 """Scatters, and V, by which a reading must be low to be a load's."""
-SHALLOW, ENDED = 1.5, 0.003
+END_SAG_SCATTERS, END_SAG_V = 1.5, 0.003
 """The same up to which a load that was found goes on: behind the reading's filter it fades."""
-MORE_THAN_A_STEP = 1.5
+MIN_SAG_STEPS = 1.5
 """Of the reading's own steps."""
-SHORTEST, SHORTEST_DRIVEN = 3, 8
+MIN_REST_BINS, MIN_BINS = 3, 8
 """Bins in which a load must be seen while no wheel is powered, or else in all."""
-DRIVEN_SHARE = 0.15
+MIN_DRIVEN_SAG_SHARE = 0.15
 """Part of the wheels' own sag above which a load is believed that is seen while driving alone."""
-ADDED = 0.02
+MAX_ABOVE_SHARE = 0.02
 """Part of the bins in which the reading may be above what this model says of it. A filter that holds its
 reading, as the stock firmware's does, has 4 % and more."""
-WORSE = 1.25
+MAX_COST_RATIO = 1.25
 """Times the cost of the best fit that one may have: the best of a drive with loads adds nothing, or one does
 that is 1.05 times as bad. Where the filter is none of these, what adds nothing may be a fit that leaves most
 of the drive out, 2.4 times as bad: of a sound battery without a filter 7 s of 12 were a servo's."""
-KEPT = 0.25
+MIN_DRIVEN_LEFT = 0.25
 """Part of the time in which wheels are powered that must be left."""
-QUICK = 7
+QUICK_COLUMNS = 7
 """Columns up to which they follow the wheels at once; charge and recovery are behind them."""
-STAYS = 0.9
+MIN_STAYING_SHARE = 0.9
 """Part of the time in which what stays is seen."""
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class SagResidual:
     """A drive in bins. begin: s. rest: V by which the reading is above what the wheels make of it. known:
     where there is one. driven: where a wheel is powered. noise, step, sag: V, of a bin, of the reading and of
     the wheels."""
@@ -80,107 +80,115 @@ class Sight:
     sag: float
 
     @classmethod
-    def of(cls, log: Log) -> Sight | None:
+    def of(cls, log: Log) -> SagResidual | None:
         """None where a reading is missing, or is another than a battery's behind a filter."""
         battery, wheels = log.channel("battery"), [log.wheel(side) for side in ("left", "right")]
         if battery is None or None in wheels:
             return None
         time = log.time - log.time[0]
-        speeds = [_bridged(each.values) for each in wheels if each is not None]
-        voltage = _means(time, battery.values)
-        known = np.isfinite(voltage) & (BIN * np.arange(len(voltage)) >= SETTLED)
+        speeds = [_interpolated(each.values) for each in wheels if each is not None]
+        voltage = _bin_means(time, battery.values)
+        known = np.isfinite(voltage) & (BIN_S * np.arange(len(voltage)) >= SETTLING_DRIVE_S)
         for start, end in log.lost:
-            first, last = (max(int((each - log.time[0]) / BIN), -1) for each in (start, end))
+            first, last = (max(int((each - log.time[0]) / BIN_S), -1) for each in (start, end))
             known[max(first, 0) : last + 1] = False  # what a part of a drive has lost before it ends before 0
-        if known.sum() < 2 * EDGE:
+        if known.sum() < 2 * DIFFERENCE_BINS:
             return None
-        step = _resolution(battery.values)
-        noise = max(LEAST_NOISE, 0.5 * step, _scatter(np.diff(voltage[known])) / np.sqrt(2.0))
+        step = _reading_step(battery.values)
+        noise = max(MIN_NOISE_V, 0.5 * step, _robust_std(np.diff(voltage[known])) / np.sqrt(2.0))
         given = np.nan_to_num(voltage)
         fits: list[tuple[float, Array]] = []
-        for seconds in FILTERS:
-            columns = _columns(time, log.duty, speeds, seconds)
+        for seconds in BATTERY_FILTERS_S:
+            columns = _regressors(time, log.duty, speeds, seconds)
             known = known & np.isfinite(columns).all(axis=1)
             columns = np.nan_to_num(columns)
             starts = _starts(columns, given, known, noise)
-            fits.extend(_fitted(columns, given, known, noise, starts))
-        most = WORSE * min(cost for cost, _ in fits)
-        able = [each for each in fits if each[0] <= most and (each[1][known] > NEAR * noise).mean() <= ADDED]
+            fits.extend(_fit_costs(columns, given, known, noise, starts))
+        most = MAX_COST_RATIO * min(cost for cost, _ in fits)
+        able = [
+            each
+            for each in fits
+            if each[0] <= most and (each[1][known] > OUTLIER_NOISES * noise).mean() <= MAX_ABOVE_SHARE
+        ]
         if not able:
             return None
         _, rest = min(able, key=lambda each: each[0])
-        driven = _means(time, log.duty.any(axis=1).astype(float)) > 0.0
+        driven = _bin_means(time, log.duty.any(axis=1).astype(float)) > 0.0
         return cls(float(log.time[0]), rest, known, driven, noise, step, float(np.ptp((given - rest)[known])))
 
     def loads(self) -> Iterator[Load]:
         """One after the other."""
-        scatter = _scatter(self.rest[self.known & (np.abs(self.rest) < NEAR * self.noise)])
-        low = self.known & (self.rest < -max(LEAST_SAG, DEEP * scatter, MORE_THAN_A_STEP * self.step))
-        below = ~self.known | (self.rest < -max(ENDED, SHALLOW * scatter))
-        for start, end in runs(below):
+        scatter = _robust_std(self.rest[self.known & (np.abs(self.rest) < OUTLIER_NOISES * self.noise)])
+        low = self.known & (
+            self.rest < -max(MIN_SAG_V, MIN_SAG_SCATTERS * scatter, MIN_SAG_STEPS * self.step)
+        )
+        below = ~self.known | (self.rest < -max(END_SAG_V, END_SAG_SCATTERS * scatter))
+        for start, end in runs_of_true(below):
             deep = low[start:end]
             if not deep.any():
                 continue
             sag = float(np.percentile(-self.rest[start:end][deep], 80.0))
             at_rest = int((deep & ~self.driven[start:end]).sum())
-            if at_rest >= SHORTEST or (deep.sum() >= SHORTEST_DRIVEN and sag > DRIVEN_SHARE * self.sag):
-                yield Load(self.begin + BIN * (start - 1), self.begin + BIN * (end + 1), sag)
+            if at_rest >= MIN_REST_BINS or (deep.sum() >= MIN_BINS and sag > MIN_DRIVEN_SAG_SHARE * self.sag):
+                yield Load(self.begin + BIN_S * (start - 1), self.begin + BIN_S * (end + 1), sag)
 
     def is_enough_without(self, found: Sequence[Load]) -> bool:
         """Whether there is a drive in what loads leave."""
         kept = self.known & ~self.within(found)
-        driven = float((kept & self.driven).sum()) >= KEPT * float((self.known & self.driven).sum())
-        return driven and BIN * float(kept.sum()) >= SHORTEST_SECONDS
+        driven = float((kept & self.driven).sum()) >= MIN_DRIVEN_LEFT * float(
+            (self.known & self.driven).sum()
+        )
+        return driven and BIN_S * float(kept.sum()) >= MIN_DRIVE_S
 
     def is_on_from(self, start: float, found: Sequence[Load]) -> bool:
         """Whether something is on from then to the end, but for what a poor fit makes."""
-        later = self.begin + BIN * np.arange(len(self.rest)) >= start
-        return float(self.within(found)[later & self.known].mean()) > STAYS
+        later = self.begin + BIN_S * np.arange(len(self.rest)) >= start
+        return float(self.within(found)[later & self.known].mean()) > MIN_STAYING_SHARE
 
     def within(self, found: Sequence[Load]) -> Flags:
         """Which bins loads have."""
-        time = self.begin + BIN * (np.arange(len(self.rest)) + 0.5)
+        time = self.begin + BIN_S * (np.arange(len(self.rest)) + 0.5)
         inside = np.zeros(len(time), bool)
         for each in found:
             inside |= (time > each.start) & (time < each.end)
         return inside
 
 
-def _bridged(values: Array) -> Array:
+def _interpolated(values: Array) -> Array:
     """Samples with lines over those that are missing."""
     rows = np.arange(len(values))
     seen = np.isfinite(values)
     return np.asarray(np.interp(rows, rows[seen], values[seen]), float)
 
 
-def _means(time: Array, values: Array) -> Array:
+def _bin_means(time: Array, values: Array) -> Array:
     """The mean of each bin, NaN where it has nothing."""
-    place = (time / BIN).astype(np.intp)
+    place = (time / BIN_S).astype(np.intp)
     return bin_means(place, values, int(place[-1]) + 1)
 
 
-def _columns(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:
+def _regressors(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:
     """(bins, 9), each of size 1: a constant; d^2, d w and d dw/dt of each wheel behind a filter of that time
     constant; charge; recovery."""
     step = usual_step(time)
 
     def behind(values: Array, constant: float) -> Array:
-        return low_passed(values, step, constant)
+        return low_pass(values, step, constant)
 
     drawn, made = np.zeros(len(time)), []
     for index, speed in enumerate(speeds):
-        power = duty[:, index] * (duty[:, index] - _per_duty(duty[:, index], speed))
+        power = duty[:, index] * (duty[:, index] - _speed_as_duty(duty[:, index], speed))
         drawn = drawn + np.maximum(power, 0.0)
         for each in (duty[:, index], speed, np.gradient(speed)):
             made.append(behind(duty[:, index] * each, seconds))
     charge = np.cumsum(drawn * np.diff(time, append=time[-1]))
     every = np.column_stack(
-        [_means(time, each) for each in (np.ones(len(time)), *made, charge, behind(drawn, RECOVERY))]
+        [_bin_means(time, each) for each in (np.ones(len(time)), *made, charge, behind(drawn, RECOVERY_S))]
     )
     return np.asarray(every / np.maximum(np.nanmax(np.abs(every), axis=0), 1e-9), float)
 
 
-def _per_duty(duty: Array, speed: Array) -> Array:
+def _speed_as_duty(duty: Array, speed: Array) -> Array:
     """The speed in units of the duty that holds it, so that 1 less it is as a motor's current."""
     power = float(duty @ duty)
     factor = float(duty @ speed) / power if power > 0.0 else 0.0
@@ -191,68 +199,73 @@ def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Array
     """Numbers of the columns (starts, columns) from which a fit goes: of all readings; of how they change
     within some tenths of a second, with the level of what is left at several heights, and of the same without
     charge and recovery, which make much of what they have not seen."""
-    quick = columns[:, 1:QUICK]
-    both = known[EDGE:] & known[:-EDGE]
+    quick = columns[:, 1:QUICK_COLUMNS]
+    both = known[DIFFERENCE_BINS:] & known[:-DIFFERENCE_BINS]
     found = np.zeros(columns.shape[1])
-    changes = quick[EDGE:] - quick[:-EDGE], voltage[EDGE:] - voltage[:-EDGE]
-    found[1:QUICK] = _solved(*changes, both, noise)
+    changes = (
+        quick[DIFFERENCE_BINS:] - quick[:-DIFFERENCE_BINS],
+        voltage[DIFFERENCE_BINS:] - voltage[:-DIFFERENCE_BINS],
+    )
+    found[1:QUICK_COLUMNS] = _huber_fit(*changes, both, noise)
     left = voltage - columns @ found
-    levels = np.tile(found, (len(LEVELS), 1))
-    levels[:, 0] = np.percentile(left[known], LEVELS)
+    levels = np.tile(found, (len(LEVEL_PERCENTILES), 1))
+    levels[:, 0] = np.percentile(left[known], LEVEL_PERCENTILES)
     without = np.zeros_like(levels)
-    without[:, :QUICK] = _near(columns[:, :QUICK], voltage, known, noise, levels[:, :QUICK])
-    return np.concatenate([_solved(columns, voltage, known, noise)[None], levels, without])
+    without[:, :QUICK_COLUMNS] = _biweight_fits(
+        columns[:, :QUICK_COLUMNS], voltage, known, noise, levels[:, :QUICK_COLUMNS]
+    )
+    return np.concatenate([_huber_fit(columns, voltage, known, noise)[None], levels, without])
 
 
-def _solved(columns: Array, target: Array, known: Flags, noise: float) -> Array:
+def _huber_fit(columns: Array, target: Array, known: Flags, noise: float) -> Array:
     """A fit to which a reading that is far off counts as one that is a noise off."""
-    found, products = np.zeros(columns.shape[1]), _products(columns)
+    found, products = np.zeros(columns.shape[1]), _column_products(columns)
     weights = known.astype(float)
     for _ in range(15):
-        (found,) = _weighted(columns, products, target, weights[None])
+        (found,) = _weighted_least_squares(columns, products, target, weights[None])
         weights = known / np.maximum(1.0, np.abs(target - columns @ found) / noise)
     return found
 
 
-def _fitted(
+def _fit_costs(
     columns: Array, voltage: Array, known: Flags, noise: float, starts: Array
 ) -> Iterator[tuple[float, Array]]:
     """How bad the fit is to which one goes from each start, and what it leaves. What is far below it costs no
     more than what is below it; to be above it costs more and more, as nothing adds voltage."""
-    for rest in voltage - _near(columns, voltage, known, noise, starts) @ columns.T:
-        far = rest / (NEAR * noise)
+    for rest in voltage - _biweight_fits(columns, voltage, known, noise, starts) @ columns.T:
+        far = rest / (OUTLIER_NOISES * noise)
         cost = np.where(far > 1.0, far**2, 1.0 - np.maximum(0.0, 1.0 - far**2) ** 3)
         yield float(cost[known].sum()), rest
 
 
-def _near(columns: Array, target: Array, known: Flags, noise: float, starts: Array) -> Array:
+def _biweight_fits(columns: Array, target: Array, known: Flags, noise: float, starts: Array) -> Array:
     """The fits (starts, columns) from starts on in which a reading that is far off does not count (Tukey's
     biweight)."""
-    found, products = starts, _products(columns)
+    found, products = starts, _column_products(columns)
     for _ in range(30):
-        far = (target - found @ columns.T) / (NEAR * noise)
-        found = _weighted(columns, products, target, known * np.maximum(0.0, 1.0 - far**2) ** 2)
+        far = (target - found @ columns.T) / (OUTLIER_NOISES * noise)
+        found = _weighted_least_squares(columns, products, target, known * np.maximum(0.0, 1.0 - far**2) ** 2)
     return found
 
 
-def _products(columns: Array) -> Array:
+def _column_products(columns: Array) -> Array:
     """Of each column with each in every bin, (bins, columns * columns)."""
     return (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), -1)
 
 
-def _weighted(columns: Array, products: Array, target: Array, weights: Array) -> Array:
+def _weighted_least_squares(columns: Array, products: Array, target: Array, weights: Array) -> Array:
     """Least squares (fits, columns) under weights (fits, bins)."""
     count = columns.shape[1]
     inner = (weights @ products).reshape(-1, count, count) + 1e-6 * np.eye(count)
     return np.asarray(np.linalg.solve(inner, ((weights * target) @ columns)[:, :, None])[:, :, 0], float)
 
 
-def _resolution(values: Array) -> float:
+def _reading_step(values: Array) -> float:
     """V between neighbouring values of a reading."""
     apart = np.diff(np.unique(values[np.isfinite(values)]))
     return float(np.percentile(apart, 10.0)) if len(apart) else 0.0
 
 
-def _scatter(values: Array) -> float:
+def _robust_std(values: Array) -> float:
     """Standard deviation by the median of the sizes."""
     return 1.48 * float(np.median(np.abs(values))) if len(values) else 0.0

@@ -14,21 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import SETTLED, SHORTEST_SECONDS, Load, Log
-from raccoon.diagnose.drives.sag import Sight
+from raccoon.diagnose.drives.battery_sag import SagResidual
+from raccoon.diagnose.drives.log import MIN_DRIVE_S, SETTLING_DRIVE_S, Load, Log
 
 Array = NDArray[np.float64]
 
-SAID = 3
-ENOUGH = 2.0 * SHORTEST_SECONDS
+MAX_LISTED = 3
+MIN_PART_S = 2.0 * MIN_DRIVE_S
 """s that a part of a drive must have that is compared instead of all of it."""
-MOST_OF_IT = (
+LOADED_DRIVE_NOTE = (
     "something other than the wheels draws current for most of the drive, as the battery's voltage shows: "
     "what is said of the battery may be its doing"
 )
 
 
-def with_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Log:
+def find_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     """The log with what the battery's reading shows of other loads than the wheels. columns: of the
     recording, which name servos and other motors.
 
@@ -36,40 +36,42 @@ def with_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Lo
     that is there from the beginning what is after it, where that is as little: so looks a fuller battery that
     was put in on the way.
     """
-    sight = Sight.of(log)
+    sight = SagResidual.of(log)
     found = () if sight is None else tuple(sight.loads())
     if sight is None or not found:
         return log
     if sight.is_enough_without(found):
-        return replace(log, loads=tuple(replace(each, by=_acting(each, columns, robot)) for each in found))
+        return replace(
+            log, loads=tuple(replace(each, by=_active_columns(each, columns, robot)) for each in found)
+        )
     stays = next((each for each in found if sight.is_on_from(each.start, found)), None)
-    if stays is not None and log.time[0] + SETTLED < stays.start < log.time[-1] - ENOUGH:
-        begin = stays.start + SETTLED
-        kept = with_loads(log.between(begin, np.inf), columns, robot)
+    if stays is not None and log.time[0] + SETTLING_DRIVE_S < stays.start < log.time[-1] - MIN_PART_S:
+        begin = stays.start + SETTLING_DRIVE_S
+        kept = find_loads(log.between(begin, np.inf), columns, robot)
         left = replace(stays, start=float(log.time[0]), end=begin, sag=-stays.sag)
-    elif _is_enough(found[0], log) and not sight.is_enough_without(found[:1]):
-        end = found[0].end - SETTLED
-        kept = with_loads(log.between(-np.inf, end), columns, robot)
-        left = replace(found[0], start=end, end=float(log.time[-1]) + SETTLED, sag=-found[0].sag)
+    elif _is_on_from_start(found[0], log) and not sight.is_enough_without(found[:1]):
+        end = found[0].end - SETTLING_DRIVE_S
+        kept = find_loads(log.between(-np.inf, end), columns, robot)
+        left = replace(found[0], start=end, end=float(log.time[-1]) + SETTLING_DRIVE_S, sag=-found[0].sag)
     else:
-        return replace(log, notes=(*log.notes, MOST_OF_IT))
+        return replace(log, notes=(*log.notes, LOADED_DRIVE_NOTE))
     in_order = sorted((left, *kept.loads), key=lambda each: each.start)
     return replace(log, notes=kept.notes, loads=tuple(in_order))
 
 
-def _is_enough(load: Load, log: Log) -> bool:
+def _is_on_from_start(load: Load, log: Log) -> bool:
     """Whether a load is there from the beginning, and its time long enough to be all that is compared."""
-    return bool(load.start < log.time[0] + SETTLED and load.end > log.time[0] + ENOUGH)
+    return bool(load.start < log.time[0] + SETTLING_DRIVE_S and load.end > log.time[0] + MIN_PART_S)
 
 
-def loads_told(log: Log, resistance: float) -> tuple[str, ...]:
+def load_notes(log: Log, resistance: float) -> tuple[str, ...]:
     """What is said of a log's loads, () where there are none. resistance: ohm, of the battery."""
     seen = [each for each in log.loads if each.start < log.time[-1] and each.end > log.time[0]]
     found = [each for each in seen if each.sag > 0.0]
-    told = [_left_out(each, log, resistance) for each in seen if each.sag < 0.0]
+    told = [_left_out_note(each, log, resistance) for each in seen if each.sag < 0.0]
     if found:
-        said = "; ".join(_told(each, log.time, resistance) for each in found[:SAID])
-        more = f" and {len(found) - SAID} more" if len(found) > SAID else ""
+        said = "; ".join(_describe_load(each, log.time, resistance) for each in found[:MAX_LISTED])
+        more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
         told.append(
             f"something other than the wheels draws current, as the battery's voltage shows: {said}{more}; "
             "nothing is compared there, since the simulation knows the wheels' current only"
@@ -77,41 +79,42 @@ def loads_told(log: Log, resistance: float) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _left_out(load: Load, log: Log, resistance: float) -> str:
+def _left_out_note(load: Load, log: Log, resistance: float) -> str:
     """Of what was left out before a load that stays, or after one that was there from the beginning."""
+    sag = _describe_sag(load, resistance)
     if load.start > log.time[0]:
         return (
-            f"until {load.start + SETTLED:.1f} s the battery's voltage is lower by {_size(load, resistance)} "
+            f"until {load.start + SETTLING_DRIVE_S:.1f} s the battery's voltage is lower by {sag} "
             "than from then on: something other than the wheels drew current, or another battery was put in; "
             "what came after it is not compared, and what is said of the battery's voltage may be its doing"
         )
     return (
-        f"from {load.end - SETTLED:.1f} s on something other than the wheels draws current: the battery's "
-        f"voltage is lower by {_size(load, resistance)}; what was before it is not compared, and what is "
+        f"from {load.end - SETTLING_DRIVE_S:.1f} s on something other than the wheels draws current: the "
+        f"battery's voltage is lower by {sag}; what was before it is not compared, and what is "
         "said of the battery's voltage is its doing as well"
     )
 
 
-def _told(load: Load, time: Array, resistance: float) -> str:
+def _describe_load(load: Load, time: Array, resistance: float) -> str:
     by = f" ({', '.join(load.by)})" if load.by else ""
     start, end = max(load.start, time[0]), min(load.end, time[-1])
     exchanged = " or another battery" if start == time[0] or end == time[-1] else ""
-    return f"{start:.1f} to {end:.1f} s {_size(load, resistance)}{exchanged}{by}"
+    return f"{start:.1f} to {end:.1f} s {_describe_sag(load, resistance)}{exchanged}{by}"
 
 
-def _size(load: Load, resistance: float) -> str:
+def _describe_sag(load: Load, resistance: float) -> str:
     sag = abs(load.sag)
     return f"{1000.0 * sag:.0f} mV" + (f", {sag / resistance:.1f} A" if resistance > 0.0 else "")
 
 
-def _acting(load: Load, columns: Mapping[str, Array], robot: RobotConfig) -> tuple[str, ...]:
+def _active_columns(load: Load, columns: Mapping[str, Array], robot: RobotConfig) -> tuple[str, ...]:
     """Columns of servos that move and of other motors that are powered about that time."""
     time = columns["t"]
     wheels = {f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right)}
     found = []
     for name, values in columns.items():
         known = np.flatnonzero(np.isfinite(values) & (time <= load.end))
-        first = np.searchsorted(time[known], load.start - SETTLED)
+        first = np.searchsorted(time[known], load.start - SETTLING_DRIVE_S)
         seen = values[known[max(first - 1, 0) :]]  # with what held until then
         moves = name.startswith("servo.") and len(seen) > 0 and float(np.ptp(seen)) > 0.0
         powered = name.endswith(".duty") and name not in wheels and bool(seen.any())

@@ -10,15 +10,15 @@ from raccoon.trace.recording import mistaken_step, usual_step
 
 Array = NDArray[np.float64]
 
-SLOWEST_STEP = 0.2
+MAX_STEP_S = 0.2
 """s between samples; a wheel settles in less."""
-LONGEST_GAP = 1e5
+MAX_GAP_S = 1e5
 """s that no drive pauses for."""
-OFTEN_STILL = 0.1
+MIN_STILL_SHARE = 0.1
 """Share of the rows in which a time stands still that is rounded."""
 
 
-def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
+def check_time(time: Array, slowest: float = MAX_STEP_S) -> None:
     """Raise TraceError where a time is no number, does not advance, or by more than `slowest` s a sample."""
     if not np.isfinite(time).all():
         raise TraceError(
@@ -29,15 +29,15 @@ def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
         row = int(np.argmax(steps <= 0.0)) + 1
         raise TraceError(
             f"t goes from {time[row - 1]:.12g} s to {time[row]:.12g} s at row {row}: it must advance"
-            + _rounded(steps)
+            + _describe_rounding(steps)
         )
-    if float(steps.max(initial=0.0)) > LONGEST_GAP:
+    if float(steps.max(initial=0.0)) > MAX_GAP_S:
         row = int(np.argmax(steps)) + 1
         raise TraceError(f"t jumps from {time[row - 1]:.12g} s to {time[row]:.12g} s at row {row}")
     check_step(time, slowest)
 
 
-def check_step(time: Array, slowest: float = SLOWEST_STEP) -> None:
+def check_step(time: Array, slowest: float = MAX_STEP_S) -> None:
     """Raise TraceError where a time advances by more than `slowest` s a sample, as in another unit."""
     step = usual_step(time)
     if step > slowest:
@@ -45,12 +45,12 @@ def check_step(time: Array, slowest: float = SLOWEST_STEP) -> None:
         raise TraceError(f"{told}; at most {slowest:g} s are allowed")
 
 
-def _rounded(steps: Array) -> str:
+def _describe_rounding(steps: Array) -> str:
     """That a time is written too coarsely, where it stands still so often."""
     still, moved = float((steps == 0.0).mean()), steps[steps > 0.0]
     if still == 1.0:
         return ", and never does: it seems to be written with too few digits"
-    if still < OFTEN_STILL or not len(moved):
+    if still < MIN_STILL_SHARE or not len(moved):
         return ""
     return (
         f", and stands still in {100.0 * still:.0f} % of the rows: it seems to be rounded to "

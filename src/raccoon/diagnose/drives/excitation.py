@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from raccoon.diagnose.drives.followers import changes
 from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.response_models import is_varied
 from raccoon.trace.recording import usual_step
 
-SLOWEST_SWING, FASTEST_SWING = 4.0, 15.0
+MIN_SWING_HZ, MAX_SWING_HZ = 4.0, 15.0
 """1/s. In slower ones the wheels' readings, 30 ms late, show what commands answer as in any drive."""
-BAND = 1.25
+SWING_BAND_FACTOR = 1.25
 """Band of a swing: this factor to either side of its frequency."""
-SWINGS = 0.4
+MIN_SWING_POWER_SHARE = 0.4
 """Part of the commands' power that is in such a band, where they swing: 0.6 to 0.8 of robots that were
 steered by bang-bang, 0.18 at most of 250 other drives."""
-LINES, REGULAR = 6, 0.75
+CLOCK_LINES, MAX_CLOCK_SHARE = 6, 0.75
 """So many lines of a spectrum hold so much of the band where a clock has made the swing: a program that
 wiggles on purpose, which says all about a robot."""
 
 
-def moves(log: Log) -> bool:
+def is_driven(log: Log) -> bool:
     """Whether the commands change and the wheels answer: without that nothing can be told."""
-    commanded = any(changes(each) and float(np.ptp(each)) > 0.05 for each in log.duty.T)
+    commanded = any(is_varied(each) and float(np.ptp(each)) > 0.05 for each in log.duty.T)
     answers = [
         float(np.nanstd(each.values)) > 5.0 * each.floor
         for each in log.channels
@@ -31,25 +31,27 @@ def moves(log: Log) -> bool:
     return commanded and any(answers)
 
 
-def swing(log: Log) -> float:
+def swing_period(log: Log) -> float:
     """s in which commands swing, where nearly all that they do is that: a line that is followed by bang-bang.
     0 where they do not."""
     row = usual_step(log.time)
     even = np.arange(log.time[0], log.time[-1], row)
     duty = log.duty[np.searchsorted(log.time, even, side="right") - 1]
     frequency = np.fft.rfftfreq(len(even), row)
-    low, high = (np.searchsorted(frequency, each * frequency) for each in (1.0 / BAND, BAND))
-    asked = (frequency >= SLOWEST_SWING) & (frequency <= FASTEST_SWING)
+    low, high = (
+        np.searchsorted(frequency, each * frequency) for each in (1.0 / SWING_BAND_FACTOR, SWING_BAND_FACTOR)
+    )
+    asked = (frequency >= MIN_SWING_HZ) & (frequency <= MAX_SWING_HZ)
     for commands in (duty[:, 1] - duty[:, 0], duty.sum(axis=1)):
         power = np.abs(np.fft.rfft(commands - commands.mean())) ** 2
         total = np.concatenate([[0.0], np.cumsum(power)])
         shares = np.where(asked, total[np.minimum(high, len(power))] - total[low], 0.0)
-        if not shares.max() > SWINGS * total[-1]:
+        if not shares.max() > MIN_SWING_POWER_SHARE * total[-1]:
             continue
         best = int(np.argmax(shares))
         inside = slice(low[best], high[best])
         band = power[inside]
         middle = float(frequency[inside] @ band / band.sum())
-        if middle >= SLOWEST_SWING and np.sort(band)[-LINES:].sum() < REGULAR * band.sum():
+        if middle >= MIN_SWING_HZ and np.sort(band)[-CLOCK_LINES:].sum() < MAX_CLOCK_SHARE * band.sum():
             return 1.0 / middle
     return 0.0

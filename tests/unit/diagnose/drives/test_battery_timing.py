@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.at_once import SAID, with_battery_before_commands
+from raccoon.diagnose.drives.battery_timing import BATTERY_AFTER_COMMAND_NOTE, without_battery_after_commands
 from raccoon.diagnose.drives.log import Log, log_from_columns
 
 
@@ -29,8 +29,8 @@ def driven(late: int, resistance: float = 0.05) -> Log:
 def test_readings_of_rows_whose_command_they_answer_are_left_out_where_commands_jump(
     resistance: float,
 ) -> None:
-    log = with_battery_before_commands(driven(0, resistance))
-    assert log.notes == (SAID,)
+    log = without_battery_after_commands(driven(0, resistance))
+    assert log.notes == (BATTERY_AFTER_COMMAND_NOTE,)
     battery = log.channel("battery")
     assert battery is not None
     jumps = np.abs(np.diff(log.duty[:, 0], prepend=log.duty[0, 0])) > 0.0
@@ -40,9 +40,9 @@ def test_readings_of_rows_whose_command_they_answer_are_left_out_where_commands_
 @pytest.mark.parametrize("late", [1, 2])
 def test_readings_before_the_command_of_their_row_are_kept(late: int) -> None:
     log = driven(late)
-    assert with_battery_before_commands(log) is log
+    assert without_battery_after_commands(log) is log
 
 
 def test_what_a_battery_without_a_sag_says_is_kept() -> None:
     log = driven(0, 0.0)
-    assert with_battery_before_commands(log) is log
+    assert without_battery_after_commands(log) is log

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 HALF_A_COUNT = 0.5
 
 
-def uncut(bemf: Array) -> Array:
+def undo_truncation(bemf: Array) -> Array:
     """Readings in whole counts with the half that they lack; others as they are, and NaN where it is NaN.
 
     Such a reading is half a count nearer to 0 than what was read, on the average. That is 0.3 % of a usual

@@ -13,12 +13,19 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.answers import EARLY, EARLY_GYRO, LOST, LOST_GYRO, check_answers, check_signs
-from raccoon.diagnose.drives.driven import moves
-from raccoon.diagnose.drives.followers import answer_of
+from raccoon.diagnose.drives.directions import check_wheel_directions
+from raccoon.diagnose.drives.excitation import is_driven
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.drives.order import check_order
-from raccoon.diagnose.drives.ways import check_signed
+from raccoon.diagnose.drives.response_checks import (
+    EARLIEST_GYRO_RESPONSE_S,
+    EARLIEST_RESPONSE_S,
+    MAX_UNEXPLAINED,
+    MAX_UNEXPLAINED_GYRO,
+    check_responses,
+    check_signs,
+)
+from raccoon.diagnose.drives.response_models import estimate_response
+from raccoon.diagnose.drives.row_order import check_row_order
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
@@ -63,21 +70,21 @@ def test_no_cause_is_an_answer_that_is_early_or_lost(cause: str, drive: str) -> 
     hidden = draw(cause, np.random.default_rng(3), 2.0)
     log = log_from_columns(make(8, [hidden], drive=drive, seconds=12.0).columns, ROBOT)
     check_signs(log)
-    check_answers(log)
+    check_responses(log)
 
 
 def test_commands_of_the_row_before_are_not_early(good: Columns) -> None:
     """Loggers write them so, and the diagnosis finds that out."""
-    check_answers(log_from_columns(late(good, DUTIES, 0.005), ROBOT))
+    check_responses(log_from_columns(late(good, DUTIES, 0.005), ROBOT))
 
 
 @pytest.mark.parametrize("seconds", [0.05, 0.1, 0.2])
 def test_commands_that_are_logged_late_are_said(good: Columns, seconds: float) -> None:
     """50 ms were a slip of 51 ms, a battery and a filter, each with a probability of 1."""
     log = log_from_columns(late(good, DUTIES, seconds), ROBOT)
-    check_order(log)  # late is not the opposite order
+    check_row_order(log)  # late is not the opposite order
     with pytest.raises(TraceError, match=r"motor\.0\.bemf answers \d+ ms before motor\.0\.duty asks"):
-        check_answers(log)
+        check_responses(log)
 
 
 def test_commands_that_are_logged_behind_a_ramp_are_said(good: Columns) -> None:
@@ -89,7 +96,7 @@ def test_commands_that_are_logged_behind_a_ramp_are_said(good: Columns) -> None:
             duty[row] = duty[row - 1] + np.clip(good[name][row] - duty[row - 1], -most, most)
         ramped[name] = duty
     with pytest.raises(TraceError, match="behind a ramp or a filter"):
-        check_answers(log_from_columns(ramped, ROBOT))
+        check_responses(log_from_columns(ramped, ROBOT))
 
 
 @pytest.mark.parametrize("rate", [3.0, 4.0])
@@ -100,11 +107,11 @@ def test_commands_before_a_ramp_are_said(rate: float) -> None:
     for row in range(1, len(given)):
         given[row] = given[row - 1] + np.clip(asked[row] - given[row - 1], -0.005 * rate, 0.005 * rate)
     columns = dict(make(21, drive=given, seconds=12.0).columns)
-    check_answers(log_from_columns(columns, ROBOT))
+    check_responses(log_from_columns(columns, ROBOT))
     rows = np.clip(np.rint(columns["t"] / 0.005).astype(int), 0, len(asked) - 1)
     columns |= {name: asked[rows, index] for index, name in enumerate(DUTIES)}
     with pytest.raises(TraceError, match=r"as if a ramp of about \d a second were between them"):
-        check_answers(log_from_columns(columns, ROBOT))
+        check_responses(log_from_columns(columns, ROBOT))
 
 
 @pytest.mark.parametrize("limit", [0.7, 0.9])
@@ -118,7 +125,7 @@ def test_a_limit_of_the_current_is_no_ramp(limit: float) -> None:
     rollout = PlantRollout(log, heavy, Habits(Chain.firmware(), brake=False), plain=True)
     readings = rollout.samples([neutral_settings(heavy) | limited])[0]
     channels = [replace(each, values=values) for each, values in zip(log.channels, readings, strict=True)]
-    check_answers(replace(log, channels=tuple(channels)))
+    check_responses(replace(log, channels=tuple(channels)))
 
 
 @dataclass(frozen=True)
@@ -191,14 +198,14 @@ def test_a_robot_of_any_weight_that_coasts_or_drives_smoothly_answers(
         **{name: 1100.0 * each[1][sampled] for name, each in zip(READINGS, turns, strict=True)},
         GYRO: 4.0 * (turns[1][0] - turns[0][0])[sampled],
     }
-    check_answers(log_from_columns(columns, ROBOT))
+    check_responses(log_from_columns(columns, ROBOT))
 
 
 def test_a_gyro_of_another_time_is_said(good: Columns) -> None:
     """It was a slip of 31 ms with a probability of 1."""
     with pytest.raises(TraceError, match=r"imu\.gyro\.z turns \d+ ms before the wheels do"):
-        check_answers(log_from_columns(late(good, (GYRO,), -0.06), ROBOT))
-    check_answers(log_from_columns(late(good, (GYRO,), 0.1), ROBOT))  # which is a latency
+        check_responses(log_from_columns(late(good, (GYRO,), -0.06), ROBOT))
+    check_responses(log_from_columns(late(good, (GYRO,), 0.1), ROBOT))  # which is a latency
 
 
 def test_a_gyro_that_is_no_turn_rate_of_this_drive_is_said(good: Columns) -> None:
@@ -206,14 +213,14 @@ def test_a_gyro_that_is_no_turn_rate_of_this_drive_is_said(good: Columns) -> Non
     angle = np.degrees(np.cumsum(np.nan_to_num(good[GYRO])) * 0.02)
     for values in (noise, angle):
         with pytest.raises(TraceError, match="does not turn as the commands and the wheels do"):
-            check_answers(changed(good, GYRO, values))
+            check_responses(changed(good, GYRO, values))
 
 
 def test_a_wheel_that_does_not_follow_its_command_is_said(good: Columns) -> None:
     half = good["motor.0.duty"].copy()
     half[len(half) // 2 :] = 0.0
     with pytest.raises(TraceError, match=r"motor\.0\.bemf does not follow motor\.0\.duty, which explains"):
-        check_answers(changed(good, "motor.0.duty", half))
+        check_responses(changed(good, "motor.0.duty", half))
 
 
 def test_a_command_that_ends_in_the_last_row_has_never_changed(good: Columns) -> None:
@@ -221,18 +228,18 @@ def test_a_command_that_ends_in_the_last_row_has_never_changed(good: Columns) ->
     ends = np.full(len(good["t"]), 0.4)
     ends[-1] = 0.0
     log = log_from_columns({**good, "motor.0.duty": ends, "motor.1.duty": ends}, ROBOT)
-    check_answers(log)
-    assert not moves(log)
+    check_responses(log)
+    assert not is_driven(log)
     pulse = np.where(np.arange(len(ends)) < 40, 0.0, ends)
-    assert moves(log_from_columns({**good, "motor.0.duty": pulse}, ROBOT))
+    assert is_driven(log_from_columns({**good, "motor.0.duty": pulse}, ROBOT))
 
 
 def test_a_wheel_that_moves_without_a_command_is_said(good: Columns) -> None:
     with pytest.raises(TraceError, match=r"motor\.1\.duty is 0 all the time, but motor\.1\.bemf changes"):
-        check_answers(changed(good, "motor.1.duty", 0.0 * good["t"]))
+        check_responses(changed(good, "motor.1.duty", 0.0 * good["t"]))
     still = {**good, "motor.1.duty": 0.0 * good["t"], "motor.1.bemf": 0.0 * good["t"]}
     del still[GYRO]
-    check_answers(log_from_columns(still, ROBOT))  # a robot that drives with one wheel
+    check_responses(log_from_columns(still, ROBOT))  # a robot that drives with one wheel
 
 
 @pytest.mark.parametrize("name", DUTIES)
@@ -300,9 +307,12 @@ def test_too_little_says_nothing(good: Columns) -> None:
     log = log_from_columns({name: each[:450] for name, each in good.items()}, ROBOT)
     gyro = log.channel("gyro")
     assert gyro is not None
-    assert answer_of(log.time, [0.0 * log.time], gyro, EARLY_GYRO, LOST_GYRO) is None
+    assert (
+        estimate_response(log.time, [0.0 * log.time], gyro, EARLIEST_GYRO_RESPONSE_S, MAX_UNEXPLAINED_GYRO)
+        is None
+    )
     few = replace(gyro, values=np.where(np.arange(len(log.time)) % 9 == 0, gyro.values, np.nan))
-    assert answer_of(log.time, [log.duty[:, 0]], few, EARLY, LOST) is None
+    assert estimate_response(log.time, [log.duty[:, 0]], few, EARLIEST_RESPONSE_S, MAX_UNEXPLAINED) is None
 
 
 @pytest.mark.parametrize("drive", ["exciting", "contest"])
@@ -310,15 +320,15 @@ def test_commands_and_readings_that_both_lost_their_signs_are_told_by_the_gyro(d
     """They agree, and half of the drive was a robot in a hand."""
     columns = dict(make(4, drive=drive, seconds=10.0).columns)
     sizes = {name: np.abs(columns[name]) for name in (*DUTIES, *READINGS)}
-    check_signed(log_from_columns(columns, ROBOT), ROBOT)
+    check_wheel_directions(log_from_columns(columns, ROBOT), ROBOT)
     with pytest.raises(TraceError, match=r"never go below 0, but imu\.gyro\.z says .* with their signs"):
-        check_signed(log_from_columns({**columns, **sizes}, ROBOT), ROBOT)
+        check_wheel_directions(log_from_columns({**columns, **sizes}, ROBOT), ROBOT)
 
 
 def test_a_robot_that_only_goes_forward_has_its_signs() -> None:
     """Along arcs and around one wheel."""
     arcs = np.tile(np.repeat([[0.9, 0.4], [0.3, 0.8], [0.0, 0.6], [0.5, 0.5]], 160, axis=0), (3, 1))
-    check_signed(log_from_columns(dict(make(4, drive=arcs).columns), ROBOT), ROBOT)
+    check_wheel_directions(log_from_columns(dict(make(4, drive=arcs).columns), ROBOT), ROBOT)
 
 
 def test_one_motor_that_turns_the_other_way_has_its_signs() -> None:
@@ -326,4 +336,4 @@ def test_one_motor_that_turns_the_other_way_has_its_signs() -> None:
     ahead = np.tile(np.repeat([[0.9, -0.7], [0.3, -0.4], [0.6, -0.6]], 160, axis=0), (4, 1))
     columns = dict(make(4, drive=ahead).columns)
     other = {name: -columns[name] for name in (DUTIES[1], READINGS[1])}
-    check_signed(log_from_columns({**columns, **other}, ROBOT), ROBOT)
+    check_wheel_directions(log_from_columns({**columns, **other}, ROBOT), ROBOT)

@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.loads import loads_told
-from raccoon.diagnose.drives.log import Change, Log
-from raccoon.diagnose.drives.moments import happened
+from raccoon.diagnose.drives.battery_loads import load_notes
+from raccoon.diagnose.drives.disturbances import disturbance_note
+from raccoon.diagnose.drives.log import Log, StepChange
 from raccoon.diagnose.findings.cause_results import make_cause_results
 from raccoon.diagnose.findings.deviations import deviation_notes
 from raccoon.diagnose.findings.fitted_model import make_fitted_model
@@ -27,7 +27,7 @@ from raccoon.diagnose.fit.noise_model import whiteness
 from raccoon.diagnose.habits.notes import habit_notes, with_habit_uncertainty
 from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
 from raccoon.diagnose.result import (
-    LARGE_REST,
+    MAX_UNEXPLAINED_SHARE,
     STOOD,
     ChannelResult,
     Curve,
@@ -49,36 +49,38 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SearchOutcome:
     """What one search says. moments: s, at which something happened in the drive that is nobody's fault.
     change: what was another from a moment on. hot: whether motors surely get hot, no friction changed."""
 
     diagnosis: Diagnosis
     moments: tuple[float, ...]
-    change: Change | None = None
+    change: StepChange | None = None
     hot: Callable[[], bool] = lambda: False
 
 
-def faults_of(log: Log) -> tuple[SensorFault, ...]:
+def stall_faults(log: Log) -> tuple[SensorFault, ...]:
     """The wheels' readings that stood while they were driven, as broken sensors."""
     return tuple(SensorFault(column, STOOD, text) for column, text in log.stood)
 
 
-def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Found:
+def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> SearchOutcome:
     """What a search found, judged on data that it did not fit. begin: when the diagnosis began, s."""
     uncertainty = FitUncertainty.of(search)
     causes = with_habit_uncertainty(make_cause_results(search, judged, uncertainty), habits)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
     bursts = find_bursts(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
-    depends_on, unknown_notes = _unknown(search, bursts)
+    depends_on, unknown_notes = _unknown_dependence(search, bursts)
     left = judged.left if judged.is_model_wrong or depends_on else 0.0  # what chance makes is no part of it
-    verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_model_wrong)
+    verdict = _verdict(
+        not all(each.is_negligible for each in causes), bool(depends_on), left, judged.is_model_wrong
+    )
     settings, seen = search.problem.settings(search.fit.point), effect_visibility(search, log)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     found = Diagnosis(
         verdict,
-        _channels(log, judged, whiteness(white)),
+        _channel_results(log, judged, whiteness(white)),
         causes,
         explain_rejections(search, log, seen),
         Unexplained(left, depends_on),
@@ -88,23 +90,23 @@ def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
         (
             *log.notes,
             *separate_battery_notes(settings, log),
-            *loads_told(log, settings[RESISTANCE]),
+            *load_notes(log, settings[RESISTANCE]),
             *unknown_notes,
-            *((happened(bursts.moments),) if bursts.moments else ()),
+            *((disturbance_note(bursts.moments),) if bursts.moments else ()),
             *habit_notes(habits, causes, uncertainty),
             *deviation_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
             *unmeasured_robot_notes(search),
-            *_not_in_model(search),
+            *_own_effect_notes(search),
         ),
-        sensor_faults=faults_of(log),
-        curves=_curves(log, judged),
+        sensor_faults=stall_faults(log),
+        curves=_held_out_curves(log, judged),
         shapes=fit_shapes(search),
     )
     changed = None if log.runs else find_change(search.problem, search.linear)
-    return Found(found, bursts.moments, changed, partial(is_clearly_heating, search))
+    return SearchOutcome(found, bursts.moments, changed, partial(is_clearly_heating, search))
 
 
-def _unknown(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _unknown_dependence(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What depends on what, of which no cause is named, and what is said of it where no curve is drawn."""
     over = tuple(each.removeprefix(UNKNOWN_PREFIX) for each in search.unknown)
     if bursts.told:
@@ -117,13 +119,13 @@ def _unknown(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str
     return (wheel,), (said,)
 
 
-def _not_in_model(search: Search) -> tuple[str, ...]:
+def _own_effect_notes(search: Search) -> tuple[str, ...]:
     """What the simulator cannot be told in a model.toml."""
     own = [name for name in search.fit.point.active if search.problem.causes[name].own is not None]
     return tuple(f"{name} is Python of yours: a model.toml does not hold it" for name in own)
 
 
-def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
+def _held_out_curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
     """Every channel on data that was not fitted, for pictures."""
     measured, (before, after) = judged.measured, judged.residual
     return tuple(
@@ -145,10 +147,10 @@ def _verdict(causes: bool, unknown: bool, left: float, is_far: bool) -> Verdict:
         return Verdict.PARTLY if causes else Verdict.UNKNOWN
     if not causes:
         return Verdict.UNKNOWN if is_far else Verdict.ADEQUATE
-    return Verdict.EXPLAINED if left < LARGE_REST else Verdict.PARTLY
+    return Verdict.EXPLAINED if left < MAX_UNEXPLAINED_SHARE else Verdict.PARTLY
 
 
-def _channels(log: Log, judged: HeldOut, p_values: Array) -> tuple[ChannelResult, ...]:
+def _channel_results(log: Log, judged: HeldOut, p_values: Array) -> tuple[ChannelResult, ...]:
     return tuple(
         ChannelResult(
             each.name,

@@ -8,47 +8,48 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.log import Channel, Log
-from raccoon.diagnose.drives.sizes import FEWEST, turn_rate, wheel_rates
+from raccoon.diagnose.drives.magnitudes import MIN_SAMPLES, wheel_rates, wheel_turn_rate
 
 Array = NDArray[np.float64]
 
-TURNS, STILL = 0.3, 0.1
+MIN_TURN_RATE, MAX_STILL_SHARE = 0.3, 0.1
 """rad/s that the wheels must make where they turn the robot, and the share of it below which a gyro says that
 it does not turn."""
-LIKE, OFTEN, RARE = 0.25, 0.03, 0.01
+TURN_TOLERANCE, FREQUENT_SHARE, CHANCE_SHARE = 0.25, 0.03, 0.01
 """Part by which a turn may differ from what wheels make that go against each other; share of the rows in
 which a robot surely turns so, and that are chance."""
-STEADY = 0.3
+MAX_ZERO_SCATTER = 0.3
 """Scatter of a gyro around its distance from the wheels, over that distance, up to which it is the zero."""
-MOST_ALIKE = 0.9
+MAX_WHEEL_CORRELATION = 0.9
 """Correlation of the wheels from which each one's own share in the turns is not known."""
-CLEAR_SHARE = 0.5
+MIN_CLEAR_SHARE = 0.5
 """Part of the gyro's power that the wheels must explain, and of a wheel's usual share of it: a wheel of the
 other sign is wrong by twice of that."""
-LARGEST_SHARE = 2.0
+MAX_SHARE = 2.0
 """The most of it that is no chance."""
 
 
-def check_ways(log: Log, robot: RobotConfig) -> None:
+def check_motor_directions(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where one motor turns the other way, with its reading as well: its own command and
     reading agree, but what it does to the gyro does not."""
     gyro, wheels, both = log.channel("gyro"), _wheels(log), wheel_rates(log, robot)
     if gyro is None or wheels is None or both is None:
         return
     known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
-    if known.sum() < FEWEST or float(np.ptp(both[known], axis=0).min()) == 0.0:
+    if known.sum() < MIN_SAMPLES or float(np.ptp(both[known], axis=0).min()) == 0.0:
         return
-    index = _other_way(both[known], gyro.values[known])
+    index = _find_reversed_wheel(both[known], gyro.values[known])
     if index is None:
         return
     port = (robot.drive.left, robot.drive.right)[index]
     raise TraceError(
         f"{gyro.name} says that motor {port} turns the other way than its command and "
-        f"{wheels[index].name}: {_change(robot, port)}, or swap the two wires of its plug and record again"
+        f"{wheels[index].name}: {_describe_inversion(robot, port)}, or swap the two wires of its plug and "
+        "record again"
     )
 
 
-def check_signed(log: Log, robot: RobotConfig) -> None:
+def check_wheel_directions(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where no command and no wheel's reading is ever below 0, but the gyro says that the
     wheels turned the robot against each other."""
     gyro, wheels, rates = log.channel("gyro"), _wheels(log), wheel_rates(log, robot)
@@ -56,15 +57,15 @@ def check_signed(log: Log, robot: RobotConfig) -> None:
         return
     both = np.abs(rates)
     known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
-    if any((each.values[known] < -5.0 * each.floor).mean() > RARE for each in wheels):
+    if any((each.values[known] < -5.0 * each.floor).mean() > CHANCE_SHARE for each in wheels):
         return
-    turns, most = known & (both.min(axis=1) > TURNS), both.sum(axis=1)
-    against = turns & (np.abs(np.abs(gyro.values) - most) < LIKE * most)
-    straight = turns & (np.abs(gyro.values) < LIKE * most)
+    turns, most = known & (both.min(axis=1) > MIN_TURN_RATE), both.sum(axis=1)
+    against = turns & (np.abs(np.abs(gyro.values) - most) < TURN_TOLERANCE * most)
+    straight = turns & (np.abs(gyro.values) < TURN_TOLERANCE * most)
     ways = [(against & (way * gyro.values > 0.0)).sum() for way in (-1.0, 1.0)]
     # Of one motor that turns the other way they go against each other one way, and all the time.
-    several = max(straight.sum(), min(ways)) > FEWEST
-    if against.sum() > max(OFTEN * known.sum(), FEWEST) and several:
+    several = max(straight.sum(), min(ways)) > MIN_SAMPLES
+    if against.sum() > max(FREQUENT_SHARE * known.sum(), MIN_SAMPLES) and several:
         names = ", ".join(each.name for each in wheels)
         raise TraceError(
             f"the commands and {names} never go below 0, but {gyro.name} says that the wheels turned the "
@@ -73,7 +74,7 @@ def check_signed(log: Log, robot: RobotConfig) -> None:
         )
 
 
-def check_zero(log: Log, robot: RobotConfig) -> None:
+def check_gyro_zero(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where the gyro differs from the wheels by the same all the time: of a robot that is
     turned by a hand it does not."""
     gyro, rates = log.channel("gyro"), wheel_rates(log, robot)
@@ -81,66 +82,72 @@ def check_zero(log: Log, robot: RobotConfig) -> None:
         return
     off = gyro.values - rates.sum(axis=1)
     off = off[np.isfinite(off)]
-    if len(off) < FEWEST:
+    if len(off) < MIN_SAMPLES:
         return
     middle = float(np.median(off))
-    if abs(middle) > TURNS and 1.48 * float(np.median(np.abs(off - middle))) < STEADY * abs(middle):
+    if abs(middle) > MIN_TURN_RATE and 1.48 * float(np.median(np.abs(off - middle))) < MAX_ZERO_SCATTER * abs(
+        middle
+    ):
         raise TraceError(
             f"{gyro.name} says {middle:.2g} rad/s more than the wheels all the time: its zero is off. Take "
             "off what it says at rest"
         )
 
 
-def _other_way(both: Array, rate: Array) -> int | None:
+def _find_reversed_wheel(both: Array, rate: Array) -> int | None:
     """Which wheel turns the robot the other way than it reads, None where neither surely does. both (n, 2),
     rate (n,): rad/s by the left and the right wheel, and by the gyro."""
     power = max(float(rate @ rate), 1e-300)
-    alike = abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > MOST_ALIKE
+    alike = abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > MAX_WHEEL_CORRELATION
     if not alike:
         shares: Array = np.asarray(np.linalg.lstsq(both, rate, rcond=None)[0], float)
         left = float(((rate - both @ shares) ** 2).sum()) / power
-        clear = left < 1.0 - CLEAR_SHARE and shares.max() > CLEAR_SHARE and shares.min() < -CLEAR_SHARE
+        clear = (
+            left < 1.0 - MIN_CLEAR_SHARE
+            and shares.max() > MIN_CLEAR_SHARE
+            and shares.min() < -MIN_CLEAR_SHARE
+        )
         return int(np.argmin(shares)) if clear else None
     # Where both turn alike all the time only their sum and difference tell.
-    explained = {way: _explained(both @ np.array(way), rate) / power for way in WAYS}
+    explained = {way: _explained_power(both @ np.array(way), rate) / power for way in SIGNS}
     best = max(explained, key=lambda way: explained[way])
-    if explained[best] < CLEAR_SHARE or explained[AS_WRITTEN] > 0.5 * explained[best]:
+    if explained[best] < MIN_CLEAR_SHARE or explained[AS_WRITTEN] > 0.5 * explained[best]:
         return None
     return best.index(-1.0) if -1.0 in best else None
 
 
 AS_WRITTEN = (1.0, 1.0)
-WAYS = (AS_WRITTEN, (-1.0, 1.0), (1.0, -1.0))
+SIGNS = (AS_WRITTEN, (-1.0, 1.0), (1.0, -1.0))
 """Signs of the left and the right wheel."""
 
 
-def _explained(expected: Array, rate: Array) -> float:
+def _explained_power(expected: Array, rate: Array) -> float:
     """Power of the gyro that a turn rate explains, with a factor that a robot may have."""
     square = float(expected @ expected)
     factor = float(expected @ rate) / square if square > 0.0 else 0.0
-    return factor**2 * square if CLEAR_SHARE < factor < LARGEST_SHARE else 0.0
+    return factor**2 * square if MIN_CLEAR_SHARE < factor < MAX_SHARE else 0.0
 
 
-def _change(robot: RobotConfig, port: int) -> str:
+def _describe_inversion(robot: RobotConfig, port: int) -> str:
     """What to write into robot.toml."""
     wanted = "false" if robot.motor(port).inverted else "true"
     return f"write inverted = {wanted} under [motor.{port}] in robot.toml"
 
 
-def check_turns(log: Log, robot: RobotConfig) -> None:
+def check_gyro_turns(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where the gyro hardly turns although the wheels turn the robot."""
-    gyro, expected = log.channel("gyro"), turn_rate(log, robot)
+    gyro, expected = log.channel("gyro"), wheel_turn_rate(log, robot)
     if gyro is None or expected is None:
         return
     both = np.isfinite(expected) & np.isfinite(gyro.values)
-    if both.sum() < FEWEST:
+    if both.sum() < MIN_SAMPLES:
         return
     wheels, seen = (float(np.sqrt(np.mean(each[both] ** 2))) for each in (expected, gyro.values))
-    if wheels <= TURNS or seen >= STILL * wheels:
+    if wheels <= MIN_TURN_RATE or seen >= MAX_STILL_SHARE * wheels:
         return
     said = f"{gyro.name} hardly turns ({seen:.2g} rad/s) while the wheels turn the robot ({wheels:.2g} rad/s)"
     if _against_each_other(log):
-        left, right = (_change(robot, port) for port in (robot.drive.left, robot.drive.right))
+        left, right = (_describe_inversion(robot, port) for port in (robot.drive.left, robot.drive.right))
         raise TraceError(
             f"{said}, each against the other all the time. If it drove straight, one motor turns the other "
             f"way than robot.toml says: {left}, or {right}, whichever turns its wheel backwards at a "
@@ -157,7 +164,7 @@ def _against_each_other(log: Log) -> bool:
         return False
     left, right = (each.values / max(float(np.nanmax(np.abs(each.values))), 1e-300) for each in wheels)
     known = np.isfinite(left + right)
-    return float(np.corrcoef(left[known], right[known])[0, 1]) < -MOST_ALIKE
+    return float(np.corrcoef(left[known], right[known])[0, 1]) < -MAX_WHEEL_CORRELATION
 
 
 def _wheels(log: Log) -> tuple[Channel, Channel] | None:

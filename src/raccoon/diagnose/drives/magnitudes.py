@@ -16,33 +16,33 @@ from raccoon.diagnose.drives.log import Channel, Log
 
 Array = NDArray[np.float64]
 
-SHARE = 0.85
+USUAL_BEMF_SHARE = 0.85
 """Of its command's voltage that a motor's back-EMF usually has when it turns freely."""
-IMPOSSIBLE = 1.3
+MAX_BEMF_SHARE = 1.3
 """The same that no motor has, with the scale of its reading a quarter off: it would drive the battery."""
-FAR = 3.0
+MAX_FACTOR = 3.0
 """Factor by which no robot.toml is wrong: it is a unit, or another robot's."""
-LITTLE = 2.0
+MIN_SMALL_FACTOR = 2.0
 """Factor by which readings of both wheels are small, where the gyro says that they are."""
-NEAR = 1.4
+UNIT_FACTOR = 1.4
 """Factor within which a unit is recognised."""
-FEWEST = 50
+MIN_SAMPLES = 50
 """Samples from which wheels and gyro are compared."""
-DEGREES = 180.0 / math.pi
-SPEEDS: Mapping[str, float] = {
-    "degrees a second": DEGREES,
+DEGREES_PER_RADIAN = 180.0 / math.pi
+SPEED_UNITS: Mapping[str, float] = {
+    "degrees a second": DEGREES_PER_RADIAN,
     "turns a minute": 60.0 / math.tau,
     "turns a second": 1.0 / math.tau,
 }
-GYRO_UNITS = {name: SPEEDS[name] for name in ("turns a second", "turns a minute")}
+GYRO_UNITS = {name: SPEED_UNITS[name] for name in ("turns a second", "turns a minute")}
 """What degrees and a sensor's own counts look like is said by `quality`."""
 BEMF_UNITS: Mapping[str, float] = {"millivolts": 1000.0 * BEMF_VOLTS_PER_COUNT}
 """How many times larger than counts."""
 
 
-def check_sizes(log: Log, robot: RobotConfig) -> None:
+def check_magnitudes(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where a reading is larger or smaller than it can be."""
-    shares = {side: share_of(log, robot, side) for side in ("left", "right")}
+    shares = {side: bemf_share(log, robot, side) for side in ("left", "right")}
     _check_supply(log, robot, shares)
     radius = robot.model.drive.wheel_radius.value
     for side, share in shares.items():
@@ -50,18 +50,22 @@ def check_sizes(log: Log, robot: RobotConfig) -> None:
         if wheel is None or share is None or wheel.unit == "counts":
             continue
         lengths = {"metres a second": radius, "millimetres a second": 1000.0 * radius}
-        _check_factor(wheel.name, share / SHARE, {**SPEEDS, **lengths}, "its command")
+        _check_factor(wheel.name, share / USUAL_BEMF_SHARE, {**SPEED_UNITS, **lengths}, "its command")
     _check_gyro(log, robot, list(shares.values()))
 
 
 def _check_gyro(log: Log, robot: RobotConfig, shares: Sequence[float | None]) -> None:
-    gyro, expected = log.channel("gyro"), turn_rate(log, robot)
+    gyro, expected = log.channel("gyro"), wheel_turn_rate(log, robot)
     if gyro is None or expected is None:
         return
     factor = slope(expected, gyro.values)
     if factor is None or factor <= 0.0:
         return
-    if factor > FAR and None not in shares and max(each or 0.0 for each in shares) < SHARE / LITTLE:
+    if (
+        factor > MAX_FACTOR
+        and None not in shares
+        and max(each or 0.0 for each in shares) < USUAL_BEMF_SHARE / MIN_SMALL_FACTOR
+    ):
         names = " and ".join(
             each.name for each in (log.wheel("left"), log.wheel("right")) if each is not None
         )
@@ -81,17 +85,24 @@ def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | Non
     seen = float(np.median(known)) if len(known) else nominal
     for side, share in shares.items():
         wheel = log.wheel(side)
-        if wheel is None or share is None or wheel.unit != "counts" or share * nominal / seen <= IMPOSSIBLE:
+        if (
+            wheel is None
+            or share is None
+            or wheel.unit != "counts"
+            or share * nominal / seen <= MAX_BEMF_SHARE
+        ):
             continue
-        if share <= IMPOSSIBLE:
+        if share <= MAX_BEMF_SHARE:
             cell = (
-                ": it looks like one cell's" if abs(math.log(2.0 * seen / nominal)) < math.log(NEAR) else ""
+                ": it looks like one cell's"
+                if abs(math.log(2.0 * seen / nominal)) < math.log(UNIT_FACTOR)
+                else ""
             )
             raise TraceError(
                 f"battery.voltage is around {seen:.3g} V, but {wheel.name} shows that about {nominal:.3g} V "
                 f"drive the motors{cell}"
             )
-        unit = nearest_unit(share / SHARE, BEMF_UNITS)
+        unit = nearest_unit(share / USUAL_BEMF_SHARE, BEMF_UNITS)
         raise TraceError(
             f"{wheel.name} is {share * nominal / seen:.2g} times the voltage that drives the motor: none "
             "reaches that; "
@@ -100,8 +111,8 @@ def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | Non
 
 
 def _check_factor(name: str, factor: float, units: Mapping[str, float], than: str) -> None:
-    """Raise TraceError where a reading is more than `FAR` times as large, or as small, as expected."""
-    if 1.0 / FAR < factor < FAR:
+    """Raise TraceError where a reading is more than `MAX_FACTOR` times as large, or as small, as expected."""
+    if 1.0 / MAX_FACTOR < factor < MAX_FACTOR:
         return
     unit = nearest_unit(factor, units)
     guess = f"it looks like {unit}, not rad/s" if unit else "is it in rad/s, and robot.toml this robot's?"
@@ -111,21 +122,21 @@ def _check_factor(name: str, factor: float, units: Mapping[str, float], than: st
 def nearest_unit(factor: float, units: Mapping[str, float]) -> str | None:
     """The unit whose factor is as good as this one, all where several are; None where none is."""
     away = {name: abs(math.log(each / factor)) for name, each in units.items()}
-    near = sorted((name for name in away if away[name] < math.log(NEAR)), key=lambda name: away[name])
+    near = sorted((name for name in away if away[name] < math.log(UNIT_FACTOR)), key=lambda name: away[name])
     return " or ".join(near) or None
 
 
-def share_of(log: Log, robot: RobotConfig, side: str) -> float | None:
+def bemf_share(log: Log, robot: RobotConfig, side: str) -> float | None:
     """Back-EMF over the voltage of the command, where that is steady; None where they do not go together."""
     wheel = log.wheel(side)
     if wheel is None:
         return None
     index, motor = (0, robot.model.left) if side == "left" else (1, robot.model.right)
     voltage = robot.model.battery.open_circuit_voltage.value
-    return slope(steady(log.duty[:, index]) * voltage, volts(wheel, motor) * wheel.values)
+    return slope(steady_duty(log.duty[:, index]) * voltage, volts_per_unit(wheel, motor) * wheel.values)
 
 
-def volts(wheel: Channel, motor: MotorModel) -> float:
+def volts_per_unit(wheel: Channel, motor: MotorModel) -> float:
     """V of back-EMF that a unit of a wheel's reading stands for."""
     return BEMF_VOLTS_PER_COUNT if wheel.unit == "counts" else motor.back_emf_constant.value
 
@@ -147,25 +158,25 @@ def wheel_rates(log: Log, robot: RobotConfig) -> Array | None:
     model = robot.model
     per_track = model.drive.wheel_radius.value / model.drive.track_width.value
     by_left, by_right = (
-        per_track / motor.back_emf_constant.value * volts(wheel, motor) * wheel.values
+        per_track / motor.back_emf_constant.value * volts_per_unit(wheel, motor) * wheel.values
         for wheel, motor in ((left, model.left), (right, model.right))
     )
     return np.column_stack([-by_left, by_right])
 
 
-def turn_rate(log: Log, robot: RobotConfig) -> Array | None:
+def wheel_turn_rate(log: Log, robot: RobotConfig) -> Array | None:
     """rad/s that the wheels make, NaN where the commands do not turn the robot; None without both wheels."""
     rates = wheel_rates(log, robot)
-    return None if rates is None else np.where(turning(log.duty), rates.sum(axis=1), np.nan)
+    return None if rates is None else np.where(is_turning(log.duty), rates.sum(axis=1), np.nan)
 
 
-def turning(duty: Array) -> NDArray[np.bool_]:
+def is_turning(duty: Array) -> NDArray[np.bool_]:
     """Where the commands turn the robot. On a straight line unequal motors and scales part the wheels."""
     apart: NDArray[np.bool_] = np.abs(duty[:, 1] - duty[:, 0]) > 0.5 * np.abs(duty).max(axis=1)
     return apart
 
 
-def steady(duty: Array) -> Array:
+def steady_duty(duty: Array) -> Array:
     """NaN where the command changed within the last 40 samples."""
     return np.where(np.arange(len(duty)) - last_change(duty) >= 40, duty, np.nan)
 
@@ -180,7 +191,7 @@ def slope(x: Array, y: Array) -> float | None:
     """Least-squares slope through 0 where both are known, change and go together; None otherwise."""
     both = np.isfinite(x) & np.isfinite(y)
     x, y = x[both], y[both]
-    if len(x) < FEWEST or 0.0 in (float(np.ptp(x)), float(np.ptp(y))):
+    if len(x) < MIN_SAMPLES or 0.0 in (float(np.ptp(x)), float(np.ptp(y))):
         return None
     if float(np.corrcoef(x, y)[0, 1]) ** 2 < 0.3 or not math.isfinite(float(x @ x)):
         return None

@@ -15,8 +15,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.drives.standing import standing, with_what_turned
-from raccoon.diagnose.drives.units import strange_units
+from raccoon.diagnose.drives.stalls import find_stalls, leave_out_stalls
+from raccoon.diagnose.drives.units import describe_wrong_units
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Verdict
@@ -62,7 +62,7 @@ def log(columns: dict[str, Array]) -> Log:
 def test_what_stands_is_said_with_its_times_and_left_out(
     stand: tuple[int, ...], current: bool, said: str
 ) -> None:
-    seen = with_what_turned(log(drive(stand, current)), ROBOT)
+    seen = leave_out_stalls(log(drive(stand, current)), ROBOT)
     ((column, text),) = seen.stood
     assert column == f"motor.{stand[0]}.duty"
     assert text.startswith("from 6.0 to 9.0 s ")
@@ -81,26 +81,26 @@ def test_wheels_that_stood_for_long_are_no_other_unit() -> None:
         steers = np.where((time > 2.7) & (time < 5.5), 0.01 * np.sin(90.0 * time), 0.0)
         columns[f"motor.{port}.duty"] = way * 0.6 + steers
         columns[f"motor.{port}.bemf"] *= way
-    assert strange_units(columns, ROBOT) == ""
+    assert describe_wrong_units(columns, ROBOT) == ""
 
 
 def test_without_a_battery_it_may_be_either() -> None:
     columns = drive((0,), current=False)
     del columns["battery.voltage"]
-    ((_, text),) = with_what_turned(log(columns), ROBOT).stood
+    ((_, text),) = leave_out_stalls(log(columns), ROBOT).stood
     assert "unplugged, its fuse tripped, or jammed" in text
 
 
 def test_what_is_left_out_already_is_not_left_out_twice() -> None:
     whole = replace(log(drive((0, 1), current=False)), held=((5.9, 9.1),), lost=((5.9, 9.4),))
-    seen = with_what_turned(whole, ROBOT)
+    seen = leave_out_stalls(whole, ROBOT)
     assert (seen.held, seen.lost) == (whole.held, whole.lost)
     assert "switched off" in seen.stood[0][1]
 
 
 def test_too_little_that_turned_is_an_error_that_says_why() -> None:
     with pytest.raises(TraceError, match=r"from 0.5 to 12.0 s motor 0 \(left\).*needs at least 2 s"):
-        with_what_turned(log(drive((0,), False, (0.5, 12.0))), ROBOT)
+        leave_out_stalls(log(drive((0,), False, (0.5, 12.0))), ROBOT)
 
 
 def faults() -> list[Hidden]:
@@ -112,8 +112,8 @@ def faults() -> list[Hidden]:
 def test_no_fault_of_a_robot_makes_a_wheel_stand(kind: str) -> None:
     for number, each in enumerate(faults()):
         seen = log(dict(make(number, [each], drive=kind, seconds=15.0).columns))
-        assert standing(seen, ROBOT) == (), each
-        assert with_what_turned(seen, ROBOT) is seen
+        assert find_stalls(seen, ROBOT) == (), each
+        assert leave_out_stalls(seen, ROBOT) is seen
 
 
 def test_a_plug_that_falls_out_is_what_is_said_first_of_a_sound_robot() -> None:

@@ -17,10 +17,10 @@ from blind.generator import make
 from blind.hidden import CAUSES, Hidden, draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.battery_loads import LOADED_DRIVE_NOTE, find_loads, load_notes
+from raccoon.diagnose.drives.battery_sag import SagResidual
 from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.drives.loads import MOST_OF_IT, loads_told, with_loads
 from raccoon.diagnose.drives.log import Log, log_from_columns
-from raccoon.diagnose.drives.sag import Sight
 from raccoon.diagnose.experiment.drive_manoeuvre import drive_and_record
 from raccoon.diagnose.experiment.manoeuvres import CHECKUP, manoeuvre
 from raccoon.diagnose.result import Verdict
@@ -59,7 +59,7 @@ def acting(time: Array, spans: Spans, sag: float) -> Array:
 
 
 def seen(columns: dict[str, Array]) -> Log:
-    return with_loads(log_from_columns(columns, ROBOT), columns, ROBOT)
+    return find_loads(log_from_columns(columns, ROBOT), columns, ROBOT)
 
 
 def rests(seed: int, seconds: float = 24.0) -> Spans:
@@ -100,7 +100,7 @@ def test_one_that_jams_soon_is_the_battery_s_from_then_on() -> None:
     assert load.start == log.time[0]
     assert load.end == pytest.approx(5.3, abs=0.2)
     assert load.sag < 0.0
-    (told,) = loads_told(log, 0.15)
+    (told,) = load_notes(log, 0.15)
     assert re.match(r"from (4.9|5.0) s on something other than the wheels draws current", told)
     assert "what was before it is not compared" in told
 
@@ -111,7 +111,7 @@ def test_a_fuller_battery_that_was_put_in_late_is_left_out() -> None:
     (load,) = log.loads
     assert load.start == pytest.approx(18.8, abs=0.2)
     assert load.end > log.time[-1]
-    (told,) = loads_told(log, 0.15)
+    (told,) = load_notes(log, 0.15)
     assert re.match(r"until (19.0|19.1) s the battery's voltage is lower by 3[2-7]\d mV", told)
     assert "another battery was put in" in told
 
@@ -119,20 +119,20 @@ def test_a_fuller_battery_that_was_put_in_late_is_left_out() -> None:
 def test_of_a_short_drive_no_second_is_all_that_is_compared() -> None:
     log = seen(driven(5, ((0.0, 1.8),), sag=0.35, seconds=3.5))
     assert log.loads == ()
-    assert MOST_OF_IT in log.notes
+    assert LOADED_DRIVE_NOTE in log.notes
 
 
 def test_one_that_was_put_in_early_is_said_beside_loads() -> None:
     log = seen(driven(4, ((0.0, 7.0),), sag=0.35))
     assert log.loads[0].start < log.time[0]
-    (told,) = loads_told(log, 0.15)
+    (told,) = load_notes(log, 0.15)
     assert re.search(r"0\.0 to 7\.\d s 3[2-7]\d mV, [\d.]+ A or another battery;", told)
 
 
 def test_one_that_is_nearly_always_on_is_only_said() -> None:
     log = seen(driven(4, tuple((each + 0.3, each + 2.9) for each in np.arange(0.0, 24.0, 3.0))))
     assert log.loads == ()
-    assert log.notes == (MOST_OF_IT,)
+    assert log.notes == (LOADED_DRIVE_NOTE,)
 
 
 @pytest.mark.parametrize("name", [*(each for each in CAUSES if not each.startswith("imu")), ""])
@@ -141,14 +141,14 @@ def test_a_drive_without_is_the_same_log(name: str) -> None:
     hidden = [draw(name, rng)] if name else []
     kind = "contest" if len(name) % 2 else "exciting"
     log = log_from_columns(columns := dict(make(7, hidden, kind, 14.0).columns), ROBOT)
-    assert with_loads(log, columns, ROBOT) is log
+    assert find_loads(log, columns, ROBOT) is log
 
 
 def test_what_was_lost_before_a_part_of_a_drive_hides_nothing_of_it() -> None:
     """An index below 0 counts from the end: only the last seconds were looked at."""
     log = log_from_columns(dict(make(7, seconds=16.0).columns), ROBOT)
     parts = [replace(log, lost=lost).between(8.0, np.inf) for lost in ((), ((3.0, 3.5),))]
-    whole, same = (Sight.of(each) for each in parts)
+    whole, same = (SagResidual.of(each) for each in parts)
     assert whole is not None
     assert same is not None
     np.testing.assert_array_equal(same.known, whole.known)
@@ -171,7 +171,7 @@ def test_quick_reversals_behind_the_filter_of_a_back_emf_are_no_load() -> None:
     columns = {f"motor.{port}.bemf": behind(328.0 * speed, 0.0225) for port in (0, 1)}
     columns |= {"motor.0.duty": duty, "motor.1.duty": duty, "t": time, "battery.voltage": 6.8 - sag + noise}
     log = log_from_columns(columns, ROBOT)
-    assert with_loads(log, columns, ROBOT) is log
+    assert find_loads(log, columns, ROBOT) is log
 
 
 def test_a_battery_that_is_read_without_a_filter_has_no_load(tmp_path: Path) -> None:
@@ -181,7 +181,7 @@ def test_a_battery_that_is_read_without_a_filter_has_no_load(tmp_path: Path) -> 
     drive_and_record(ROBOT, manoeuvre(CHECKUP)[:2400], tmp_path / "run.jsonl", port)
     columns = load_run(tmp_path / "run.jsonl").recording.columns
     log = log_from_columns(columns, ROBOT)
-    assert with_loads(log, columns, ROBOT) is log
+    assert find_loads(log, columns, ROBOT) is log
 
 
 def behind(values: Array, constant: float) -> Array:
@@ -212,7 +212,7 @@ def test_they_are_told_with_what_moved() -> None:
     columns["servo.2.pulse_us"] = np.where(time < 4.0, 1200.0, 1800.0)
     columns["servo.1.pulse_us"] = np.full(len(time), 1500.0)
     columns["motor.3.duty"] = np.where((time > 9.0) & (time < 9.8), 0.8, 0.0)
-    (told,) = loads_told(seen(columns), 0.15)
+    (told,) = load_notes(seen(columns), 0.15)
     first, second = told.split(";")[0], told.split(";")[1]
     assert re.search(r"voltage shows: (3.9|4.0) to (4.9|5.0) s 1\d\d mV, 1.\d A \(servo.2.pulse_us\)$", first)
     assert re.search(r" (8.9|9.0) to (9.8|9.9|10.0) s 1\d\d mV, \d.\d A \(motor.3.duty\)$", second)

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.features import SETTLING
+from raccoon.diagnose.drives.features import SETTLING_S
 from raccoon.diagnose.drives.log import Channel, Clocks, Log, Run
-from raccoon.diagnose.drives.stops import brakes
+from raccoon.diagnose.drives.stops import motors_brake
 
-PAUSE = 5.0
+PAUSE_S = 5.0
 """s that are put between two recordings, in which nothing is commanded and nothing compared."""
 
 
 @contextmanager
-def said_of_recording(number: int) -> Iterator[None]:
+def naming_recording(number: int) -> Iterator[None]:
     """Which of several recordings it is that cannot be used."""
     try:
         yield
@@ -28,21 +28,21 @@ def said_of_recording(number: int) -> Iterator[None]:
         raise TraceError(f"recording {number + 1}: {error}") from None
 
 
-MOST_SECONDS = 600.0
+MAX_TOTAL_S = 600.0
 """Of all recordings: 24 of 25 s take 3 GB, and 20 times as long as 40 s."""
 
 
-def joined(logs: Sequence[Log]) -> Log:
+def join_logs(logs: Sequence[Log]) -> Log:
     """One after the other, in the channels that all of them have. What was known of each is kept.
 
-    Raises TraceError where they have no channel in common, or are longer than `MOST_SECONDS`.
+    Raises TraceError where they have no channel in common, or are longer than `MAX_TOTAL_S`.
     """
     if len(logs) == 1:
         return logs[0]
     seconds = sum(each.seconds for each in logs)
-    if seconds > MOST_SECONDS:
+    if seconds > MAX_TOTAL_S:
         raise TraceError(
-            f"the recordings have {seconds:.0f} s; at most {MOST_SECONDS:g} s are fitted together, which "
+            f"the recordings have {seconds:.0f} s; at most {MAX_TOTAL_S:g} s are fitted together, which "
             "takes 3 GB: name fewer"
         )
     roles = [each.role for each in logs[0].channels if all(log.channel(each.role) for log in logs[1:])]
@@ -52,18 +52,18 @@ def joined(logs: Sequence[Log]) -> Log:
         )
     begin, parts = float(logs[0].time[0]), []
     for each in logs:
-        parts.append(_moved(_ended(each), begin - float(each.time[0])))
-        begin = float(parts[-1].time[-1]) + PAUSE
-    gaps = [(float(before.time[-1]), float(after.time[0]) + SETTLING) for before, after in pairwise(parts)]
+        parts.append(_shifted(_with_stop(each), begin - float(each.time[0])))
+        begin = float(parts[-1].time[-1]) + PAUSE_S
+    gaps = [(float(before.time[-1]), float(after.time[0]) + SETTLING_S) for before, after in pairwise(parts)]
     return Log(
         np.concatenate([each.time for each in parts]),
         np.concatenate([each.duty for each in parts]),
-        tuple(_one([_channel(each, role) for each in parts]) for role in roles),
-        tuple(dict.fromkeys(_lacking(logs, roles))),
-        (_begun(parts), *_dropped(logs, roles), *_told(logs)),
+        tuple(_joined_channel([_channel(each, role) for each in parts]) for role in roles),
+        tuple(dict.fromkeys(_missing_names(logs, roles))),
+        (_start_times_note(parts), *_dropped_channel_notes(logs, roles), *_numbered_notes(logs)),
         tuple(sorted((*(span for each in parts for span in each.lost), *gaps))),
         tuple(span for each in parts for span in each.held),
-        brake=_brakes(parts),
+        brake=_joined_brakes(parts),
         loads=tuple(load for each in parts for load in each.loads),
         stood=tuple(
             (column, f"recording {number}: {text}")
@@ -74,7 +74,7 @@ def joined(logs: Sequence[Log]) -> Log:
     )
 
 
-def _begun(parts: Sequence[Log]) -> str:
+def _start_times_note(parts: Sequence[Log]) -> str:
     """Where each is in the time of all."""
     starts = ", ".join(f"{number} at {each.time[0]:.1f} s" for number, each in enumerate(parts[1:], 2))
     return (
@@ -83,7 +83,7 @@ def _begun(parts: Sequence[Log]) -> str:
     )
 
 
-def _told(logs: Sequence[Log]) -> list[str]:
+def _numbered_notes(logs: Sequence[Log]) -> list[str]:
     """Each note once, with the numbers of the recordings that it is of."""
     numbers: dict[str, list[str]] = {}
     for number, log in enumerate(logs, 1):
@@ -92,7 +92,7 @@ def _told(logs: Sequence[Log]) -> list[str]:
     return [f"recording{'s' * (len(of) > 1)} {', '.join(of)}: {note}" for note, of in numbers.items()]
 
 
-def _dropped(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
+def _dropped_channel_notes(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
     """What some have and others lack, by the numbers of those: one of five must not cost the gyro unseen."""
     names = {each.role: each.name for log in logs for each in log.channels if each.role not in roles}
     told = []
@@ -103,7 +103,7 @@ def _dropped(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
     return told
 
 
-def _lacking(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
+def _missing_names(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
     """Names of what some of them lack, and so all."""
     dropped = [each.name for log in logs for each in log.channels if each.role not in roles]
     return [name for log in logs for name in log.missing] + dropped
@@ -113,20 +113,22 @@ def _channel(log: Log, role: str) -> Channel:
     return next(each for each in log.channels if each.role == role)
 
 
-def _one(channels: Sequence[Channel]) -> Channel:
+def _joined_channel(channels: Sequence[Channel]) -> Channel:
     return replace(channels[0], values=np.concatenate([each.values for each in channels]))
 
 
-def _brakes(logs: Sequence[Log]) -> NDArray[np.bool_] | None:
+def _joined_brakes(logs: Sequence[Log]) -> NDArray[np.bool_] | None:
     """What is known of one is no habit of another, which has no word of it where it never braked: of such a
     one its stops tell."""
     if all(each.brake is None for each in logs):
         return None
-    own = [np.full(each.duty.shape, brakes(each)) if each.brake is None else each.brake for each in logs]
+    own = [
+        np.full(each.duty.shape, motors_brake(each)) if each.brake is None else each.brake for each in logs
+    ]
     return np.concatenate(own)
 
 
-def _ended(log: Log) -> Log:
+def _with_stop(log: Log) -> Log:
     """With a last row from which on nothing is commanded: one that ends while it drives does not drive on."""
     end = 2.0 * log.time[-1] - log.time[-2]
     brake = None if log.brake is None else np.concatenate([log.brake, log.brake[-1:]])
@@ -139,7 +141,7 @@ def _ended(log: Log) -> Log:
     )
 
 
-def _moved(log: Log, by: float) -> Log:
+def _shifted(log: Log, by: float) -> Log:
     """As if it had been recorded so many s later."""
 
     def later(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
@@ -151,10 +153,10 @@ def _moved(log: Log, by: float) -> Log:
         lost=later(log.lost),
         held=later(log.held),
         loads=tuple(replace(each, start=each.start + by, end=each.end + by) for each in log.loads),
-        clocks=_clocks_later(log.clocks, by),
+        clocks=_shifted_clocks(log.clocks, by),
     )
 
 
-def _clocks_later(clocks: Clocks, by: float) -> Clocks:
+def _shifted_clocks(clocks: Clocks, by: float) -> Clocks:
     left, right = (None if each is None else each.later(by) for each in clocks)
     return left, right
