@@ -37,10 +37,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run it; 1 where it ends with an error or opens no robot, or as it exits itself."""
-    from raccoon.core.errors import RaccoonError
+    from raccoon.core.errors import ConfigError, RaccoonError
     from raccoon.robot.opening import Substitute, opened_instead
     from raccoon.sim.effects.model_file import load_model
     from raccoon.sim.port import open_simulated
+    from raccoon.sim.world.collision import check_standing
+    from raccoon.sim.world.table import World
     from raccoon.sim.world.table_file import load_world
     from raccoon.sweep.program import Program
 
@@ -53,18 +55,23 @@ def run(args: argparse.Namespace) -> int:
     start = (args.start[0], args.start[1], math.radians(args.start[2]))
 
     def port(config: RobotConfig, seed: int) -> Port:
-        robot = None if args.model is None else load_model(args.model, config)
+        try:
+            check_standing(start, World.default() if world is None else world, config.body)
+            robot = None if args.model is None else load_model(args.model, config)
+        except ConfigError as error:
+            refused.append(error)
+            raise
         return open_simulated(config, seed=seed, world=world, start=start, robot=robot)
 
+    refused: list[Exception] = []  # of the command, and not of the program that was opening its robot
     substitute = Substitute(port, args.record, args.seed)
     status = 0
     try:
         with opened_instead(substitute), _as_main(program):
             _run_program(program, substitute)
     except Exception as error:
-        if (step := _traceback_of_program(error, program)) is None and isinstance(
-            error, RaccoonError | OSError
-        ):
+        step = _traceback_of_program(error, program)
+        if error in refused or (step is None and isinstance(error, RaccoonError | OSError)):
             raise
         traceback.print_exception(error.with_traceback(step))
         status = 1

@@ -16,6 +16,7 @@ from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.world.collision import check_standing
 from raccoon.sim.world.table import World
 from raccoon.sweep.factors import AMBIENT_LIGHT, Factor, nominal_values, refuse_ineffective, robot_with
 from raccoon.sweep.faults import FAULT_KINDS, FaultPlan, FaultyPort
@@ -32,8 +33,6 @@ SETTLING_S = 0.5
 LATEST_FAULT_S = 10.0
 """s from the start until a fault has begun, if the match has one."""
 MAX_REASON = 200
-TOUCH_TOLERANCE = 1e-3
-"""m by which a robot that is set against a wall may seem to stand in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +67,7 @@ class Match:
                 raise ConfigError(f"{name} is {getattr(self, name)}: it must be above 0")
         refuse_ineffective(self.robot, self.factors)
         self.simulated_robot(self.values(0))  # refuses places that the robot does not have
-        _check_start(self.start, self.table, self.robot)
+        check_standing(self.start, self.table, self.robot.body)
 
     def simulated_robot(self, values: dict[str, float]) -> Parameters:
         """The robot that plays, with these values of the factors. Raises ConfigError for a place that it does
@@ -100,26 +99,6 @@ class Match:
 
         kinds = tuple(name for name in FAULT_KINDS if values.get(name))
         return FaultPlan(kinds, float(np.random.default_rng((seed, 1)).uniform(0.0, LATEST_FAULT_S)))
-
-
-def _check_start(start: tuple[float, float, float], table: World, robot: RobotConfig) -> None:
-    """Raise ConfigError for a start at which no robot stands: off the table, or in what is on it."""
-    from raccoon.sim.world.collision import Obstacles
-
-    x, y, heading = start
-    if not all(map(math.isfinite, start)):
-        raise ConfigError(f"start is {start}: allowed are finite numbers")
-    told = f"start is x {x:g} m, y {y:g} m, {math.degrees(heading):g} deg"
-    if table.area is not None and not table.area.holds(x, y):
-        (left, low), (right, high) = table.area.low, table.area.high
-        ends = f"x from {left:g} to {right:g} m and y from {low:g} to {high:g} m"
-        raise ConfigError(f"{told}: it is off the table {table.name}, which has {ends}")
-    deepest = max((each.depth for each in Obstacles(table, robot.body).touches(start)), default=0.0)
-    if deepest > TOUCH_TOLERANCE:
-        raise ConfigError(
-            f"{told}: a robot of this size ([body] in robot.toml) stands {deepest:.2g} m deep in a wall or "
-            f"an object of the table {table.name}"
-        )
 
 
 def seed_of(sweep_seed: int, run: int) -> int:

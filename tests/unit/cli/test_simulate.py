@@ -99,6 +99,11 @@ def test_what_is_wrong_with_a_program_is_the_programs(
         (["robot.toml"], "a program is a Python file"),
         (["match.py", "--seed", "-1"], "--seed -1: allowed are whole numbers from 0"),
         (["match.py", "--start", "nan", "0", "0"], "--start nan 0 0: allowed are"),
+        (
+            ["match.py", "--start", "9", "0", "0"],
+            "simulate: start is x 9 m, y 0 m, 0 deg: it is off the table",
+        ),
+        (["match.py", "--start", "2", "0", "0"], "in a wall or an object of the table botball"),
         (["match.py", "--table", "none.toml"], "none.toml: no such file"),
         (["match.py", "--model", "none.toml"], "none.toml: no such file"),
     ],

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from raccoon.core.errors import ConfigError
 from raccoon.core.sections import BodyConfig
 from raccoon.sim.world.table import Point, World
 
@@ -14,6 +15,10 @@ ALIKE = 0.7
 Segment = tuple[float, float, float, float]
 Pose = tuple[float, float, float]
 """x, y in m and heading in rad, in the world."""
+
+
+TOUCH_TOLERANCE = 1e-3
+"""m by which a robot that is set against a wall may seem to stand in it."""
 
 
 class Touch(NamedTuple):
@@ -137,3 +142,21 @@ def _distance(wall: Segment, x: float, y: float) -> float:
     share = ((x - wall[0]) * along_x + (y - wall[1]) * along_y) / (along_x**2 + along_y**2)
     share = min(max(share, 0.0), 1.0)
     return math.hypot(x - wall[0] - share * along_x, y - wall[1] - share * along_y)
+
+
+def check_standing(start: Pose, table: World, body: BodyConfig) -> None:
+    """Raise ConfigError for a start at which no robot stands: off the table, or in what is on it."""
+    x, y, heading = start
+    if not all(map(math.isfinite, start)):
+        raise ConfigError(f"start is {start}: allowed are finite numbers")
+    told = f"start is x {x:g} m, y {y:g} m, {math.degrees(heading):g} deg"
+    if table.area is not None and not table.area.holds(x, y):
+        (left, low), (right, high) = table.area.low, table.area.high
+        ends = f"x from {left:g} to {right:g} m and y from {low:g} to {high:g} m"
+        raise ConfigError(f"{told}: it is off the table {table.name}, which has {ends}")
+    deepest = max((each.depth for each in Obstacles(table, body).touches(start)), default=0.0)
+    if deepest > TOUCH_TOLERANCE:
+        raise ConfigError(
+            f"{told}: a robot of this size ([body] in robot.toml) stands {deepest:.2g} m deep in a wall or "
+            f"an object of the table {table.name}"
+        )
