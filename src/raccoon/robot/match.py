@@ -13,7 +13,7 @@ from raccoon.robot.actions.actions import Action, Steps, check_actions
 from raccoon.robot.actions.condition import each_of
 from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
 from raccoon.robot.actions.limits import check_kind, check_number, check_robot
-from raccoon.robot.calibration.light import check_lamp, simulate_lamp, tell_light, word
+from raccoon.robot.calibration.light import check_lamp, no_tophat, simulate_lamp, tell_light, word
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
 from raccoon.robot.remarks import say, tell
 
@@ -148,7 +148,7 @@ def wait_for_light(port: int, calibration: StartLightCalibration | None = None) 
             yield
         robot.note("start light")
 
-    return Action(f"wait for the light on analog {port}", steps)
+    return Action(f"wait for the light on analog {port}", steps, no_tophat(port))
 
 
 def run_match(

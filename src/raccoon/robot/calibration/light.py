@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from raccoon.core.errors import ConfigError
 from raccoon.core.port import bystander_of
 from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions.actions import Action, Steps, wait
+from raccoon.robot.actions.condition import Check
 from raccoon.robot.actions.limits import check_function, check_kind, check_limit, check_port, check_robot
 from raccoon.robot.calibration.drives import watched
 from raccoon.robot.remarks import say
@@ -33,6 +35,7 @@ def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) 
     robot.require("calibrate_light()")
     check_port("analog", port, ANALOG_PORTS)
     check_function(switched_on, "calibrate_light()")
+    no_tophat(port)(robot)
     from raccoon.estimate.start_light import calibrate_start_light
 
     simulate_lamp(robot, port, lit=False)
@@ -71,7 +74,7 @@ def rehearse_light(
             yield
         return light.fires
 
-    return Action(f"rehearse the light on analog {port}", steps)
+    return Action(f"rehearse the light on analog {port}", steps, no_tophat(port))
 
 
 def check_lamp(port: int, calibration: StartLightCalibration | None) -> None:
@@ -86,6 +89,21 @@ def check_lamp(port: int, calibration: StartLightCalibration | None) -> None:
             f"analog {port}: calibration",
             "; calibrate_light(...) makes one",
         )
+
+
+def no_tophat(port: int) -> Check:
+    """A check for a ConfigError where analog `port` is a tophat's, which looks at the floor: it would be
+    waited at for ever."""
+
+    def check(robot: Robot) -> None:
+        for name, each in robot.config.tophats.items():
+            if each.analog == port:
+                raise ConfigError(
+                    f"analog port {port} is that of tophat {name} in robot.toml: the sensor for the start "
+                    "light has another one"
+                )
+
+    return check
 
 
 def word(robot: Robot, port: int) -> float | None:
@@ -115,17 +133,10 @@ def simulate_lamp(
     robot: Robot, port: int, calibration: StartLightCalibration | None = None, *, lit: bool | None = None
 ) -> None:
     """Have a lamp over the sensor of a simulated robot that reads as the calibration says: lit, not lit, or
-    (None) switched on soon. Nothing on a real robot; nor where robot.toml has a tophat, which is said."""
+    (None) switched on soon. Nothing on a real robot."""
     somebody = bystander_of(robot.port)
     if somebody is None:
         return
-    for name, tophat in robot.config.tophats.items():
-        if tophat.analog == port:
-            say(
-                robot,
-                f"analog {port}: robot.toml has tophat {name} there, so the simulator has no lamp there",
-            )
-            return
     off, on = SIMULATED if calibration is None else (calibration.off, calibration.on)
     somebody.hold_lamp(port, off, on, lit=lit)
 

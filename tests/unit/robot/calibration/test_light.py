@@ -18,6 +18,7 @@ from raccoon import (
     wait_for,
     wait_for_light,
 )
+from raccoon.core.errors import ConfigError
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
 from raccoon.core.sections import ControllerConfig
@@ -85,10 +86,18 @@ def test_over_a_simulated_robot_somebody_switches_the_lamp_on(kind: str, tmp_pat
         assert not robot.drive.remarks
 
 
-def test_a_tophat_is_no_lamp_in_simulation() -> None:
+def test_a_tophat_is_no_sensor_of_the_start_light() -> None:
+    """A program would wait at it for ever. It is said before a match begins."""
+    port = CONFIG.tophats["left"].analog
     with open_robot(CONFIG, port=SimPort(Parameters.from_robot(CONFIG))) as robot:
-        assert robot.run(rehearse_light(CONFIG.tophats["left"].analog, seconds=2.5)) == 0
-        assert any("tophat left there" in said for said in robot.drive.remarks.values())
+        for attempt in (
+            lambda: robot.run(wait_for_light(port)),
+            lambda: robot.run(rehearse_light(port)),
+            lambda: calibrate_light(robot, port, lambda: None),
+        ):
+            with pytest.raises(ConfigError, match=f"analog port {port} is that of tophat left in robot.toml"):
+                attempt()
+        assert robot.inputs is None  # nothing was waited for
 
 
 def test_a_rehearsal_takes_time() -> None:
