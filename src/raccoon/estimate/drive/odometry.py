@@ -134,10 +134,16 @@ class Odometry:
         """Take the robot to be at this pose (m, m, rad); what is known of scales and offsets stays.
 
         position_std, heading_std: m and rad by which it may have been put down wrong; walls and lines that
-        are seen later correct it. Raises ValueError for a value that is not finite or a deviation below 0.
+        are seen later correct it. Raises ValueError for a value that is not finite, a heading that looks like
+        degrees, or a deviation below 0.
         """
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)):
             raise ValueError(f"pose ({x}, {y}, {heading}): every value must be finite")
+        if abs(heading) > math.tau and heading % 0.5 == 0.0:
+            raise ValueError(
+                f"heading is {heading:g}: beyond a full turn no heading in rad is so round (write "
+                f"deg({heading:g}) for degrees)"
+            )
         for name, std in (("position_std", position_std), ("heading_std", heading_std)):
             if not 0.0 <= std < math.inf:
                 raise ValueError(f"{name} is {std}: allowed are finite numbers from 0")

@@ -267,6 +267,10 @@ def test_bad_arguments_are_refused() -> None:
         odometry.observe_pose(math.nan, 0.0, 0.0, position_std=0.1, heading_std=0.1)
     with pytest.raises(ValueError, match="finite"):
         odometry.observe_distance(math.inf, 0.1)
+    with pytest.raises(ValueError, match=r"heading is 90: .*write deg\(90\) for degrees"):
+        odometry.reset(1.0, 0.0, 90.0)
+    odometry.reset(1.0, 0.0, 6.0 * math.pi)  # of several turns, as a robot believes it that has made them
+    assert odometry.estimate.heading == 6.0 * math.pi
 
 
 @pytest.mark.parametrize(
