@@ -111,5 +111,5 @@ def _error_text(error: Exception) -> str:
         return said
     hint = ""
     if isinstance(error, FileNotFoundError) and Path(error.filename).name == "robot.toml":
-        hint = "; `raccoon init` writes one to start from"
+        hint = "; `raccoon init` writes one to start from, --robot names one that is elsewhere"
     return f"{error.filename}: {said}{hint}"

@@ -127,6 +127,9 @@ def _useless(
     return useless
 
 
+NO_FILE = "there is no such file: calibrate_tophats(..., store=) writes it"
+
+
 def load_tophats(
     robot: Robot, store: str | Path = "tophats.json", set_name: str = "default"
 ) -> dict[str, TophatCalibration]:
@@ -148,7 +151,7 @@ def load_tophats(
     if missing:
         raise CalibrationError(
             f"{store}: no calibration of {', '.join(missing)} in the set {set_name!r}; "
-            f"{_there_is(shelf, own)}"
+            f"{_there_is(shelf, own) if kept_file(store).exists() else NO_FILE}"
         )
     found = {name: entry.calibration for name, entry in entries.items() if entry is not None}
     for name, entry in entries.items():

@@ -61,7 +61,7 @@ class LineSearch:
     def beside(self) -> Steps[None]:
         """On both sides of where it was last. Ends on the edge, or on the line from beyond it."""
         name, other = self._sight.name, self._line.other
-        say(self._robot, f"{name} lost the line and looks for it")
+        say(self._robot, f"{name} lost the line: looking for it")
         if self._line.pointing is None and other:
             say(self._robot, f"{name} came to no edge, {other} began on one: are their plugs exchanged?")
         yield from self._stop()
@@ -76,7 +76,7 @@ class LineSearch:
     def in_other_light(self) -> Steps[None]:
         """Drive on into it, turn over both surfaces there, the floor first, and back to the edge."""
         robot, sensor, self._why = self._robot, self._sensor, OTHER_LIGHT
-        say(robot, f"{self._sight.name} comes into another light on the line, and learns it")
+        say(robot, f"{self._sight.name} comes into another light on the line: learning it")
         begin, acceleration = robot.estimate.distance, robot.config.motion.acceleration
         speed = max(min(self._velocity, LIGHT_SPEED), CATCH_SPEED)  # after a search, or at first, it stands
         while robot.estimate.distance - begin < INTO_LIGHT and robot.time < self._end:
@@ -114,8 +114,9 @@ class LineSearch:
         robot, begin = self._robot, self._robot.time
         while blind := [each for each in self._sight.sensors if not each.sees]:
             if robot.time - begin > SIGHT_TIME:
-                names = " and ".join(each.name for each in blind)
-                raise MotionTimeout(f"{names} lost the line and sees no floor; {reason(robot, *blind)}")
+                raise MotionTimeout(
+                    f"{self._sight.name} lost the line: no floor is seen; {reason(robot, *blind)}"
+                )
             robot.drive.follow(0.0)
             yield
 

@@ -52,7 +52,8 @@ class Sight(ABC):
 
     def __init__(self, sensors: tuple[TophatSensor, ...], abrupt: float, play: float = 0.0) -> None:
         self.sensors, self.abrupt, self.play = sensors, abrupt, play
-        self.name = " and ".join(each.name for each in sensors)
+        names = " and ".join(each.name for each in sensors)
+        self.name = f"tophat{'s' if len(sensors) > 1 else ''} {names}"
         self.reach = sum(each.config.forward for each in sensors) / len(sensors)
         self.off, self.level, self.way = 0.0, 0.5, 0.0
         self.sees = self.on = self.well = self.black = self.plain = False

@@ -284,7 +284,7 @@ def test_exchanged_plugs_are_said_where_the_other_tophat_is_on_the_edge(exchange
         robot.run(wait(0.3))
         robot.run(follow_line("left", "left", 0.1).until(after_time(0.8)))
         said = " ".join(robot.drive.remarks.values())
-        assert "left lost the line" in said
+        assert "tophat left lost the line: looking for it" in said
         assert ("left came to no edge, right began on one: are their plugs exchanged?" in said) is exchanged
 
 
@@ -303,7 +303,7 @@ def test_no_line_is_looked_for_with_a_tophat_that_sees_none(until: float) -> Non
         robot.run(wait(0.3))
         follow = follow_line("left", "left", 0.1).until(after_distance(0.3))
         if until == math.inf:
-            with pytest.raises(MotionTimeout, match=r"sees no floor; .*tophat left .*is it plugged in"):
+            with pytest.raises(MotionTimeout, match=r"no floor is seen; .*tophat left .*is it plugged in"):
                 robot.run(follow)
             assert robot.time < 4.0
             assert abs(robot.pose.heading) < 0.05

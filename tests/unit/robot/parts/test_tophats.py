@@ -177,7 +177,10 @@ def test_no_real_robot_goes_by_what_a_simulated_one_read(tmp_path: Path) -> None
 def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
     with (
         open_robot(CONFIG, port=simulated()) as robot,
-        pytest.raises(CalibrationError, match=r"no calibration of left, right in the set 'default'"),
+        pytest.raises(
+            CalibrationError,
+            match=r"no calibration of left, right in the set 'default'; there is no such file",
+        ),
     ):
         load_tophats(robot, tmp_path / "none.json")
 

@@ -11,7 +11,10 @@ SPEED_HZ = 16_000_000
 """Within what both firmwares accept."""
 GAP_US = 50
 """The co-processor needs a pause after each frame."""
-NO_WOMBAT = 'on a computer that is no Wombat, write port = "sim" under [controller] in robot.toml'
+NO_WOMBAT = (
+    "on a computer that is no Wombat run a program by `raccoon simulate PROGRAM`, or write "
+    'port = "sim" under [controller] in robot.toml'
+)
 
 
 class SpiLink:

@@ -81,7 +81,7 @@ def test_a_failing_transfer_is_a_hardware_error(spi: type[FakeSpi]) -> None:
 @pytest.mark.parametrize(
     ("failure", "advice"),
     [
-        (FileNotFoundError(), r'enable SPI .*; on a computer that is no Wombat, write port = "sim"'),
+        (FileNotFoundError(), r'enable SPI .*; on a computer that is no Wombat run .* port = "sim"'),
         (PermissionError(), "add your user to the group spi"),
         (OSError("strange"), "cannot be opened: strange"),
     ],
