@@ -57,7 +57,8 @@ class MatchReport:
     """How a match went.
 
     seconds: from the light to the end. finished: the program ended by itself, in time. steps: every `timed`
-    step. result: what the program returned. remarks: what was strange, in words, each once.
+    step. result: what the program returned. remarks: what was strange, in words, each once. stopped: what the
+    clock ended, such as "run(straight 1 m)"; "" where nothing ran.
     """
 
     seconds: float
@@ -65,6 +66,7 @@ class MatchReport:
     steps: tuple[StepTime, ...]
     result: Any = None
     remarks: tuple[str, ...] = ()
+    stopped: str = ""
 
     def __str__(self) -> str:
         """For people: its table."""
@@ -73,7 +75,8 @@ class MatchReport:
     def table(self) -> str:
         """The steps, one a line, for people."""
         lines = [f"{step.begin:7.2f} s  {step.seconds:7.2f} s  {step.label}" for step in self.steps]
-        state = "finished" if self.finished else "stopped by the clock"
+        where = self.stopped and f" in {self.stopped}"
+        state = "finished" if self.finished else f"stopped by the clock{where}"
         notes = [f"remark: {each}" for each in self.remarks]
         return "\n".join(["  begin    took     step", *lines, f"{self.seconds:7.2f} s  {state}", *notes])
 
@@ -185,7 +188,7 @@ def run_match(
             result = perform(robot, program)
         ended = True
     except MatchOver:
-        robot.note("match over: everything off")
+        robot.note(f"match over: everything off{robot.ended_in and f'; it ended {robot.ended_in}'}")
     finally:
         try:
             robot.end_background()
@@ -204,7 +207,7 @@ def run_match(
     if finished and robot.ticks == before:
         say(robot, NOTHING_RUN)
     tell(robot)
-    return MatchReport(took, finished, steps, result, tuple(robot.drive.remarks.values()))
+    return MatchReport(took, finished, steps, result, tuple(robot.drive.remarks.values()), robot.ended_in)
 
 
 def _check_match(

@@ -18,7 +18,7 @@ from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.limits import COMPOSE, SEVERAL, check_kind
 from raccoon.robot.actions.steps import Steps, advance, close
-from raccoon.robot.deadline import end_match
+from raccoon.robot.deadline import MatchOver, end_match
 from raccoon.robot.knowledge import Knowledge, numbers
 from raccoon.robot.parts.tophats import Floor
 from raccoon.robot.remarks import say, tell_cycle, tell_undriven
@@ -54,6 +54,8 @@ class Robot(Knowledge):
         """s, time of a reading after which nothing runs any more: the end of a match."""
         self.ends = 0
         """How often the program was told that it is over."""
+        self.ended_in = ""
+        """What ran when its match was over, "" for nothing."""
         self.stuck: dict[str, float] = {}
         """For how many s a motor by now has had power and not turned, by its name."""
         self.steps: list[StepTime] = []
@@ -239,6 +241,8 @@ class Robot(Knowledge):
 
     def _halt(self, error: BaseException) -> None:
         """Motors off on the way out of an error, which must not be hidden by a second one."""
+        if isinstance(error, MatchOver):
+            self.ended_in = self.ended_in or self._running or ""
         try:
             if not isinstance(error, Exception):  # the program ends; one that it catches does not end it
                 self.end_background()

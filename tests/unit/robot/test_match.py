@@ -125,6 +125,12 @@ def test_the_clock_ends_it_whatever_the_program_does(program: Action[None] | Cal
         report = run_match(robot, program, seconds=1.0)
         assert report.seconds == pytest.approx(1.0, abs=0.05)
         assert not report.finished
+        assert report.stopped.startswith("run(")
+        assert (
+            report.table()
+            .splitlines()[-1 - len(report.remarks)]
+            .endswith(f"by the clock in {report.stopped}")
+        )
         assert any("went on after the end" in each for each in report.remarks) == (program is ignores_the_end)
         assert port.last == STOP
         with pytest.raises(RuntimeError, match="the match of this robot is over: open the robot again"):
