@@ -96,9 +96,9 @@ def _without_view_run(given: list[str]) -> list[str]:
     coming next; as it is where there is a recording of that name."""
     if given[:2] != ["view", "run"] or len(given) == 2:
         return given
-    from raccoon.trace.record import already_there
+    from raccoon.trace.record import existing_recording
 
-    is_recording = Path("run").exists() or already_there("run") is not None
+    is_recording = Path("run").exists() or existing_recording("run") is not None
     return given if is_recording else [given[0], *given[2:]]
 
 

@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     """Convert one recording; what had to be left out is printed."""
     from raccoon.cli.progress import show_progress
     from raccoon.trace.loading import load_run
-    from raccoon.trace.problems import said_once
+    from raccoon.trace.problems import without_repeats
     from raccoon.trace.record import recording_file
 
     source: Path = args.source
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     with show_progress():
         loaded = load_run(source)
     _write(loaded, target)
-    for problem in said_once(loaded.recording.problems):
+    for problem in without_repeats(loaded.recording.problems):
         print(f"note: {problem}")
     print(f"wrote {target}: {len(loaded.recording)} rows of {len(loaded.recording.columns)} columns")
     return 0

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.core.config import load_robot
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment.manoeuvres import CHECKUP
-    from raccoon.trace.record import already_there
+    from raccoon.trace.record import existing_recording
 
     check_seed(args.seed)
     robot = load_robot(args.robot)
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
         _check_and_describe(robot, chosen, args)
     if args.record is not None:
         _drive(robot, chosen, args)
-        print(f"{already_there(args.record) or args.record}: recorded {chosen!r}")
+        print(f"{existing_recording(args.record) or args.record}: recorded {chosen!r}")
     else:
         print(f"nothing was driven: --record FILE drives {chosen!r} and records it")
     return 0

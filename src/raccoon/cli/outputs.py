@@ -19,11 +19,11 @@ PROTECTED_SUFFIXES = (".csv", ".gz", ".jsonl", ".mat", ".mcap", ".py", ".toml")
 
 def check_recording(path: Path) -> None:
     """Raise ConfigError where `--record` names a recording that is there already, or none can be written."""
-    from raccoon.trace.record import already_there
+    from raccoon.trace.record import existing_recording
 
     if path.is_dir():
         raise ConfigError(f"--record {path}: it is a folder; name a file")
-    there = already_there(path)
+    there = existing_recording(path)
     if there is not None:
         raise ConfigError(f"--record {there}: it is there already; choose another name")
     folder = next(each for each in path.absolute().parents if each.exists())  # the rest is made

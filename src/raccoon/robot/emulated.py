@@ -21,7 +21,7 @@ from raccoon.sim.plant.free_motor import FreeMotor
 from raccoon.sim.plant.quantities import Plant
 from raccoon.sim.plant.stepped import Steps
 from raccoon.sim.tophats import Tophat
-from raccoon.sim.world.contact import NO_SLIP, Contact, placed
+from raccoon.sim.world.contact import NO_SLIP, Contact, with_pose
 from raccoon.sim.world.table import World
 
 LONGEST_STEP = 0.0025
@@ -71,7 +71,7 @@ class SimulatedPlant:
     def become(self, parameters: Parameters) -> None:
         """Go on as another robot, from here at this speed: another battery, another load. Wiring stays."""
         self._numbers = _without_controller(parameters)
-        self._contact.become(self._numbers)
+        self._contact.set_robot(self._numbers)
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
         """Let time pass with the motors driven this way."""
@@ -90,10 +90,10 @@ class SimulatedPlant:
 
     def _meet_the_world(self, seconds: float) -> None:
         s = self._state
-        x, y, heading = self._contact.meet((s.x, s.y, s.heading), seconds)
+        x, y, heading = self._contact.resolve((s.x, s.y, s.heading), seconds)
         if self._contact.slip is not NO_SLIP:
-            self._state = placed(s, x, y, heading)
-        self._numbers = self._contact.carried(self._numbers, x, y)
+            self._state = with_pose(s, x, y, heading)
+        self._numbers = self._contact.with_loads(self._numbers, x, y)
 
     def _seen(self, before: float, seconds: float) -> PlantState:
         """before: m/s ahead, so many seconds ago."""

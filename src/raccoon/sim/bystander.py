@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-LAMP_AFTER = 2.0
+LAMP_DELAY_S = 2.0
 """s until the start light is switched on for a program that waits for it."""
-PRESS_AFTER, PRESSED_FOR = 0.5, 0.2
+PRESS_DELAY_S, PRESS_DURATION_S = 0.5, 0.2
 """s until the button is pressed for a program that waits for it, and until it is let go of."""
 
 
@@ -33,17 +33,17 @@ class SimulatedBystander:
 
     def hold_lamp(self, analog: int, off: float, on: float, *, lit: bool | None) -> None:
         """Have a start light over an analog port: lit from now on, not lit, or (None) after LAMP_AFTER."""
-        since = self.time + LAMP_AFTER if lit is None else self.time if lit else math.inf
+        since = self.time + LAMP_DELAY_S if lit is None else self.time if lit else math.inf
         self._lamps[analog] = _Lamp(off, on, since)
 
     def press_button(self) -> None:
         """Press the button after PRESS_AFTER, for PRESSED_FOR."""
-        self._press = self.time + PRESS_AFTER
+        self._press = self.time + PRESS_DELAY_S
 
     @property
     def presses(self) -> bool:
         """Whether the button is to be pressed, or is."""
-        return self._press is not None and self.time < self._press + PRESSED_FOR
+        return self._press is not None and self.time < self._press + PRESS_DURATION_S
 
     def put_over(self, black: bool | None) -> None:
         """Hold black or white under all tophats from now on; None: they see the table again."""

@@ -30,9 +30,9 @@ from raccoon.sim.plant.driver import cycle_count
 from raccoon.sim.plant.free_motor import FreeMotor
 from raccoon.sim.plant.quantities import State
 from raccoon.sim.plant.sensing import period_of
-from raccoon.sim.robot import SimulatedRobot, bridges
+from raccoon.sim.robot import SimulatedRobot, bridge_commands
 from raccoon.sim.tophats import Tophat
-from raccoon.sim.words import Converter, Imu, Scatter
+from raccoon.sim.words import AnalogConverter, Imu, NormalNumbers
 from raccoon.sim.world.table import World
 
 
@@ -72,7 +72,7 @@ class SimPort:
         parameters = _wired(parameters, config)
         self._world = World.default() if world is None else world
         self._noise = noise if isinstance(noise, Noise) else Noise() if noise else Noise.none()
-        self._scatter = Scatter(np.random.default_rng(seed))
+        self._scatter = NormalNumbers(np.random.default_rng(seed))
         lag = float(gyro_lag(np.array(parameters.value("imu.latency", "seconds")), 1.0 / rate_hz))
         plant = plant_numbers(parameters)._replace(gyro_lag=lag)
         self._robot = SimulatedRobot(
@@ -96,7 +96,7 @@ class SimPort:
         self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz, lag)
         tophats = [Tophat(each, parameters) for each in config.tophats.values()]
         self.bystander = SimulatedBystander()
-        self._converter = Converter(tophats, self._noise, self._scatter, self.bystander)
+        self._converter = AnalogConverter(tophats, self._noise, self._scatter, self.bystander)
         self._cycles = cycle_count(1.0 / rate_hz, parameters.chain.cycle)
         self._truth = truth
         self._tick = device.position_counts_seconds
@@ -113,7 +113,7 @@ class SimPort:
         if self._closed:
             raise HardwareError("the simulated robot is closed")
         if self._cycle >= 0:
-            duty, closed = bridges(self._outputs, self._ports, self._signs)
+            duty, closed = bridge_commands(self._outputs, self._ports, self._signs)
             self._robot.step(duty, closed, self._bemf_noise())
             for port, motor in self.free_motors.items():
                 held = self._outputs.brake[port] or self._outputs.duty[port] != 0.0

@@ -14,11 +14,11 @@ from raccoon.sim.plant.compiled import advance_one, given
 from raccoon.sim.plant.driver import cycle_count
 from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.world.collision import Pose
-from raccoon.sim.world.contact import NO_SLIP, Contact, placed
+from raccoon.sim.world.contact import NO_SLIP, Contact, with_pose
 from raccoon.sim.world.table import World
 
 Noise = Sequence[Sequence[float]]
-UNSEEN = 1e-6
+MIN_SLIP_RATE = 1e-6
 """rad/s that no gyro sees."""
 
 
@@ -46,7 +46,7 @@ class SimulatedRobot:
         self._slots = slots
         self._longest_step = longest_step
         self._contact = Contact(world, body, plant, period, start)
-        self._plant = self._contact.carried(plant, start[0], start[1])
+        self._plant = self._contact.with_loads(plant, start[0], start[1])
         self.tilt = self._contact.tilt(start, 0.0)
         """See `Contact.tilt`: in the last step."""
         self._slipped = 0.0  # rad/s, slip as the gyro's low-pass follows it
@@ -99,26 +99,26 @@ class SimulatedRobot:
             self._rows - 1, self._rows, self._cycle, self._longest_step, self._slots,
             self._noise, self._kept, self._out,
         )  # fmt: skip
-        self._meet_the_world()
+        self._apply_contact()
 
-    def _meet_the_world(self) -> None:
+    def _apply_contact(self) -> None:
         pose = self.pose
         contact = self._contact
-        x, y, heading = contact.meet(pose, self._period)
+        x, y, heading = contact.resolve(pose, self._period)
         slip = contact.slip
         if slip is not NO_SLIP:
             dx, dy = x - self._start_x, y - self._start_y
             ahead, aside = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
-            self._rolled = placed(self._rolled, ahead, aside, heading - self._start_heading)
+            self._rolled = with_pose(self._rolled, ahead, aside, heading - self._start_heading)
         if slip is not NO_SLIP or self._slipped != 0.0:
             self._slipped += self._follows * (slip.turning - self._slipped)
-            if abs(self._slipped) < UNSEEN:
+            if abs(self._slipped) < MIN_SLIP_RATE:
                 self._slipped = 0.0
-        self._plant = contact.carried(self._plant, x, y)
+        self._plant = contact.with_loads(self._plant, x, y)
         self.tilt = contact.tilt((x, y, heading), self._period)
 
 
-def bridges(
+def bridge_commands(
     outputs: Outputs, ports: tuple[int, int], signs: tuple[float, float]
 ) -> tuple[tuple[float, float], tuple[bool, bool]]:
     """Duties that turn the wheels forward, and whether each motor is connected, from the board's outputs.

@@ -9,7 +9,7 @@ from raccoon.model.reflectance import Optics, fit, spot_radius
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import World
 
-GENERATION = "new"
+SENSOR_GENERATION = "new"
 
 
 class Tophat:
@@ -24,7 +24,7 @@ class Tophat:
         self.noise_sd = parameters.value("tophat.noise", "sd", where)
         self._forward, self._left = config.forward, config.left
         height = parameters.value("tophat.height", "height", where)
-        self._optics: Optics = fit(GENERATION).at(height)
+        self._optics: Optics = fit(SENSOR_GENERATION).at(height)
         self._spot = spot_radius(height)
         self._factor = parameters.value("tophat.gain", "factor", where)
         self._offset = parameters.value("tophat.ambient_light", "offset", where)

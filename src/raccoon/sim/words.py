@@ -1,4 +1,4 @@
-"""From what is true to what a controller says: words of the analog converter and the IMU."""
+"""From true quantities to the words of a controller: the analog converter and the IMU."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from raccoon.sim.tophats import Tophat
 from raccoon.sim.world.table import World
 
 
-class Scatter:
+class NormalNumbers:
     """Normal random numbers from one generator, drawn many at a time."""
 
     def __init__(self, random: np.random.Generator) -> None:
@@ -33,8 +33,8 @@ class Scatter:
             return self._stock.pop()
 
 
-ROUNDING = 1e-6
-"""s by which a time that is the sum of a million steps may be off, and more."""
+TIME_TOLERANCE_S = 1e-6
+"""s by which a time that is the sum of a million steps may be off, with room to spare."""
 
 
 class Imu:
@@ -44,7 +44,7 @@ class Imu:
     """
 
     def __init__(
-        self, parameters: Parameters, noise: Noise, scatter: Scatter, rate_hz: float, lag: float
+        self, parameters: Parameters, noise: Noise, scatter: NormalNumbers, rate_hz: float, lag: float
     ) -> None:
         value = parameters.value
         self._scale = value("imu.gyro_scale", "factor") * parameters.robot.model.imu.gyro_scale.value
@@ -60,7 +60,7 @@ class Imu:
     def read(self, state: State, tilt: tuple[float, float]) -> tuple[Vector, Vector] | None:
         """Words of gyro and accelerometer, or None where there is nothing new. tilt: see `Contact.tilt`."""
         rate = self._delayed(state.time, state.gyro_rate)
-        if state.time < self._due - ROUNDING:
+        if state.time < self._due - TIME_TOLERANCE_S:
             return None
         self._due += self._period
         elapsed = state.time - self._speed_time
@@ -93,11 +93,11 @@ class Imu:
 FULL_SCALE = SIMULATOR.analog_full_scale
 
 
-class Converter:
+class AnalogConverter:
     """The 12-bit converter: battery and analog ports."""
 
     def __init__(
-        self, tophats: list[Tophat], noise: Noise, scatter: Scatter, bystander: SimulatedBystander
+        self, tophats: list[Tophat], noise: Noise, scatter: NormalNumbers, bystander: SimulatedBystander
     ) -> None:
         self._tophats = tophats
         self._bystander = bystander

@@ -25,7 +25,7 @@ from raccoon.sweep.limits import DEFAULT_MATCH_S, DEFAULT_WITHIN, DEFAULT_WITHIN
 from raccoon.sweep.program import Mission, Program
 from raccoon.sweep.results import Row
 from raccoon.sweep.watched_port import MatchOver, WatchedPort, wall_limit
-from raccoon.trace.record import already_there
+from raccoon.trace.record import existing_recording
 
 OK, FAILED, CRASHED = "ok", "failed", "crashed"
 SETTLING_S = 0.5
@@ -138,7 +138,7 @@ def play(match: Match, run: int, seed: int, record: str | Path | None = None) ->
 
     Raises FileExistsError where there is such a recording.
     """
-    there = None if record is None else already_there(record)
+    there = None if record is None else existing_recording(record)
     if there is not None:
         raise FileExistsError(f"{there} exists: choose another name")
     values = match.values(seed)

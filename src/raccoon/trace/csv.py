@@ -19,23 +19,23 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
 from raccoon.core.files import replacing
-from raccoon.trace.advance import Advance, Step
 from raccoon.trace.csv_header import read_header
+from raccoon.trace.csv_rows import CsvRows
+from raccoon.trace.file_hints import find_csv_separator, not_a_number_hint
 from raccoon.trace.format import Event
-from raccoon.trace.mistaken import csv_separator, no_number
-from raccoon.trace.recording import EVENT, SURFACE, DutiesBeyond, Recording, allowed_instead
-from raccoon.trace.rows import Rows
+from raccoon.trace.recording import EVENT, SURFACE, OutOfRangeDuties, Recording, allowed_values
+from raccoon.trace.time_order import TimeOrder, TimeStep
 
 MAX_BYTES = 1 << 30
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
-NOT_BACK = "allowed are numbers that do not go back"
+TIME_ALLOWED = "allowed are numbers that do not go back"
 _COLORS = {"black": 1.0, "white": 0.0}
-_OURS = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estimate)\..+")
+_FORMAT_COLUMN = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estimate)\..+")
 """Columns of the format. What others hold is kept where it is numbers."""
-NOTHING = ("nan", "-nan", "na", "n/a", "#n/a", "null", "none")
+BLANK_WORDS = ("nan", "-nan", "na", "n/a", "#n/a", "null", "none")
 """What programs write for a blank."""
-FEW_WORDS = 10
+MAX_WORDS_LISTED = 10
 """Lines with no number in a column of others that are reported one by one."""
 Columns: TypeAlias = "dict[str, array[float]]"
 _ORDER = ("t", "motor", "servo", "battery", "imu", "analog", "digital", "truth")
@@ -55,7 +55,7 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise TraceError(f"the file has more than {MAX_BYTES} bytes")
-        separator = csv_separator(path)
+        separator = find_csv_separator(path)
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             return _Reader(file, strict, separator).recording()
     except TraceError as error:
@@ -64,17 +64,17 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
 
 class _Reader:
     def __init__(self, file: IO[str], strict: bool, separator: str) -> None:
-        self._rows, self._separator = Rows(file, separator), separator
+        self._rows, self._separator = CsvRows(file, separator), separator
         self._commas = separator != ","  # whether halves may be 0,5
         self._mark = ""  # what they turned out to be written with
         self._strict = strict
         self._problems: list[str] = []
         self._events: list[Event] = []
         self._count = 0
-        self._advance = Advance()
+        self._time_order = TimeOrder()
         self._words: dict[str, int] = {}  # of columns of others: how many lines hold no number
         self._nothing: dict[str, tuple[str, int]] = {}  # by column: where first, and in how many lines more
-        self._beyond = DutiesBeyond()
+        self._out_of_range = OutOfRangeDuties()
 
     def recording(self) -> Recording:
         rows = iter(self._rows)
@@ -84,12 +84,13 @@ class _Reader:
             row = self._row(names, cells, columns)
             if row is not None:
                 self._keep(row, columns)
-        if (back := self._advance.backward) > self._count:
-            first = next(each for each in self._problems if each.endswith(NOT_BACK))
+        if (back := self._time_order.backward_count) > self._count:
+            first = next(each for each in self._problems if each.endswith(TIME_ALLOWED))
             raise TraceError(
-                f"t goes back in {back} lines of {back + self._count}; {first}; {self._advance.anew}"
+                f"t goes back in {back} lines of {back + self._count}; {first}; "
+                f"{self._time_order.first_reset_reason}"
             )
-        self._beyond.check(self._count)
+        self._out_of_range.check(self._count)
         found = {name: np.array(column, np.float64) for name, column in columns.items()}
         self._leave_out_words(found)
         self._problems += [
@@ -100,7 +101,7 @@ class _Reader:
     def _leave_out_words(self, columns: dict[str, NDArray[np.float64]]) -> None:
         """A column of others that holds words, such as the names of states, is said once."""
         for name, lines in self._words.items():
-            if lines <= FEW_WORDS:
+            if lines <= MAX_WORDS_LISTED:
                 continue
             place = f", column {name}: "
             first = next(each for each in self._problems if place in each)
@@ -117,7 +118,7 @@ class _Reader:
         if isinstance(cells, str):
             self._report(cells)
             return None
-        if self._rows.cut and not self._strict:
+        if self._rows.is_cut_off and not self._strict:
             self._report("the line has no end: the file may be cut off in it, so it is left out")
             return None
         if len(cells) == len(names) + 1 and not cells[-1].strip():
@@ -130,18 +131,18 @@ class _Reader:
         row = {"t": self._value("t", time)}
         if math.isnan(row["t"]):  # such as a second line of units, or the header once more
             if not time.strip():
-                self._report(f"column t: {time!r}: {NOT_BACK}")
+                self._report(f"column t: {time!r}: {TIME_ALLOWED}")
             return None
         for name, cell in zip(names, cells, strict=True):
             if name == EVENT:
                 text = cell
             elif name not in ("", "t"):
                 row[name] = self._value(name, cell)
-        step = self._advance.take(row["t"])
-        if step is Step.BACK:
-            self._report(f"column t: {time!r}: {NOT_BACK}")
+        step = self._time_order.classify(row["t"])
+        if step is TimeStep.BACKWARD:
+            self._report(f"column t: {time!r}: {TIME_ALLOWED}")
             return None
-        if step is Step.PAST:
+        if step is TimeStep.PAST_OUTLIER:
             self._take_back(columns)
         if text:
             self._events.append(Event(self._count, text))
@@ -150,9 +151,9 @@ class _Reader:
     def _value(self, name: str, cell: str) -> float:
         if not cell or cell.isspace():
             return math.nan
-        text = self._with_point(cell) if self._commas and _of_numbers(name, cell) else cell
+        text = self._with_point(cell) if self._commas and _must_be_number(name, cell) else cell
         value, allowed = _parse(name, text)
-        if value is None and name != "t" and not self._strict and cell.strip().lower() in NOTHING:
+        if value is None and name != "t" and not self._strict and cell.strip().lower() in BLANK_WORDS:
             said = f"line {self._rows.line}, column {name}: {cell!r} stands for nothing, and is read as blank"
             first, more = self._nothing.get(name, (said, -1))
             self._nothing[name] = first, more + 1
@@ -160,11 +161,11 @@ class _Reader:
         if value is None:
             wrong = _number(text)
             if wrong is not None:
-                self._beyond.take(name, wrong)
-            blank = ("" if name == "t" else " and blank") + no_number(name, cell)
-            if not _of_numbers(name, cell):
+                self._out_of_range.add(name, wrong)
+            blank = ("" if name == "t" else " and blank") + not_a_number_hint(name, cell)
+            if not _must_be_number(name, cell):
                 self._words[name] = self._words.get(name, 0) + 1
-            if self._strict or self._words.get(name, 0) <= FEW_WORDS:
+            if self._strict or self._words.get(name, 0) <= MAX_WORDS_LISTED:
                 self._report(f"column {name}: {cell[:40]!r}: allowed are {allowed}{blank}")
             return math.nan
         return value
@@ -194,7 +195,9 @@ class _Reader:
         self._events = [each for each in self._events if each.tick != self._count]
         for column in columns.values():
             column.pop()
-        self._report(f"column t: it goes on from before '{self._advance.wild:g}', whose line is left out")
+        self._report(
+            f"column t: it goes on from before '{self._time_order.outlier_time:g}', whose line is left out"
+        )
 
     def _report(self, problem: str) -> None:
         said = f"line {self._rows.line}, {problem}"
@@ -202,7 +205,12 @@ class _Reader:
             raise TraceError(said)
         self._problems.append(said)
         if len(self._problems) > MAX_PROBLEMS:
-            said = "; ".join(filter(None, (self._problems[0], self._advance.anew, self._beyond.guess())))
+            said = "; ".join(
+                filter(
+                    None,
+                    (self._problems[0], self._time_order.first_reset_reason, self._out_of_range.unit_hint()),
+                )
+            )
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {said}")
 
 
@@ -211,13 +219,13 @@ def _parse(name: str, cell: str) -> tuple[float | None, str]:
     if SURFACE.fullmatch(name) and cell.strip() in _COLORS:
         return _COLORS[cell.strip()], ""
     value = _number(cell)
-    allowed = allowed_instead(name, math.nan if value is None else value)
+    allowed = allowed_values(name, math.nan if value is None else value)
     return (None, allowed) if allowed else (value, "finite numbers")
 
 
-def _of_numbers(name: str, cell: str) -> bool:
+def _must_be_number(name: str, cell: str) -> bool:
     """Whether a cell must be a number, or is one: columns of others may hold words."""
-    return _OURS.fullmatch(name) is not None or _number(cell.replace(",", ".", 1)) is not None
+    return _FORMAT_COLUMN.fullmatch(name) is not None or _number(cell.replace(",", ".", 1)) is not None
 
 
 def _number(cell: str) -> float | None:

@@ -5,28 +5,41 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from raccoon.core.errors import TraceError
-from raccoon.trace.mistaken import COMMENTS, SEPARATOR_SAID, is_comment, misnamed, no_time, unmarked
-from raccoon.trace.rows import Rows
+from raccoon.trace.csv_rows import CsvRows
+from raccoon.trace.file_hints import (
+    COMMENT_MARKS,
+    SEPARATOR_PREFIX,
+    is_comment,
+    misnamed_columns_note,
+    missing_time_reason,
+    without_comment_mark,
+)
 
 
-def read_header(rows: Iterator[list[str] | str], file: Rows, separator: str) -> tuple[list[str], list[str]]:
+def read_header(
+    rows: Iterator[list[str] | str], file: CsvRows, separator: str
+) -> tuple[list[str], list[str]]:
     """Names of the columns, "" for those without one, and what is to be said of them.
 
     Remarks before it are skipped, and its own mark of one (`# t,...`) is left out. Raises TraceError where
     there is none.
     """
     names = next(rows, [])
-    if names == [SEPARATOR_SAID, ""]:
+    if names == [SEPARATOR_PREFIX, ""]:
         names = next(rows, [])
     while not isinstance(names, str) and is_comment(separator.join(names)):
         names = next(rows, [])
     if isinstance(names, str):
         raise TraceError(f"line {file.line}, {names}")
     names = [name.strip() for name in names]
-    if names and names[0].startswith(COMMENTS) and "t" in [unmarked(each) for each in names[:1]] + names[1:]:
-        names[0] = unmarked(names[0])
+    if (
+        names
+        and names[0].startswith(COMMENT_MARKS)
+        and "t" in [without_comment_mark(each) for each in names[:1]] + names[1:]
+    ):
+        names[0] = without_comment_mark(names[0])
     if "t" not in names:
-        raise TraceError(f"line {file.line}: {no_time(names)}")
+        raise TraceError(f"line {file.line}: {missing_time_reason(names)}")
     while not names[-1]:
         names.pop()
     for name in filter(None, names):
@@ -34,4 +47,4 @@ def read_header(rows: Iterator[list[str] | str], file: Rows, separator: str) -> 
             raise TraceError(f"line {file.line}: column name {name!r} is there twice")
     nameless = names.count("")
     problems = [f"columns without a name are left out: {nameless} of {len(names)}"] if nameless else []
-    return names, problems + list(filter(None, [misnamed([name for name in names if name])]))
+    return names, problems + list(filter(None, [misnamed_columns_note([name for name in names if name])]))

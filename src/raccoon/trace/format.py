@@ -18,16 +18,18 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device, Inputs, Outputs
 from raccoon.trace.decode import parse_cycle, parse_device, parse_line
 from raccoon.trace.encode import Values
+from raccoon.trace.file_hints import check_not_picture
 from raccoon.trace.header import Header, parse_header
-from raccoon.trace.mistaken import check_no_picture
 from raccoon.trace.record import recording_file
 
 MAX_LINE_BYTES = 1 << 20
 MAX_BYTES = 1 << 30
 MAX_TICKS = 1_000_000
 """83 minutes at 200 Hz."""
-SECOND = "this is its last line, and another recording seems to follow: put each into a file of its own"
-WRONG = "this is its last line, and some value before it may not be what was written"
+SECOND_RECORDING_TEXT = (
+    "this is its last line, and another recording seems to follow: put each into a file of its own"
+)
+WRONG_VALUE_TEXT = "this is its last line, and some value before it may not be what was written"
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ class _Reader:
         first = b"{}"
         try:
             first = next(lines, first)
-            check_no_picture(first)
+            check_not_picture(first)
             trace = Trace(parse_header(parse_line(first)))
         except TraceError as error:
             hint = "; it looks like CSV: name it .csv" if first.startswith(b"t,") else ""
@@ -150,10 +152,10 @@ class _Reader:
                 whole += 1
         except _NotUnpacked as error:
             if whole == 0:
-                return Damage(place, ticks, f"{WRONG}: {error}")
+                return Damage(place, ticks, f"{WRONG_VALUE_TEXT}: {error}")
         except TraceError:  # what follows is itself cut off
             pass
-        return Damage(place, ticks, SECOND, whole) if self._line > place else None
+        return Damage(place, ticks, SECOND_RECORDING_TEXT, whole) if self._line > place else None
 
     def _rest(self, lines: Iterator[bytes]) -> int:
         """How many whole lines there are after the damage, as far as they can be read."""

@@ -56,7 +56,7 @@ def files_of(*paths: str | Path) -> list[Path]:
     """
     files: dict[str, Path] = {}
     for path in map(Path, paths):
-        found = recordings_in(path) if path.is_dir() else [recording_file(path)]
+        found = find_recordings(path) if path.is_dir() else [recording_file(path)]
         if not found:
             raise TraceError(f"{path}: there is no recording in this folder")
         for file in found:
@@ -64,7 +64,7 @@ def files_of(*paths: str | Path) -> list[Path]:
     return list(files.values())
 
 
-def counted(path: Path) -> list[list[tuple[int, str]]]:
+def natural_sort_key(path: Path) -> list[list[tuple[int, str]]]:
     """A key that sorts paths with the numbers in them by their size: run2 before run10."""
     return [
         [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name) if part]
@@ -72,14 +72,14 @@ def counted(path: Path) -> list[list[tuple[int, str]]]:
     ]
 
 
-def recordings_in(folder: Path) -> list[Path]:
+def find_recordings(folder: Path) -> list[Path]:
     """The recordings in a folder and in those inside it, run2 before run10; hidden folders (.venv, .git) and
     what is no recording are left out."""
     found = []
     for place, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
         found += [path for path in (Path(place, name) for name in names) if _is_recording(path)]
-    return sorted(found, key=counted)
+    return sorted(found, key=natural_sort_key)
 
 
 def _is_recording(path: Path) -> bool:
@@ -98,7 +98,7 @@ def load_run(path: str | Path) -> Run:
     return run
 
 
-def robot_near(run: Run) -> tuple[RobotConfig, Path | None, str]:
+def find_robot_toml(run: Run) -> tuple[RobotConfig, Path | None, str]:
     """The robot of a run that does not describe it, the file that it is of, and which it is in words: of the
     robot.toml beside the run, else of one where the command was started, else the default robot.
 

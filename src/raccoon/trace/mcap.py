@@ -25,7 +25,7 @@ from raccoon.core.files import replacing
 from raccoon.core.readings import SI_WORDS
 from raccoon.trace.encode import MAX_TEXT
 from raccoon.trace.format import Event
-from raccoon.trace.recording import EVENT, Column, DutiesBeyond, Recording, allowed_instead
+from raccoon.trace.recording import EVENT, Column, OutOfRangeDuties, Recording, allowed_values
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -184,7 +184,7 @@ class _Rows:
         self._ours = False
         self._count = 0
         self._tick = 1.0
-        self._beyond = DutiesBeyond()
+        self._out_of_range = OutOfRangeDuties()
         self._unread: dict[str, str] = {}  # encodings of topics that are no JSON
         self._numberless: dict[str, tuple[bytes, int]] = {}  # topics: a message without a number, how many
 
@@ -219,12 +219,12 @@ class _Rows:
             self._number(topic, float(value), self._rows.setdefault(key, {}))
 
     def _number(self, topic: str, value: float, row: dict[str, float]) -> None:
-        allowed = allowed_instead(topic, value)
+        allowed = allowed_values(topic, value)
         if not allowed:
             row[topic] = value
             return
         self._report(f"topic {topic}: {value:g}: allowed are {allowed} and blank")
-        self._beyond.take(topic, value)
+        self._out_of_range.add(topic, value)
 
     def _report(self, problem: str) -> None:
         if len(self.problems) < MAX_PROBLEMS:
@@ -248,7 +248,7 @@ class _Rows:
         for topic, (data, count) in self._numberless.items():  # once: a topic of others may be all of that
             others = f", and {count - 1} more of its messages" if count > 1 else ""
             self._report(f"topic {topic}: {data!r} has no number as value{others}")
-        self._beyond.check(len(self._rows))
+        self._out_of_range.check(len(self._rows))
         keys = sorted(self._rows.keys() | {key for key, _ in self._texts})
         if not keys:
             raise TraceError('there is no JSON message {"value": ...} in it')

@@ -77,7 +77,7 @@ def pose_error(recording: Recording, x: Column, y: Column, heading: Column) -> P
     )
 
 
-def pooled(errors: Iterable[PoseError]) -> PooledError:
+def pool_errors(errors: Iterable[PoseError]) -> PooledError:
     """Root mean squares over runs. Raises ValueError where there is none."""
     errors = list(errors)
     if not errors:

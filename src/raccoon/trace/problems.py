@@ -10,7 +10,7 @@ _LINE = re.compile(r"\bline \d+")
 _VALUE = re.compile(r"'[^']*'")
 
 
-def said_once(problems: Sequence[str]) -> list[str]:
+def without_repeats(problems: Sequence[str]) -> list[str]:
     """Of problems that differ in line and value alone the first, with how many more there are."""
     alike: dict[str, list[str]] = defaultdict(list)
     for each in problems:

@@ -16,10 +16,10 @@ from raccoon.trace.writer import TraceWriter
 
 PLAIN = ".jsonl"
 PACKED = ".jsonl.gz"
-MOST_COMMANDS, ROOM = 200, 50_000
+MAX_COMMANDS, MAX_REMARK_CHARACTERS = 200, 50_000
 """Commands of a cycle that are kept, beside the last one; characters of remarks in a cycle, where each remark
 and each bracket counts for 50. More would be a line that is not read again, nor what comes after it."""
-SHORT = 200
+MAX_CUT_REMARK_CHARACTERS = 200
 """Characters that are left of a remark that does not fit."""
 
 
@@ -64,7 +64,9 @@ class RecordingPort:
                 header_table(Header(type(port).__name__, config, seed, revision, library_version()))
             )
             self._writer, self.path = (
-                _only(path, header, overwrite) if needed or overwrite else _next_free(path, header)
+                _begin_exactly(path, header, overwrite)
+                if needed or overwrite
+                else _begin_next_free(path, header)
             )
         except (OSError, ValueError, TypeError) as error:
             if needed:
@@ -95,7 +97,7 @@ class RecordingPort:
 
     def write(self, outputs: Outputs) -> None:
         """Pass a command on and record it, also where passing it on fails."""
-        if len(self._commands) > MOST_COMMANDS:
+        if len(self._commands) > MAX_COMMANDS:
             self._commands.pop()  # the last one is what holds
         self._commands.append(outputs)
         self._port.write(outputs)
@@ -107,9 +109,9 @@ class RecordingPort:
     def event(self, text: str) -> None:
         """Record a remark of this cycle; cut short where it is too long, left out where there is no room."""
         text = str(text)
-        if len(text) > MAX_TEXT or _weight(text) > self._room:
-            text = f"{text[:SHORT]}... ({len(text)} characters)"
-        if (weight := _weight(text)) <= self._room:
+        if len(text) > MAX_TEXT or _remark_size(text) > self._room:
+            text = f"{text[:MAX_CUT_REMARK_CHARACTERS]}... ({len(text)} characters)"
+        if (weight := _remark_size(text)) <= self._room:
             self._room -= weight
             self._events.append(text)
 
@@ -132,7 +134,7 @@ class RecordingPort:
         self._hand_over()
         self._writer.finish()
         if self.failure is not None:
-            there = already_there(self.path) or self.path  # it may not have been packed
+            there = existing_recording(self.path) or self.path  # it may not have been packed
             warnings.warn(f"{there} ends early: {self.failure}", RuntimeWarning, stacklevel=3)
 
     def _begin(self, inputs: Inputs | None) -> None:
@@ -140,7 +142,7 @@ class RecordingPort:
         self._commands: list[Outputs] = []
         self._estimates: list[tuple[str, Values]] = []
         self._events: list[str] = []
-        self._room = ROOM
+        self._room = MAX_REMARK_CHARACTERS
 
     def _hand_over(self) -> None:
         if self._writer is not None and (self._inputs is not None or self._commands or self._events):
@@ -148,14 +150,14 @@ class RecordingPort:
             self._writer.put(cycle)
 
 
-def _weight(text: str) -> int:
+def _remark_size(text: str) -> int:
     """What a remark takes of the room of its cycle."""
     return len(text) + 50 * (1 + text.count("[") + text.count("{"))
 
 
-def _only(path: str | Path, header: str, overwrite: bool) -> tuple[TraceWriter, Path]:
+def _begin_exactly(path: str | Path, header: str, overwrite: bool) -> tuple[TraceWriter, Path]:
     """Begin the recording of this very name."""
-    there = None if overwrite else already_there(path)
+    there = None if overwrite else existing_recording(path)
     if there is not None:
         raise FileExistsError(f"{there} exists: choose another name or say overwrite=True")
     plain, packed = recording_paths(path)
@@ -163,7 +165,7 @@ def _only(path: str | Path, header: str, overwrite: bool) -> tuple[TraceWriter, 
     return TraceWriter(plain, packed, header, overwrite=overwrite), packed
 
 
-def _next_free(path: str | Path, header: str) -> tuple[TraceWriter, Path]:
+def _begin_next_free(path: str | Path, header: str) -> tuple[TraceWriter, Path]:
     """Begin a recording of this name, or of the first with a number behind it that is free."""
     plain, packed = recording_paths(path)
     plain.parent.mkdir(parents=True, exist_ok=True)
@@ -185,7 +187,7 @@ def recording_paths(path: str | Path) -> tuple[Path, Path]:
     return path.with_name(name + PLAIN), path.with_name(name + PACKED)
 
 
-def already_there(path: str | Path) -> Path | None:
+def existing_recording(path: str | Path) -> Path | None:
     """The file that a recording of this name would replace; None where there is none."""
     return next((each for each in recording_paths(path) if each.exists()), None)
 
@@ -194,4 +196,4 @@ def recording_file(path: str | Path) -> Path:
     """The path itself where it exists, and where nothing does; else the recording that was made under this
     name: `run` and `run.jsonl` are packed into `run.jsonl.gz` when the run has ended."""
     path = Path(path)
-    return path if path.exists() else already_there(path) or path
+    return path if path.exists() else existing_recording(path) or path

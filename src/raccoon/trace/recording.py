@@ -34,9 +34,9 @@ DUTY_UNITS = (
     (1500.0, "ticks a second (-1500..1500), which are no duty, or PWM of 10 bits (-1023..1023)"),
 )
 """Up to which size a command may be of which other unit."""
-MOST_BEYOND = 0.02
+MAX_OUT_OF_RANGE_SHARE = 0.02
 """Share of a command's rows that may be beyond -1..1: more are another unit."""
-FEWEST_BEYOND = 10
+MIN_OUT_OF_RANGE_ROWS = 10
 """Such rows that say nothing yet."""
 DUTY = re.compile(r"motor\.\d+\.duty")
 SURFACE = re.compile(r"truth\.surface\.\d+")
@@ -63,7 +63,7 @@ class Recording:
     def __post_init__(self) -> None:
         if "t" not in self.columns:
             raise TraceError(f"there is no column t; there are {_listed(self.columns)}")
-        self.columns = {name: numbers_of(name, column) for name, column in self.columns.items()}
+        self.columns = {name: as_float_column(name, column) for name, column in self.columns.items()}
         check_lengths(self.columns)
         _check_time(self.columns["t"])
         if EVENT in self.columns:  # of a program that counts its events; no form has two things of one name
@@ -111,7 +111,7 @@ class Recording:
         return ports_in(self.columns, kind, channel)
 
 
-def numbers_of(name: str, values: ArrayLike) -> Column:
+def as_float_column(name: str, values: ArrayLike) -> Column:
     """A column's numbers. Raises TraceError naming it where it holds anything else."""
     try:
         return np.asarray(values, np.float64)
@@ -141,12 +141,12 @@ def ports_in(names: Iterable[str], kind: str, channel: str | None = None) -> lis
     return sorted(found)
 
 
-def usual_step(time: Column) -> float:
+def median_step(time: Column) -> float:
     """s by which a time usually advances a sample, 0 of a single one."""
     return float(np.median(np.diff(time))) if len(time) > 1 else 0.0
 
 
-def mistaken_step(step: float) -> str:
+def time_unit_hint(step: float) -> str:
     """What unit a time seems to be in that should be in s and advances by `step` a sample, for a message; ""
     where it may well be in s."""
     unit = next((name for least, name in TIME_UNITS if step >= least), None)
@@ -158,12 +158,12 @@ def mistaken_step(step: float) -> str:
     return f"t advances by {step:.3g} s a sample: it looks like {guess}, not seconds"
 
 
-def mistaken_duty(largest: float) -> str:
+def duty_unit_hint(largest: float) -> str:
     """What a command beyond -1..1 seems to be that reaches this, for a message."""
     return f"it looks like {next((unit for most, unit in DUTY_UNITS if largest <= most), 'another unit')}"
 
 
-def allowed_instead(name: str, value: float) -> str:
+def allowed_values(name: str, value: float) -> str:
     """What a column allows where this finite value is none of it, else ""."""
     if SURFACE.fullmatch(name):
         return "" if value in (0.0, 1.0) else "black, white"
@@ -172,29 +172,29 @@ def allowed_instead(name: str, value: float) -> str:
     return "numbers from -1 to 1" if DUTY.fullmatch(name) and not -1.0 <= value <= 1.0 else ""
 
 
-class DutiesBeyond:
+class OutOfRangeDuties:
     """Commands that a reader found beyond -1..1: so many of them are of another unit."""
 
     def __init__(self) -> None:
         self._sizes: dict[str, list[float]] = {}
 
-    def take(self, name: str, value: float) -> None:
+    def add(self, name: str, value: float) -> None:
         """Remember a value that its column does not allow."""
         if DUTY.fullmatch(name):
             self._sizes.setdefault(name, []).append(abs(value))
 
-    def guess(self) -> str:
+    def unit_hint(self) -> str:
         """What they seem to be, for a message; "" where there are none."""
         largest = max((size for sizes in self._sizes.values() for size in sizes), default=None)
-        return "" if largest is None else f"commands reach {largest:g}: {mistaken_duty(largest)}"
+        return "" if largest is None else f"commands reach {largest:g}: {duty_unit_hint(largest)}"
 
     def check(self, rows: int) -> None:
         """Raise TraceError where so many of a command's rows are that it has another unit."""
         for name, sizes in self._sizes.items():
-            if len(sizes) > max(MOST_BEYOND * rows, FEWEST_BEYOND):
+            if len(sizes) > max(MAX_OUT_OF_RANGE_SHARE * rows, MIN_OUT_OF_RANGE_ROWS):
                 raise TraceError(
                     f"{name} is beyond -1..1 in {len(sizes)} of {rows} rows and reaches {max(sizes):g}: "
-                    f"{mistaken_duty(max(sizes))}"
+                    f"{duty_unit_hint(max(sizes))}"
                 )
 
 

@@ -14,7 +14,7 @@ from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import plant_numbers, state_at_rest
 from raccoon.sim.port import SimPort
-from raccoon.sim.words import Converter, Imu, Scatter
+from raccoon.sim.words import AnalogConverter, Imu, NormalNumbers
 from raccoon.sim.world.table import World
 
 
@@ -30,7 +30,7 @@ def test_a_gyro_that_drifts_has_drifted_by_its_age() -> None:
 
 def test_no_reading_of_the_imu_comes_late_as_the_steps_of_a_long_run_add_up() -> None:
     """Those of 1 ms are 36 ns short after half an hour, and after 335 s a reading was a cycle late."""
-    imu = Imu(Parameters(), Noise.none(), Scatter(np.random.default_rng(1)), 50.0, 0.0)
+    imu = Imu(Parameters(), Noise.none(), NormalNumbers(np.random.default_rng(1)), 50.0, 0.0)
     state = state_at_rest(plant_numbers(Parameters()))
     for number in range(500):
         time = number * 0.02 - 36e-9
@@ -39,8 +39,8 @@ def test_no_reading_of_the_imu_comes_late_as_the_steps_of_a_long_run_add_up() ->
 
 def test_the_noise_of_a_tophat_is_beside_the_converter_s() -> None:
     tophat: Any = SimpleNamespace(port=2, noise_sd=8.0, read=lambda *_: (1000.0, False))
-    converter = Converter(
-        [tophat], Noise(analog=6.0), Scatter(np.random.default_rng(1)), SimulatedBystander()
+    converter = AnalogConverter(
+        [tophat], Noise(analog=6.0), NormalNumbers(np.random.default_rng(1)), SimulatedBystander()
     )
     read = []
     for _ in range(4000):

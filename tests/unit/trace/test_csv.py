@@ -11,9 +11,9 @@ from raccoon.core.errors import TraceError
 from raccoon.trace import csv as trace_csv
 from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv, write_csv
+from raccoon.trace.file_hints import unnamed
 from raccoon.trace.format import Event, read_trace
-from raccoon.trace.mistaken import unnamed
-from raccoon.trace.problems import said_once
+from raccoon.trace.problems import without_repeats
 from raccoon.trace.recording import Recording
 from unit.trace.recordings import record
 
@@ -150,7 +150,7 @@ def test_wild_times_are_said_once(tmp_path: Path) -> None:
     text = "t,x\n" + "".join(f"{time},0\n" for time in times)
     found = read_csv(write(tmp_path / "run.csv", text), strict=False)
     assert len(found["t"]) == 30
-    assert len(said_once(found.problems)) == 2
+    assert len(without_repeats(found.problems)) == 2
 
 
 def test_of_lines_out_of_order_the_late_ones_are_left_out(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from raccoon.cli.diagnose.files import recordings
 from raccoon.core.errors import TraceError
 from raccoon.trace.csv import write_csv
-from raccoon.trace.loading import load_run, load_runs, recordings_in
+from raccoon.trace.loading import find_recordings, load_run, load_runs
 from raccoon.trace.record import recording_file
 from raccoon.trace.recording import Recording
 from unit.trace.recordings import record
@@ -128,7 +128,7 @@ def test_the_table_of_a_sweep_is_no_recording_of_its_folder(tmp_path: Path) -> N
     for name in ("matches.csv", "more.parquet"):
         (tmp_path / f"{name}.sweep.json").write_text("{}")
     (tmp_path / "old.csv").mkdir()
-    assert recordings_in(tmp_path) == [tmp_path / "run.csv"]
+    assert find_recordings(tmp_path) == [tmp_path / "run.csv"]
     assert [run.name for run in load_runs(tmp_path)] == ["run.csv"]
     assert recordings([tmp_path]) == [tmp_path / "run.csv"]
 
@@ -139,13 +139,13 @@ def test_other_folders_of_a_folder_do_not_matter(tmp_path: Path) -> None:
         if name != "__pycache__":
             (tmp_path / name / "run.csv").write_text("t\n0\n1\n")
     found = [tmp_path / name / "run.csv" for name in ("a9", "a10", "b")]
-    assert recordings_in(tmp_path) == recordings([tmp_path]) == found
+    assert find_recordings(tmp_path) == recordings([tmp_path]) == found
     assert len(load_runs(tmp_path)) == 3
     (tmp_path / "link.csv").symlink_to(found[0])
     assert [run.path for run in load_runs(found[1], tmp_path, *found)] == [found[1], found[0], found[2]]
     (tmp_path / "link.csv").rename(tmp_path / "b" / "OLD.CSV")
-    assert recordings_in(tmp_path / "b") == [tmp_path / "b" / "OLD.CSV", found[2]]
-    assert recordings_in(tmp_path / ".venv") == [tmp_path / ".venv" / "run.csv"]
+    assert find_recordings(tmp_path / "b") == [tmp_path / "b" / "OLD.CSV", found[2]]
+    assert find_recordings(tmp_path / ".venv") == [tmp_path / ".venv" / "run.csv"]
 
 
 def test_a_recording_of_which_nothing_can_be_used_says_why(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from raccoon.core.errors import TraceError
-from raccoon.trace.pose_error import PoseError, field_truth, pooled, pose_error
+from raccoon.trace.pose_error import PoseError, field_truth, pool_errors, pose_error
 from raccoon.trace.recording import Recording
 
 
@@ -58,9 +58,9 @@ def test_no_truth_is_refused() -> None:
 
 def test_pooling_weighs_samples_in_the_rms_and_runs_in_the_finals() -> None:
     short, long = PoseError(1, 0.0, 0.0, 0.0, 0.0, 1), PoseError(1, 2.0, 2.0, 2.0, -2.0, 3)
-    both = pooled([short, long])
+    both = pool_errors([short, long])
     assert both.runs == 2
     assert both.rms == both.heading_rms == pytest.approx(math.sqrt(3))
     assert both.final == both.heading_final == pytest.approx(math.sqrt(2))
     with pytest.raises(ValueError, match="no run"):
-        pooled([])
+        pool_errors([])

@@ -20,7 +20,7 @@ from raccoon.estimate.drive_calibration.straight import calibrate_straight
 from raccoon.robot.actions.limits import LONGEST
 from raccoon.trace.columns import cycles_of
 from raccoon.trace.loading import Run, load_runs
-from raccoon.trace.recording import mistaken_step, usual_step
+from raccoon.trace.recording import median_step, time_unit_hint
 
 UNITS = {"radians_per_tick": "rad", "bemf_offset": "counts", "track_width": "m"}
 """Of what is measured, by the last part of its key."""
@@ -35,7 +35,7 @@ def calibrate(args: argparse.Namespace) -> int:
     with show_progress():
         runs = load_runs(*args.recording)
     for each in runs:
-        if mistaken := mistaken_step(usual_step(each.recording["t"])):
+        if mistaken := time_unit_hint(median_step(each.recording["t"])):
             raise TraceError(f"{each.path}: {mistaken}")
     entries = _straight(args, robot, runs) if args.straight is not None else _manoeuvre(args, robot, runs)
     _show(entries)

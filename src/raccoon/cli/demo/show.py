@@ -28,7 +28,7 @@ from raccoon.core.extras import install
 from raccoon.model.paper import MOTORS, battery_speed_ratio, extreme_motor_speeds
 from raccoon.sweep.workers import process_crew
 from raccoon.trace.format import read_trace
-from raccoon.trace.record import already_there, recording_paths
+from raccoon.trace.record import existing_recording, recording_paths
 
 END_LIMIT = 0.01 * DISTANCE
 HEADING_LIMIT = math.radians(1.0)
@@ -56,7 +56,7 @@ def show(folder: Path, seed: int, workers: int) -> int:
 
 def _check_trace(trace: Path) -> None:
     """Raise ConfigError where the recording that would be replaced is of no demo, but somebody's match."""
-    there = already_there(trace)
+    there = existing_recording(trace)
     if there is None:
         return
     try:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
-from raccoon.trace.loading import counted, recordings_in
+from raccoon.trace.loading import find_recordings, natural_sort_key
 from raccoon.trace.record import recording_file
 
 
@@ -17,9 +17,9 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
     files that a shell has put in alphabetical order. Raises FileNotFoundError."""
     found: list[Path] = []
     given = list(paths)
-    for path in map(recording_file, sorted(given, key=counted) if given == sorted(given) else given):
+    for path in map(recording_file, sorted(given, key=natural_sort_key) if given == sorted(given) else given):
         if path.is_dir():
-            found += recordings_in(path)
+            found += find_recordings(path)
         elif path.exists():
             found.append(path)
         else:

@@ -164,13 +164,13 @@ def resolve_robot(run: Run, named: Path | None) -> ResolvedRobot:
     """
     from raccoon.core.config import load_robot
     from raccoon.diagnose.recordings.kind import Kind, kind_of
-    from raccoon.trace.loading import robot_near
+    from raccoon.trace.loading import find_robot_toml
 
     if named is not None:
         return load_robot(named), named, ()
     if run.robot is not None:
         return run.robot, None, ()
-    robot, near, which = robot_near(run)
+    robot, near, which = find_robot_toml(run)
     kind = kind_of(run.recording.columns, robot)
     if kind is Kind.STEP or (near is None and kind not in (Kind.DRIVE, Kind.GEOMETRY)):
         return robot, None, ()  # what one step says of a reading takes no robot

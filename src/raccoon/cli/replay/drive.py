@@ -18,10 +18,10 @@ from raccoon.diagnose.drives.units import describe_wrong_units
 from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
-from raccoon.trace.loading import Run, robot_near
-from raccoon.trace.mistaken import misnamed, unnamed
+from raccoon.trace.file_hints import misnamed_columns_note, unnamed
+from raccoon.trace.loading import Run, find_robot_toml
 from raccoon.trace.pose_error import PoseError, pose_error
-from raccoon.trace.recording import Column, mistaken_step, usual_step
+from raccoon.trace.recording import Column, median_step, time_unit_hint
 
 COLUMNS = ("x", "y", "heading", "x_std", "y_std", "heading_std")
 RECORDED = {"x": 0, "y": 1, "heading": 2}
@@ -54,11 +54,11 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     notes: list[str] = []
     config = robot or run.robot
     if config is None:
-        config, _, taken = robot_near(run)
+        config, _, taken = find_robot_toml(run)
         notes.append(f"the recording does not say its robot: taken for {taken} (--robot names another)")
     if len(run.recording):  # one that was ended before its first cycle holds nothing to miss
         _check_wheels(run, config)
-    if mistaken := mistaken_step(usual_step(run.recording["t"])):
+    if mistaken := time_unit_hint(median_step(run.recording["t"])):
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
     native = firmware_of(run.recording.device) is not None
     columns = run.recording.columns
@@ -94,7 +94,7 @@ def _estimates(run: Run, odometry: Odometry) -> list[list[float]]:
 def _check_wheels(run: Run, config: RobotConfig) -> None:
     for port in (config.drive.left, config.drive.right):
         if not any(f"motor.{port}.{channel}" in run.recording for channel in ("position", "bemf")):
-            names = misnamed(run.recording.columns) or unnamed(run.recording.columns)
+            names = misnamed_columns_note(run.recording.columns) or unnamed(run.recording.columns)
             raise TraceError(
                 f"{run.name}: neither motor.{port}.position nor motor.{port}.bemf is in it, "
                 f"and {config.name} drives on the ports {config.drive.left} and {config.drive.right}"

@@ -12,8 +12,8 @@ from typing import Any
 from raccoon.cli.replay.drive import COLUMNS, Drive
 from raccoon.cli.replay.each_file import not_replayed_text
 from raccoon.core.files import write_atomically
-from raccoon.trace.pose_error import pooled
-from raccoon.trace.problems import said_once
+from raccoon.trace.pose_error import pool_errors
+from raccoon.trace.problems import without_repeats
 
 SHOWN_PROBLEMS = 5
 
@@ -23,7 +23,7 @@ def report(drives: list[Drive], failed: Mapping[str, str]) -> dict[str, Any]:
     errors = [drive.error for drive in drives if drive.error is not None]
     return {
         "runs": [_run(drive) for drive in drives],
-        "pooled": _finite(asdict(pooled(errors))) if errors else None,
+        "pooled": _finite(asdict(pool_errors(errors))) if errors else None,
         "failed": dict(failed),
     }
 
@@ -40,7 +40,7 @@ def _run(drive: Drive) -> dict[str, Any]:
         "reasons": list(drive.reasons),
         "error": None if drive.error is None else _finite(asdict(drive.error)),
         "deviation_from_recorded_estimate": drive.deviation,
-        "notes": [*drive.notes, *said_once(recording.problems)],
+        "notes": [*drive.notes, *without_repeats(recording.problems)],
     }
 
 

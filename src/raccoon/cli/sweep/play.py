@@ -25,7 +25,7 @@ from raccoon.sweep.match import Match, play, seed_of
 from raccoon.sweep.model_factors import factors_of_model
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import check_sweep, sweep, with_nominal_end
-from raccoon.trace.record import already_there
+from raccoon.trace.record import existing_recording
 
 
 def sweep_and_print(args: argparse.Namespace) -> int:
@@ -65,7 +65,7 @@ def one(args: argparse.Namespace) -> int:
     print_row(play(match, args.only, seed_of(args.seed, args.only), args.record))
     if args.record is None:
         return 0
-    file = already_there(args.record)
+    file = existing_recording(args.record)
     if file is None:
         raise ConfigError(f"--record {args.record}: nothing was recorded")
     print(f"recorded: {file}")

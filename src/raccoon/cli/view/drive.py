@@ -15,7 +15,7 @@ from raccoon.core.config import BodyConfig
 from raccoon.core.errors import TraceError
 from raccoon.sim.world.table import Wall
 from raccoon.trace.loading import Run, load_run
-from raccoon.trace.problems import said_once
+from raccoon.trace.problems import without_repeats
 
 Floats = NDArray[np.float64]
 WALL_TOLERANCE_M = 0.01
@@ -113,7 +113,7 @@ def load_drive(path: Path, start: Sequence[float] | None = None) -> Drive:
     time = run.recording["t"]
     said = tuple((float(time[event.tick]), event.text) for event in run.recording.events)
     body = BodyConfig() if run.robot is None else run.robot.body
-    return Drive(truth, estimate, body, said, tuple(said_once(run.recording.problems)))
+    return Drive(truth, estimate, body, said, tuple(without_repeats(run.recording.problems)))
 
 
 def goes_through_wall(path: Trajectory, body: BodyConfig, walls: Iterable[Wall]) -> bool:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.bins import bin_means, low_pass, runs_of_true
 from raccoon.diagnose.drives.log import MIN_DRIVE_S, SETTLING_DRIVE_S, Load, Log
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -170,7 +170,7 @@ def _bin_means(time: Array, values: Array) -> Array:
 def _regressors(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:
     """(bins, 9), each of size 1: a constant; d^2, d w and d dw/dt of each wheel behind a filter of that time
     constant; charge; recovery."""
-    step = usual_step(time)
+    step = median_step(time)
 
     def behind(values: Array, constant: float) -> Array:
         return low_pass(values, step, constant)

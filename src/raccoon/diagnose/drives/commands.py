@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.trace.mistaken import misnamed, unnamed
+from raccoon.trace.file_hints import misnamed_columns_note, unnamed
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,10 @@ def commanded_duty(columns: Mapping[str, Array], port: int) -> Array:
     name = f"motor.{port}.duty"
     if name not in columns:
         held = sorted(each for each in columns if each.endswith(".duty")) or ["no commands at all"]
-        why = "; ".join(filter(None, (misnamed(columns), unnamed(columns)))) or "is it this robot's?"
+        why = (
+            "; ".join(filter(None, (misnamed_columns_note(columns), unnamed(columns))))
+            or "is it this robot's?"
+        )
         raise TraceError(f"{name} is not in the recording: it holds {', '.join(held)}; {why}")
     duty = np.asarray(columns[name], float)
     if not np.isfinite(duty).any():

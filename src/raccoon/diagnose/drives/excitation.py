@@ -6,7 +6,7 @@ import numpy as np
 
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.response_models import is_varied
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 MIN_SWING_HZ, MAX_SWING_HZ = 4.0, 15.0
 """1/s. In slower ones the wheels' readings, 30 ms late, show what commands answer as in any drive."""
@@ -34,7 +34,7 @@ def is_driven(log: Log) -> bool:
 def swing_period(log: Log) -> float:
     """s in which commands swing, where nearly all that they do is that: a line that is followed by bang-bang.
     0 where they do not."""
-    row = usual_step(log.time)
+    row = median_step(log.time)
     even = np.arange(log.time[0], log.time[-1], row)
     duty = log.duty[np.searchsorted(log.time, even, side="right") - 1]
     frequency = np.fft.rfftfreq(len(even), row)

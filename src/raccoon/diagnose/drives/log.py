@@ -16,7 +16,7 @@ from raccoon.diagnose.drives.commands import commanded_duty, read_brakes
 from raccoon.diagnose.drives.sample_clock import SampleClock
 from raccoon.diagnose.drives.slow_rows import MAX_ROW_CYCLES, check_row_length
 from raccoon.diagnose.drives.time_column import check_time
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 
@@ -202,7 +202,7 @@ def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     readings = [(duty, wheel.values) for duty, wheel in wheels if wheel is not None]
     gyro = log.channel("gyro")
     turns = [] if gyro is None else [(log.duty[:, 1] - log.duty[:, 0], gyro.values)]
-    slow = check_row_length(usual_step(time), robot.controller.rate_hz, readings, turns)
+    slow = check_row_length(median_step(time), robot.controller.rate_hz, readings, turns)
     lost, notes = _find_gaps(time, log.duty)
     return replace(log, notes=(*slow, *notes), lost=lost)
 

@@ -24,7 +24,7 @@ from raccoon.diagnose.drives.log import MIN_DRIVE_S, Log
 from raccoon.diagnose.drives.magnitudes import full_voltage
 from raccoon.diagnose.drives.magnitudes import volts_per_unit as volts_of
 from raccoon.diagnose.drives.slow_rows import MAX_ROW_S
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -132,7 +132,7 @@ def find_obstructed_stretches(log: Log, robot: RobotConfig) -> tuple[ObstructedS
     seen = _BinnedDrive.of(log, robot)
     if seen is None:
         return ()
-    ways = FREE_BEFORE_S if usual_step(log.time) <= MAX_ROW_S else ()
+    ways = FREE_BEFORE_S if median_step(log.time) <= MAX_ROW_S else ()
     held = [each for before in ways for each in _as_stretches(seen, _loaded_bins(seen, before), HELD)]
     return _merged([*_as_stretches(seen, _lifted_bins(seen), LIFTED), *held])
 
@@ -155,7 +155,7 @@ class _BinnedDrive:
     def of(cls, log: Log, robot: RobotConfig) -> _BinnedDrive | None:
         """The bins of a log, None without both wheels or where nothing was commanded."""
         left, right = (log.wheel(side) for side in ("left", "right"))
-        short = log.seconds < MIN_DRIVE_S or usual_step(log.time) > MAX_BINNED_ROW_S
+        short = log.seconds < MIN_DRIVE_S or median_step(log.time) > MAX_BINNED_ROW_S
         if left is None or right is None or short or not log.duty.any():
             return None
         model, battery, gyro = robot.model, log.channel("battery"), log.channel("gyro")

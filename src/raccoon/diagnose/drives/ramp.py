@@ -17,7 +17,7 @@ from raccoon.diagnose.drives.response_models import (
     SIMPLE_TIME_CONSTANTS_S,
     residual_power,
 )
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class Ramp:
 
 def estimate_ramp(time: Array, duty: Array, channel: Channel) -> float | None:
     """The ramp, duty a second, behind which a wheel follows its command far better; None without one."""
-    step = usual_step(time)
+    step = median_step(time)
     reach = round(MAX_DELAY_S / step)
     # A wheel that coasts to its rest, and one that breaks loose from it, is slower than a command as well.
     since = np.arange(len(duty)) - np.maximum.accumulate(np.where(duty == 0.0, np.arange(len(duty)), 0))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.bins import low_pass
 from raccoon.diagnose.drives.log import Channel
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ class DelayScan:
     def of(cls, time: Array, channel: Channel) -> DelayScan | None:
         """None where too little of it is known."""
         known = np.flatnonzero(np.isfinite(channel.values))
-        step = usual_step(time)
+        step = median_step(time)
         reach = round(MAX_DELAY_S / step)
         known = known[(known >= reach) & (known < len(time) - reach)]
         if len(known) < MIN_READINGS:

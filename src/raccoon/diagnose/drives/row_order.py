@@ -18,7 +18,7 @@ from raccoon.diagnose.drives.response_models import (
     DelayScan,
     residual_power,
 )
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def _is_reversed(log: Log, index: int, wheel: Channel) -> bool:
     known = np.isfinite(wheel.values)
     if known.sum() < MIN_READINGS:
         return False
-    step = usual_step(log.time)
+    step = median_step(log.time)
     duty, reading = log.duty[known, index], wheel.values[known]
     power = float(np.var(reading))
     ahead, behind = (
@@ -104,7 +104,7 @@ def _find_jumps(time: Array, values: Array, share: float) -> NDArray[np.bool_]:
     found = np.zeros(len(values), bool)
     known = np.flatnonzero(np.isfinite(values))
     fresh = known[np.concatenate([[True], np.diff(values[known]) != 0.0])] if len(known) else known
-    if len(fresh) < MIN_READINGS or usual_step(time[fresh]) > MAX_READING_STEP_S:
+    if len(fresh) < MIN_READINGS or median_step(time[fresh]) > MAX_READING_STEP_S:
         return found
     moved, steps = np.diff(values[fresh]), np.diff(time)
     least = share * float(np.percentile(np.abs(values[known]), 99.0))

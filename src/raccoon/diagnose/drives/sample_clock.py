@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.truncation import undo_truncation
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 
@@ -136,7 +136,7 @@ def find_sample_clock(
 
     rates: samples a second, at least and at most. waits, lead: see `SampleClock`.
     """
-    row = usual_step(time)
+    row = median_step(time)
     per_row = row * 0.5 * (rates[0] + rates[1])
     usual = round(per_row)
     rare = usual + 1 if per_row > usual else usual - 1

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.trace.recording import mistaken_step, usual_step
+from raccoon.trace.recording import median_step, time_unit_hint
 
 Array = NDArray[np.float64]
 
@@ -39,9 +39,11 @@ def check_time(time: Array, slowest: float = MAX_STEP_S) -> None:
 
 def check_step(time: Array, slowest: float = MAX_STEP_S) -> None:
     """Raise TraceError where a time advances by more than `slowest` s a sample, as in another unit."""
-    step = usual_step(time)
+    step = median_step(time)
     if step > slowest:
-        told = mistaken_step(step) or f"t advances by {step:.3g} s a sample, as one in hundredths of a second"
+        told = (
+            time_unit_hint(step) or f"t advances by {step:.3g} s a sample, as one in hundredths of a second"
+        )
         raise TraceError(f"{told}; at most {slowest:g} s are allowed")
 
 

@@ -34,7 +34,7 @@ from raccoon.diagnose.drives.obstructions import find_held_spans, without_held_r
 from raccoon.diagnose.drives.response_checks import check_signs
 from raccoon.diagnose.drives.stalls import DRIVEN_SHARE, SIDES, find_stalls
 from raccoon.diagnose.drives.time_column import MAX_STEP_S
-from raccoon.trace.recording import mistaken_duty, usual_step
+from raccoon.trace.recording import duty_unit_hint, median_step
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def only_free_driving(
     wheel never reads what a motor can, which looks like a wall and is another unit, and where the time is no
     controller's: by one in microseconds it drove for months. held: `find_held_spans`, where that is known."""
     advances = len(log.time) > 1 and bool((np.diff(log.time) > 0.0).all())
-    timed = advances and usual_step(log.time) <= MAX_STEP_S
+    timed = advances and median_step(log.time) <= MAX_STEP_S
     if not timed or any(_always_small(log, robot, index) for index in (0, 1)):
         return log
     known = find_held_spans(log, robot) if held is None else held
@@ -110,7 +110,7 @@ def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
     """
     largest = float(np.abs(log.duty).max())
     if largest > 1.0 + 1e-6:
-        raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; {mistaken_duty(largest)}")
+        raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; {duty_unit_hint(largest)}")
     if not native:
         _check_battery(log)
     _check_plugs(log)

@@ -25,7 +25,7 @@ from raccoon.diagnose.habits.problems import free_problem_of
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -82,7 +82,7 @@ class CommandJumps:
 
 def _changed_rows(log: Log) -> Rows:
     """Rows with another command than the one before, which no lost row lies between."""
-    near = np.diff(log.time) < 1.5 * usual_step(log.time)
+    near = np.diff(log.time) < 1.5 * median_step(log.time)
     return np.flatnonzero(near & (np.diff(log.duty, axis=0) != 0.0).any(axis=1)) + 1
 
 
@@ -96,7 +96,7 @@ def place_commands(
     more than the commands' moments is wrong, as where readings are of other moments than their rows, only a
     note says so.
     """
-    cycles = usual_step(log.time) * robot.controller.rate_hz
+    cycles = median_step(log.time) * robot.controller.rate_hz
     several = round(cycles) > 1 and abs(cycles - round(cycles)) <= WHOLE_CYCLE_TOLERANCE
     if log.runs or sample_cycle_from_rows(log) == Chain().cycle or several:
         return log, None
@@ -149,7 +149,7 @@ def _errors_by_offset(
 ) -> tuple[Array, Array]:
     """Squared errors of the wheels' answer to each jump, had it come so many rows before,
     (jumps, `FINE_OFFSETS`), in the simulation of a point and in that of robot.toml."""
-    usual, row = problem_of(log), usual_step(log.time)
+    usual, row = problem_of(log), median_step(log.time)
     residuals = []
     for offset in TRIED_OFFSETS:
         moved = with_earlier_commands(log, jumps.rows, np.full(len(jumps.rows), offset))
@@ -169,7 +169,7 @@ def _errors_by_offset(
 
 def with_earlier_commands(log: Log, rows: Rows, early: Array) -> Log:
     """The log with the commands of these rows in force so many rows earlier, in new rows without readings."""
-    moments = log.time[rows] - early * usual_step(log.time)
+    moments = log.time[rows] - early * median_step(log.time)
     new = np.setdiff1d(moments, log.time)
     at = np.searchsorted(log.time, new)
     time, duty = np.insert(log.time, at, new), np.insert(log.duty, at, log.duty[at - 1], axis=0)

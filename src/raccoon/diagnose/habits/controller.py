@@ -37,7 +37,7 @@ from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 MIN_MISFIT_SAVED_BY_FILTER = 0.06
 """How much log misfit another filter than the firmware's must save, unless it alone has robot.toml's time
@@ -190,7 +190,7 @@ def with_battery_filter(habits: Habits, seconds: float) -> Habits:
 def sample_cycle_from_rows(log: Log) -> float:
     """s between two samples of a controller that takes one a row, where a row is longer than its usual cycle;
     else that cycle. A program, or a simulation, may filter what it logs by itself."""
-    row, usual = usual_step(log.time), Chain().cycle
+    row, usual = median_step(log.time), Chain().cycle
     return row if 1.5 * usual < row <= MAX_CYCLE_S else usual
 
 

@@ -34,8 +34,8 @@ from raccoon.diagnose.recordings.rows.selection import (
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats
 from raccoon.diagnose.result import Diagnosis
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.trace.mistaken import unnamed
-from raccoon.trace.problems import said_once
+from raccoon.trace.file_hints import unnamed
+from raccoon.trace.problems import without_repeats
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -119,7 +119,9 @@ def diagnose_recording(
         NO_TRUTH: truth_free and not has_truth,
     }
     problems = (*problems, *(note for note, is_unused in unused.items() if is_unused))
-    notes = dict.fromkeys((*found.notes, *said_once(problems), *row_notes, *filter(None, (holdout_note,))))
+    notes = dict.fromkeys(
+        (*found.notes, *without_repeats(problems), *row_notes, *filter(None, (holdout_note,)))
+    )
     return replace(found, notes=tuple(notes))
 
 

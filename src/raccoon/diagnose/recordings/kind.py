@@ -13,7 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.diagnose.recordings.motors.diagnosis import motor_ports
 from raccoon.diagnose.recordings.motors.step_response import step_port
-from raccoon.trace.recording import check_lengths, numbers_of
+from raccoon.trace.recording import as_float_column, check_lengths
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -48,7 +48,7 @@ def as_float_columns(columns: Any) -> dict[str, NDArray[np.float64]]:
         more = ": give its recording.columns" if hasattr(columns, "recording") else more
         given = type(columns).__name__
         raise TraceError(f"a recording is columns of numbers by their names, not a {given}{more}")
-    return {name: numbers_of(name, each) for name, each in columns.items()}
+    return {name: as_float_column(name, each) for name, each in columns.items()}
 
 
 def check_robot(robot: Any) -> None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.hypotheses.coordinates import Coordinate, Setting, Settings
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def encoder_coordinates(log: Log) -> tuple[Coordinate, ...]:
 
 
 def _row(log: Log) -> float:
-    return usual_step(log.time)
+    return median_step(log.time)
 
 
 def counted(time: Array, speeds: Array, windows: Array) -> Array:

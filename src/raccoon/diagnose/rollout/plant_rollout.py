@@ -34,7 +34,7 @@ from raccoon.sim.effects.physical import (
 from raccoon.sim.plant.quantities import Plant
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import Lanes, rollout
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Possible = NDArray[np.bool_]
@@ -107,7 +107,7 @@ class PlantRollout:
     ) -> None:
         self._robot = robot
         check_nominal(robot.model)
-        cycle = _cycle(usual_step(log.time), habits.chain.cycle)
+        cycle = _cycle(median_step(log.time), habits.chain.cycle)
         self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
         self._heard = {} if plain else _readings(log)
         self._silent = 0.0 if habits.firmware is None else habits.firmware.silent

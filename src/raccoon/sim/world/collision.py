@@ -10,7 +10,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.sections import BodyConfig
 from raccoon.sim.world.table import Point, World
 
-ALIKE = 0.7
+MIN_SAME_TOUCH_COSINE = 0.7
 """Cosine of the angle up to which two touches of one wall push the same way."""
 Segment = tuple[float, float, float, float]
 Pose = tuple[float, float, float]
@@ -48,14 +48,14 @@ class Obstacles:
         self._x = self._y = 0.0
         self._clearance = -1.0 if self._walls or self._objects else math.inf
 
-    def far(self, x: float, y: float) -> bool:
+    def is_far(self, x: float, y: float) -> bool:
         """Whether nothing can be touched with the robot's middle at (x, y), as it was seen before."""
         return math.hypot(x - self._x, y - self._y) < self._clearance
 
     def touches(self, pose: Pose) -> list[Touch]:
         """Every point at which a robot that stands there overlaps something."""
         x, y, heading = pose
-        if self.far(x, y):
+        if self.is_far(x, y):
             return []
         cosine, sine = math.cos(heading), math.sin(heading)
         found: list[Touch] = []
@@ -103,11 +103,11 @@ class Obstacles:
         shortest, out_x, out_y = min(ways, key=lambda way: way[0])
         if shortest <= 0.0:
             return
-        if normal_x * out_x + normal_y * out_y > ALIKE:
+        if normal_x * out_x + normal_y * out_y > MIN_SAME_TOUCH_COSINE:
             yield from (touch for depth, touch, beside in corners if depth > 0.0 and beside)
         for point in (start, end):
             depth, push_x, push_y = self._way_out(point)
-            if depth > 0.0 and push_x * out_x + push_y * out_y > ALIKE:
+            if depth > 0.0 and push_x * out_x + push_y * out_y > MIN_SAME_TOUCH_COSINE:
                 yield Touch(*point, push_x, push_y, depth)
 
     def _against_disc(self, centre: Point, radius: float) -> Iterator[Touch]:

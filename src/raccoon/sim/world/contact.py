@@ -23,12 +23,12 @@ STIFFNESS, DAMPING = 0.08, 0.25
 period late, which is stable up to five touches at once (0.2 and 0.6 would do for two), and swings nowhere."""
 WALL_FRICTION = 0.2
 """Coulomb's coefficient of plastic or metal along a plastic pipe."""
-STILL = 1e-4
-"""m/s of sliding at which this friction has 0.7 of its size."""
-ROUNDS, SOFT = 20, 0.02
-"""Of the search for the slip, and what is added to the stiffness in it."""
-ENOUGH = 1e-3
-"""N, of how far a tyre may be beyond its grip."""
+MIN_SLIDING_SPEED = 1e-4
+"""m/s of sliding at which this friction has 0.7 of its full size."""
+MAX_ITERATIONS, STIFFNESS_MARGIN = 20, 0.02
+"""Iterations of the search for the slip, and the share that is added to the stiffness in it."""
+GRIP_TOLERANCE_N = 1e-3
+"""N by which a tyre may be beyond its grip."""
 Pair = tuple[float, float]
 """Of the left and of the right wheel, or of x and y."""
 
@@ -43,14 +43,14 @@ class Slip(NamedTuple):
 NO_SLIP, NO_LOADS, NO_TILT = Slip(0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
 
 
-def placed(state: State, x: float, y: float, heading: float) -> State:
+def with_pose(state: State, x: float, y: float, heading: float) -> State:
     """The same robot at another pose of its plant."""
     return state._replace(
         x=x, y=y, heading=heading, heading_cos=math.cos(heading), heading_sin=math.sin(heading)
     )
 
 
-class _Push(NamedTuple):
+class _WheelPush(NamedTuple):
     """A touch as the wheels feel it, before any slip.
 
     way: m that the robot is parted from the wall for a m on each wheel, and N on each tyre for a N of the
@@ -67,7 +67,7 @@ class _Push(NamedTuple):
 
 
 class Contact:
-    """A robot among the ramps and obstacles of its table. Call `meet` and `carried` after every step.
+    """A robot among the ramps and obstacles of its table. Call `resolve` and `with_loads` after every step.
 
     plant: the robot on the level. period: s, no step is longer. pose: where it stands at the start.
     """
@@ -84,11 +84,11 @@ class Contact:
         """N m on each wheel, forward positive: for the next step of the plant."""
         self.slip = NO_SLIP
         """In the last step."""
-        self.become(plant)
+        self.set_robot(plant)
         self.tilt(pose, 0.0)
 
-    def become(self, plant: Plant) -> None:
-        """Go on as this robot on the level: other inertias, radii, track."""
+    def set_robot(self, plant: Plant) -> None:
+        """Go on with this robot on the level: other inertias, radii, track."""
         self._level = plant
         self._radii = plant.radius_left, plant.radius_right
         self._per_track = plant.per_track
@@ -100,11 +100,12 @@ class Contact:
         # A force that turns no wheel (a wall abeam of the axis) feels the whole robot at most.
         self._least = 0.25 * (self._mobility[0] + 2.0 * self._mobility[1] + self._mobility[2])
 
-    def meet(self, pose: Pose, seconds: float) -> Pose:
-        """Where the robot is that rolled to `pose` in a step of `seconds`, and what is then on its wheels."""
+    def resolve(self, pose: Pose, seconds: float) -> Pose:
+        """Resolve contacts of the robot that rolled to `pose` in a step of `seconds`: its pose then. Sets
+        `loads` and `slip`."""
         before, self._before = self._before, pose
         self.slip, self.loads = NO_SLIP, NO_LOADS
-        if self._obstacles.far(pose[0], pose[1]) or seconds <= 0.0:
+        if self._obstacles.is_far(pose[0], pose[1]) or seconds <= 0.0:
             return pose
         touches = self._obstacles.touches(pose)
         if not touches:
@@ -113,7 +114,9 @@ class Contact:
         cosine, sine = math.cos(heading), math.sin(heading)
         dx, dy = x - before[0], y - before[1]
         moved = cosine * dx + sine * dy, cosine * dy - sine * dx, heading - before[2]
-        tyres, (left, right) = self._held([self._push(each, moved, seconds) for each in touches], seconds)
+        tyres, (left, right) = self._limit_to_grip(
+            [self._push(each, moved, seconds) for each in touches], seconds
+        )
         self.loads = tyres[0] * self._radii[0], tyres[1] * self._radii[1]
         if left == right == 0.0:
             return pose
@@ -122,8 +125,8 @@ class Contact:
         self._before = x + way * cosine, y + way * sine, heading + angle
         return self._before
 
-    def carried(self, plant: Plant, x: float, y: float) -> Plant:
-        """`plant`, the robot of the last step, with the ramps at x, y and the last loads on its wheels."""
+    def with_loads(self, plant: Plant, x: float, y: float) -> Plant:
+        """`plant`, the robot of the last step, with the slope at x, y and the last loads on its wheels."""
         touching = self.loads != NO_LOADS
         if touching or self._touching or self._world.ramps:
             along_x, along_y = self._world.slope(x, y)
@@ -159,48 +162,51 @@ class Contact:
         change = felt - (cosine * before[0] + sine * before[1])
         return felt, -change / (GRAVITY * seconds) if seconds > 0.0 else 0.0
 
-    def _push(self, touch: Touch, moved: tuple[float, float, float], seconds: float) -> _Push:
+    def _push(self, touch: Touch, moved: tuple[float, float, float], seconds: float) -> _WheelPush:
         x, y, normal_x, normal_y, depth = touch
-        way = self._shares(x, y, normal_x, normal_y)
-        mass = 1.0 / max(self._moves(way), self._least)
+        way = self._tyre_shares(x, y, normal_x, normal_y)
+        mass = 1.0 / max(self._inverse_mass(way), self._least)
         spring = STIFFNESS * mass / self._period**2
         damper = DAMPING * mass / (self._period * seconds)
         ahead, aside = moved[0] - moved[2] * y, moved[1] + moved[2] * x
         force = max(0.0, spring * depth - damper * (normal_x * ahead + normal_y * aside))
         # Friction that would turn the sliding round within a period only ends it.
-        across = self._shares(x, y, -normal_y, normal_x)
-        ends = WALL_FRICTION * force * self._moves(across) * self._period
+        across = self._tyre_shares(x, y, -normal_y, normal_x)
+        ends = WALL_FRICTION * force * self._inverse_mass(across) * self._period
         sliding = (normal_x * aside - normal_y * ahead) / seconds
-        return _Push(way, across, force, spring + damper, sliding, ends + STILL)
+        return _WheelPush(way, across, force, spring + damper, sliding, ends + MIN_SLIDING_SPEED)
 
-    def _shares(self, x: float, y: float, force_x: float, force_y: float) -> Pair:
+    def _tyre_shares(self, x: float, y: float, force_x: float, force_y: float) -> Pair:
         """What a force at a point puts on each tyre; and how far the point goes along it for a m on each."""
         moment = (x * force_y - y * force_x) * self._per_track
         return 0.5 * force_x - moment, 0.5 * force_x + moment
 
-    def _moves(self, shares: Pair) -> float:
-        """1/kg: how a point accelerates under a force on it, where the wheels roll."""
+    def _inverse_mass(self, shares: Pair) -> float:
+        """Inverse of the mass, 1/kg, that a force on a point feels where the wheels roll."""
         left, right = shares
         own_left, other, own_right = self._mobility
         return own_left * left * left + 2.0 * other * left * right + own_right * right * right
 
-    def _held(self, pushes: list[_Push], seconds: float) -> tuple[Pair, Pair]:
+    def _limit_to_grip(self, pushes: list[_WheelPush], seconds: float) -> tuple[Pair, Pair]:
         """N on each tyre, no more than its grip, and m that the robot slips on each for that.
 
         Newton's method: forces that are linear in the slip, as they are here, are solved exactly.
         """
         grip = self._grip
         slips = (0.0, 0.0)
-        for _ in range(ROUNDS):
-            felt = _felt(pushes, slips, seconds)
-            beyond = (_beyond(felt.left, slips[0], grip), _beyond(felt.right, slips[1], grip))
-            if abs(beyond[0]) < ENOUGH and abs(beyond[1]) < ENOUGH:
+        for _ in range(MAX_ITERATIONS):
+            felt = _tyre_forces(pushes, slips, seconds)
+            beyond = (
+                _force_beyond_grip(felt.left, slips[0], grip),
+                _force_beyond_grip(felt.right, slips[1], grip),
+            )
+            if abs(beyond[0]) < GRIP_TOLERANCE_N and abs(beyond[1]) < GRIP_TOLERANCE_N:
                 break
-            slips = _slipped(felt, slips, grip)
-        return (_within(felt.left, grip), _within(felt.right, grip)), slips
+            slips = _solve_slips(felt, slips, grip)
+        return (_clip_to_grip(felt.left, grip), _clip_to_grip(felt.right, grip)), slips
 
 
-class _Felt(NamedTuple):
+class _TyreForces(NamedTuple):
     """N on the left and on the right tyre, and what each m of slip takes off: own and that of the other
     (from_right: off the left tyre's). soft: a little of it."""
 
@@ -213,12 +219,12 @@ class _Felt(NamedTuple):
     soft: float
 
 
-def _felt(pushes: list[_Push], slips: Pair, seconds: float) -> _Felt:
+def _tyre_forces(pushes: list[_WheelPush], slips: Pair, seconds: float) -> _TyreForces:
     """What all touches together do at these slips."""
     left, right = slips
     tyre_left = tyre_right = own_left = own_right = from_right = from_left = soft = 0.0
     for way, across, force, stiffness, sliding, gradual in pushes:
-        soft += SOFT * stiffness * (way[0] * way[0] + way[1] * way[1])
+        soft += STIFFNESS_MARGIN * stiffness * (way[0] * way[0] + way[1] * way[1])
         force -= stiffness * (way[0] * left + way[1] * right)
         if force <= 0.0:
             continue
@@ -234,10 +240,10 @@ def _felt(pushes: list[_Push], slips: Pair, seconds: float) -> _Felt:
         from_right += stiffness * pull_left * way[1] + rubs * across[0] * across[1]
         from_left += stiffness * pull_right * way[0] + rubs * across[0] * across[1]
     own_left, own_right = max(own_left, soft), max(own_right, soft)
-    return _Felt(tyre_left, tyre_right, own_left, own_right, from_right, from_left, soft)
+    return _TyreForces(tyre_left, tyre_right, own_left, own_right, from_right, from_left, soft)
 
 
-def _slipped(felt: _Felt, slips: Pair, grip: float) -> Pair:
+def _solve_slips(felt: _TyreForces, slips: Pair, grip: float) -> Pair:
     """Slips at which no tyre carries more than its grip, one that slips all of it, the way it slips.
 
     Both slip, or the left one, or the right one: what fits is taken. Both come first, with a little added to
@@ -246,8 +252,8 @@ def _slipped(felt: _Felt, slips: Pair, grip: float) -> Pair:
     left, right = slips
     rolls_left = felt.left + felt.own_left * left + felt.from_right * right  # without any slip
     rolls_right = felt.right + felt.own_right * right + felt.from_left * left
-    alone_left = (rolls_left - _within(rolls_left, grip)) / felt.own_left
-    alone_right = (rolls_right - _within(rolls_right, grip)) / felt.own_right
+    alone_left = (rolls_left - _clip_to_grip(rolls_left, grip)) / felt.own_left
+    alone_right = (rolls_right - _clip_to_grip(rolls_right, grip)) / felt.own_right
     then_left, then_right = (
         rolls_left - felt.from_right * alone_right,
         rolls_right - felt.from_left * alone_left,
@@ -265,10 +271,10 @@ def _slipped(felt: _Felt, slips: Pair, grip: float) -> Pair:
     return (alone_left, 0.0) if abs(then_right) <= grip else (0.0, alone_right)
 
 
-def _beyond(tyre: float, slip: float, grip: float) -> float:
+def _force_beyond_grip(tyre: float, slip: float, grip: float) -> float:
     """How far the force on a tyre is beyond what it carries; one that slips carries all of its grip."""
-    return tyre - math.copysign(grip, slip) if slip != 0.0 else tyre - _within(tyre, grip)
+    return tyre - math.copysign(grip, slip) if slip != 0.0 else tyre - _clip_to_grip(tyre, grip)
 
 
-def _within(value: float, most: float) -> float:
+def _clip_to_grip(value: float, most: float) -> float:
     return max(-most, min(most, value))

@@ -54,7 +54,7 @@ from raccoon.diagnose.select.search import begun, grown_on, whole
 from raccoon.diagnose.select.state import Search, look_around
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 from simulated_drives import recorded
 from unit.diagnose.searches import search_at, standing
 
@@ -590,7 +590,7 @@ def test_commands_from_their_rows_on_are_taken_so() -> None:
 def test_a_row_is_a_whole_number_of_the_controllers_cycles(row: float, cycle: float) -> None:
     log = planned_log(exciting(np.random.default_rng(1), 2.0))
     shaken = row * (np.arange(len(log.time)) + np.random.default_rng(2).uniform(-0.05, 0.05, len(log.time)))
-    assert _cycle(usual_step(shaken), 0.005) == pytest.approx(cycle, rel=0.02)
+    assert _cycle(median_step(shaken), 0.005) == pytest.approx(cycle, rel=0.02)
 
 
 def test_wheels_that_are_filtered_once_a_row_have_no_other_filter() -> None:

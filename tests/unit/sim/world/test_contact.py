@@ -335,5 +335,5 @@ def test_with_more_room_in_front_it_stands_further_away() -> None:
 
 def test_no_time_no_slip() -> None:
     contact = Contact(WALL, ROBOT.body, plant_numbers(Parameters()), 0.005, (0.0, 0.0, 0.0))
-    assert contact.meet((AHEAD, 0.0, 0.0), 0.0) == (AHEAD, 0.0, 0.0)
+    assert contact.resolve((AHEAD, 0.0, 0.0), 0.0) == (AHEAD, 0.0, 0.0)
     assert contact.loads == (0.0, 0.0)

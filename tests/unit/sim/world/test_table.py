@@ -127,7 +127,7 @@ def test_an_object_touches_a_face_or_a_corner() -> None:
 
 def test_nothing_stands_in_the_way_on_an_empty_table() -> None:
     assert Obstacles(World.empty(), BOX).touches((7.0, -3.0, 0.3)) == []
-    assert Obstacles(World.empty(), BOX).far(7.0, -3.0)
+    assert Obstacles(World.empty(), BOX).is_far(7.0, -3.0)
 
 
 @pytest.mark.parametrize("start", [0.0, math.pi / 2])

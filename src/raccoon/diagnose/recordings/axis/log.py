@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.holdout import check_none_missing
-from raccoon.trace.recording import mistaken_step
+from raccoon.trace.recording import time_unit_hint
 
 Array = NDArray[np.float64]
 
@@ -137,7 +137,7 @@ def _even_time(recorded: Array) -> Array:
         row = int(np.argmax(steps <= 0.0)) + 1
         raise TraceError(f"t does not advance at row {row}: {recorded[row - 1]:.6g} to {recorded[row]:.6g} s")
     step = float(np.median(steps))
-    if problem := mistaken_step(step):
+    if problem := time_unit_hint(step):
         raise TraceError(problem)
     if float(steps.max()) > max(0.1, 20.0 * step):
         raise TraceError(f"t has a gap of {float(steps.max()):.3g} s: the motion in it is not known")

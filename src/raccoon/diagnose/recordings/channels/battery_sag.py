@@ -18,7 +18,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.bins import bin_means, low_pass
 from raccoon.diagnose.drives.commands import hold_until_next
 from raccoon.diagnose.result import SensorFault
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -73,7 +73,7 @@ def estimate_sag(columns: Columns, robot: RobotConfig) -> Sag | None:
     """The battery's resistance by its reading; None where a channel for that is missing, or no motor is
     driven."""
     time = np.asarray(columns["t"], float)
-    reading, step = columns.get(BATTERY), usual_step(time)
+    reading, step = columns.get(BATTERY), median_step(time)
     # A time that stands still, or is in another unit, is refused elsewhere.
     if reading is None or step > BIN_S or not (np.diff(time) > 0.0).all():
         return None

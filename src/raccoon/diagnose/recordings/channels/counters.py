@@ -15,7 +15,7 @@ from raccoon.core.readings import Device
 from raccoon.diagnose.drives.log import MIN_READINGS, has_readings
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 from raccoon.diagnose.rollout.dead_zone_evidence import ZONE
-from raccoon.trace.recording import ports_in, usual_step
+from raccoon.trace.recording import median_step, ports_in
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -148,7 +148,7 @@ def _tick_rate(time: Array, ticks: Array) -> Array:
     A counter grows by what is read in a row, so between two rows it grows by the readings of the later ones.
     """
     known = np.flatnonzero(np.isfinite(ticks))
-    row = max(usual_step(time[known]), 1e-6)
+    row = max(median_step(time[known]), 1e-6)
     half = int(np.ceil(0.5 * (AVERAGING_S / row - 1.0) - ROW_TOLERANCE))
     rows = max(2 * half + 1, 1)
     ends = known[::rows]

@@ -20,7 +20,7 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.trace.recording import ports_in, usual_step
+from raccoon.trace.recording import median_step, ports_in
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -115,7 +115,7 @@ def _rejection_reason(id_: str, faults: ReadingFaults) -> str:
 def _identified(
     columns: Columns, faults: ReadingFaults, repeats: float, latency: tuple[str, ...]
 ) -> dict[str, ParameterResult]:
-    step = usual_step(columns["t"])
+    step = median_step(columns["t"])
     found = {"repeated samples": ParameterResult(repeats, 0.0, "", 0.0)}
     if faults.dead_time is not None:
         found[latency[0]] = ParameterResult(faults.dead_time, step / np.sqrt(12.0), "s", 0.0)

@@ -27,7 +27,7 @@ from raccoon.diagnose.result import (
 )
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.log_building import understood
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -151,7 +151,7 @@ def _stretched_time_notes(found: Diagnosis) -> tuple[str, ...]:
 
 def _log_row_error(columns: Columns, robot: RobotConfig) -> float:
     """Logarithm of the ratio of a row's duration by t to the nearest whole number of controller cycles."""
-    cycles = usual_step(np.asarray(columns["t"], float)) * robot.controller.rate_hz
+    cycles = median_step(np.asarray(columns["t"], float)) * robot.controller.rate_hz
     return math.log(cycles / max(round(cycles), 1))
 
 

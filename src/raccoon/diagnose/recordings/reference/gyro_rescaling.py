@@ -9,7 +9,7 @@ import numpy as np
 from raccoon.diagnose.drives.features import bins_per_event
 from raccoon.diagnose.findings.held_out import size_of
 from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 GYRO_COLUMN = "imu.gyro.z"
 
@@ -36,7 +36,7 @@ class GyroRescaling:
         gyro = self.curves[self._gyro_index()]
         parts[self._gyro_index()] = gyro.measured - factor * (gyro.before if before else gyro.after)
         floor = np.array([each.noise_floor for each in self.results])
-        event = bins_per_event(usual_step(gyro.time))
+        event = bins_per_event(median_step(gyro.time))
         return size_of(np.nan_to_num(np.column_stack(parts)), floor, event)
 
     def reading_change(self, factor: float) -> float:

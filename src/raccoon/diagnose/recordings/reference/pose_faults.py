@@ -12,7 +12,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.bins import describe_spans
 from raccoon.diagnose.recordings.reference.stretches import MIN_SAMPLES
 from raccoon.diagnose.result import SensorFault
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -118,7 +118,7 @@ def _find_frozen(time: Array, values: Array, motion: Array) -> list[tuple[int, i
 def _find_gaps(time: Array, known: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """Times, s, between which there is no number for long; missing rows are no gaps."""
     edges = np.concatenate([[time[0]], time[known], [time[-1]]])
-    usual = usual_step(time[known])
+    usual = median_step(time[known])
     gaps = np.flatnonzero(np.diff(edges) > max(MIN_FAULT_S, 4.0 * usual))
     counts = np.diff(np.searchsorted(time, edges))
     return [(float(edges[each]), float(edges[each + 1])) for each in gaps if counts[each] > 1]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.commands import brake_in_force, hold_until_next
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -61,7 +61,7 @@ def _filled_brake_columns(columns: Columns) -> dict[str, Array]:
 
 def _shorten_pauses(time: Array) -> tuple[Array, tuple[str, ...]]:
     steps = np.diff(time)
-    long = np.flatnonzero(steps > max(MAX_PAUSE_S, 2.0 * usual_step(time)))
+    long = np.flatnonzero(steps > max(MAX_PAUSE_S, 2.0 * median_step(time)))
     if len(long) == 0:
         return time, ()
     excess = np.zeros(len(time))

@@ -24,7 +24,7 @@ from raccoon.model.reflectance import (
     counts,
     height_doubt,
 )
-from raccoon.sim.tophats import GENERATION
+from raccoon.sim.tophats import SENSOR_GENERATION
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class NominalSensor:
         factor: float,
         height: float,
         light: float = 0.0,
-        generation: str = GENERATION,
+        generation: str = SENSOR_GENERATION,
     ) -> float:
         """Counts over a surface with changes of offset, factor and height, before clipping. light: share of
         direct sun."""
@@ -95,12 +95,12 @@ class LevelFit:
     parameter_count: int
     light: float = 0.0
     level_drops: tuple[float, float] = (0.0, 0.0)
-    generation: str = GENERATION
+    generation: str = SENSOR_GENERATION
 
     @property
     def is_exact(self) -> bool:
         """Whether the numbers of the causes give the levels that were fitted."""
-        return self.light == 0.0 and self.generation == GENERATION
+        return self.light == 0.0 and self.generation == SENSOR_GENERATION
 
 
 def _clip_height(height: float) -> float:
@@ -133,7 +133,7 @@ def _fit_causes(
     nominal: NominalSensor,
     free: tuple[str, ...],
     clipped: tuple[int, int] = (0, 0),
-    generation: str = GENERATION,
+    generation: str = SENSOR_GENERATION,
 ) -> LevelFit:
     """Fit these causes to the levels, with usual deviations as priors."""
     u, misfit, std = _gauss_newton(table, nominal, free, clipped, generation)
@@ -191,7 +191,7 @@ def _as_contract_numbers(
     """The fit in the contract's numbers: light as an offset, and another make as a factor, that are least
     wrong over white and black."""
     # Large deviations are rare but happen: their cost grows logarithmically.
-    parameter_count = len(free) + (generation != GENERATION)
+    parameter_count = len(free) + (generation != SENSOR_GENERATION)
     cost = misfit + 2.0 * float(np.log1p(u**2).sum()) + PARAMETER_COST * parameter_count
     changes = _changes(free, u)
     found = {
@@ -204,7 +204,7 @@ def _as_contract_numbers(
         doubt = height_doubt(_clip_height(nominal.height + height))
         found[HEIGHT] = height, math.hypot(found[HEIGHT][1], doubt)
     unlit = [nominal.unclipped_level(side, 0.0, 1.0, height, 0.0, generation) for side in (0.0, 1.0)]
-    if generation != GENERATION:
+    if generation != SENSOR_GENERATION:
         usual = np.array([nominal.unclipped_level(side, 0.0, 1.0, height) for side in (0.0, 1.0)])
         factors = np.array(unlit) / usual
         factor = float(usual @ np.array(unlit) / (usual @ usual))
@@ -240,7 +240,7 @@ def probability(fits: Sequence[LevelFit], id_: str) -> float:
 
 
 def _unclipped_pair(
-    nominal: NominalSensor, changes: Mapping[str, float], generation: str = GENERATION
+    nominal: NominalSensor, changes: Mapping[str, float], generation: str = SENSOR_GENERATION
 ) -> tuple[float, float]:
     """Unclipped counts over white and black with these changes of the causes and the light."""
     offset, height, light = (changes.get(each, 0.0) for each in (AMBIENT_LIGHT, HEIGHT, LIGHT))

@@ -53,7 +53,7 @@ from raccoon.diagnose.result import (
     SensorFault,
 )
 from raccoon.sim.effects.effect import effect
-from raccoon.sim.tophats import GENERATION
+from raccoon.sim.tophats import SENSOR_GENERATION
 
 Array = NDArray[np.float64]
 
@@ -251,7 +251,7 @@ def _with_model_sentences(
         if each.id == AMBIENT_LIGHT and best.light:
             described.append(replace(each, explanation=describe_light(port, best.light, best.level_drops)))
             notes.append(describe_light_offset(port, each.parameters["offset"]))
-        elif each.id == GAIN and best.generation != GENERATION:
+        elif each.id == GAIN and best.generation != SENSOR_GENERATION:
             described.append(replace(each, explanation=describe_older_sensor(port)))
             notes.append(describe_older_factor(port, each.parameters["factor"]))
         else:

@@ -1,4 +1,5 @@
-"""A file that is no recording: what it seems to be, and what is taken."""
+"""Hints for messages about files and columns that cannot be read: what they seem to be, and what is
+accepted."""
 
 from __future__ import annotations
 
@@ -9,8 +10,10 @@ from pathlib import Path
 from raccoon.core.errors import TraceError
 from raccoon.core.schema import shown
 
-TAKEN = "recordings are traces (.jsonl.gz), CSV with a column t (the time in s), MCAP (.mcap) and EMPS (.mat)"
-OTHERS: Mapping[str, str] = {
+ACCEPTED_TEXT = (
+    "recordings are traces (.jsonl.gz), CSV with a column t (the time in s), MCAP (.mcap) and EMPS (.mat)"
+)
+OTHER_KINDS: Mapping[str, str] = {
     ".py": "a Python program",
     ".toml": "a robot.toml, a model or a table",
     ".md": "a text",
@@ -21,30 +24,30 @@ OTHERS: Mapping[str, str] = {
     ".parquet": "a table of a sweep",
 }
 """What files are that people have beside their recordings, by the endings of their names."""
-PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF")
+PICTURE_SIGNATURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF")
 """How pictures begin, whatever their names."""
 SWEEP_HEADER = "run,seed,status,"
 SEPARATORS = (",", ";", "\t")
-KIND_BYTES = 4096
-COUNTERS = (2.0**32, 2.0**31, 2.0**16)
+SNIFFED_BYTES = 4096
+COUNTER_RANGES = (2.0**32, 2.0**31, 2.0**16)
 """Where the clocks of small controllers begin anew, in s, ms or us."""
-NEAR_END = 0.02
+WRAP_TOLERANCE = 0.02
 """Part of that within which a time has come to its end, and begun."""
-SLIPPED = 0.9
+MIN_OUT_OF_ORDER_SHARE = 0.9
 """Part of a time up to which a second recording, which begins anew, has begun."""
-MOST_ODD = 4
+MAX_INVALID_LETTERS = 4
 """Letters of a header that are no UTF-8: an old program may have written a few."""
-MISNAMED_SAID, OTHERS_SAID = 4, 6
-SEPARATOR_SAID = "sep="
+MAX_MISNAMED_LISTED, OTHERS_SAID = 4, 6
+SEPARATOR_PREFIX = "sep="
 """How a CSV of Excel may begin: the first line says what stands between the columns."""
-COMMENTS = ("#", "%")
+COMMENT_MARKS = ("#", "%")
 """How lines begin that MATLAB, NumPy and loggers write before the rows, the header among them."""
 _TIME = re.compile(
     r"(.*[./_])?((time|zeit|timestamp|stamp|seconds?|secs?|millis|micros|ms|us)\b.*|t|t\W.*|time_.*)",
     re.IGNORECASE,
 )
 _DATE = re.compile(r"\d+[-/.:]\d+[-/.:]\d+.*")
-_HALVES = re.compile(r"[-+]?\d+,\d+")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _BETWEEN = r"[._/ \[\]-]*"
 _KNOWN = re.compile(
     r"/*(motor.\d+.(duty|bemf|position|current|voltage|speed|force|torque|travel|angle|brake)"
@@ -67,7 +70,7 @@ _MADE_UP = re.compile(r"t|event|fault\..*|estimate\..*")
 _PARTS = re.compile(r"(motor|servo|battery|imu|analog|digital|truth)(gyro|accel|surface)?(\d+)?(.*)")
 
 
-def no_time(names: Iterable[str]) -> str:
+def missing_time_reason(names: Iterable[str]) -> str:
     """Why a header without t is none, with what seems to be it."""
     header = ",".join(names)
     cells = _cells(header)
@@ -76,7 +79,7 @@ def no_time(names: Iterable[str]) -> str:
         return f"{said}, and the first line holds the names of the columns"
     if len(cells) == 1 and "t" in header.split():
         return f"{said}: columns are parted by commas, semicolons or tabs, not by spaces"
-    alike = next((each for each in cells if _TIME.fullmatch(unmarked(each))), None)
+    alike = next((each for each in cells if _TIME.fullmatch(without_comment_mark(each))), None)
     return said if alike is None else f"{said}: if {shown(alike)} is that, name it t"
 
 
@@ -84,48 +87,52 @@ def _cells(header: str) -> list[str]:
     return [each.strip().strip('"') for each in re.split("[,;\t]", header)]
 
 
-def unmarked(text: str) -> str:
+def without_comment_mark(text: str) -> str:
     """The text without a mark of a remark before it."""
-    return text.lstrip("".join(COMMENTS) + " ")
+    return text.lstrip("".join(COMMENT_MARKS) + " ")
 
 
 def is_comment(line: str) -> bool:
     """Whether a line before the rows is a remark, and not the header behind a mark of one."""
-    if not line.startswith(COMMENTS):
+    if not line.startswith(COMMENT_MARKS):
         return False
-    cells = [each.strip() for each in _cells(unmarked(line))]
+    cells = [each.strip() for each in _cells(without_comment_mark(line))]
     return len(cells) == 1 or not any(_TIME.fullmatch(each) for each in cells)
 
 
-def began_anew(before: float, now: float) -> str:
+def clock_reset_reason(before: float, now: float) -> str:
     """Of a time that goes back, and on from there: why it may, for a message."""
     said = f"it goes back from {before:.9g} to {now:.9g} there"
-    for size in COUNTERS:
+    for size in COUNTER_RANGES:
         for unit in (1.0, 1e-3, 1e-6):
             most = size * unit
-            if abs(before - most) < NEAR_END * most and 0.0 <= now < NEAR_END * most:
+            if abs(before - most) < WRAP_TOLERANCE * most and 0.0 <= now < WRAP_TOLERANCE * most:
                 return f"{said}: a counter that begins anew at {most:.10g}? Add as much from there on"
-    if now > SLIPPED * before:
+    if now > MIN_OUT_OF_ORDER_SHARE * before:
         return f"{said}: are the rows in their order, and is t of a clock that nobody sets (time.monotonic)?"
     return f"{said}: is it a second recording? Then name each by itself"
 
 
-def no_number(name: str, cell: str) -> str:
+def not_a_number_hint(name: str, cell: str) -> str:
     """What a cell seems to be that is no number, for a message; "" where nothing is known."""
     if name == "t" and _DATE.fullmatch(cell.strip()):
         return "; it looks like a date or a time of day"
-    halves = _HALVES.fullmatch(cell.strip())
+    halves = _DECIMAL_COMMA.fullmatch(cell.strip())
     return "; where commas part the columns a half is written 0.5" if halves else ""
 
 
-def misnamed(names: Collection[str]) -> str:
+def misnamed_columns_note(names: Collection[str]) -> str:
     """Which columns seem to be those of the format but for a unit, capital letters or what stands between
     their parts; "" where none does."""
     matches = {name: _KNOWN.fullmatch(name) for name in names}
-    meant = {name: _as_known(match[1]) for name, match in matches.items() if match is not None}
+    meant = {name: _format_name(match[1]) for name, match in matches.items() if match is not None}
     found = [f"{name!r} is to be {known}" for name, known in meant.items() if known not in names]
-    more = f" and {len(found) - MISNAMED_SAID} more" if len(found) > MISNAMED_SAID else ""
-    return f"columns by other names are not used: {', '.join(found[:MISNAMED_SAID])}{more}" if found else ""
+    more = f" and {len(found) - MAX_MISNAMED_LISTED} more" if len(found) > MAX_MISNAMED_LISTED else ""
+    return (
+        f"columns by other names are not used: {', '.join(found[:MAX_MISNAMED_LISTED])}{more}"
+        if found
+        else ""
+    )
 
 
 def unnamed(names: Collection[str]) -> str:
@@ -142,44 +149,44 @@ def unnamed(names: Collection[str]) -> str:
     )
 
 
-def _as_known(name: str) -> str:
+def _format_name(name: str) -> str:
     parts = _PARTS.fullmatch(re.sub(_BETWEEN, "", name.lower()))
     assert parts is not None  # every name of _KNOWN begins so
     return ".".join(filter(None, parts.groups())).replace("pulseus", "pulse_us")
 
 
-def csv_separator(path: Path) -> str:
+def find_csv_separator(path: Path) -> str:
     """What stands between the columns of a CSV: a comma, or what a spreadsheet writes where halves are 0,5.
 
     Raises TraceError for what is no CSV, by its name and by how it begins: its first line would be shown as a
     header.
     """
     with path.open("rb") as file:
-        start = file.read(KIND_BYTES)
+        start = file.read(SNIFFED_BYTES)
     lines = iter(start.split(b"\n"))
     line = next(lines)
     text = line.decode("utf-8-sig", "replace")
     while is_comment(text) and (line := next(lines, b"")):
         text = line.decode("utf-8", "replace")
-    text = unmarked(text)
-    if text.startswith(SEPARATOR_SAID) and text[4:5] in SEPARATORS:
+    text = without_comment_mark(text)
+    if text.startswith(SEPARATOR_PREFIX) and text[4:5] in SEPARATORS:
         return text[4:5]
     for separator in SEPARATORS:
         if "t" in [name.strip().strip('"') for name in text.split(separator)]:
             return separator
-    if path.suffix in OTHERS and b"raccoon trace" not in line:
-        raise TraceError(f"it seems to be {OTHERS[path.suffix]}; {TAKEN}")
+    if path.suffix in OTHER_KINDS and b"raccoon trace" not in line:
+        raise TraceError(f"it seems to be {OTHER_KINDS[path.suffix]}; {ACCEPTED_TEXT}")
     _check_form(start, text)
     if text.startswith(SWEEP_HEADER):
-        raise TraceError(f"it seems to be the table of a sweep; {TAKEN}")
+        raise TraceError(f"it seems to be the table of a sweep; {ACCEPTED_TEXT}")
     if path.suffix != ".csv" and "," not in text:
-        raise TraceError(f"it seems to be a text that begins with {shown(text.strip())}; {TAKEN}")
+        raise TraceError(f"it seems to be a text that begins with {shown(text.strip())}; {ACCEPTED_TEXT}")
     return SEPARATORS[0]
 
 
 def _check_form(start: bytes, line: str) -> None:
     """Raise TraceError for what would be a CSV or a trace in another form or by another name."""
-    check_no_picture(start)
+    check_not_picture(start)
     if start.startswith((b"\x1f\x8b", b"PK\x03\x04")):
         raise TraceError("the file is packed: unpack it first, or name it .jsonl.gz where it is a trace")
     halves = (
@@ -190,11 +197,11 @@ def _check_form(start: bytes, line: str) -> None:
         raise TraceError("the text is UTF-16: save it as UTF-8")
     if start.lstrip().startswith(b"{"):
         raise TraceError("it looks like JSON Lines, not CSV: name it .jsonl")
-    if "\0" in line or line.count("\ufffd") > MOST_ODD:
+    if "\0" in line or line.count("\ufffd") > MAX_INVALID_LETTERS:
         raise TraceError("it is no text: a CSV file begins with the names of its columns")
 
 
-def check_no_picture(start: bytes) -> None:
+def check_not_picture(start: bytes) -> None:
     """Raise TraceError for a file that begins as a picture does, whatever its name."""
-    if start.startswith(PICTURES):
-        raise TraceError(f"it seems to be {OTHERS['.png']}; {TAKEN}")
+    if start.startswith(PICTURE_SIGNATURES):
+        raise TraceError(f"it seems to be {OTHER_KINDS['.png']}; {ACCEPTED_TEXT}")

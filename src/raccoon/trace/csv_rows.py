@@ -12,20 +12,19 @@ from raccoon.core.errors import TraceError
 MAX_LINE = 1 << 20
 
 
-class Rows:
+class CsvRows:
     """Iterate once: the values of each row, or as text why there are none.
 
-    line: number of the line that was read last. cut: whether it has no end, so that the file may be cut off
-    in it. A quotation mark that is never closed, or closed within a value, spoils its line alone: those that
-    it took along are read once more without it.
-    """
+    line: number of the line that was read last. is_cut_off: whether it has no end, so that the file may be
+    cut off in it. A quotation mark that is never closed, or closed within a value, spoils its line alone:
+    those that it took along are read once more without it."""
 
     def __init__(self, file: IO[str], separator: str) -> None:
         self.line = 0
-        self.cut = False
+        self.is_cut_off = False
         self._file, self._separator = file, separator
         self._taken: list[str] = []  # the lines of the row that is being read
-        self._again: deque[str] = deque()
+        self._pushed_back: deque[str] = deque()
 
     def __iter__(self) -> Iterator[list[str] | str]:
         rows = self._begin()
@@ -48,14 +47,14 @@ class Rows:
     def _give_back(self) -> None:
         """All lines of the row but its first are to be read once more."""
         others = self._taken[1:]
-        self._again.extendleft(reversed(others))
+        self._pushed_back.extendleft(reversed(others))
         self.line -= len(others)
 
     def _lines(self) -> Iterator[str]:
-        while line := self._again.popleft() if self._again else self._file.readline(MAX_LINE):
+        while line := self._pushed_back.popleft() if self._pushed_back else self._file.readline(MAX_LINE):
             if len(line) == MAX_LINE:
                 raise TraceError(f"a line is longer than {MAX_LINE} characters")
-            self.cut = not line.endswith(("\n", "\r"))
+            self.is_cut_off = not line.endswith(("\n", "\r"))
             self.line += 1
             self._taken.append(line)
             yield line
