@@ -46,9 +46,15 @@ from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.rivals import BETTER, net_lead
-from raccoon.diagnose.select.search import whole
-from raccoon.diagnose.select.state import Search, estimated, lead, look_around, start_search
+from raccoon.diagnose.select.rivals import MIN_NET_LEAD, net_lead
+from raccoon.diagnose.select.search import run_search
+from raccoon.diagnose.select.state import (
+    Search,
+    linearise_search,
+    log_evidence_lead,
+    refit_with_final_noise,
+    start_search,
+)
 from raccoon.diagnose.unknown.probes import make_probe_function
 
 if TYPE_CHECKING:
@@ -103,7 +109,7 @@ def _why(key: str, seed: int) -> tuple[str, str]:
     true = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
     ahead = net_lead(search, true, said)
     weakest, spare, _ = _weakest(search, true, ITERATIONS)
-    why = "search" if ahead > BETTER else "evidence" if spare < 0.0 else "form"
+    why = "search" if ahead > MIN_NET_LEAD else "evidence" if spare < 0.0 else "form"
     names = ", ".join(said.point.active) or "nothing"
     causes = ", ".join(true.point.active)
     told = f"{causes} against {names}: {ahead:+.1f}; {weakest} {spare:+.1f} from its gate"
@@ -113,7 +119,7 @@ def _why(key: str, seed: int) -> tuple[str, str]:
 def _searched(key: str, seed: int) -> tuple[Blind, Search]:
     """A recording, and what the search makes of it."""
     blind, search = _started(key, seed)
-    return blind, whole(search)
+    return blind, run_search(search)
 
 
 def _started(key: str, seed: int) -> tuple[Blind, Search]:
@@ -129,7 +135,7 @@ def _weakest(search: Search, fit: Fit, iterations: int) -> tuple[str, float, Fit
     found = []
     for name in fit.point.active:
         less = fit_point(problem, search.whitener, fit.point.without_cause(name), iterations)
-        found.append((name, lead(problem, fit, less) - gate(name), less))
+        found.append((name, log_evidence_lead(problem, fit, less) - gate(name), less))
     return min(found, key=lambda each: each[1])
 
 
@@ -146,7 +152,7 @@ def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int, int]:
     bare = Point(search.fit.point.base)
     starts = _true_points(problem, acting, true_settings(blind.robot), bare)[:2]
     near = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
-    search = estimated(look_around(problem, search.probes, near.point, search.whitener))
+    search = refit_with_final_noise(linearise_search(problem, search.probes, near.point, search.whitener))
     fit = search.fit
     while fit.point.active:
         _, spare, less = _weakest(search, fit, PRUNING)

@@ -26,9 +26,9 @@ from raccoon.diagnose.findings.held_out import evaluate_held_out
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.select.gates import FLOOR_GATE, gate
-from raccoon.diagnose.select.probe_scores import best_probe
+from raccoon.diagnose.select.probe_scores import find_best_probe
 from raccoon.diagnose.select.refits import refit_candidates
-from raccoon.diagnose.select.state import Search, estimated, lead, start_search
+from raccoon.diagnose.select.state import Search, log_evidence_lead, refit_with_final_noise, start_search
 from raccoon.diagnose.unknown.probes import make_probe_function
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def main() -> None:
         search = start_search(problem, make_probe_function(problem))
         for name, value in _leads(search).items():
             leads[name].append(value)
-        last = estimated(search)
+        last = refit_with_final_noise(search)
         off.append(_deviations(last, true_settings(blind.robot)))
         leads["error"].append(evaluate_held_out(last, None).error_ratio)
     _print(off, leads)
@@ -60,10 +60,10 @@ def main() -> None:
 
 def _leads(search: Search) -> dict[str, float]:
     """The largest lead of causes with the usual gate, of those with the floor's, and of probes."""
-    found = {"any cause": 0.0, "what a floor imitates": 0.0, "probe": best_probe(search).lead}
+    found = {"any cause": 0.0, "what a floor imitates": 0.0, "probe": find_best_probe(search).lead}
     for name, fit in refit_candidates(search):
         kind = "what a floor imitates" if gate(name) >= FLOOR_GATE else "any cause"
-        found[kind] = max(found[kind], lead(search.problem, fit, search.fit))
+        found[kind] = max(found[kind], log_evidence_lead(search.problem, fit, search.fit))
     return found
 
 

@@ -18,7 +18,7 @@ from raccoon.diagnose.findings.cause_results import TURN_CLASSES
 from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
 from raccoon.diagnose.result import MIN_VISIBLE_CHANGE
-from raccoon.diagnose.select.refits import SCALE, delay_alike
+from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES, delay_same_reading
 from raccoon.sim.effects.effect import effect
 
 Result = dict[str, Any]
@@ -89,8 +89,11 @@ def hit(cause: dict[str, Any], true: Iterable[str]) -> bool:
     Both motors' resistance is a class with inertia and friction together, not with one of them.
     """
     members = set(cause["class"])
-    if cause["name"] == "motor.armature_resistance" and len(members & set(SCALE) & set(true)) < 2:
-        members -= set(SCALE)
+    if (
+        cause["name"] == "motor.armature_resistance"
+        and len(members & set(SHARED_SCALE_CAUSES) & set(true)) < 2
+    ):
+        members -= set(SHARED_SCALE_CAUSES)
     return bool(({cause["name"]} | members) & set(true))
 
 
@@ -389,7 +392,9 @@ def _numbers(result: Result, causes: Sequence[dict[str, Any]]) -> Iterator[Numbe
             continue
         value, std, nominal = cause["parameters"][leading]
         true = result["true"][cause["name"]][leading]
-        true += sum(_lag(result, other) for other in cause["class"] if delay_alike(cause["name"], other))
+        true += sum(
+            _lag(result, other) for other in cause["class"] if delay_same_reading(cause["name"], other)
+        )
         yield value, std, true, nominal if nominal is not None and np.isfinite(nominal) else 0.0
 
 

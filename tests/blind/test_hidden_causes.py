@@ -15,11 +15,11 @@ from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.result import Diagnosis, Verdict
-from raccoon.diagnose.select.probe_scores import best_probe
-from raccoon.diagnose.select.refits import SCALE
-from raccoon.diagnose.select.replacements import rearranged
-from raccoon.diagnose.select.search import PROBE_GATE, _with_unknown, grown
-from raccoon.diagnose.select.state import estimated, look_around, start_search
+from raccoon.diagnose.select.probe_scores import find_best_probe
+from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES
+from raccoon.diagnose.select.replacements import replace_by_better_sets
+from raccoon.diagnose.select.search import PROBE_GATE, _restart_beside_probe, select_forward
+from raccoon.diagnose.select.state import linearise_search, refit_with_final_noise, start_search
 from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.diagnose.unknown.shapes import fit_shapes
 
@@ -83,11 +83,11 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
     wrong = start.fit.point.with_cause("bemf.filter_lag", np.array([0.5]))
     wrong = wrong.with_cause("drive.inertia", np.array([0.3]))
     fit = fit_point(problem, start.whitener, wrong)
-    astray = look_around(problem, start.probes, fit.point, start.whitener)
-    better, exchanged = rearranged(astray)
+    astray = linearise_search(problem, start.probes, fit.point, start.whitener)
+    better, exchanged = replace_by_better_sets(astray)
     assert exchanged
     assert set(better.fit.point.active) <= {each.name for each in hidden}
-    assert set(grown(better).fit.point.active) == {each.name for each in hidden}
+    assert set(select_forward(better).fit.point.active) == {each.name for each in hidden}
 
 
 def test_an_effect_at_a_third_of_its_size_is_never_taken_for_another() -> None:
@@ -202,8 +202,8 @@ def test_what_no_drive_tells_apart_is_for_the_bench() -> None:
     )
     said = diagnose(make(6, [hidden], seconds=9.0).columns, RobotConfig())
     (cause,) = said.causes
-    assert cause.id in SCALE
-    assert {cause.id, *cause.confounded_with} == set(SCALE)
+    assert cause.id in SHARED_SCALE_CAUSES
+    assert {cause.id, *cause.confounded_with} == set(SHARED_SCALE_CAUSES)
     assert "ohmmeter" in said.suggested_manoeuvres[0]
     assert not any(each.startswith("random power steps") for each in said.suggested_manoeuvres)
 
@@ -225,10 +225,10 @@ def test_what_no_catalogue_has_is_shown_in_its_course(kind: str, covariate: str)
     log = log_from_columns(make(1, [hidden], seconds=24.0).columns, RobotConfig())
     problem = problem_of(log, RobotConfig(), drive_causes())
     start = start_search(problem, make_probe_function(problem))
-    probe = best_probe(start)
+    probe = find_best_probe(start)
     assert probe.name == f"unknown: {covariate}"
     assert probe.lead > PROBE_GATE
-    (shape,) = fit_shapes(estimated(_with_unknown(start, probe)))
+    (shape,) = fit_shapes(refit_with_final_noise(_restart_beside_probe(start, probe)))
     assert shape.depends_on == covariate
     if kind == "payload":  # falls on the robot 15 s after the start
         early, late = shape.over < 14.0, shape.over > 16.0

@@ -18,7 +18,7 @@ from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.trials import HabitTrials, start_afresh
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.state import Search, look_around, start_search
+from raccoon.diagnose.select.state import Search, linearise_search, start_search
 from raccoon.diagnose.unknown.probes import make_probe_function
 
 
@@ -29,7 +29,7 @@ def searched(problem: Problem, truth: Point, named: Point, seed: int = 2) -> Sea
     measured = problem.predict([truth])[0] + noise
     real = replace(problem, features=replace(features, measured=measured))
     start = start_search(real, make_probe_function(real))
-    return look_around(real, start.probes, named, start.whitener)
+    return linearise_search(real, start.probes, named, start.whitener)
 
 
 def standing(
@@ -45,7 +45,7 @@ def standing(
     for name, size in named.items():
         point = point.with_cause(name, np.array([size]))
     fit = fit_point(start.problem, start.whitener, point)
-    return look_around(start.problem, start.probes, fit.point, start.whitener), trials
+    return linearise_search(start.problem, start.probes, fit.point, start.whitener), trials
 
 
 def plain_whitener(problem: Problem) -> Whitener:

@@ -336,24 +336,24 @@ def test_what_makes_unseen_data_worse_is_dropped(
 
     def pruned(search: SimpleNamespace, name: str, why: str) -> SimpleNamespace:
         steps.append(name)
-        return SimpleNamespace(gains={each: its for each, its in search.gains.items() if each != name})
+        return SimpleNamespace(leads={each: its for each, its in search.leads.items() if each != name})
 
     def judged(search: SimpleNamespace, other: object) -> SimpleNamespace:
         without = {"imu.latency": 3.0, "friction.stiction": error}
-        left = {each: without[each] for each in search.gains}
+        left = {each: without[each] for each in search.leads}
         return SimpleNamespace(harm_limit=0.9, size_after=1.0, size_expected=expected, without=left)
 
     monkeypatch.setattr(validation, "_drop_unneeded", lambda search: search)
-    monkeypatch.setattr(validation, "estimated", lambda search: search)
-    monkeypatch.setattr(validation, "taken_apart", lambda search: search)
-    monkeypatch.setattr(validation, "with_missed", lambda _: None)
-    monkeypatch.setattr(validation, "pruned", pruned)
+    monkeypatch.setattr(validation, "refit_with_final_noise", lambda search: search)
+    monkeypatch.setattr(validation, "split_sides", lambda search: search)
+    monkeypatch.setattr(validation, "add_missed_cause", lambda _: None)
+    monkeypatch.setattr(validation, "prune_cause", pruned)
     monkeypatch.setattr(validation, "evaluate_held_out", judged)
-    start: Any = SimpleNamespace(gains={"imu.latency": 50.0, "friction.stiction": gain})
+    start: Any = SimpleNamespace(leads={"imu.latency": 50.0, "friction.stiction": gain})
     another: Any = object() if elsewhere else None
     search, _ = validation.validate_causes(start, another)
     assert steps == (["friction.stiction"] if dropped else [])
-    assert ("friction.stiction" in search.gains) is not dropped
+    assert ("friction.stiction" in search.leads) is not dropped
 
 
 def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -365,27 +365,27 @@ def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPat
     }
 
     def pruned(search: Any, name: str, why: str, _: None) -> SimpleNamespace:
-        search.failed[name] = why
+        search.rejections[name] = why
         return searching(
-            {each: u for each, u in search.fit.point.active.items() if each != name}, search.failed
+            {each: u for each, u in search.fit.point.active.items() if each != name}, search.rejections
         )
 
     def searching(active: dict[str, float], failed: dict[str, str]) -> SimpleNamespace:
         causes = {name: SimpleNamespace(name=name, effect=effect(name)) for name in numbers}
         fit = SimpleNamespace(point=SimpleNamespace(active=active))
         problem = SimpleNamespace(causes=causes)
-        return SimpleNamespace(fit=fit, problem=problem, failed=failed, gains={})
+        return SimpleNamespace(fit=fit, problem=problem, rejections=failed, leads={})
 
-    monkeypatch.setattr(validation, "estimated", lambda search: search)
-    monkeypatch.setattr(validation, "taken_apart", lambda search: search)
-    monkeypatch.setattr(validation, "spare", lambda _: None)
-    monkeypatch.setattr(validation, "pruned", pruned)
+    monkeypatch.setattr(validation, "refit_with_final_noise", lambda search: search)
+    monkeypatch.setattr(validation, "split_sides", lambda search: search)
+    monkeypatch.setattr(validation, "find_unneeded_cause", lambda _: None)
+    monkeypatch.setattr(validation, "prune_cause", pruned)
     monkeypatch.setattr(validation, "fitted_parameters", lambda _, cause, __: numbers[cause.name])
     monkeypatch.setattr(FitUncertainty, "of", lambda _: None)
     start: Any = searching(dict.fromkeys(numbers, 1.0), {})
     found = validation._drop_unneeded(start)
     assert set(found.fit.point.active) == {"motor.armature_resistance", "friction.coulomb"}
-    assert set(found.failed) == {"drive.wheel_slip"}
+    assert set(found.rejections) == {"drive.wheel_slip"}
 
 
 def test_what_takes_up_a_cause_without_a_number_may_be_it_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -403,16 +403,16 @@ def test_what_takes_up_a_cause_without_a_number_may_be_it_in_part(monkeypatch: p
     def searching(names: list[str]) -> Any:
         causes = {name: SimpleNamespace(name=name, effect=effect(name)) for name in values}
         fit = SimpleNamespace(point=SimpleNamespace(active=dict.fromkeys(names, 1.0)))
-        return SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), gains={}, rivals={})
+        return SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), leads={}, rivals={})
 
     def pruned(search: Any, name: str, why: str, _: None) -> Any:
         left = searching([each for each in search.fit.point.active if each != name])
         left.rivals = search.rivals
         return left
 
-    monkeypatch.setattr(validation, "estimated", lambda search: search)
-    monkeypatch.setattr(validation, "spare", lambda _: None)
-    monkeypatch.setattr(validation, "pruned", pruned)
+    monkeypatch.setattr(validation, "refit_with_final_noise", lambda search: search)
+    monkeypatch.setattr(validation, "find_unneeded_cause", lambda _: None)
+    monkeypatch.setattr(validation, "prune_cause", pruned)
     monkeypatch.setattr(validation, "fitted_parameters", parameters)
     monkeypatch.setattr(FitUncertainty, "of", lambda _: None)
     found = validation._drop_unneeded(searching(list(values)))
@@ -433,5 +433,5 @@ def test_a_lone_cause_that_is_clear_stands_however_flat_the_misfit_is_there(
     monkeypatch.setattr(FitUncertainty, "of", lambda _: None)
     causes = {play: SimpleNamespace(name=play, effect=effect(play))}
     fit = SimpleNamespace(point=SimpleNamespace(active={play: 1.5}))
-    search: Any = SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), gains={play: gain})
+    search: Any = SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), leads={play: gain})
     assert (not validation._causes_without_size(search)) == stands

@@ -37,9 +37,9 @@ from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates, with_
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
-from raccoon.diagnose.select.detection_limits import VISIBLE, shows_from
+from raccoon.diagnose.select.detection_limits import MIN_VISIBLE_EVIDENCE, format_detection_limit
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.state import MOST_OF_EVENT
+from raccoon.diagnose.select.state import MAX_EVENT_LEAD
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
 
@@ -195,8 +195,8 @@ class DrivePlan:
         for id_ in dict.fromkeys(each.partition("@")[0] for each in names):
             asked = [id_] if id_ in names else [each for each in names if each.startswith(f"{id_}@")]
             least = min(map(power, asked))
-            size = shows_from(effect(id_).parameters[0], least, gate(id_, alone=True))
-            found[id_] = f"{size}, more than is usual" if size and least < VISIBLE else size
+            size = format_detection_limit(effect(id_).parameters[0], least, gate(id_, alone=True))
+            found[id_] = f"{size}, more than is usual" if size and least < MIN_VISIBLE_EVIDENCE else size
         return found
 
 
@@ -289,4 +289,4 @@ def _least_evidence(left: Array, columns: Array) -> float:
 def _clipped_evidence(products: Array) -> float:
     """The sum of the products, to which no event may add more than the search lets it."""
     events = np.add.reduceat(products, np.arange(0, len(products), EVENT * len(TYPICAL_NOISE)))
-    return max(float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum()), 0.0)
+    return max(float(np.clip(events, -2.0 * MAX_EVENT_LEAD, 2.0 * MAX_EVENT_LEAD).sum()), 0.0)

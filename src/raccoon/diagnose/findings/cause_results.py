@@ -15,15 +15,20 @@ from raccoon.diagnose.hypotheses.coordinates import FORMS, WIDTH_FACTOR, Cause
 from raccoon.diagnose.hypotheses.form_errors import form_error, least_error
 from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
-from raccoon.diagnose.select.refits import SCALE, SMOOTHS, delay_alike
-from raccoon.diagnose.select.rivals import CLOSE, odds, of_a_fault, only_beside
+from raccoon.diagnose.select.refits import GYRO_LOW_PASS, SHARED_SCALE_CAUSES, delay_same_reading
+from raccoon.diagnose.select.rivals import (
+    MAX_CLASS_LEAD,
+    fault_probability,
+    relative_odds,
+    rivals_only_beside,
+)
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.effect import Effect
 
 TURN_CLASSES = (frozenset(OF_TURNS),)
 """Causes of turning that nothing on board tells apart."""
 
-INDISTINGUISHABLE_CLASSES = (*TURN_CLASSES, frozenset(SCALE))
+INDISTINGUISHABLE_CLASSES = (*TURN_CLASSES, frozenset(SHARED_SCALE_CAUSES))
 """Causes that no drive tells apart: without a current reading, more resistance of both motors is also the
 same as less inertia and friction together."""
 CHIP_FILTER_NOTE = (
@@ -50,10 +55,10 @@ def make_cause_results(
         found.append(
             CauseResult(
                 cause.id, cause.where, 0, values, gain, likely, rivals, told, size.change, size.unabsorbed,
-                only_beside(search, name, rivals),
+                rivals_only_beside(search, name, rivals),
             )
         )  # fmt: skip
-    found.sort(key=lambda each: (each.is_negligible, -each.unabsorbed * of_a_fault(search, each.name)))
+    found.sort(key=lambda each: (each.is_negligible, -each.unabsorbed * fault_probability(search, each.name)))
     return tuple(replace(each, rank=rank) for rank, each in enumerate(found, start=1))
 
 
@@ -66,10 +71,10 @@ def _describe(
         return cause.own.told({name: each.value for name, each in values.items()})
     said = explanation_sentence(cause.id, cause.where, values)
     tried = [each for each in rivals if each in problem.causes]
-    both = [each for each in tried if delay_alike(cause.name, each) and not _has_number(problem, each)]
+    both = [each for each in tried if delay_same_reading(cause.name, each) and not _has_number(problem, each)]
     if both:
         said += f" With {' or '.join(both)} beside it this is the sum of their times."
-    return f"{said} {CHIP_FILTER_NOTE}" if SMOOTHS in rivals else said
+    return f"{said} {CHIP_FILTER_NOTE}" if GYRO_LOW_PASS in rivals else said
 
 
 def _has_number(problem: Problem, name: str) -> bool:
@@ -107,7 +112,11 @@ def widen_for_rivals(
     """
     fitted = search.problem.settings(search.fit.point)
     rivals_of_others = [
-        [(odds(each), each.settings) for each in tried if each.lead < CLOSE and each.settings is not None]
+        [
+            (relative_odds(each), each.settings)
+            for each in tried
+            if each.lead < MAX_CLASS_LEAD and each.settings is not None
+        ]
         for name, tried in search.rivals.items()
         if name != cause.name and name in search.fit.point.active
     ]
@@ -128,7 +137,9 @@ def widen_for_rivals(
 def confounded_causes(search: Search, cause: Cause) -> tuple[str, ...]:
     """Causes that explain this recording as well in its place, and those that no drive tells from one of
     them."""
-    close = [each.name for each in search.rivals.get(cause.name, []) if each.lead < CLOSE or each.beside]
+    close = [
+        each.name for each in search.rivals.get(cause.name, []) if each.lead < MAX_CLASS_LEAD or each.beside
+    ]
     close = [each for each in close if each not in search.fit.point.active]
     asked = frozenset(search.problem.causes)  # a reference has decided some
     for twins in (each & asked for each in TURN_CLASSES):
@@ -137,7 +148,7 @@ def confounded_causes(search: Search, cause: Cause) -> tuple[str, ...]:
         elif twins & set(close):
             close.extend(sorted(twins - {*close, *search.fit.point.active}))
     if cause.name == "motor.armature_resistance":
-        close.extend(each for each in SCALE if each not in (cause.id, *search.fit.point.active))
+        close.extend(each for each in SHARED_SCALE_CAUSES if each not in (cause.id, *search.fit.point.active))
     return tuple(dict.fromkeys(close))
 
 
@@ -151,10 +162,10 @@ def cause_probability(
     a slip of 0.15 +- 0.25 ms led by 19. (What has rivals is there even where its own number is not known.)
     """
     tried = search.rivals.get(name, [])
-    rival_odds = {each.name: odds(each) for each in tried if not each.beside}
-    beside = only_beside(search, name, rivals)
+    rival_odds = {each.name: relative_odds(each) for each in tried if not each.beside}
+    beside = rivals_only_beside(search, name, rivals)
     away = math.inf if rivals else largest_deviation(search.problem.causes[name].effect, values)
-    against = math.exp(-min(search.gains.get(name, 50.0), 0.5 * away**2, 700.0))
+    against = math.exp(-min(search.leads.get(name, 50.0), 0.5 * away**2, 700.0))
     against += sum(rival_odds.get(each, 1.0) for each in rivals if each not in beside)
     return 1.0 / (1.0 + against)
 

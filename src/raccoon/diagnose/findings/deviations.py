@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
 from raccoon.diagnose.select.state import Search
-from raccoon.diagnose.select.symmetry import id_of, is_own
+from raccoon.diagnose.select.symmetry import cause_id_of, is_wheel_offset
 from raccoon.sim.effects.effect import effect
 
 MIN_STDS = 3.0
@@ -46,12 +46,12 @@ def large_deviations(search: Search) -> Iterator[tuple[str, str]]:
     problem, point = search.problem, search.fit.point
     named = {problem.causes[name].id for name in point.active}
     for index, (each, u) in enumerate(zip(problem.base, point.base, strict=True)):
-        id_ = id_of(each)
+        id_ = cause_id_of(each)
         if (
             abs(u) >= MIN_STDS
             and id_ in MEASURABLE_EFFECTS
             and id_ not in named
-            and not is_own(problem, index)
+            and not is_wheel_offset(problem, index)
         ):
             yield (
                 id_,

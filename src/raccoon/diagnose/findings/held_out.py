@@ -15,8 +15,8 @@ from raccoon.diagnose.fit.noise_model import event_means
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.wander import FLOOR_SECONDS
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.select.state import Search, steadied
-from raccoon.diagnose.select.transitions import rows_without
+from raccoon.diagnose.select.state import Search, final_fit_whitener
+from raccoon.diagnose.select.transitions import jacobian_rows_without
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
@@ -156,7 +156,7 @@ def evaluate_held_out(search: Search, other: Problem | None) -> HeldOut:
     another recording."""
     problem = search.problem
     fitted = fitted_bins(problem.features) if other is None else np.ones(len(problem.features.time), bool)
-    seen = steadied(search).of_bins(fitted)
+    seen = final_fit_whitener(search).of_bins(fitted)
     full, bare = (fit_point(problem, seen, start, 3) for start in (search.fit.point, problem.nominal()))
     names = list(search.fit.point.active)
     less = [_fit_without(problem, seen, full, search, name) for name in names]
@@ -232,5 +232,5 @@ def _expected_variance(search: Search, fitted: NDArray[np.bool_]) -> Array:
 
 
 def _fit_without(problem: Problem, seen: Whitener, full: Fit, search: Search, name: str) -> Fit:
-    columns = full.jacobian[rows_without(search, name)]
+    columns = full.jacobian[jacobian_rows_without(search, name)]
     return fit_many(problem, seen, [full.point.without_cause(name)], columns, 3)[0]

@@ -7,18 +7,18 @@ import math
 from raccoon.core.config import NominalModel
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.select.gates import MANY
+from raccoon.diagnose.select.gates import MANY_CAUSES
 from raccoon.diagnose.select.state import Search
-from raccoon.diagnose.select.symmetry import BACK_EMF
+from raccoon.diagnose.select.symmetry import BACK_EMF_LINE
 from raccoon.sim.effects.parameters import SIDES
 
 GYRO_EXPONENTS = {"imu.gyro_scale": 1.0, "drive.wheel_radius": 1.0, "drive.track_width": -1.0}
 """Exponent of each in the gyro's reading."""
 BACK_EMF_CONSTANT = "motor.back_emf_constant"
 K_E_EXPONENTS = {
-    "inertia": BACK_EMF["inertia", "turn"],
-    "dry friction": BACK_EMF["friction.coulomb", "torque"],
-    "the track": BACK_EMF["drive.track_width", "factor"],
+    "inertia": BACK_EMF_LINE["inertia", "turn"],
+    "dry friction": BACK_EMF_LINE["friction.coulomb", "torque"],
+    "the track": BACK_EMF_LINE["drive.track_width", "factor"],
 }
 """What has to change with both K_E for the same drive, with its exponent."""
 SCALE_SETTING_EFFECTS = {
@@ -39,7 +39,7 @@ UNMEASURED_ROBOT_NOTE = (
 def unmeasured_robot_notes(search: Search) -> tuple[str, ...]:
     """A note where many causes are named of a robot whose numbers are all the default's."""
     default = search.problem.robot.model == NominalModel()
-    return (UNMEASURED_ROBOT_NOTE,) if default and len(search.fit.point.active) >= MANY else ()
+    return (UNMEASURED_ROBOT_NOTE,) if default and len(search.fit.point.active) >= MANY_CAUSES else ()
 
 
 def describe_joint_numbers(search: Search, cause: Cause, uncertainty: FitUncertainty) -> str:

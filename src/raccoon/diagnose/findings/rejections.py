@@ -9,10 +9,14 @@ from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.findings.cause_results import confounded_causes
 from raccoon.diagnose.findings.deviations import large_deviations
 from raccoon.diagnose.result import Rejected
-from raccoon.diagnose.select.detection_limits import VISIBLE, visibility, would_show
+from raccoon.diagnose.select.detection_limits import (
+    MIN_VISIBLE_EVIDENCE,
+    describe_detection_limit,
+    evidence_per_width,
+)
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.refits import LAGS, SMOOTHS
-from raccoon.diagnose.select.search import NOTHING
+from raccoon.diagnose.select.refits import GYRO_LOW_PASS, LAG_FAMILIES
+from raccoon.diagnose.select.search import EXPLAINS_NOTHING
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.parameters import SIDES
 
@@ -47,8 +51,8 @@ def explain_rejections(search: Search, log: Log, visible: Mapping[str, float]) -
 
 def _named_instead(search: Search) -> dict[str, str]:
     """Effects that were not named, with the named one that may be them, or the gyro's filter."""
-    smooths = any(key[0] == SMOOTHS for each in search.problem.base for key in each.settings)
-    found = {id_: SMOOTHS for id_ in LAGS[0] if smooths and id_ != SMOOTHS}
+    smooths = any(key[0] == GYRO_LOW_PASS for each in search.problem.base for key in each.settings)
+    found = {id_: GYRO_LOW_PASS for id_ in LAG_FAMILIES[0] if smooths and id_ != GYRO_LOW_PASS}
     for name in search.fit.point.active:
         for rival in confounded_causes(search, search.problem.causes[name]):
             found.setdefault(rival.partition("@")[0], name)
@@ -60,13 +64,13 @@ def effect_visibility(search: Search, log: Log) -> dict[str, float]:
     reading, and does not count."""
     silent = sides_without_bemf(log)
     if not silent:
-        return visibility(search)
+        return evidence_per_width(search)
     causes = {
         name: each
         for name, each in search.problem.causes.items()
         if not (each.id.startswith(BEMF_PREFIX) and each.where in silent)
     }
-    return visibility(replace(search, problem=replace(search.problem, causes=causes)))
+    return evidence_per_width(replace(search, problem=replace(search.problem, causes=causes)))
 
 
 def sides_without_bemf(log: Log) -> list[str]:
@@ -87,7 +91,9 @@ def _rejection_reason(search: Search, log: Log, id_: str, visible: float) -> str
             f"at the {other}: {usual}"
         )
     own = search.problem.causes.get(id_)
-    needed = [role for role, ids in EFFECTS_BY_CHANNEL.items() if id_ in ids and visible < VISIBLE]
+    needed = [
+        role for role, ids in EFFECTS_BY_CHANNEL.items() if id_ in ids and visible < MIN_VISIBLE_EVIDENCE
+    ]
     if own is not None and own.own is not None:
         needed.extend(own.own.needs)
     for role in needed:
@@ -99,11 +105,11 @@ def _rejection_reason(search: Search, log: Log, id_: str, visible: float) -> str
 def _general_reason(search: Search, id_: str, visible: float) -> str:
     """The reason for an effect whose channels are all there."""
     cause = next(each for each in search.problem.causes.values() if each.id == id_)
-    shows = would_show(cause, visible, gate(id_, alone=not search.fit.point.active))
-    if visible < VISIBLE:
+    shows = describe_detection_limit(cause, visible, gate(id_, alone=not search.fit.point.active))
+    if visible < MIN_VISIBLE_EVIDENCE:
         return f"not visible in this recording: a usual deviation would not show{shows}"
-    for name, reason in search.failed.items():
+    for name, reason in search.rejections.items():
         if name.partition("@")[0] == id_:
             return f"{reason}{shows}"
     bent = " and ".join(text for each, text in large_deviations(search) if each == id_)
-    return f"too little to be told from chance: {bent}" if bent else f"{NOTHING}{shows}"
+    return f"too little to be told from chance: {bent}" if bent else f"{EXPLAINS_NOTHING}{shows}"

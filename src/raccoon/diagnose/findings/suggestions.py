@@ -9,14 +9,15 @@ from raccoon.diagnose.findings.cause_results import INDISTINGUISHABLE_CLASSES
 from raccoon.diagnose.findings.rejections import BEMF_PREFIX, EFFECTS_BY_CHANNEL, sides_without_bemf
 from raccoon.diagnose.reports.manoeuvre_text import manoeuvre_for
 from raccoon.diagnose.result import CauseResult
-from raccoon.diagnose.select.detection_limits import VISIBLE
-from raccoon.diagnose.select.refits import SCALE
+from raccoon.diagnose.select.detection_limits import MIN_VISIBLE_EVIDENCE
+from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.parameters import SIDES
 
 BENCH_ADVICE = (
-    f"no drive tells {', '.join(SCALE[:-1])} and {SCALE[-1]} apart: measure the winding of an unplugged "
-    "motor with an ohmmeter, or weigh the robot, and write that into robot.toml with its std"
+    f"no drive tells {', '.join(SHARED_SCALE_CAUSES[:-1])} and {SHARED_SCALE_CAUSES[-1]} apart: "
+    "measure the winding of an unplugged motor with an ohmmeter, or weigh the robot, "
+    "and write that into robot.toml with its std"
 )
 """What to do about them: power steps, which show each of the four, show all of them at once."""
 
@@ -31,7 +32,7 @@ def suggest_manoeuvres(
     scale_causes = [each for each in causes if _is_scale_ambiguity(each)]
     commands += [BENCH_ADVICE for _ in scale_causes]
     wanted = [each.id for each in causes if each.confounded_with and each not in scale_causes]
-    hidden = sorted((power, id_) for id_, power in visible.items() if power < VISIBLE)
+    hidden = sorted((power, id_) for id_, power in visible.items() if power < MIN_VISIBLE_EVIDENCE)
     gone = {
         id_ for id_ in visible if id_.startswith(BEMF_PREFIX) and len(sides_without_bemf(log)) == len(SIDES)
     }
@@ -43,7 +44,7 @@ def suggest_manoeuvres(
 
 def _is_scale_ambiguity(cause: CauseResult) -> bool:
     """Whether the rivals of a cause are only those of the common scale, from which no drive tells it."""
-    return bool(cause.confounded_with) and {cause.name, *cause.confounded_with} <= set(SCALE)
+    return bool(cause.confounded_with) and {cause.name, *cause.confounded_with} <= set(SHARED_SCALE_CAUSES)
 
 
 def _separating_command(search: Search, name: str, rivals: tuple[str, ...]) -> str | None:

@@ -14,8 +14,8 @@ from raccoon.diagnose.findings.floor_friction import without_floor_friction
 from raccoon.diagnose.fit.fitting import costs_at
 from raccoon.diagnose.hypotheses.coordinates import Setting, Settings
 from raccoon.diagnose.rollout.encoder_window import WINDOW
-from raccoon.diagnose.select.refits import SEVERAL
-from raccoon.diagnose.select.state import Search, blocks_of
+from raccoon.diagnose.select.refits import SEVERAL_CAUSES
+from raccoon.diagnose.select.state import Search, block_grams
 
 Array = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def coordinate_covariance(search: Search) -> Array:
     across = unnamed @ columns.T
     with_unnamed = hessian - across.T @ np.linalg.solve(np.eye(len(unnamed)) + unnamed @ unnamed.T, across)
     free = np.flatnonzero(fit.free)
-    blocks = blocks_of(fit)
+    blocks = block_grams(fit)
     mean, _, _ = reduce(add, blocks).solve()
     scores = np.stack([each.projection - each.matrix @ mean for each in blocks])
     inner = np.linalg.inv(hessian[np.ix_(free, free)])
@@ -110,7 +110,7 @@ def _unnamed_responses(search: Search) -> Array:
     deviation each; none where no more than one cause was: a robot with several things wrong has others wrong
     as well, below what shows, and they bend the numbers of those that are named."""
     none, active = np.zeros((0, search.fit.white.size)), search.fit.point.active
-    if len(active) < SEVERAL:
+    if len(active) < SEVERAL_CAUSES:
         return none
     named = {name.partition("@")[0] for name in active}
     variants = {each.name: each.columns for each in reversed(search.linear.groups)}  # the first of each

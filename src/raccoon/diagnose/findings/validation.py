@@ -9,12 +9,12 @@ from raccoon.diagnose.findings.cause_results import fitted_parameters, largest_d
 from raccoon.diagnose.findings.held_out import HeldOut, evaluate_held_out
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.select.missed_causes import with_missed
-from raccoon.diagnose.select.replacements import taken_apart
-from raccoon.diagnose.select.search import pruned
-from raccoon.diagnose.select.state import Rival, Search, estimated
-from raccoon.diagnose.select.transitions import BETTER_TOGETHER
-from raccoon.diagnose.select.unneeded_causes import spare
+from raccoon.diagnose.select.missed_causes import add_missed_cause
+from raccoon.diagnose.select.replacements import split_sides
+from raccoon.diagnose.select.search import prune_cause
+from raccoon.diagnose.select.state import Rival, Search, refit_with_final_noise
+from raccoon.diagnose.select.transitions import EXPLAINED_BETTER_TOGETHER
+from raccoon.diagnose.select.unneeded_causes import find_unneeded_cause
 
 CLEAR_LOG_EVIDENCE = 25.0
 """Log evidence from which a cause is kept whatever its error on another recording: a battery, a floor and
@@ -32,22 +32,22 @@ NO_SIZE_REASON = "has no number that differs from what was assumed"
 
 def validate_causes(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     """The search with the causes that hold on held-out data, and their scores there."""
-    search = estimated(taken_apart(search))
-    while (more := with_missed(search)) is not None:
-        search = estimated(more)
+    search = refit_with_final_noise(split_sides(search))
+    while (more := add_missed_cause(search)) is not None:
+        search = refit_with_final_noise(more)
     tell("judging on data that was not fitted")
     search = _drop_unneeded(search)
     judged = evaluate_held_out(search, other)
     while True:
         trusts_evidence = other is not None or judged.size_after <= judged.size_expected
         clear = [
-            name for name, gain in search.gains.items() if trusts_evidence and gain >= CLEAR_LOG_EVIDENCE
+            name for name, gain in search.leads.items() if trusts_evidence and gain >= CLEAR_LOG_EVIDENCE
         ]
         errors = {name: error for name, error in judged.without.items() if name not in clear}
         worst = min(errors, key=lambda name: errors[name], default=None)
         if worst is None or errors[worst] > judged.harm_limit:
             break
-        search = _drop_unneeded(estimated(pruned(search, worst, HARMFUL_REASON)))
+        search = _drop_unneeded(refit_with_final_noise(prune_cause(search, worst, HARMFUL_REASON)))
         judged = evaluate_held_out(search, other)
     return search, judged
 
@@ -56,11 +56,13 @@ def _drop_unneeded(search: Search) -> Search:
     """An estimated search without the causes that the others make unneeded, or whose number does not differ
     from the assumed one."""
     while True:
-        if spared := spare(search):
-            search = estimated(pruned(search, spared[0], BETTER_TOGETHER, spared[1]))
+        if spared := find_unneeded_cause(search):
+            search = refit_with_final_noise(
+                prune_cause(search, spared[0], EXPLAINED_BETTER_TOGETHER, spared[1])
+            )
         elif sizeless := _causes_without_size(search):
             name, *others = sizeless
-            search = estimated(pruned(search, name, NO_SIZE_REASON, None))
+            search = refit_with_final_noise(prune_cause(search, name, NO_SIZE_REASON, None))
             if others:
                 _note_absorbed(search, name, set(others) - set(_causes_without_size(search)))
         else:
@@ -76,7 +78,7 @@ def _causes_without_size(search: Search) -> list[str]:
         name: largest_deviation(causes[name].effect, fitted_parameters(search, causes[name], uncertainty))
         for name in search.fit.point.active
     }
-    if len(stds_away) == 1 and max(search.gains.values(), default=0.0) >= CLEAR_LOG_EVIDENCE:
+    if len(stds_away) == 1 and max(search.leads.values(), default=0.0) >= CLEAR_LOG_EVIDENCE:
         return []
     return sorted(
         (name for name in stds_away if stds_away[name] < MIN_DEVIATIONS), key=lambda name: stds_away[name]

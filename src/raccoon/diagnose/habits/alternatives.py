@@ -26,11 +26,11 @@ from raccoon.diagnose.habits.controller import (
 from raccoon.diagnose.habits.trials import HabitTrials, RunSearch, SearchAndHabits, start_afresh
 from raccoon.diagnose.hypotheses.base_coordinates import Wheels
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.alternative_sets import explains_more
-from raccoon.diagnose.select.gates import CROWDED
-from raccoon.diagnose.select.refits import SEVERAL
+from raccoon.diagnose.select.alternative_sets import lead_over_search
+from raccoon.diagnose.select.gates import CROWDED_CAUSES
+from raccoon.diagnose.select.refits import SEVERAL_CAUSES
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import begun, finished, grown_on, whole
+from raccoon.diagnose.select.search import continue_selection, refine_selection, run_search, start_selection
 from raccoon.diagnose.select.state import Search
 
 Array = NDArray[np.float64]
@@ -80,8 +80,8 @@ def log_evidence_lead(search: Search, problem: Problem, starts: Sequence[Point])
 
 def search_again(search: Search, problem: Problem) -> Search | None:
     """The whole search of another problem, where what was found there is ahead."""
-    second = _run_unless_behind(begun(start_afresh(problem)), search, 0.0, whole)
-    ahead = second is not None and explains_more(second, search) > MIN_LOG_EVIDENCE_LEAD
+    second = _run_unless_behind(start_selection(start_afresh(problem)), search, 0.0, run_search)
+    ahead = second is not None and lead_over_search(second, search) > MIN_LOG_EVIDENCE_LEAD
     return second if ahead else None
 
 
@@ -113,7 +113,7 @@ def adopt_if_ahead(
         return search, habits
     if found_nothing(second) and not found_nothing(search):
         min_search_lead = min(min_search_lead, 0.0)
-    search_lead = explains_more(second, search)
+    search_lead = lead_over_search(second, search)
     if second.fit.point.active.keys() == fit.point.active.keys():
         # What was fitted under less noise is no best fit under more: one that was ahead by 75 lacked 46.
         search_lead = max(search_lead, fit_lead)
@@ -130,14 +130,14 @@ def _run_unless_behind(
 ) -> Search | None:
     """A search that has begun, as far as one goes; None where it is behind another on the way."""
     tell(SEARCHING_AGAIN)
-    if run_search is begun:
+    if run_search is start_selection:
         return first
     if _ended_far_behind(first, search, min_search_lead):
         return None
-    second = grown_on(first)
+    second = continue_selection(first)
     if _grown_crowded_and_behind(second, search):
         return None
-    return finished(second) if run_search is whole else second
+    return refine_selection(second) if run_search is run_search else second
 
 
 def _ended_far_behind(second: Search, search: Search, min_search_lead: float) -> bool:
@@ -145,18 +145,18 @@ def _ended_far_behind(second: Search, search: Search, min_search_lead: float) ->
     that it needs: going on from these found nothing better under the habits that they were found under."""
     named, named_by_second = search.fit.point.active, second.fit.point.active
     same = set(named) == set(named_by_second) and set(search.unknown) == set(second.unknown)
-    few = len(named_by_second) < SEVERAL
-    return same and few and explains_more(second, search) < min_search_lead - MIN_LOG_EVIDENCE_LEAD
+    few = len(named_by_second) < SEVERAL_CAUSES
+    return same and few and lead_over_search(second, search) < min_search_lead - MIN_LOG_EVIDENCE_LEAD
 
 
 def _grown_crowded_and_behind(second: Search, search: Search) -> bool:
     """Whether a search that has grown beside a crowd of causes explains less, with a crowd as well or far
     less: what other habits do not make simpler is no sign of them, and the rest of such a search takes
     longest."""
-    if len(search.fit.point.active) < CROWDED:
+    if len(search.fit.point.active) < CROWDED_CAUSES:
         return False
-    crowded = len(second.fit.point.active) >= CROWDED
-    return explains_more(second, search) < (0.0 if crowded else -HOPELESS_DEFICIT)
+    crowded = len(second.fit.point.active) >= CROWDED_CAUSES
+    return lead_over_search(second, search) < (0.0 if crowded else -HOPELESS_DEFICIT)
 
 
 def adopt_first_ahead(

@@ -27,7 +27,7 @@ from raccoon.diagnose.habits.chains import (
 from raccoon.diagnose.habits.lags import GYRO_LATENCY, SLIP, starts_with_other_lags
 from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.refits import SCALE
+from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
 
@@ -60,7 +60,7 @@ def try_sensor_chains(search: Search, habits: Habits, trials: HabitTrials) -> Se
             continue
         named = search.fit.point.active
         firmware = known_chain_of(other.chain) == Chain.firmware()
-        like = LOOKS_LIKE_FILTER if habits.chain.coast_share else (*LOOKS_LIKE_FILTER, *SCALE)
+        like = LOOKS_LIKE_FILTER if habits.chain.coast_share else (*LOOKS_LIKE_FILTER, *SHARED_SCALE_CAUSES)
         imitated = firmware and any(name.startswith(like) for name in named)
         starts = [
             search.fit.point,
@@ -70,7 +70,7 @@ def try_sensor_chains(search: Search, habits: Habits, trials: HabitTrials) -> Se
         min_fit_lead = -MAX_FIRMWARE_DEFICIT if imitated else MIN_LOG_EVIDENCE_LEAD
         min_search_lead = -MIN_LOG_EVIDENCE_LEAD if firmware else MIN_LOG_EVIDENCE_LEAD
         if pausing or (firmware and not back_emf):
-            scaled = [name for name in named if name.startswith(SCALE)]
+            scaled = [name for name in named if name.startswith(SHARED_SCALE_CAUSES)]
             starts.append(without_causes(search.fit.point, scaled))
             min_fit_lead = min_search_lead = 0.0
         problem = trials.problem_of(other)
@@ -91,7 +91,7 @@ def _try_median_with_low_pass(search: Search, habits: Habits, trials: HabitTrial
     shorter = point.active[LATENCY] - cycle / latency.value(1.0)
     less_late = [point.without_cause(LATENCY)]
     less_late += [point.with_cause(LATENCY, shorter)] if shorter[0] > 0.0 else []
-    scaled = [name for name in point.active if name.startswith(SCALE)]
+    scaled = [name for name in point.active if name.startswith(SHARED_SCALE_CAUSES)]
     starts = [start for each in less_late for start in (each, without_causes(each, scaled))]
     chains = (
         replace(with_driver_of(each, own), battery_time_constant=own.battery_time_constant, cycle=cycle)

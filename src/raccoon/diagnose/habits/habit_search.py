@@ -43,8 +43,8 @@ from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits, start_a
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.refits import SEVERAL
-from raccoon.diagnose.select.search import begun, finished, grown_on, whole
+from raccoon.diagnose.select.refits import SEVERAL_CAUSES
+from raccoon.diagnose.select.search import continue_selection, refine_selection, run_search, start_selection
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.parameters import Parameters
 
@@ -139,11 +139,11 @@ def search_with_habits(
         tell("comparing over whole swings of the commands")
         search, habits = _begin(replace(first, swing=seconds), trials)
     search, habits = _grow(search, habits, trials)
-    search = finished(search)
+    search = refine_selection(search)
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):
         restored, trials = better, trials_of(better)
-        search = whole(start_afresh(trials.problem_of(habits)))
+        search = run_search(start_afresh(trials.problem_of(habits)))
     search, habits = _take(LAST_STEPS, search, habits, trials)
     return search, habits, restored
 
@@ -158,12 +158,12 @@ def _take(steps: Sequence[HabitStep], search: Search, habits: Habits, trials: Ha
 
 def _begin(habits: Habits, trials: HabitTrials) -> SearchAndHabits:
     """The beginning of a search from these habits on."""
-    search = begun(start_afresh(trials.problem_of(habits)))
-    return _take(FIRST_STEPS, search, habits, trials.running(begun))
+    search = start_selection(start_afresh(trials.problem_of(habits)))
+    return _take(FIRST_STEPS, search, habits, trials.running(start_selection))
 
 
 def _grow(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
     """The first part of a search that has begun; of one with few causes that is its beginning."""
-    if len(search.fit.point.active) < SEVERAL:
+    if len(search.fit.point.active) < SEVERAL_CAUSES:
         return search, habits
-    return _take(GROWN_STEPS, grown_on(search), habits, trials.running(grown_on))
+    return _take(GROWN_STEPS, continue_selection(search), habits, trials.running(continue_selection))

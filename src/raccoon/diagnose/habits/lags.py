@@ -33,13 +33,13 @@ from raccoon.diagnose.habits.controller import (
 from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
 from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.alternative_sets import explains_more
+from raccoon.diagnose.select.alternative_sets import lead_over_search
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.refits import SMOOTHS, lag_as
+from raccoon.diagnose.select.refits import GYRO_LOW_PASS, equal_lag
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import gone_on, whole
-from raccoon.diagnose.select.set_scoring import apart
-from raccoon.diagnose.select.state import Rival, Search, lead, look_around
+from raccoon.diagnose.select.search import resume_search, run_search
+from raccoon.diagnose.select.set_scoring import overlaps_none
+from raccoon.diagnose.select.state import Rival, Search, linearise_search, log_evidence_lead
 from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import SIDES
@@ -78,7 +78,7 @@ def try_lagging_readings(search: Search, habits: Habits, trials: HabitTrials) ->
     free = _with_free_running_clock(search, smooth, trials)
     starts = starts_with_low_pass(search, _named_gyro_lags(search), lags)
     others = len(point.active.keys() - lags)
-    completely = trials.run_search is whole
+    completely = trials.run_search is run_search
     alone = others == 0 or (others <= MAX_FEW_CAUSES and completely and not search.unknown)
     min_leads = {smooth: MIN_LOW_PASS_LEAD if alone else MIN_LOG_EVIDENCE_LEAD, free: -MIN_LOG_EVIDENCE_LEAD}
     ahead = []
@@ -86,15 +86,19 @@ def try_lagging_readings(search: Search, habits: Habits, trials: HabitTrials) ->
         problem = trials.problem_of(other)
         fit = fit_best_start(search, problem, starts)
         by_gates = alone or other is free
-        fit_lead = net_lead(search, fit, search.fit) if by_gates else lead(problem, fit, search.fit)
+        fit_lead = (
+            net_lead(search, fit, search.fit) if by_gates else log_evidence_lead(problem, fit, search.fit)
+        )
         if fit_lead >= min_leads[other]:
             ahead.append((other, problem, fit.point))
         elif completely:
             trials.reject(search, habits, [other])
     for other, problem, start in reversed(ahead):
         tell("going on as another gyro or clock would have it")
-        second = trials.run_search(look_around(problem, make_probe_function(problem), start, search.whitener))
-        if explains_more(second, search) > -MIN_LOW_PASS_LEAD:
+        second = trials.run_search(
+            linearise_search(problem, make_probe_function(problem), start, search.whitener)
+        )
+        if lead_over_search(second, search) > -MIN_LOW_PASS_LEAD:
             return second, other
     return search, habits
 
@@ -120,10 +124,10 @@ def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> S
     problem = trials.problem_of(other)  # if rejected, too: without lags it is far behind a clock
     fit = fit_best_start(search, problem, _starts_with_lags_as_causes(search, problem))
     settled = fit_point(search.problem, search.whitener, search.fit)  # as the other is
-    if lead(problem, settled, fit) < max_lead:
+    if log_evidence_lead(problem, settled, fit) < max_lead:
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
         second = look_from(search, problem, fit.point)
-        second = gone_on(second) if trials.run_search is whole else trials.run_search(second)
+        second = resume_search(second) if trials.run_search is run_search else trials.run_search(second)
         if _named_gyro_lags(second) or clock:
             trials.lags_of_robot.add(habits)
             return second, other
@@ -147,7 +151,7 @@ def _starts_with_lags_as_causes(search: Search, problem: Problem) -> list[Point]
     smooths is usually half of both."""
     point, causes = search.fit.point, problem.causes
     settings = search.problem.settings(point)
-    gyro_lag = settings[SMOOTHS, None, "time_constant"] + settings[GYRO_LATENCY, None, "seconds"]
+    gyro_lag = settings[GYRO_LOW_PASS, None, "time_constant"] + settings[GYRO_LATENCY, None, "seconds"]
     gyro_lag += 0.5 * sum(settings[SLIP, side, "time"] for side in SIDES)
     without_gyro_lags = without_causes(point, _named_gyro_lags(search))
 
@@ -205,11 +209,11 @@ def drop_lags_of_firmware(search: Search, habits: Habits, _: HabitTrials) -> Sea
         if start is None:
             continue
         fit = fit_point(search.problem, search.whitener, start)
-        if lead(search.problem, search.fit, fit) < gate(name):
-            search.failed[name] = "no later than the firmware itself may be"
+        if log_evidence_lead(search.problem, search.fit, fit) < gate(name):
+            search.rejections[name] = "no later than the firmware itself may be"
             second = look_from(search, search.problem, fit.point)
-            second.failed.update(search.failed)
-            return gone_on(second), habits
+            second.rejections.update(search.rejections)
+            return resume_search(second), habits
     return search, habits
 
 
@@ -240,14 +244,14 @@ def try_low_pass_for_gyro_lag(search: Search, habits: Habits, trials: HabitTrial
     settled = fit_point(search.problem, search.whitener, search.fit)
     for name in lags:
         fit = fit_best_start(search, problem, [search.fit.point.without_cause(name)])
-        deficit = lead(problem, settled, fit)
+        deficit = log_evidence_lead(problem, settled, fit)
         clear = -(MIN_LOG_EVIDENCE_LEAD if few else CLEAR_LOG_EVIDENCE_LEAD)
         if deficit < clear and habits.firmware is None:
             tell("going on with a gyro that smooths")
-            second = gone_on(look_from(search, problem, fit.point))
-            if explains_more(second, search) > -MIN_LOW_PASS_LEAD:
+            second = resume_search(look_from(search, problem, fit.point))
+            if lead_over_search(second, search) > -MIN_LOW_PASS_LEAD:
                 return second, smooth
-        note_rival(search, name, SMOOTHS, deficit)
+        note_rival(search, name, GYRO_LOW_PASS, deficit)
     return search, habits
 
 
@@ -263,7 +267,7 @@ def note_rival(search: Search, name: str, other: str, deficit: float) -> None:
 
 def look_from(search: Search, problem: Problem, point: Point) -> Search:
     """A search at a point of this problem, to go on from; what was called unknown stays so."""
-    return look_around(problem, make_probe_function(problem), point, search.whitener, search.unknown)
+    return linearise_search(problem, make_probe_function(problem), point, search.whitener, search.unknown)
 
 
 def _named_lags(search: Search) -> list[str]:
@@ -283,8 +287,10 @@ def starts_with_other_lags(search: Search, name: str, others: Sequence[str]) -> 
     if name not in point.active:
         return []
     without_lag = point.without_cause(name)
-    possible = [each for each in others if each in search.problem.causes and apart(each, without_lag.active)]
-    return [without_lag.with_cause(each, lag_as(search, name, each)) for each in possible]
+    possible = [
+        each for each in others if each in search.problem.causes and overlaps_none(each, without_lag.active)
+    ]
+    return [without_lag.with_cause(each, equal_lag(search, name, each)) for each in possible]
 
 
 def _with_shorter_lag(search: Search, name: str, seconds: float) -> Point:

@@ -19,10 +19,10 @@ from raccoon.diagnose.habits.alternatives import (
 )
 from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits, start_afresh
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.alternative_sets import explains_more
+from raccoon.diagnose.select.alternative_sets import lead_over_search
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import begun, gone_on, whole
-from raccoon.diagnose.select.state import Search, look_around
+from raccoon.diagnose.select.search import resume_search, run_search, start_selection
+from raccoon.diagnose.select.state import Search, linearise_search
 
 DEADBAND = "actuation.deadband"
 LOOKS_LIKE_DEADBAND = (DEADBAND, "friction.stiction", "friction.coulomb", "bemf.dead_zone")
@@ -78,9 +78,9 @@ def try_deadband_shapes(search: Search, habits: Habits, trials: HabitTrials) -> 
             trials.reject(search, habits, [other])
             continue
         start = start_afresh(problem)
-        second = begun(look_around(problem, start.probes, fit.point, start.whitener))
-        second = gone_on(second) if trials.run_search is whole else second
-        if explains_more(second, search) > MIN_LOG_EVIDENCE_LEAD:
+        second = start_selection(linearise_search(problem, start.probes, fit.point, start.whitener))
+        second = resume_search(second) if trials.run_search is run_search else second
+        if lead_over_search(second, search) > MIN_LOG_EVIDENCE_LEAD:
             search, habits = second, other
     return search, habits
 

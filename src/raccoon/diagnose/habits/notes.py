@@ -20,7 +20,7 @@ from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.refits import SMOOTHS
+from raccoon.diagnose.select.refits import GYRO_LOW_PASS
 from raccoon.sim.effects.chain import Chain
 
 MIN_NOTED_WINDOW_S = 0.004
@@ -213,7 +213,7 @@ def _gyro_notes(
     """Of a gyro whose chip smooths the turn rate."""
     if not habits.low_pass:
         return ()
-    late = uncertainty.value_of((SMOOTHS, None, "time_constant"))
+    late = uncertainty.value_of((GYRO_LOW_PASS, None, "time_constant"))
     if GYRO_LATENCY not in {each.name for each in causes}:
         late += uncertainty.value_of((GYRO_LATENCY, None, "seconds"))
     return (

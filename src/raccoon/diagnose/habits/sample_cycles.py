@@ -18,7 +18,7 @@ from raccoon.diagnose.habits.lags import look_from
 from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import grown_on
+from raccoon.diagnose.select.search import continue_selection
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
 
@@ -71,7 +71,7 @@ def try_pause_slowdown_beside_causes(search: Search, habits: Habits, trials: Hab
         trials.reject(search, habits, [other] if lead < 0.0 else [])
         return search, habits
     tell(SEARCHING_AGAIN)
-    return grown_on(look_from(search, problem, fit.point)), other
+    return continue_selection(look_from(search, problem, fit.point)), other
 
 
 def _with_pause_slowdown_toggled(search: Search, habits: Habits) -> Habits | None:

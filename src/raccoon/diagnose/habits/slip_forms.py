@@ -17,8 +17,8 @@ from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
 from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS
 from raccoon.diagnose.hypotheses.coordinates import FORMS
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.refits import lag_as
-from raccoon.diagnose.select.set_scoring import apart
+from raccoon.diagnose.select.refits import equal_lag
+from raccoon.diagnose.select.set_scoring import overlaps_none
 from raccoon.diagnose.select.state import Search
 
 
@@ -30,10 +30,10 @@ def try_immediate_slip(search: Search, habits: Habits, trials: HabitTrials) -> S
     if not lags or SLIP not in causes:
         return search, habits
     without_lags = without_causes(point, lags)
-    if not apart(SLIP, without_lags.active):  # one wheel's slip was named
+    if not overlaps_none(SLIP, without_lags.active):  # one wheel's slip was named
         return search, habits
     at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
-    slip = np.sum([lag_as(search, name, SLIP) for name in lags], axis=0)
+    slip = np.sum([equal_lag(search, name, SLIP) for name in lags], axis=0)
     low_pass = LOW_PASS / causes[SLIP].coordinates[0].value(1.0)
     for other, size in ((habits, slip), (replace(habits, low_pass=True), slip - low_pass)):
         if size <= 0.0 or (other is not habits and habits.low_pass):

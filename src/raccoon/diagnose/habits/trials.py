@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.search import begun, beside_unknown, whole
+from raccoon.diagnose.select.search import run_search, start_selection
 from raccoon.diagnose.select.state import Search, start_search
+from raccoon.diagnose.select.transitions import refit_beside_unknown
 from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.diagnose.unknown.step_change import KNOWN_CHANGE_LOG_EVIDENCE, change_name
 from raccoon.sim.effects.chain import Chain
@@ -18,8 +19,8 @@ Trial = tuple[frozenset[str], frozenset[str], Habits, Habits]
 SearchAndHabits = tuple[Search, Habits]
 """A search and the habits that it was made under."""
 RunSearch = Callable[[Search], Search]
-"""How far to go on with a search: all the way (`whole`), its first part (`grown_on`), or the beginning
-(`begun`)."""
+"""How far to go on with a search: all the way (`run_search`), its first part (`continue_selection`), or the
+beginning (`start_selection`)."""
 MAX_CACHED_STARTS = 4
 """Beginnings of searches that are kept, some ten megabytes each."""
 
@@ -37,7 +38,7 @@ class HabitTrials:
     """
 
     problem_of: Callable[[Habits], Problem]
-    run_search: RunSearch = whole
+    run_search: RunSearch = run_search
     row_cycle: float = Chain().cycle
     stops_unrecorded: bool = False
     rejected: set[Trial] = field(default_factory=set)
@@ -50,14 +51,16 @@ class HabitTrials:
 
     def start(self, habits: Habits, problem: Problem) -> Search:
         """The beginning of a search under habits, whose problem this is; made once for whoever asks."""
-        self.started[habits] = found = self.started.pop(habits, None) or begun(start_afresh(problem))
+        self.started[habits] = found = self.started.pop(habits, None) or start_selection(
+            start_afresh(problem)
+        )
         while len(self.started) > MAX_CACHED_STARTS:
             del self.started[next(iter(self.started))]
         return replace(
             found,
-            gains=dict(found.gains),
-            held_out=dict(found.held_out),
-            failed=dict(found.failed),
+            leads=dict(found.leads),
+            held_out_leads=dict(found.held_out_leads),
+            rejections=dict(found.rejections),
             rivals={name: [*each] for name, each in found.rivals.items()},
         )
 
@@ -79,4 +82,6 @@ def start_afresh(problem: Problem) -> Search:
     search = start_search(problem, make_probe_function(problem))
     if problem.change is None:
         return search
-    return beside_unknown(search, {change_name(problem.change): KNOWN_CHANGE_LOG_EVIDENCE}, search.fit.point)
+    return refit_beside_unknown(
+        search, {change_name(problem.change): KNOWN_CHANGE_LOG_EVIDENCE}, search.fit.point
+    )

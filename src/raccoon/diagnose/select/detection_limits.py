@@ -16,20 +16,20 @@ from raccoon.sim.effects.effect import Parameter
 
 Array = NDArray[np.float64]
 
-SURELY = 2.33
+DETECTION_STDS = 2.33
 """Standard deviations of the evidence by which chance lowers it in one of a hundred recordings."""
-VISIBLE = 20.0
+MIN_VISIBLE_EVIDENCE = 20.0
 """Evidence (2 log likelihood) that a deviation of one width must make to be called visible."""
-LEAST_LIMIT = 0.05
+MIN_CURRENT_LIMIT = 0.05
 """A, below which no wheel moves, and a limit is no news."""
-EXACT = 1e-6
+MAX_RELATIVE_MISS = 1e-6
 """Part of a setting's most by which it may be missed."""
 INERTIA: Setting = ("drive.inertia", None, "factor")
-KINDS_OF_INERTIA: tuple[Setting, ...] = (("inertia", None, "straight"), ("inertia", None, "turn"))
+INERTIA_SETTINGS: tuple[Setting, ...] = (("inertia", None, "straight"), ("inertia", None, "turn"))
 """What it multiplies, of which robot.toml leaves each open by itself."""
 
 
-def visibility(search: Search) -> dict[str, float]:
+def evidence_per_width(search: Search) -> dict[str, float]:
     """Evidence that one width of each effect would make beside all that is fitted: ||P d||^2 by id.
 
     Of an effect of a side, at the side where it shows least; of several starting guesses that which shows
@@ -45,7 +45,7 @@ def visibility(search: Search) -> dict[str, float]:
         if group.name in search.problem.causes:
             cause = search.problem.causes[group.name]
             power = float(rest.matrix[span[0] - count, span[0] - count])
-            power = _beside_open(power, cause, search.problem.base, search.problem.neutral)
+            power = _evidence_beside_base(power, cause, search.problem.base, search.problem.neutral)
             found[group.name] = min(found.get(group.name, power), power)
     least: dict[str, float] = {}
     for name, power in found.items():
@@ -54,51 +54,51 @@ def visibility(search: Search) -> dict[str, float]:
     return least
 
 
-def _beside_open(power: float, cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> float:
+def _evidence_beside_base(power: float, cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> float:
     """The evidence of one width beside base coordinates that can be in the cause's place, as far as their
     bounds go: such that it names the cause from the same size on."""
-    units = instead(cause, base, neutral)
+    units = equivalent_base_units(cause, base, neutral)
     if units is None or (paid := float(units @ units)) >= power:
         return power
     ends = [each.high if unit > 0.0 else -each.low for each, unit in zip(base, units, strict=True)]
-    far = min(end / abs(unit) for end, unit in zip(ends, units, strict=True) if abs(unit) > EXACT)
-    needed = _surely(power, gate(cause.name))
+    far = min(end / abs(unit) for end, unit in zip(ends, units, strict=True) if abs(unit) > MAX_RELATIVE_MISS)
+    needed = _detection_score(power, gate(cause.name))
     u = needed / math.sqrt(paid)
     if u > far:  # the data alone counts beyond
         u = far + math.sqrt((needed**2 - paid * far**2) / power)
     return (needed / u) ** 2
 
 
-def instead(cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> Array | None:
+def equivalent_base_units(cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> Array | None:
     """Units of the base coordinates (coordinates,) that together move all settings as one width of a cause
     does, the likeliest ones; None where none do."""
-    wanted = _moved(cause.coordinates[0], neutral)
+    wanted = _setting_changes(cause.coordinates[0], neutral)
     if cause.joint is not None or cause.size > 1 or not all(map(math.isfinite, wanted.values())):
         return None
-    moved = [_moved(each, neutral) for each in base]
+    moved = [_setting_changes(each, neutral) for each in base]
     keys = list({key: None for each in (wanted, *moved) for key in each})
     matrix = np.array([[each.get(key, 0.0) for key in keys] for each in (wanted, *moved)])
     matrix = matrix / np.abs(matrix).max(axis=0)
     units = np.linalg.lstsq(matrix[1:].T, matrix[0], rcond=None)[0]
     missed = np.abs(units @ matrix[1:] - matrix[0]).max()
-    return np.asarray(units, float) if missed < EXACT else None
+    return np.asarray(units, float) if missed < MAX_RELATIVE_MISS else None
 
 
-def _moved(coordinate: Coordinate, neutral: Settings) -> Settings:
+def _setting_changes(coordinate: Coordinate, neutral: Settings) -> Settings:
     """By how much one unit of a coordinate moves each setting, as far as that is straight."""
     unit = coordinate.value(1.0)
     step = math.log(unit) if coordinate.factor else unit
-    keys = KINDS_OF_INERTIA if coordinate.settings == (INERTIA,) else coordinate.settings
+    keys = INERTIA_SETTINGS if coordinate.settings == (INERTIA,) else coordinate.settings
     return {key: step * ((neutral[key] or coordinate.usual) if coordinate.factor else 1.0) for key in keys}
 
 
-def would_show(cause: Cause, power: float, gate: float) -> str:
-    """From which size on a cause would show, as the end of a reason; empty where `shows_from` is."""
-    size = shows_from(cause.effect.parameters[0], power, gate, own=cause.own is not None)
+def describe_detection_limit(cause: Cause, power: float, gate: float) -> str:
+    """The size from which a cause would show, as the end of a reason; empty where nothing of it would."""
+    size = format_detection_limit(cause.effect.parameters[0], power, gate, own=cause.own is not None)
     return f"; would show {size}" if size else ""
 
 
-def shows_from(parameter: Parameter, power: float, gate: float, *, own: bool = False) -> str:
+def format_detection_limit(parameter: Parameter, power: float, gate: float, *, own: bool = False) -> str:
     """The smallest deviation that would be named in all but one of a hundred recordings, in words.
 
     Empty where nothing of it shows, or only what is beyond the parameter's bounds, as of a dead band of more
@@ -112,11 +112,11 @@ def shows_from(parameter: Parameter, power: float, gate: float, *, own: bool = F
     """
     if power <= 0.0:
         return ""
-    u = _surely(power, gate) / math.sqrt(power)
+    u = _detection_score(power, gate) / math.sqrt(power)
     width = WIDTH_FACTOR * parameter.prior_width
     if parameter.name == "limit" and not own:
         limit = min(1.0 / u, HIGHEST_LIMIT)
-        return f"below about {limit:.2g} {parameter.unit}" if limit >= LEAST_LIMIT else ""
+        return f"below about {limit:.2g} {parameter.unit}" if limit >= MIN_CURRENT_LIMIT else ""
     factor = parameter.name == "factor" and not own
     high = parameter.bounds.high
     highest = math.log(high) if factor else high - (parameter.neutral or 0.0)
@@ -127,6 +127,6 @@ def shows_from(parameter: Parameter, power: float, gate: float, *, own: bool = F
     return f"from about {float(f'{size:.2g}'):g}{unit} on"
 
 
-def _surely(power: float, gate: float) -> float:
+def _detection_score(power: float, gate: float) -> float:
     """Root of the evidence of a deviation that is named in all but one of a hundred recordings."""
-    return SURELY + math.sqrt(SURELY**2 + 2.0 * gate + math.log1p(power))
+    return DETECTION_STDS + math.sqrt(DETECTION_STDS**2 + 2.0 * gate + math.log1p(power))

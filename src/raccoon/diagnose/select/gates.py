@@ -26,12 +26,12 @@ SLOPE_GATE = 11.0
 """A floor imitates it less well than it does those: the robot turns on it."""
 SCALE_GATE = 11.0
 """One reading's scale differs from the other's as wheels and motors do that are far out in robot.toml."""
-MANY = 4
+MANY_CAUSES = 4
 """Causes from which others may have been missed, and one more is no wonder."""
-CROWDED = 10
+CROWDED_CAUSES = 10
 """Causes beside which every further question takes as long as the whole search of another recording: only
 those are asked that may well lead to something else."""
-_IMITATED = ("friction.", "drive.turn_scrub", "bemf.")
+_IMITATED_BY_NOISE = ("friction.", "drive.turn_scrub", "bemf.")
 """What else the noise of floor and readings gets 6 and more for."""
 _ONE_WHEEL = ("friction.", "actuation.deadband")
 _GATES = {
@@ -50,17 +50,17 @@ def gate(name: str, alone: bool = False) -> float:
     if "@" in name and name.startswith(_ONE_WHEEL):
         return WHEEL_GATE
     needed = by_name(_GATES, name, EVIDENCE_GATE)
-    if not alone or needed > EVIDENCE_GATE or name.startswith(_IMITATED):
+    if not alone or needed > EVIDENCE_GATE or name.startswith(_IMITATED_BY_NOISE):
         return needed
     return LONE_WHEEL_GATE if name.startswith("drive.wheel_radius") else LONE_GATE
 
 
-def gates(names: Collection[str]) -> float:
+def total_gate(names: Collection[str]) -> float:
     """Log evidence that a set of causes must have."""
     return sum(gate(each, alone=len(names) == 1) for each in names)
 
 
-def rarity(named: int, asked: int) -> float:
+def log_odds_against_another(named: int, candidates: int) -> float:
     """Log odds against one cause more, where so many of those that are asked for are named: Laplace's rule of
     succession."""
-    return math.log((asked - named + 1) / (named + 1))
+    return math.log((candidates - named + 1) / (named + 1))

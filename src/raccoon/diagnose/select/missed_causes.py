@@ -9,19 +9,19 @@ from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.linear_model import tabulate
 from raccoon.diagnose.fit.noise_estimation import acting, inexact
-from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
-from raccoon.diagnose.select.refits import refit_candidates, refits_afresh
-from raccoon.diagnose.select.state import Search, worth
-from raccoon.diagnose.select.transitions import accepted
+from raccoon.diagnose.select.gates import MANY_CAUSES, WHEEL_GATE, gate
+from raccoon.diagnose.select.refits import refit_candidates, refit_relinearised
+from raccoon.diagnose.select.state import Search, nested_lead
+from raccoon.diagnose.select.transitions import accept_cause
 
-CROWD, SHORT = 7, 2.0
+FULL_SET, LEAD_PER_LACKING_CAUSE = 7, 2.0
 """Of fewer causes than so many each that is lacking makes another less likely, by so much log evidence.
 Beside four causes a scrub that was not there got 12.9."""
-ITERATIONS = 4
+MAX_LINEARISATIONS = 4
 """Of what the present causes are fitted on, as far as every other fit is."""
 
 
-def with_missed(search: Search) -> Search | None:
+def add_missed_cause(search: Search) -> Search | None:
     """An estimated search with the cause that has most beyond what it needs; None where none has.
 
     While a search goes on, a little of every effect that is off is noise, so that no cause stands for what
@@ -29,28 +29,28 @@ def with_missed(search: Search) -> Search | None:
     is there: a deadband worth 84 had 7. Friction of one wheel is not asked for: it is what the form of
     friction on both leaves.
     """
-    if search.unknown or len(search.fit.point.active) < MANY:
+    if search.unknown or len(search.fit.point.active) < MANY_CAUSES:
         return None
     tell(f"asking what was missed beside {', '.join(search.fit.point.active)}")
     problem = search.problem
     extra = search.probes(search.linear)
     table, plain = tabulate(search.linear, extra, search.whitener)
-    seen = replace(search, table=table, plain=plain)
-    settled = fit_point(problem, search.whitener, search.fit.point, ITERATIONS)
-    refits = refits_afresh(seen, refit_candidates(seen))
-    ranked = [(name, fit, worth(problem, fit, settled)) for name, fit in refits]
-    further = _further(search)
+    seen = replace(search, table=table, table_without_wander=plain)
+    settled = fit_point(problem, search.whitener, search.fit.point, MAX_LINEARISATIONS)
+    refits = refit_relinearised(seen, refit_candidates(seen))
+    ranked = [(name, fit, nested_lead(problem, fit, settled)) for name, fit in refits]
+    further = _extra_lead_needed(search)
     enough = [each for each in ranked if gate(each[0]) + further <= each[2] and gate(each[0]) < WHEEL_GATE]
     if not enough:
         return None
     name, fit, gain = max(enough, key=lambda each: each[2] - gate(each[0]))
-    following = accepted(search, name, fit, ranked)
-    following.gains[name] = gain
-    following.failed.pop(name, None)
+    following = accept_cause(search, name, fit, ranked)
+    following.leads[name] = gain
+    following.rejections.pop(name, None)
     return following
 
 
-def _further(search: Search) -> float:
+def _extra_lead_needed(search: Search) -> float:
     """Log evidence beyond its gate that a cause must have: as much as is lacking to a crowd, and twice what
     the form of what is named makes of any other. A limit of the current that did 9 times the noise had a gear
     that loses torque beside it with 39, and a filter with 16."""
@@ -58,4 +58,4 @@ def _further(search: Search) -> float:
     strength = acting(search.linear.acting, search.whitener.noise)
     width = problem.features.width / BIN_S
     readings = problem.features.measured.size * width  # as many as there are in bins of 20 ms
-    return SHORT * max(CROWD - named, 0) + readings * inexact(strength, width) ** 2
+    return LEAD_PER_LACKING_CAUSE * max(FULL_SET - named, 0) + readings * inexact(strength, width) ** 2

@@ -11,20 +11,20 @@ from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.fit.linear_model import Group
 from raccoon.diagnose.fit.noise_estimation import FLOOR_SHARES
 from raccoon.diagnose.fit.wander import slow_friction
-from raccoon.diagnose.select.state import MOST_OF_EVENT, Search, excess, screen
+from raccoon.diagnose.select.state import MAX_EVENT_LEAD, Search, event_excess, screen_groups
 
 Array = NDArray[np.float64]
 
-NEARLY = 0.7
+NEAR_BEST_SHARE = 0.7
 """Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
-PROBES_TRIED = 3
+MAX_PROBES_EXAMINED = 3
 """Those with most evidence, that are looked at closely."""
-LEAST_OF_PROBE = 10.0
+MIN_PROBE_EVIDENCE = 10.0
 """Log evidence of the linear model from which a probe is looked at closely."""
 
 
 @dataclass(frozen=True, slots=True)
-class Probed:
+class ProbeScore:
     """A probe and the log evidence that it would add: all of it, and with no event counting for much.
 
     least: see `Group`."""
@@ -32,52 +32,54 @@ class Probed:
     name: str
     evidence: float
     lead: float
-    least: float = 0.0
+    min_lead: float = 0.0
 
-    def shows(self, gate: float) -> bool:
+    def exceeds(self, gate: float) -> bool:
         """Whether its lead is beyond a gate, and beyond what something usual makes of it."""
-        return self.lead > max(gate, self.least)
+        return self.lead > max(gate, self.min_lead)
 
 
-def best_probe(search: Search) -> Probed:
-    """The probe that explains most of what is left, moment by moment; see `lead`."""
-    found = [Probed("", 0.0, 0.0)]
+def find_best_probe(search: Search) -> ProbeScore:
+    """The probe that explains most of what is left, moment by moment; see `log_evidence_lead`."""
+    found = [ProbeScore("", 0.0, 0.0)]
     # What a probe gains by freeing bent base numbers comes on top, and no cause could be compared with it.
     features = search.problem.features
-    most_of_all = MOST_OF_EVENT * len(features.time) / features.event
-    likeliest = _probes_by_evidence(search)[:PROBES_TRIED]
+    most_of_all = MAX_EVENT_LEAD * len(features.time) / features.event
+    likeliest = _rank_probes(search)[:MAX_PROBES_EXAMINED]
     probes = {each.name: each.columns for each in search.probes(search.linear)} if likeliest else {}
     for gain, each in likeliest:
         columns = probes[each.name]
         group = replace(each, columns=columns[list(each.part)] if each.part else columns)
         least = group.least
         if group.over_place:
-            gain, limited = (each - group.paid for each in _beside_wander(search, group))
+            gain, limited = (each - group.paid for each in _evidence_beside_wander(search, group))
         else:
-            *residuals, size = _with_and_without(search, group)
-            limited = gain - excess(search.problem, *residuals)
+            *residuals, size = _residuals_with_and_without(search, group)
+            limited = gain - event_excess(search.problem, *residuals)
             least = least if size < group.usual else group.larger
-        found.append(Probed(group.name, gain, min(limited, most_of_all), least))
-    shown = [each for each in found if each.shows(0.0)] or found
+        found.append(ProbeScore(group.name, gain, min(limited, most_of_all), least))
+    shown = [each for each in found if each.exceeds(0.0)] or found
     most = max(each.lead for each in shown)
-    return max((each for each in shown if each.lead >= NEARLY * most), key=lambda each: each.evidence)
+    return max(
+        (each for each in shown if each.lead >= NEAR_BEST_SHARE * most), key=lambda each: each.evidence
+    )
 
 
-def _probes_by_evidence(search: Search) -> list[tuple[float, Group]]:
+def _rank_probes(search: Search) -> list[tuple[float, Group]]:
     """The probes that are worth a closer look, whole or that part which alone explains most, with the log
     evidence that is left of them once the choice is paid."""
     known = {*search.problem.causes, *search.unknown}
     best: dict[str, tuple[float, Group]] = {}
-    for gain, group, _ in screen(search, search.table.in_parts(), held=True):
+    for gain, group, _ in screen_groups(search, search.table.in_parts(), hold_bounds=True):
         left = gain - group.paid
-        if group.name in known or left < LEAST_OF_PROBE:
+        if group.name in known or left < MIN_PROBE_EVIDENCE:
             continue
         if group.name not in best or left > best[group.name][0]:
             best[group.name] = left, group
     return sorted(best.values(), key=lambda each: -each[0])
 
 
-def _with_and_without(search: Search, group: Group) -> tuple[Array, Array, float]:
+def _residuals_with_and_without(search: Search, group: Group) -> tuple[Array, Array, float]:
     """Whitened residuals of the linear model with a group and without it, and the size of its coordinates."""
     fit = search.fit
     own, target = fit.jacobian[fit.free], fit.target
@@ -87,7 +89,7 @@ def _with_and_without(search: Search, group: Group) -> tuple[Array, Array, float
     return target - mean @ every, target - less @ own, float(np.linalg.norm(mean[len(own) :]))
 
 
-def _beside_wander(search: Search, group: Group) -> tuple[float, float]:
+def _evidence_beside_wander(search: Search, group: Group) -> tuple[float, float]:
     """Evidence of a probe over the place, whole and limited, where friction may also wander: with the probe
     and without it as much as is likeliest.
 
@@ -106,4 +108,4 @@ def _beside_wander(search: Search, group: Group) -> tuple[float, float]:
         residuals.append(fit.target - (mean * sizes) @ every)
         evidence.append(its)
     gain = evidence[0] - evidence[1]
-    return gain, gain - excess(search.problem, *residuals)
+    return gain, gain - event_excess(search.problem, *residuals)

@@ -9,47 +9,47 @@ import numpy as np
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_many, fit_point
 from raccoon.diagnose.fit.problem import Point
-from raccoon.diagnose.select.alternative_sets import better_set
+from raccoon.diagnose.select.alternative_sets import find_better_set
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.refits import SCALE, both_signs, doubtful
-from raccoon.diagnose.select.state import Search, lead
+from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES, both_signs, may_miss_causes
+from raccoon.diagnose.select.state import Search, log_evidence_lead
 from raccoon.diagnose.select.transitions import (
-    accepted,
-    accepted_without,
-    moved,
-    replaced_by,
-    rows_without,
-    settled_fit,
+    accept_cause,
+    drop_cause,
+    jacobian_rows_without,
+    move_search,
+    refit_current,
+    replace_set,
 )
 
-AS_MUCH = 3.0
+MAX_SINGLE_DEFICIT = 3.0
 """Log evidence that one cause alone may lack to stand for several."""
 
 
-def merged(search: Search) -> Search:
+def merge_sides(search: Search) -> Search:
     """One cause for both sides where left and right were named apart and are not worth a cause each."""
     for name in [each for each in search.fit.point.active if each.endswith("@left")]:
         whole, other = name.removesuffix("@left"), name.replace("@left", "@right")
         active = search.fit.point.active
         if other not in active or whole not in search.problem.causes:
             continue
-        rows = [row for row in rows_without(search, name) if row not in search.table.active[other]]
+        rows = [row for row in jacobian_rows_without(search, name) if row not in search.table.active[other]]
         less = search.fit.point.without_cause(name).without_cause(other)
         sizes = (0.5 * (active[name] + active[other]), active[name], active[other])
         starts = [less.with_cause(whole, each) for each in sizes]
-        apart = settled_fit(search)
+        apart = refit_current(search)
         fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
-        both, ahead = _furthest(search, fits, apart)
+        both, ahead = _best_lead(search, fits, apart)
         # Columns of the two may lead astray: two plays were 80 behind, and 36 ahead once truly fitted.
         if ahead <= -gate(whole):
             fits = [fit_point(search.problem, search.whitener, each.point) for each in fits]
-            both, ahead = _furthest(search, fits, apart)
+            both, ahead = _best_lead(search, fits, apart)
         if ahead > -gate(whole):  # one cause less must be justified
-            return merged(accepted_without(search, other, both))
+            return merge_sides(drop_cause(search, other, both))
     return search
 
 
-def taken_apart(search: Search) -> Search:
+def split_sides(search: Search) -> Search:
     """Each side by itself where a cause of both has one of a side beside it: the same robot, in numbers that
     each wheel has. What explains as much as that of both does so in the place of the other side's."""
     active = search.fit.point.active
@@ -63,28 +63,31 @@ def taken_apart(search: Search) -> Search:
         fit = fit_point(search.problem, search.whitener, less.with_cause(other, active[whole]))
         rivals = {key: each for key, each in search.rivals.items() if key != whole}
         rivals[other] = [each for each in search.rivals.get(whole, []) if each.name != other]
-        following = moved(search, fit, rivals)
-        for now, before in ((following.gains, search.gains), (following.held_out, search.held_out)):
+        following = move_search(search, fit, rivals)
+        for now, before in (
+            (following.leads, search.leads),
+            (following.held_out_leads, search.held_out_leads),
+        ):
             if whole in before:
                 now[other] = before[whole]
-        return taken_apart(following)
+        return split_sides(following)
     return search
 
 
-def _furthest(search: Search, fits: Sequence[Fit], other: Fit) -> tuple[Fit, float]:
+def _best_lead(search: Search, fits: Sequence[Fit], other: Fit) -> tuple[Fit, float]:
     """Of some fits that which leads another one most, and by how much."""
-    leads = [lead(search.problem, each, other) for each in fits]
+    leads = [log_evidence_lead(search.problem, each, other) for each in fits]
     best = int(np.argmax(leads))
     return fits[best], leads[best]
 
 
-def simplified(search: Search) -> tuple[Search, bool]:
+def simplify_to_one_cause(search: Search) -> tuple[Search, bool]:
     """One cause instead of several where it explains as much: two wrong ones can imitate a right one."""
     active = search.fit.point.active
     others = {each.name for rivals in search.rivals.values() for each in rivals}
     others |= {name.partition("@")[0] for name in (*active, *others)} & set(search.problem.causes)
-    if set(active) & set(SCALE):
-        others |= set(SCALE) & set(search.problem.causes)
+    if set(active) & set(SHARED_SCALE_CAUSES):
+        others |= set(SHARED_SCALE_CAUSES) & set(search.problem.causes)
     names = sorted(others - set(active))
     if len(active) < 2 or not names:
         return search, False
@@ -97,25 +100,25 @@ def simplified(search: Search) -> tuple[Search, bool]:
         for point in both_signs(search.problem, name, point)
     ]
     base = search.fit.jacobian[: len(bare.base)]
-    settled = settled_fit(search)
+    settled = refit_current(search)
     best = max(fit_many(search.problem, search.whitener, starts, base, 5), key=lambda fit: fit.evidence)
-    if lead(search.problem, best, settled) < -AS_MUCH:
+    if log_evidence_lead(search.problem, best, settled) < -MAX_SINGLE_DEFICIT:
         return search, False
     name = next(iter(best.point.active))
-    search.failed.update(dict.fromkeys(active, f"{name} alone explains as much"))
-    return accepted(search, name, best), True
+    search.rejections.update(dict.fromkeys(active, f"{name} alone explains as much"))
+    return accept_cause(search, name, best), True
 
 
-def rearranged(search: Search) -> tuple[Search, bool]:
+def replace_by_better_sets(search: Search) -> tuple[Search, bool]:
     """Another set of causes where it explains more, again and again; the same one that only fits better led
     all others already."""
     changed = False
     for _ in range(3):
-        fit = better_set(search) if doubtful(search.fit) else None
+        fit = find_better_set(search) if may_miss_causes(search.fit) else None
         if fit is None:
             break
         same = fit.point.active.keys() == search.fit.point.active.keys()
-        search, changed = replaced_by(search, fit), True
+        search, changed = replace_set(search, fit), True
         if same:
             break
     return search, changed

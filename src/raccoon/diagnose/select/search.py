@@ -1,5 +1,5 @@
-"""Which causes: forward by true refits, backward and swaps, each step gated by evidence and held-out
-blocks."""
+"""Model selection: causes are added forward by true refits, eliminated backward and exchanged; each step has
+to pass a gate of log evidence and to help on held-out blocks."""
 
 from __future__ import annotations
 
@@ -9,290 +9,287 @@ from raccoon.core.doing import tell
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_many, fit_point
 from raccoon.diagnose.fit.problem import Point
-from raccoon.diagnose.select.gates import MANY, gate
-from raccoon.diagnose.select.probe_scores import Probed, best_probe
-from raccoon.diagnose.select.refits import SEVERAL, doubtful, ranking, refit_candidates, refits_afresh
-from raccoon.diagnose.select.replacements import merged, rearranged, simplified
-from raccoon.diagnose.select.rivals import as_likely, compared
-from raccoon.diagnose.select.state import (
-    Foretold,
-    Search,
-    held_out_lead,
-    lead,
-    look_around,
+from raccoon.diagnose.select.gates import MANY_CAUSES, gate
+from raccoon.diagnose.select.probe_scores import ProbeScore, find_best_probe
+from raccoon.diagnose.select.refits import (
+    SEVERAL_CAUSES,
+    may_miss_causes,
+    rank_refits,
+    refit_candidates,
+    refit_relinearised,
 )
+from raccoon.diagnose.select.replacements import merge_sides, replace_by_better_sets, simplify_to_one_cause
+from raccoon.diagnose.select.rivals import compare_rivals, mark_as_likely
+from raccoon.diagnose.select.state import HeldOutPrediction, Search, held_out_lead, log_evidence_lead
 from raccoon.diagnose.select.transitions import (
-    BETTER_TOGETHER,
-    accepted,
-    accepted_without,
-    replaced_by,
-    rows_without,
-    settled_fit,
+    EXPLAINED_BETTER_TOGETHER,
+    accept_cause,
+    drop_cause,
+    jacobian_rows_without,
+    refit_beside_unknown,
+    refit_current,
+    replace_set,
 )
 
 HELD_OUT_GATE = 2.0
-"""Log predictive score that a cause must add on blocks left out."""
-SURE = 30.0
-"""Log evidence, no event counting for much, from which a cause need not help on blocks left out."""
-FORGIVEN = 0.4
-"""Part of its log evidence beyond the gate by which a cause may fall short there."""
+"""Log predictive score that a cause must add on held-out blocks."""
+HELD_OUT_EXEMPT_LEAD = 30.0
+"""Lead from which a cause need not help on held-out blocks."""
+HELD_OUT_ALLOWANCE = 0.4
+"""Share of its lead beyond the gate by which a cause may fall short there."""
 PROBE_GATE = 14.0
-"""Lead from which a probe may go before a cause."""
-PROBE_ALONE = 8.0
+"""Lead from which a probe may be taken before a cause."""
+LONE_PROBE_GATE = 8.0
 """The same where nothing explains anything yet; what is left beside a cause, whose form is never quite the
 robot's, has more."""
-PROBE_LEAD = 1.3
-"""Times the evidence of the best cause, no event limited, from which a probe goes before it."""
-PROBE_FAR = 1.5
+MIN_PROBE_EVIDENCE_RATIO = 1.3
+"""Times the log evidence (events not clipped) of the best cause, from which a probe is taken before it."""
+MIN_PROBE_LEAD_RATIO = 1.5
 """The same for leads: a cause with a few large moments right, and the rest of the drive not, is none."""
-BESIDE_UNKNOWN = 0.33
-"""Part of what something unknown explains that a cause beside it must explain at least."""
-NOTHING = "explains nothing that is left"
-MOST_CAUSES = 14
-"""With which a search ends, however much is left: no robot has so many."""
-OUTDONE = 5.0
-"""Log evidence, no gates counted, by which another explains more in a cause's place than it does."""
-WEAK = 3.0
-"""Gates up to which a cause's worth, as the columns of the fit with it have it, is doubted."""
+MIN_SHARE_BESIDE_UNKNOWN = 0.33
+"""Share of a taken probe's lead that a cause beside it must have at least."""
+EXPLAINS_NOTHING = "explains nothing that is left"
+MAX_CAUSES = 14
+"""Number of causes at which a search ends, however much is left: no robot has so many."""
+OUTPERFORMED_LEAD = 5.0
+"""Lead (gates not counted) by which a rival in a cause's place outperforms the cause."""
+WEAK_LEAD_GATES = 3.0
+"""Times its gate up to which a cause's lead is checked by refitting the others with new columns."""
 
 
-def forward(search: Search) -> tuple[Search, bool]:
-    """Add the cause that explains most, if its evidence and its held-out blocks allow.
+def forward_step(search: Search) -> tuple[Search, bool]:
+    """Add the cause that explains most and passes its gates; also whether anything was added.
 
-    A probe that explains far more than any cause goes first: what it describes is in no catalogue. It goes
-    only where causes whose every column was simulated anew are behind it as well: a friction that makes
+    A probe that explains far more than any cause is taken first: what it describes is in no catalogue. That
+    needs causes to be behind it also after a refit with all columns simulated anew: a friction that makes
     wheels stop is a poor fit along the columns of wheels that never did, and a curve over speed is not.
     """
     refits = refit_candidates(search)
-    settled = settled_fit(search)
-    ranked = ranking(search.problem, refits, settled)
-    probe = best_probe(search)
-    afresh = _far_ahead(probe, ranked, settled)
-    if afresh:
-        ranked = ranking(search.problem, refits_afresh(search, refits), settled)
-        if _far_ahead(probe, ranked, settled):
-            return _with_unknown(search, probe), True
-    taken = _first_that_passes(search, ranked, settled)
+    current = refit_current(search)
+    ranked = rank_refits(search.problem, refits, current)
+    probe = find_best_probe(search)
+    relinearised = _probe_goes_first(probe, ranked, current)
+    if relinearised:
+        ranked = rank_refits(search.problem, refit_relinearised(search, refits), current)
+        if _probe_goes_first(probe, ranked, current):
+            return _restart_beside_probe(search, probe), True
+    following = _accept_first_passing(search, ranked, current)
     alone = not (search.fit.point.active or search.unknown)
-    shows = probe.shows(PROBE_ALONE if alone else PROBE_GATE)
-    if taken is None and not afresh and (shows or doubtful(settled)):
-        ranked = ranking(search.problem, refits_afresh(search, refits), settled)
-        taken = _first_that_passes(search, ranked, settled)
-    if taken is not None:
-        return taken, True
-    return (_with_unknown(search, probe), True) if shows else (search, False)
+    shows = probe.exceeds(LONE_PROBE_GATE if alone else PROBE_GATE)
+    if following is None and not relinearised and (shows or may_miss_causes(current)):
+        ranked = rank_refits(search.problem, refit_relinearised(search, refits), current)
+        following = _accept_first_passing(search, ranked, current)
+    if following is not None:
+        return following, True
+    return (_restart_beside_probe(search, probe), True) if shows else (search, False)
 
 
-def _far_ahead(probe: Probed, ranked: Sequence[tuple[str, Fit, float]], settled: Fit) -> bool:
-    """Whether a probe explains so much more than any cause that it goes first."""
-    most = max((fit.evidence - settled.evidence for _, fit, _ in ranked), default=0.0)
-    furthest = max((gain for _, _, gain in ranked), default=0.0)
-    further = probe.lead > PROBE_FAR * furthest or probe.evidence > PROBE_LEAD * max(most, 0.0)
-    return probe.shows(PROBE_GATE) and further
+def _probe_goes_first(probe: ProbeScore, ranked: Sequence[tuple[str, Fit, float]], current: Fit) -> bool:
+    """Whether a probe explains so much more than any cause that it is taken first."""
+    max_evidence = max((fit.evidence - current.evidence for _, fit, _ in ranked), default=0.0)
+    max_lead = max((lead for _, _, lead in ranked), default=0.0)
+    leads = probe.lead > MIN_PROBE_LEAD_RATIO * max_lead
+    return probe.exceeds(PROBE_GATE) and (
+        leads or probe.evidence > MIN_PROBE_EVIDENCE_RATIO * max(max_evidence, 0.0)
+    )
 
 
-def _first_that_passes(
-    search: Search, ranked: Sequence[tuple[str, Fit, float]], settled: Fit
+def _accept_first_passing(
+    search: Search, ranked: Sequence[tuple[str, Fit, float]], current: Fit
 ) -> Search | None:
-    """The search with the first cause that has the evidence it needs and helps on blocks left out; None where
-    there is none. Why the others are not taken is noted."""
-    before = Foretold.of(settled)
-    for name, fit, gain in ranked:
+    """The search with the first cause that passes its gate and the held-out blocks; None where none does. Why
+    the others are rejected is noted."""
+    before = HeldOutPrediction.of(current)
+    for name, fit, lead in ranked:
         needed = required_evidence(search, name, alone=not search.fit.point.active)
-        if gain < needed:
-            search.failed[name] = _too_little(gain, fit.evidence - settled.evidence, needed)
+        if lead < needed:
+            evidence = fit.evidence - current.evidence
+            search.rejections[name] = _describe_lacking_evidence(lead, evidence, needed)
             continue
-        held_out = held_out_lead(search.problem, Foretold.of(fit), before)
-        if _fails_held_out(gain, needed, held_out):
-            search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
+        held_out = held_out_lead(search.problem, HeldOutPrediction.of(fit), before)
+        if _fails_held_out(lead, needed, held_out):
+            search.rejections[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue
-        return accepted(search, name, fit, ranked)
+        return accept_cause(search, name, fit, ranked)
     return None
 
 
-def _too_little(lead: float, evidence: float, needed: float) -> str:
-    """Why a cause is not named. lead: its log evidence, no event counting for much; evidence: all of it."""
+def _describe_lacking_evidence(lead: float, evidence: float, needed: float) -> str:
+    """Why a cause is not named. lead: its log evidence with events clipped; evidence: all of it."""
     if evidence > needed:
         return (
             f"shows in too few moments of this recording (log evidence {lead:+.1f} of {evidence:+.1f} counts)"
         )
     if lead <= 0.0:
-        return NOTHING
+        return EXPLAINS_NOTHING
     return f"explains too little (log evidence {lead:+.1f})"
 
 
 def required_evidence(search: Search, name: str, alone: bool) -> float:
-    """The gate; beside something unknown a cause must explain a fair part of what that explains."""
+    """The lead that a cause needs: its gate, and beside something unknown a share of that one's lead."""
     if search.unknown:
-        return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values()))
+        return max(gate(name), MIN_SHARE_BESIDE_UNKNOWN * max(search.unknown.values()))
     return gate(name, alone)
 
 
-def _fails_held_out(gain: float, needed: float, held_out: float) -> bool:
-    """Whether a cause must help on blocks left out and does not. They are predicted by straight lines, which
-    a large cause bends.
-
-    needed: the log evidence that it must have.
-    """
-    wanted = HELD_OUT_GATE - FORGIVEN * max(gain - needed, 0.0)
-    return held_out < wanted and gain < SURE
+def _fails_held_out(lead: float, needed: float, held_out: float) -> bool:
+    """Whether a cause must help on held-out blocks and does not. They are predicted by a linear model, from
+    which a large cause departs. needed: see `required_evidence`."""
+    wanted = HELD_OUT_GATE - HELD_OUT_ALLOWANCE * max(lead - needed, 0.0)
+    return held_out < wanted and lead < HELD_OUT_EXEMPT_LEAD
 
 
-def _with_unknown(search: Search, probe: Probed) -> Search:
-    """Start again with the probe's curve as part of the noise: causes must earn their place beside it."""
+def _restart_beside_probe(search: Search, probe: ProbeScore) -> Search:
+    """Start again with the probe's curve as part of the noise: causes must pass their gates beside it."""
     unknown = {**search.unknown, probe.name: probe.lead}
-    return beside_unknown(search, unknown, Point(search.fit.point.base))
+    return refit_beside_unknown(search, unknown, Point(search.fit.point.base))
 
 
-def beside_unknown(search: Search, unknown: dict[str, float], point: Point) -> Search:
-    """A point fitted anew, and seen from, with the curves of these probes as noise."""
-    following = look_around(search.problem, search.probes, point, search.whitener, unknown)
-    again = fit_point(search.problem, following.whitener, point)
-    return look_around(search.problem, search.probes, again.point, following.whitener, unknown)
-
-
-def backward(search: Search) -> tuple[Search, bool]:
-    """Drop a cause that no longer earns its place."""
-    settled = settled_fit(search)
-    foretold = Foretold.of(settled)
+def backward_step(search: Search) -> tuple[Search, bool]:
+    """Drop the first cause that no longer passes its gates; also whether there was one."""
+    current = refit_current(search)
+    prediction = HeldOutPrediction.of(current)
     names = list(search.fit.point.active)
     for name in names:
-        dropped = _dropped(search, settled, name)
-        search.gains[name] = lead(search.problem, settled, dropped)
-        search.held_out[name] = held_out_lead(search.problem, foretold, Foretold.of(dropped))
+        dropped = _fit_without_cause(search, current, name)
+        search.leads[name] = log_evidence_lead(search.problem, current, dropped)
+        search.held_out_leads[name] = held_out_lead(search.problem, prediction, HeldOutPrediction.of(dropped))
         needed = required_evidence(search, name, alone=len(names) == 1)
-        fails = _fails_held_out(search.gains[name], needed, search.held_out[name])
-        if search.gains[name] < needed or fails:
-            search.failed[name] = BETTER_TOGETHER
-            return accepted_without(search, name, dropped), True
+        fails = _fails_held_out(search.leads[name], needed, search.held_out_leads[name])
+        if search.leads[name] < needed or fails:
+            search.rejections[name] = EXPLAINED_BETTER_TOGETHER
+            return drop_cause(search, name, dropped), True
     return search, False
 
 
-def _dropped(search: Search, settled: Fit, name: str) -> Fit:
-    """The fit without a cause; where it is worth little, all the others must have had their chance."""
+def _fit_without_cause(search: Search, current: Fit, name: str) -> Fit:
+    """The fit without a cause; where its lead is small, with all columns of the others simulated anew."""
     problem, whitener, less = search.problem, search.whitener, search.fit.point.without_cause(name)
-    dropped = fit_many(problem, whitener, [less], search.fit.jacobian[rows_without(search, name)], 3)[0]
-    gain = lead(problem, settled, dropped)
-    if not gate(name) < gain < WEAK * gate(name) or not less.active:
+    columns = search.fit.jacobian[jacobian_rows_without(search, name)]
+    dropped = fit_many(problem, whitener, [less], columns, 3)[0]
+    lead = log_evidence_lead(problem, current, dropped)
+    if not gate(name) < lead < WEAK_LEAD_GATES * gate(name) or not less.active:
         return dropped
-    again = fit_point(problem, whitener, dropped.point)
-    return again if again.cost < dropped.cost else dropped
+    refit = fit_point(problem, whitener, dropped.point)
+    return refit if refit.cost < dropped.cost else dropped
 
 
-def pruned(search: Search, name: str, why: str, fit: Fit | None = None) -> Search:
-    """The search without a cause that does not stand after all. fit: the one without it, if it is known.
+def prune_cause(search: Search, name: str, why: str, fit: Fit | None = None) -> Search:
+    """The search without a cause that is rejected after all. fit: the one without it, if it is known.
 
-    Among many the others stay: what was found under the noise of a last fit has less under that of a search.
+    Among many causes no others are eliminated: what was found under the noise of a last fit has less evidence
+    under that of a search.
     """
-    search.failed[name] = why
+    search.rejections[name] = why
     if fit is None:
         fit = fit_point(search.problem, search.whitener, search.fit.point.without_cause(name))
-    following = accepted_without(search, name, fit)
-    return following if len(following.fit.point.active) >= MANY else backward(following)[0]
+    following = drop_cause(search, name, fit)
+    return following if len(following.fit.point.active) >= MANY_CAUSES else backward_step(following)[0]
 
 
-def grown(search: Search, most: int = MOST_CAUSES) -> Search:
-    """The first part of a search: causes added one by one, those that lose their place dropped.
+def select_forward(search: Search, max_causes: int = MAX_CAUSES) -> Search:
+    """Stepwise selection, the first part of a search: causes are added one by one, and dropped where they no
+    longer pass their gates.
 
-    Until a drop leaves no more causes than one before it did: several that are worth little take each other's
-    place one after the other, and each time takes as long as all that was found before.
+    It ends when a drop leaves no more causes than the drop before it did: several weak ones replace each
+    other in turn, and each time takes as long as all that was found before.
     """
-    left = -1
-    for _ in range(2 * MOST_CAUSES):
+    remaining = -1
+    for _ in range(2 * MAX_CAUSES):
         tell(f"looking for causes; so far {search.listed}")
-        if len(search.fit.point.active) >= most:
+        if len(search.fit.point.active) >= max_causes:
             break
-        search, added = forward(search)
-        search = merged(search)
+        search, added = forward_step(search)
+        search = merge_sides(search)
         if not added:
             break
         if len(search.fit.point.active) > (0 if search.unknown else 1):
-            search, removed = backward(search)
+            search, removed = backward_step(search)
             if removed:
-                before, left = left, len(search.named)
-                if left <= before:
+                before, remaining = remaining, len(search.named)
+                if remaining <= before:
                     break
     return search
 
 
-def begun(search: Search) -> Search:
-    """The beginning of that, as long as it is quick: beside several causes each further one takes as long."""
-    return grown(search, SEVERAL)
+def start_selection(search: Search) -> Search:
+    """The quick beginning of the selection: beside several causes each further one takes as long."""
+    return select_forward(search, SEVERAL_CAUSES)
 
 
-def grown_on(search: Search) -> Search:
-    """All of the first part from its beginning on, which has ended by itself where it has fewer causes."""
-    return grown(search) if len(search.fit.point.active) >= SEVERAL else search
+def continue_selection(search: Search) -> Search:
+    """The rest of `select_forward`, unless `start_selection` ended by itself with fewer causes."""
+    return select_forward(search) if len(search.fit.point.active) >= SEVERAL_CAUSES else search
 
 
-def gone_on(search: Search) -> Search:
-    """The whole search from its beginning on."""
-    return finished(grown_on(search))
+def resume_search(search: Search) -> Search:
+    """The rest of a search after `start_selection`."""
+    return refine_selection(continue_selection(search))
 
 
-def known_after_all(search: Search) -> tuple[Search, bool]:
-    """The search without what was called unknown, where it is not the next step beside the causes that were
-    found since."""
+def reconsider_unknown(search: Search) -> tuple[Search, bool]:
+    """The search without what was called unknown where it would not be taken again beside the causes found
+    since; also whether that is so."""
     if not search.unknown or not search.fit.point.active or search.problem.change is not None:
         return search, False
-    bare = beside_unknown(search, {}, search.fit.point)
-    bare.rivals, bare.failed = search.rivals, dict(search.failed)
-    following, _ = forward(bare)
+    bare = refit_beside_unknown(search, {}, search.fit.point)
+    bare.rivals, bare.rejections = search.rivals, dict(search.rejections)
+    following, _ = forward_step(bare)
     return (search, False) if following.unknown else (following, True)
 
 
-def whole(start: Search) -> Search:
+def run_search(start: Search) -> Search:
     """The whole search, from its start to a set of causes that is stable in both directions."""
-    return finished(grown(start))
+    return refine_selection(select_forward(start))
 
 
-def finished(search: Search) -> Search:
-    """The rest of a search: sets of causes that explain more, until one is stable."""
-    search, known = known_after_all(search)
+def refine_selection(search: Search) -> Search:
+    """The rest of a search after `select_forward`: other sets of causes, elimination, rivals."""
+    search, known = reconsider_unknown(search)
     if known:
-        search = grown(search)
-    search, replaced = simplified(search)
+        search = select_forward(search)
+    search, replaced = simplify_to_one_cause(search)
     if replaced:
-        search, _ = forward(search)
+        search, _ = forward_step(search)
     tell(f"trying other sets of causes than {search.listed}")
-    search, changed = rearranged(search)
+    search, changed = replace_by_better_sets(search)
     if changed:
-        search = grown(search)
-    search = _stable(search)
+        search = select_forward(search)
+    search = _eliminate(search)
     tell(f"asking what else may be in the place of {search.listed}")
-    better, before = compared(search), frozenset(search.fit.point.active)
+    better, before = compare_rivals(search), frozenset(search.fit.point.active)
     if better is not None:
-        search = _stable(grown(replaced_by(search, better)))
-        again = compared(search)
-        if again is not None and before == frozenset(again.point.active):
-            as_likely(search, before)
-    return _credible(search)
+        search = _eliminate(select_forward(replace_set(search, better)))
+        back = compare_rivals(search)
+        if back is not None and before == frozenset(back.point.active):
+            mark_as_likely(search, before)
+    return _drop_outperformed(search)
 
 
-def _credible(search: Search) -> Search:
-    """Without a cause whose place something else would fill better: what needs more to be named, as friction
-    of one wheel does, which a floor imitates. It is nearer to what is there than the cause, named or not.
+def _drop_outperformed(search: Search) -> Search:
+    """Drop each cause in whose place a rival explains more but lacks its own gate, as friction of one wheel
+    does, which a floor imitates: the rival is nearer to the truth than the cause, named or not.
 
-    Where that something is named once the place is free, and the cause beside it again, both are there.
+    Where the rival is named once its place is free, and the cause beside it again, both are there.
     """
     seen = set()
     while True:
         seen.add(frozenset(search.fit.point.active))
-        places = {name: [each for each in its if not each.beside] for name, its in search.rivals.items()}
-        best = {name: min(its, key=lambda each: each.lead) for name, its in places.items() if its}
+        instead = {name: [one for one in all_ if not one.beside] for name, all_ in search.rivals.items()}
+        best = {name: min(found, key=lambda one: one.lead) for name, found in instead.items() if found}
         worst = min(best, key=lambda name: best[name].lead, default=None)
-        if worst is None or best[worst].lead > -OUTDONE:
+        if worst is None or best[worst].lead > -OUTPERFORMED_LEAD:
             return search
-        search.failed[worst] = "something that explains too little itself explains it better"
-        less = accepted_without(search, worst, _dropped(search, settled_fit(search), worst))
-        filled = grown(less)
+        search.rejections[worst] = "something that explains too little itself explains it better"
+        less = drop_cause(search, worst, _fit_without_cause(search, refit_current(search), worst))
+        filled = select_forward(less)
         named = frozenset(filled.fit.point.active)
         both = best[worst].name in named and named not in seen
-        search = _stable(filled if both or worst not in named else less)
-        compared(search)
+        search = _eliminate(filled if both or worst not in named else less)
+        compare_rivals(search)
 
 
-def _stable(search: Search) -> Search:
-    """Nothing to be merged, nothing to be dropped."""
-    search = merged(search)
-    return backward(search)[0] if search.fit.point.active else search
+def _eliminate(search: Search) -> Search:
+    """Merge sides, then drop one cause that no longer passes its gates."""
+    search = merge_sides(search)
+    return backward_step(search)[0] if search.fit.point.active else search

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.fit.linear_model import Group
-from raccoon.diagnose.select.gates import gates
+from raccoon.diagnose.select.gates import total_gate
 from raccoon.diagnose.select.state import Search
 
 Array = NDArray[np.float64]
-Chosen = frozenset[int]
+MemberSet = frozenset[int]
 
-STEPS = 12
+MAX_CLIMB_STEPS = 12
 """Most steps of one climb."""
 
 
@@ -36,15 +36,15 @@ class Member:
 
 
 @dataclass(slots=True)
-class Sets:
+class SetScorer:
     """The linear model, what robot.toml leaves open eliminated, and the scores that were computed."""
 
     rest: Gram
     members: tuple[Member, ...]
-    scores: dict[Chosen, float] = field(default_factory=dict)
+    scores: dict[MemberSet, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, search: Search) -> Sets:
+    def of(cls, search: Search) -> SetScorer:
         """Every cause that is on, then every variant of every cause that is off."""
         table, causes = search.table, search.problem.causes
         found = [
@@ -64,11 +64,11 @@ class Sets:
             position += len(span)
         return cls(rest, tuple(members))
 
-    def names(self, chosen: Chosen) -> frozenset[str]:
+    def names(self, chosen: MemberSet) -> frozenset[str]:
         """The causes of a set."""
         return frozenset(self.members[each].name for each in chosen)
 
-    def solve(self, chosen: Chosen) -> tuple[Array, float]:
+    def solve(self, chosen: MemberSet) -> tuple[Array, float]:
         """Coordinates of the members in their order, and log evidence; -inf where one has a wrong sign."""
         index = [i for each in sorted(chosen) for i in self.members[each].span]
         if not index:
@@ -80,15 +80,15 @@ class Sets:
             return mean, -np.inf
         return mean, float(0.5 * half @ half - np.log(np.diag(factor)).sum())
 
-    def score(self, chosen: Chosen) -> float:
+    def score(self, chosen: MemberSet) -> float:
         """Log evidence less the gates of all."""
         if chosen not in self.scores:
             self._score_all([chosen])
         return self.scores[chosen]
 
-    def _score_all(self, sets: Sequence[Chosen]) -> None:
+    def _score_all(self, sets: Sequence[MemberSet]) -> None:
         """What `score` says of each: those of as many columns are solved at once."""
-        alike: dict[int, list[tuple[Chosen, list[int]]]] = {}
+        alike: dict[int, list[tuple[MemberSet, list[int]]]] = {}
         for chosen in dict.fromkeys(each for each in sets if each not in self.scores):
             index = [i for each in sorted(chosen) for i in self.members[each].span]
             alike.setdefault(len(index), []).append((chosen, index))
@@ -102,9 +102,9 @@ class Sets:
             found = 0.5 * (halves[..., 0] ** 2).sum(axis=1) - np.log(diagonals).sum(axis=1)
             for (chosen, _), mean, evidence in zip(same, means, found, strict=True):
                 score = -np.inf if self._wrong_sign(chosen, mean) else float(evidence)
-                self.scores[chosen] = score - gates([self.members[each].name for each in chosen])
+                self.scores[chosen] = score - total_gate([self.members[each].name for each in chosen])
 
-    def _wrong_sign(self, chosen: Chosen, mean: Array) -> bool:
+    def _wrong_sign(self, chosen: MemberSet, mean: Array) -> bool:
         position = 0
         for each in sorted(chosen):
             if self.members[each].one_sided and mean[position] <= 0.0:
@@ -112,9 +112,9 @@ class Sets:
             position += len(self.members[each].span)
         return False
 
-    def climb(self, chosen: Chosen) -> None:
+    def climb(self, chosen: MemberSet) -> None:
         """Take the best step until none helps; every score on the way is kept."""
-        for _ in range(STEPS):
+        for _ in range(MAX_CLIMB_STEPS):
             steps = list(self._steps(chosen))
             self._score_all(steps)
             best = max(steps, key=self.score)
@@ -122,7 +122,7 @@ class Sets:
                 return
             chosen = best
 
-    def dropped(self, chosen: Chosen) -> Chosen:
+    def without_unneeded(self, chosen: MemberSet) -> MemberSet:
         """Without what is least worth its gate, one after the other."""
         while chosen:
             best = max((chosen - {out} for out in chosen), key=self.score)
@@ -131,9 +131,9 @@ class Sets:
             chosen = best
         return chosen
 
-    def best(self, count: int) -> list[Chosen]:
+    def best(self, count: int) -> list[MemberSet]:
         """The best of all sets that were scored; variants of the same causes count once."""
-        found: dict[frozenset[str], Chosen] = {}
+        found: dict[frozenset[str], MemberSet] = {}
         for each in sorted(self.scores, key=lambda each: -self.scores[each]):
             if np.isfinite(self.scores[each]):
                 found.setdefault(self.names(each), each)
@@ -141,28 +141,28 @@ class Sets:
                 break
         return list(found.values())
 
-    def _steps(self, chosen: Chosen) -> Iterator[Chosen]:
+    def _steps(self, chosen: MemberSet) -> Iterator[MemberSet]:
         for out in chosen:
             yield chosen - {out}
         for new in range(len(self.members)):
             if new in chosen:
                 continue
-            if self._fits(new, chosen):
+            if self._can_join(new, chosen):
                 yield chosen | {new}
             for out in chosen:
-                if self._fits(new, chosen - {out}):
+                if self._can_join(new, chosen - {out}):
                     yield (chosen - {out}) | {new}
 
-    def _fits(self, new: int, chosen: Chosen) -> bool:
-        return apart(self.members[new].name, self.names(chosen))
+    def _can_join(self, new: int, chosen: MemberSet) -> bool:
+        return overlaps_none(self.members[new].name, self.names(chosen))
 
 
-def apart(name: str, others: Collection[str]) -> bool:
+def overlaps_none(name: str, others: Collection[str]) -> bool:
     """Whether a cause overlaps none of the others, so that it can be on beside them."""
-    return not any(overlap(name, each) for each in others)
+    return not any(causes_overlap(name, each) for each in others)
 
 
-def overlap(one: str, other: str) -> bool:
+def causes_overlap(one: str, other: str) -> bool:
     """Whether two causes are the same effect at places that overlap."""
     if one.partition("@")[0] != other.partition("@")[0]:
         return False

@@ -20,11 +20,11 @@ from raccoon.diagnose.hypotheses.coordinates import Settings
 
 Array = NDArray[np.float64]
 
-BLOCKS = 8
+HELD_OUT_BLOCKS = 8
 """Of time, of which each is foreseen by a fit of all others."""
-WANDER_PART = 0.15
+FINAL_WANDER_SHARE = 0.15
 """Part of the size of wandering friction that a last fit may use."""
-MOST_OF_EVENT = 4.0
+MAX_EVENT_LEAD = 4.0
 """Log evidence that half a second may give."""
 
 
@@ -58,11 +58,11 @@ class Search:
     whitener: Whitener
     linear: Linear
     table: Table
-    plain: Table
-    gains: dict[str, float] = field(default_factory=dict)
-    held_out: dict[str, float] = field(default_factory=dict)
+    table_without_wander: Table
+    leads: dict[str, float] = field(default_factory=dict)
+    held_out_leads: dict[str, float] = field(default_factory=dict)
     rivals: dict[str, list[Rival]] = field(default_factory=dict)
-    failed: dict[str, str] = field(default_factory=dict)
+    rejections: dict[str, str] = field(default_factory=dict)
     unknown: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -76,14 +76,14 @@ class Search:
         return ", ".join(self.named) or "none"
 
 
-def blocks_of(fit: Fit) -> list[Gram]:
+def block_grams(fit: Fit) -> list[Gram]:
     """Gram numbers of a fit by blocks of time."""
     target, columns = fit.target, fit.jacobian[fit.free]
-    return [Gram.of(columns[:, part].T, target[part]) for part in parts_of(len(target), BLOCKS)]
+    return [Gram.of(columns[:, part].T, target[part]) for part in parts_of(len(target), HELD_OUT_BLOCKS)]
 
 
 @dataclass(frozen=True, slots=True)
-class Foretold:
+class HeldOutPrediction:
     """How a fit does on data that it has not seen. left (rows,): whitened residual of each block of time, as
     all others foresee it. bent: what it pays for bending what robot.toml says with a standard deviation,
     which is data as well."""
@@ -92,15 +92,15 @@ class Foretold:
     bent: float
 
     @classmethod
-    def of(cls, fit: Fit) -> Foretold:
+    def of(cls, fit: Fit) -> HeldOutPrediction:
         """Of a fit."""
         base = fit.point.base
-        return cls(foreseen(fit.jacobian[fit.free], fit.target, BLOCKS), 0.5 * float(base @ base))
+        return cls(foreseen(fit.jacobian[fit.free], fit.target, HELD_OUT_BLOCKS), 0.5 * float(base @ base))
 
 
-def held_out_lead(problem: Problem, one: Foretold, other: Foretold) -> float:
-    """Log predictive score of one fit over another; no half second counts for more than in `lead`."""
-    return other.bent - one.bent + float(_limited(_by_events(problem, one.left, other.left)).sum())
+def held_out_lead(problem: Problem, one: HeldOutPrediction, other: HeldOutPrediction) -> float:
+    """Log predictive score of one fit over another; each half second is clipped as in `log_evidence_lead`."""
+    return other.bent - one.bent + float(_clip_events(_lead_by_event(problem, one.left, other.left)).sum())
 
 
 def start_search(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
@@ -114,10 +114,10 @@ def start_search(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) 
     linear = linearise(problem, problem.nominal(), causes, sizes=1)
     whitener = whitener_for(problem, linear, probes(linear), None)
     fit = fit_point(problem, whitener, _fit_of(problem, linear, whitener))
-    return look_around(problem, probes, fit.point, whitener)
+    return linearise_search(problem, probes, fit.point, whitener)
 
 
-def look_around(
+def linearise_search(
     problem: Problem,
     probes: Callable[[Linear], Sequence[Group]],
     point: Point,
@@ -139,14 +139,14 @@ def _fit_of(problem: Problem, linear: Linear, whitener: Whitener) -> Fit:
     return Fit.of(problem, linear.point, white[0], white[1:])
 
 
-def estimated(search: Search) -> Search:
+def refit_with_final_noise(search: Search) -> Search:
     """The same causes fitted once more, now that the search is over: nothing that an effect does counts as
     noise."""
     problem, extra = search.problem, search.probes(search.linear)
     unknown = tuple(search.unknown)
     whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
     search = replace(search, whitener=whitener)
-    steady = steadied(search)
+    steady = final_fit_whitener(search)
     point = fit_scanned(problem, steady, _fit_of(problem, search.linear, steady), last=True).point
     fit = fit_at(problem, whitener, point)
     residual = problem.features.measured - problem.predict([fit.point])[0]
@@ -154,27 +154,27 @@ def estimated(search: Search) -> Search:
     return replace(search, fit=fit, linear=linear)
 
 
-def steadied(search: Search) -> Whitener:
+def final_fit_whitener(search: Search) -> Whitener:
     """The noise of a last fit, which friction that wanders may explain only in part.
 
     Wandering friction of its whole size also takes the constant part of a friction that is off. What is left
     to decide the friction then are stops, whose form no model has quite right.
     """
-    return search.whitener if search.unknown else search.whitener.with_part(WANDER_PART)
+    return search.whitener if search.unknown else search.whitener.with_part(FINAL_WANDER_SHARE)
 
 
-Screened = list[tuple[float, Group, Array]]
+Screening = list[tuple[float, Group, Array]]
 
 
-def screen(search: Search, table: Table | None = None, held: bool = False) -> Screened:
+def screen_groups(search: Search, table: Table | None = None, hold_bounds: bool = False) -> Screening:
     """Evidence that each cause that is off would add, by the linear model; best first.
 
     held: what a bound holds stays there; else it goes where it is best beside each.
     """
     table = search.table if table is None else table
     limits, spans = search.problem.limits(search.fit.point), [span for _, span in table.off]
-    stays = held or bool(search.fit.free.all())
-    solved = _beside_held(search, table) if stays else table.whole.beside_bounded(*limits, spans)
+    stays = hold_bounds or bool(search.fit.free.all())
+    solved = _solve_beside_held(search, table) if stays else table.whole.beside_bounded(*limits, spans)
     found = [
         (gain, group, mean)
         for (group, _), (mean, gain) in zip(table.off, solved, strict=True)
@@ -184,7 +184,7 @@ def screen(search: Search, table: Table | None = None, held: bool = False) -> Sc
     return found
 
 
-def _beside_held(search: Search, table: Table) -> Iterator[tuple[Array, float]]:
+def _solve_beside_held(search: Search, table: Table) -> Iterator[tuple[Array, float]]:
     """Coordinates of each group that is off, and the log evidence that it adds to all that is on."""
     free = search.fit.free
     always = [int(i) for i in np.flatnonzero(free)]
@@ -199,23 +199,23 @@ def _beside_held(search: Search, table: Table) -> Iterator[tuple[Array, float]]:
         yield mean, gain
 
 
-def lead(problem: Problem, fit: Fit, other: Fit) -> float:
+def log_evidence_lead(problem: Problem, fit: Fit, other: Fit) -> float:
     """Log evidence of `fit` over `other`, of which no half second may count for more than a little.
 
     A wheel that breaks loose a moment too late is a large error of one moment, and any parameter that shifts
     that moment would seem to explain much. What a cause really does, it does again and again.
     """
     told = problem.told_of(fit.point) - problem.told_of(other.point)
-    return told + fit.evidence - other.evidence - excess(problem, fit.white, other.white)
+    return told + fit.evidence - other.evidence - event_excess(problem, fit.white, other.white)
 
 
-def worth(problem: Problem, fit: Fit, less: Fit) -> float:
-    """`lead` of a fit over one without some of its causes, in which all the others are equally sure.
+def nested_lead(problem: Problem, fit: Fit, less: Fit) -> float:
+    """`log_evidence_lead` of a fit over one without some of its causes, with all the others equally certain.
 
     How sure they are is in their columns at either point. Beside wheels with play, whose response is a
     staircase, it differs from stair to stair by several of log evidence, which are no merit of a cause.
     """
-    ahead = lead(problem, fit, less)
+    ahead = log_evidence_lead(problem, fit, less)
     if not (fit.sound and less.sound):
         return ahead
     spans = fit.point.spans()
@@ -226,18 +226,18 @@ def worth(problem: Problem, fit: Fit, less: Fit) -> float:
     return ahead + 0.5 * float(here - there)
 
 
-def excess(problem: Problem, white: Array, other: Array) -> float:
+def event_excess(problem: Problem, white: Array, other: Array) -> float:
     """Log evidence of one whitened residual over another beyond what single events may give."""
-    events = _by_events(problem, white, other)
-    return float((events - _limited(events)).sum())
+    events = _lead_by_event(problem, white, other)
+    return float((events - _clip_events(events)).sum())
 
 
-def _by_events(problem: Problem, white: Array, other: Array) -> Array:
+def _lead_by_event(problem: Problem, white: Array, other: Array) -> Array:
     """Log likelihood of one whitened residual over another by half seconds."""
     gains, features = 0.5 * (other**2 - white**2), problem.features
     return np.add.reduceat(gains, np.arange(0, len(gains), features.event * features.measured.shape[1]))
 
 
-def _limited(events: Array) -> Array:
+def _clip_events(events: Array) -> Array:
     """None beyond what a half second may give."""
-    return np.clip(events, -MOST_OF_EVENT, MOST_OF_EVENT)
+    return np.clip(events, -MAX_EVENT_LEAD, MAX_EVENT_LEAD)

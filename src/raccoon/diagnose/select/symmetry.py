@@ -23,14 +23,14 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, cause_name
-from raccoon.diagnose.select.set_scoring import apart
+from raccoon.diagnose.select.set_scoring import overlaps_none
 
 Array = NDArray[np.float64]
-Line = Mapping[tuple[str, str], float]
+SymmetryLine = Mapping[tuple[str, str], float]
 
 INERTIA = "drive.inertia"
 """The cause of both numbers that robot.toml has of it."""
-BACK_EMF: Line = {
+BACK_EMF_LINE: SymmetryLine = {
     ("motor.back_emf_constant", "factor"): 1.0,
     ("drive.track_width", "factor"): -1.0,
     ("inertia", "straight"): 2.0,
@@ -51,8 +51,8 @@ BACK_EMF: Line = {
     ("drive.backlash", "angle"): -1.0,
 }
 """Along which K_E of both motors changes."""
-LINES: tuple[Line, ...] = (
-    BACK_EMF,
+SYMMETRY_LINES: tuple[SymmetryLine, ...] = (
+    BACK_EMF_LINE,
     {
         ("motor.armature_resistance", "factor"): 1.0,
         ("battery.internal_resistance", "resistance"): 1.0,
@@ -77,53 +77,55 @@ LINES: tuple[Line, ...] = (
 )  # fmt: skip
 """Power with which each parameter follows. Friction that differs by direction is counted in parts of a usual
 robot's friction, and so as a torque."""
-LEFT_OPEN = 2.5
+MAX_OPEN_STDS = 2.5
 """Standard deviations of robot.toml up to which a number is left to it, and no cause."""
-LEAST, MOST = 0.01, 0.5
+MIN_LOG_FACTOR, MAX_LOG_FACTOR = 0.01, 0.5
 """Of the logarithm of the factor along a line: less is the same set, and more no robot."""
 
 
-def same_drives(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
+def exact_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
     """Each cause that is on, and a point without it that is the same drive, for each line that has one."""
     for name in point.active:
-        for line in LINES:
-            factor = _factor(problem, point, name, line)
-            if LEAST < abs(math.log(factor)) < MOST:
-                other = along(problem, point, line, factor)
+        for line in SYMMETRY_LINES:
+            factor = _factor_to_nominal(problem, point, name, line)
+            if MIN_LOG_FACTOR < abs(math.log(factor)) < MAX_LOG_FACTOR:
+                other = move_along_line(problem, point, line, factor)
                 if other is not None and name not in other.active:
                     yield name, other
 
 
-def relieved(problem: Problem, point: Point, deviations: float) -> Iterator[tuple[str, Point]]:
+def causes_of_strained_numbers(
+    problem: Problem, point: Point, deviations: float
+) -> Iterator[tuple[str, Point]]:
     """Each cause that is off and whose numbers are all bent one way by more than that many of robot.toml's
     standard deviations, and the same drive with the cause on instead."""
     for name, cause in problem.causes.items():
         own = cause.coordinates
-        if len(own) > 1 or not apart(name, point.active):
+        if len(own) > 1 or not overlaps_none(name, point.active):
             continue
-        indices = _numbers_of(problem, cause)
+        indices = _base_indices_of(problem, cause)
         bent = point.base[indices]
         if indices and (np.all(bent > deviations) or np.all(bent < -deviations)):
             base, active = point.base.copy(), dict(point.active)
-            _on(problem, active, [name], indices, base)
+            _move_mean_to_cause(problem, active, [name], indices, base)
             yield name, problem.inside(Point(base, active))
 
 
-def _numbers_of(problem: Problem, cause: Cause) -> list[int]:
+def _base_indices_of(problem: Problem, cause: Cause) -> list[int]:
     """The base numbers that a cause changes alike: of one wheel, or of both without what each has beyond."""
     return [
         index
         for index, each in enumerate(problem.base)
-        if id_of(each) == cause.id
+        if cause_id_of(each) == cause.id
         and (
-            not is_own(problem, index)
+            not is_wheel_offset(problem, index)
             if cause.where is None
             else {place for _, place, _ in each.settings} == {cause.where}
         )
     ]
 
 
-def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | None:
+def move_along_line(problem: Problem, point: Point, line: SymmetryLine, factor: float) -> Point | None:
     """The same drive, every parameter of a line times the factor to its power. None where what is needed for
     that is not among the causes.
 
@@ -134,30 +136,30 @@ def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | 
     base, active = point.base.copy(), dict(point.active)
     moved: dict[str, list[int]] = {}
     for index, each in enumerate(problem.base):
-        power = _power(line, each)
-        if power and is_own(problem, index):
+        power = _exponent(line, each)
+        if power and is_wheel_offset(problem, index):
             base[index] *= 1.0 if each.factor else factor**power
         elif power:
-            base[index] = _times(problem, each, total_of(problem, point, index), factor**power)
-            moved.setdefault(id_of(each), []).append(index)
+            base[index] = _multiply_number(problem, each, total_stds(problem, point, index), factor**power)
+            moved.setdefault(cause_id_of(each), []).append(index)
     for name, u in point.active.items():
         cause = problem.causes[name]
-        its = {each for index in moved.get(cause.id, ()) for each in _causes(problem, index)}
+        its = {each for index in moved.get(cause.id, ()) for each in _causes_moving(problem, index)}
         if not its or not (name in its or cause.coordinates[0].factor):
-            active[name] = _scaled(cause, u, line, factor)
+            active[name] = _scale_effect(cause, u, line, factor)
     for id_, indices in moved.items():
-        if not _shared(problem, active, id_, indices, base):
+        if not _share_with_causes(problem, active, id_, indices, base):
             return None
     return problem.inside(Point(base, active))
 
 
-def _factor(problem: Problem, point: Point, name: str, line: Line) -> float:
+def _factor_to_nominal(problem: Problem, point: Point, name: str, line: SymmetryLine) -> float:
     """The factor along a line at which what a cause changes is nominal again; 1 where there is none."""
     for index, each in enumerate(problem.base):
-        power = _power(line, each)
-        if not power or is_own(problem, index) or name not in _causes(problem, index):
+        power = _exponent(line, each)
+        if not power or is_wheel_offset(problem, index) or name not in _causes_moving(problem, index):
             continue
-        total = total_of(problem, point, index)
+        total = total_stds(problem, point, index)
         if each.factor:
             return math.exp(-total * math.log(each.value(1.0)) / power)
         nominal = problem.neutral[each.settings[0]]
@@ -166,52 +168,52 @@ def _factor(problem: Problem, point: Point, name: str, line: Line) -> float:
     return 1.0
 
 
-def _power(line: Line, coordinate: Coordinate) -> float:
+def _exponent(line: SymmetryLine, coordinate: Coordinate) -> float:
     id_, _, parameter = coordinate.settings[0]
     return line.get((id_, parameter), 0.0)
 
 
-def is_own(problem: Problem, index: int) -> bool:
+def is_wheel_offset(problem: Problem, index: int) -> bool:
     """Whether a base coordinate is only what one wheel has beyond a number of both, another coordinate."""
     settings = set(problem.base[index].settings)
     return any(settings < set(each.settings) for each in problem.base)
 
 
-def id_of(coordinate: Coordinate) -> str:
+def cause_id_of(coordinate: Coordinate) -> str:
     """The id of the cause that moves what a base coordinate moves."""
     id_ = coordinate.settings[0][0]
     return INERTIA if id_ == "inertia" else id_
 
 
-def _causes(problem: Problem, index: int) -> list[str]:
+def _causes_moving(problem: Problem, index: int) -> list[str]:
     """The causes that move all that a base coordinate moves."""
     each = problem.base[index]
     places = {place for _, place, _ in each.settings}
     where = next(iter(places)) if len(places) == 1 else None
     return [
         name
-        for name in dict.fromkeys((id_of(each), cause_name(id_of(each), where)))
+        for name in dict.fromkeys((cause_id_of(each), cause_name(cause_id_of(each), where)))
         if name in problem.causes
     ]
 
 
-def total_of(problem: Problem, point: Point, index: int) -> float:
+def total_stds(problem: Problem, point: Point, index: int) -> float:
     """How far a number is from robot.toml's in all, in its standard deviations."""
     each, total = problem.base[index], float(point.base[index])
-    for name in _causes(problem, index):
+    for name in _causes_moving(problem, index):
         if name in point.active:
-            total += _as_base(each, problem.causes[name].coordinates[0], float(point.active[name][0]))
+            total += _in_base_units(each, problem.causes[name].coordinates[0], float(point.active[name][0]))
     return total
 
 
-def _as_base(base: Coordinate, cause: Coordinate, u: float) -> float:
+def _in_base_units(base: Coordinate, cause: Coordinate, u: float) -> float:
     """A cause's coordinate in the units of a base coordinate."""
     if base.factor:
         return math.log(cause.value(u)) / math.log(base.value(1.0))
     return (cause.from_zero * u if cause.factor else cause.value(u)) / base.value(1.0)
 
 
-def _times(problem: Problem, each: Coordinate, total: float, factor: float) -> float:
+def _multiply_number(problem: Problem, each: Coordinate, total: float, factor: float) -> float:
     """Where a base coordinate is when its number is that many times what it was."""
     if each.factor:
         return total + math.log(factor) / math.log(each.value(1.0))
@@ -219,7 +221,7 @@ def _times(problem: Problem, each: Coordinate, total: float, factor: float) -> f
     return float((factor * (nominal + each.value(total)) - nominal) / each.value(1.0))
 
 
-def _scaled(cause: Cause, u: Array, line: Line, factor: float) -> Array:
+def _scale_effect(cause: Cause, u: Array, line: SymmetryLine, factor: float) -> Array:
     """Coordinates of an effect that a textbook robot has none of, its size times a factor to its power, and
     so its shape."""
     sizes = [factor ** line.get((cause.id, each.name), 0.0) for each in cause.effect.parameters]
@@ -233,31 +235,34 @@ def _scaled(cause: Cause, u: Array, line: Line, factor: float) -> Array:
     return np.asarray(u * sizes[: len(u)], float)
 
 
-def _shared(
+def _share_with_causes(
     problem: Problem, active: dict[str, Array], id_: str, indices: Sequence[int], base: Array
 ) -> bool:
     """Share what numbers of one effect are off by between robot.toml's deviations and a cause; whether the
     cause that is needed is one that is asked for."""
     for index in indices:
-        for name in _causes(problem, index):
+        for name in _causes_moving(problem, index):
             active.pop(name, None)
-    off = [index for index in indices if abs(base[index]) > LEFT_OPEN]
+    off = [index for index in indices if abs(base[index]) > MAX_OPEN_STDS]
     if not off:
         return True
-    alone = len(indices) > 1 and (len(off) == 1 or np.ptp(base[indices]) > 2.0 * LEFT_OPEN)
+    alone = len(indices) > 1 and (len(off) == 1 or np.ptp(base[indices]) > 2.0 * MAX_OPEN_STDS)
     if alone and id_ != INERTIA:
-        return all(_on(problem, active, _causes(problem, each)[-1:], [each], base) for each in off)
-    return _on(problem, active, _causes(problem, off[0])[:1], indices, base)
+        return all(
+            _move_mean_to_cause(problem, active, _causes_moving(problem, each)[-1:], [each], base)
+            for each in off
+        )
+    return _move_mean_to_cause(problem, active, _causes_moving(problem, off[0])[:1], indices, base)
 
 
-def _on(
+def _move_mean_to_cause(
     problem: Problem, active: dict[str, Array], names: Sequence[str], indices: Sequence[int], base: Array
 ) -> bool:
     """Put what these have in common into the first of the causes."""
     if not names:
         return False
     own = problem.causes[names[0]].coordinates[0]
-    widths = np.array([_as_base(problem.base[index], own, 1.0) for index in indices])
+    widths = np.array([_in_base_units(problem.base[index], own, 1.0) for index in indices])
     common = float(np.mean(base[list(indices)] / widths))
     active[names[0]] = np.array([common])
     base[list(indices)] -= common * widths

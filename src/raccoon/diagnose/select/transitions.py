@@ -1,4 +1,4 @@
-"""From one state of the search to the next: a cause taken, a cause dropped, another set in its place."""
+"""Transitions of the search from one set of causes to another, after which it is linearised anew."""
 
 from __future__ import annotations
 
@@ -6,57 +6,71 @@ from collections.abc import Sequence
 
 from raccoon.diagnose.fit.backlash_scan import fit_scanned
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_many
+from raccoon.diagnose.fit.fitting import fit_many, fit_point
+from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
-from raccoon.diagnose.select.state import Rival, Search, lead, look_around
+from raccoon.diagnose.select.state import Rival, Search, linearise_search, log_evidence_lead
 
-BETTER_TOGETHER = "others explain it better together"
-"""Why a cause is not named that would be without them."""
+EXPLAINED_BETTER_TOGETHER = "others explain it better together"
+"""Reason of a rejection: the other causes explain together what this one did."""
 
 
-def accepted(search: Search, name: str, fit: Fit, ranked: Sequence[tuple[str, Fit, float]] = ()) -> Search:
-    """A cause taken, and all fitted on. ranked: what was tried in its place, of which those are its rivals
-    that explain enough to be named.
+def accept_cause(
+    search: Search, name: str, fit: Fit, ranked: Sequence[tuple[str, Fit, float]] = ()
+) -> Search:
+    """Take a cause and refit everything. ranked: what was tried in its place; what of it passes the usual
+    gate is noted as its rivals.
 
-    With a scan of play: on a stair that was a tenth too wide four other causes were named, and one was not.
+    The refit scans backlash: on a stair that was a tenth too wide four other causes were named, and one was
+    not.
     """
     rivals = [
-        Rival(other, lead(search.problem, fit, each))
+        Rival(other, log_evidence_lead(search.problem, fit, each))
         for other, each, gain in ranked
         if other != name and gain > EVIDENCE_GATE
     ]
-    again = fit_scanned(search.problem, search.whitener, fit.point)
-    return moved(search, again, {**search.rivals, name: rivals})
+    refit = fit_scanned(search.problem, search.whitener, fit.point)
+    return move_search(search, refit, {**search.rivals, name: rivals})
 
 
-def accepted_without(search: Search, name: str, fit: Fit) -> Search:
-    """A cause dropped. fit: the one without it."""
-    return moved(search, fit, {key: value for key, value in search.rivals.items() if key != name})
+def drop_cause(search: Search, name: str, fit: Fit) -> Search:
+    """Drop a cause. fit: the one without it."""
+    return move_search(search, fit, {key: value for key, value in search.rivals.items() if key != name})
 
 
-def replaced_by(search: Search, fit: Fit) -> Search:
-    """Another set of causes in the place of the one that is on."""
+def replace_set(search: Search, fit: Fit) -> Search:
+    """Replace the active set of causes by that of a fit."""
     gone = [name for name in search.fit.point.active if name not in fit.point.active]
-    search.failed.update(dict.fromkeys(gone, BETTER_TOGETHER))
+    search.rejections.update(dict.fromkeys(gone, EXPLAINED_BETTER_TOGETHER))
     rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
-    return moved(search, fit, rivals)
+    return move_search(search, fit, rivals)
 
 
-def moved(search: Search, fit: Fit, rivals: dict[str, list[Rival]]) -> Search:
-    """The search from a fit's point on; what failed before is remembered."""
-    following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
-    following.rivals, following.failed = rivals, search.failed
-    for now, before in ((following.gains, search.gains), (following.held_out, search.held_out)):
-        now.update({name: each for name, each in before.items() if name in fit.point.active})
+def move_search(search: Search, fit: Fit, rivals: dict[str, list[Rival]]) -> Search:
+    """Linearise the search at a fit's point; rejections, leads and held-out leads are carried over."""
+    following = linearise_search(search.problem, search.probes, fit.point, search.whitener, search.unknown)
+    following.rivals, following.rejections = rivals, search.rejections
+    for carried, before in (
+        (following.leads, search.leads),
+        (following.held_out_leads, search.held_out_leads),
+    ):
+        carried.update({name: each for name, each in before.items() if name in fit.point.active})
     return following
 
 
-def settled_fit(search: Search) -> Fit:
-    """The present causes fitted on, which every other fit is compared with."""
+def refit_beside_unknown(search: Search, unknown: dict[str, float], point: Point) -> Search:
+    """The search at a point that is refitted with the curves of these probes as part of the noise."""
+    following = linearise_search(search.problem, search.probes, point, search.whitener, unknown)
+    refit = fit_point(search.problem, following.whitener, point)
+    return linearise_search(search.problem, search.probes, refit.point, following.whitener, unknown)
+
+
+def refit_current(search: Search) -> Fit:
+    """The active causes refitted a little further: the fit that every other is compared with."""
     return fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
 
 
-def rows_without(search: Search, name: str) -> list[int]:
-    """Rows of the fit's Jacobian but those of a cause that is on."""
+def jacobian_rows_without(search: Search, name: str) -> list[int]:
+    """Rows of the fit's Jacobian without those of an active cause."""
     gone = search.table.active[name]
     return [row for row in range(len(search.fit.jacobian)) if row not in gone]

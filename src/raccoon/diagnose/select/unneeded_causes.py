@@ -9,16 +9,16 @@ from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.search import required_evidence
-from raccoon.diagnose.select.state import Search, worth
-from raccoon.diagnose.select.transitions import settled_fit
+from raccoon.diagnose.select.state import Search, nested_lead
+from raccoon.diagnose.select.transitions import refit_current
 
-DOUBT = 25.0
+MAX_DOUBTED_EXCESS = 25.0
 """Log evidence beyond what it must have up to which a cause is asked again."""
-STARTS = ((1.0, 1.0), (1.0, 0.9), (0.5, 1.0))
+START_SCALES = ((1.0, 1.0), (1.0, 0.9), (0.5, 1.0))
 """Parts of what base numbers and the other causes are off by, from which they are fitted without it."""
 
 
-def spare(search: Search) -> tuple[str, Fit] | None:
+def find_unneeded_cause(search: Search) -> tuple[str, Fit] | None:
     """The cause of an estimated search that lacks most of what it must have, and the fit without it; None
     where all are needed.
 
@@ -30,16 +30,20 @@ def spare(search: Search) -> tuple[str, Fit] | None:
     if not play_of(point):
         return None
     needs = {each: required_evidence(search, each, len(point.active) == 1) for each in point.active}
-    asked = [name for name, needed in needs.items() if search.gains.get(name, needed) - needed < DOUBT]
+    asked = [
+        name for name, needed in needs.items() if search.leads.get(name, needed) - needed < MAX_DOUBTED_EXCESS
+    ]
     if not asked:
         return None
 
     def best(starts: Iterable[Point]) -> Fit:
         return min((fit_point(problem, whitener, start) for start in starts), key=lambda fit: fit.cost)
 
-    settled = settled_fit(search)
+    settled = refit_current(search)
     settled = best([settled.point, settled.point.nearer(0.5)])
-    without = {name: best(point.without_cause(name).nearer(*parts) for parts in STARTS) for name in asked}
-    lacks = {name: needs[name] - worth(problem, settled, fit) for name, fit in without.items()}
+    without = {
+        name: best(point.without_cause(name).nearer(*parts) for parts in START_SCALES) for name in asked
+    }
+    lacks = {name: needs[name] - nested_lead(problem, settled, fit) for name, fit in without.items()}
     most = max(lacks, key=lambda name: lacks[name])
     return (most, without[most]) if lacks[most] > 0.0 else None

@@ -8,9 +8,9 @@ from dataclasses import replace
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.linear_model import Linear
 from raccoon.diagnose.result import Diagnosis
-from raccoon.diagnose.select.gates import CROWDED
-from raccoon.diagnose.select.probe_scores import best_probe
-from raccoon.diagnose.select.state import Search, lead, look_around
+from raccoon.diagnose.select.gates import CROWDED_CAUSES
+from raccoon.diagnose.select.probe_scores import find_best_probe
+from raccoon.diagnose.select.state import Search, linearise_search, log_evidence_lead
 from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME, make_probe_function
 from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX, Probe
 
@@ -33,7 +33,7 @@ def friction_may_have_changed(found: Diagnosis, is_clearly_heating: Callable[[],
     room: of a deadband's 22.7 beside four causes on 12 s 19.8 were left. Beside a crowd of causes their forms
     are as far off, and the whole search with the probe takes as long again.
     """
-    if len(found.causes) >= CROWDED:
+    if len(found.causes) >= CROWDED_CAUSES:
         return False
     wheels = [each for each in found.channels if each.name.startswith("motor.")]
     if any(each.rmse_after > MIN_NOISE_RATIO * each.noise_floor for each in wheels):
@@ -58,6 +58,9 @@ def is_clearly_heating(search: Search) -> bool:
     for name in heating:
         point = point.without_cause(name)
     unheated = fit_point(problem, search.whitener, point)
-    around = look_around(problem, friction_probe, unheated.point, search.whitener, search.unknown)
+    around = linearise_search(problem, friction_probe, unheated.point, search.whitener, search.unknown)
     heated, unheated = (fit_point(problem, around.whitener, each.point) for each in (search.fit, unheated))
-    return lead(problem, heated, unheated) > best_probe(around).lead + MAX_LOG_EVIDENCE_SHORTFALL
+    return (
+        log_evidence_lead(problem, heated, unheated)
+        > find_best_probe(around).lead + MAX_LOG_EVIDENCE_SHORTFALL
+    )

@@ -27,7 +27,7 @@ from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause, Settings
 from raccoon.diagnose.hypotheses.form_errors import form_error, least_error
 from raccoon.diagnose.rollout.encoder_window import WINDOW
-from raccoon.diagnose.select.rivals import BY_FORM, CLOSE
+from raccoon.diagnose.select.rivals import LEAD_PER_E_FOLD, MAX_CLASS_LEAD
 from raccoon.diagnose.select.state import Rival
 from unit.diagnose.searches import searched
 
@@ -227,10 +227,12 @@ def test_a_number_is_as_sure_as_what_it_would_be_beside_a_rival_of_another_cause
         return widen_for_rivals(search, cause, alone)["seconds"].std
 
     own = alone["seconds"].std
-    even, far = Rival("a", 0.0, settings=there), Rival("a", CLOSE, settings=there)
+    even, far = Rival("a", 0.0, settings=there), Rival("a", MAX_CLASS_LEAD, settings=there)
     assert std("imu.gyro_bias", even) ** 2 - own**2 == pytest.approx(0.5 * 0.02**2)
     behind = 1.0 / (1.0 + np.e)
-    assert std("imu.gyro_bias", replace(even, lead=BY_FORM)) ** 2 - own**2 == pytest.approx(behind * 0.02**2)
+    assert std("imu.gyro_bias", replace(even, lead=LEAD_PER_E_FOLD)) ** 2 - own**2 == pytest.approx(
+        behind * 0.02**2
+    )
     halves = (replace(even, together=("b",)), replace(even, name="b", together=("a",)))
     assert std("imu.gyro_bias", *halves) == pytest.approx(std("imu.gyro_bias", even))
     assert (

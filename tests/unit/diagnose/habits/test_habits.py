@@ -48,10 +48,10 @@ from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout.firmware import FIRMWARES, Firmware
 from raccoon.diagnose.rollout.plant_rollout import Habits, _cycle
-from raccoon.diagnose.select.alternative_sets import explains_more
-from raccoon.diagnose.select.gates import CROWDED
-from raccoon.diagnose.select.search import begun, grown_on, whole
-from raccoon.diagnose.select.state import Search, look_around
+from raccoon.diagnose.select.alternative_sets import lead_over_search
+from raccoon.diagnose.select.gates import CROWDED_CAUSES
+from raccoon.diagnose.select.search import continue_selection, run_search, start_selection
+from raccoon.diagnose.select.state import Search, linearise_search
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import median_step
@@ -201,14 +201,19 @@ def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
     second, _ = standing(columns, creeps, named)
     trials.started[creeps] = second
     monkeypatch.setattr("raccoon.diagnose.habits.alternatives.net_lead", lambda *_: MIN_LOG_EVIDENCE_LEAD)
-    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.explains_more", lambda *_: ahead)
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.lead_over_search", lambda *_: ahead)
     _, habits = adopt_if_ahead(
-        search, FIRMWARE, trials.running(begun), creeps, trials.problem_of(creeps), [search.fit.point]
+        search,
+        FIRMWARE,
+        trials.running(start_selection),
+        creeps,
+        trials.problem_of(creeps),
+        [search.fit.point],
     )
     assert (habits == creeps) is other
 
 
-@pytest.mark.parametrize("run_search", [grown_on, whole])
+@pytest.mark.parametrize("run_search", [continue_selection, run_search])
 def test_habits_are_asked_for_before_a_search_takes_longest(
     run_search: RunSearch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -220,17 +225,17 @@ def test_habits_are_asked_for_before_a_search_takes_longest(
         rests.append(search)
         return search
 
-    trials.started[creeps] = replace(search, failed={})
+    trials.started[creeps] = replace(search, rejections={})
     monkeypatch.setattr("raccoon.diagnose.habits.alternatives.net_lead", lambda *_: MIN_LOG_EVIDENCE_LEAD)
     monkeypatch.setattr(
-        "raccoon.diagnose.habits.alternatives.explains_more", lambda *_: MIN_LOG_EVIDENCE_LEAD + 1.0
+        "raccoon.diagnose.habits.alternatives.lead_over_search", lambda *_: MIN_LOG_EVIDENCE_LEAD + 1.0
     )
-    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.finished", rest)
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.refine_selection", rest)
     _, habits = adopt_if_ahead(
         search, FIRMWARE, trials.running(run_search), creeps, trials.problem_of(creeps), [search.fit.point]
     )
     assert habits == creeps
-    assert len(rests) == (run_search is whole)
+    assert len(rests) == (run_search is run_search)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -255,7 +260,7 @@ def test_beside_several_causes_habits_are_asked_for_once_more(
 
     steps = (step("chain", known_firmware=False), step("friction", known_firmware=True))
     monkeypatch.setattr("raccoon.diagnose.habits.habit_search.GROWN_STEPS", steps)
-    monkeypatch.setattr("raccoon.diagnose.habits.habit_search.grown_on", grown_on)
+    monkeypatch.setattr("raccoon.diagnose.habits.habit_search.continue_selection", grown_on)
     habits = replace(FIRMWARE, firmware=firmware)
     assert _grow(search, habits, HabitTrials(lambda _: pytest.fail("asked"))) == (search, habits)
     names = ["friction"] if firmware else ["chain", "friction"]
@@ -311,7 +316,7 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
     taken_for(known, monkeypatch)
     for steps in ("FIRST_STEPS", "GROWN_STEPS", "LAST_STEPS"):
         monkeypatch.setattr(f"raccoon.diagnose.habits.habit_search.{steps}", ())
-    for name in ("grown_on", "finished"):
+    for name in ("continue_selection", "refine_selection"):
         monkeypatch.setattr(f"raccoon.diagnose.habits.habit_search.{name}", lambda search: search)
     monkeypatch.setattr("raccoon.diagnose.habits.habit_search.with_lost_changes", lambda log, *_: log)
     for names, seconds in ((SEVERAL, swing_period(log)), (SEVERAL[:1], 0.0)):
@@ -320,9 +325,9 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
             point = start.fit.point
             for each in names:
                 point = point.with_cause(each, np.array([1.0]))
-            return look_around(start.problem, start.probes, point, start.whitener)
+            return linearise_search(start.problem, start.probes, point, start.whitener)
 
-        monkeypatch.setattr("raccoon.diagnose.habits.habit_search.begun", begun)
+        monkeypatch.setattr("raccoon.diagnose.habits.habit_search.start_selection", begun)
         _, habits, _ = search_with_habits(log, ROBOT, CAUSES, None)
         assert habits == replace(known, swing=seconds)
     said = habit_notes(replace(known, swing=swing_period(log)), (), NOTHING_FITTED)
@@ -364,16 +369,16 @@ def test_a_beginning_is_searched_once_and_handed_out_as_it_was(
         made.append(start)
         return start
 
-    monkeypatch.setattr("raccoon.diagnose.habits.trials.begun", begun)
+    monkeypatch.setattr("raccoon.diagnose.habits.trials.start_selection", begun)
     monkeypatch.setattr(
         "raccoon.diagnose.habits.trials.start_afresh", lambda its: search_at(its, its.nominal())
     )
     trials = HabitTrials(lambda _: problem)
     one = trials.start(FIRMWARE, problem)
-    one.failed["drive.inertia"] = "explains too little"
-    one.gains["drive.inertia"] = one.held_out["drive.inertia"] = 3.0  # as one that goes on with it does
+    one.rejections["drive.inertia"] = "explains too little"
+    one.leads["drive.inertia"] = one.held_out_leads["drive.inertia"] = 3.0  # as one that goes on with it does
     other = trials.start(FIRMWARE, problem)
-    assert [*other.failed, *other.gains, *other.held_out] == []
+    assert [*other.rejections, *other.leads, *other.held_out_leads] == []
     assert len(made) == 1
     others = [replace(FIRMWARE, swing=0.1 * each) for each in range(1, MAX_CACHED_STARTS + 1)]
     for each in (*others, others[0], FIRMWARE):  # which the last of the others took the place of
@@ -389,7 +394,7 @@ def test_a_beginning_that_ended_far_behind_with_the_same_cause_is_not_gone_on_wi
         return search_at(driven, driven.nominal().with_cause(name, np.array([u])))
 
     found = search("drive.inertia", 0.0)
-    near, far = (explains_more(search("drive.inertia", u), found) for u in (0.01, 1.0))
+    near, far = (lead_over_search(search("drive.inertia", u), found) for u in (0.01, 1.0))
     assert -MIN_LOG_EVIDENCE_LEAD < near < MIN_LOG_EVIDENCE_LEAD < 2.0 * MIN_LOG_EVIDENCE_LEAD < -far
     assert _ended_far_behind(search("drive.inertia", 1.0), found, 0.0)
     assert not _ended_far_behind(search("drive.inertia", 1.0), found, far)
@@ -400,11 +405,11 @@ def test_a_beginning_that_ended_far_behind_with_the_same_cause_is_not_gone_on_wi
 @pytest.mark.parametrize(
     ("named", "there", "ahead", "behind"),
     [
-        (CROWDED, CROWDED, -1.0, True),
-        (CROWDED, CROWDED, 1.0, False),
-        (CROWDED, CROWDED - 1, -1.0, False),
-        (CROWDED, 2, -HOPELESS_DEFICIT - 1.0, True),
-        (CROWDED - 1, CROWDED, -HOPELESS_DEFICIT - 1.0, False),
+        (CROWDED_CAUSES, CROWDED_CAUSES, -1.0, True),
+        (CROWDED_CAUSES, CROWDED_CAUSES, 1.0, False),
+        (CROWDED_CAUSES, CROWDED_CAUSES - 1, -1.0, False),
+        (CROWDED_CAUSES, 2, -HOPELESS_DEFICIT - 1.0, True),
+        (CROWDED_CAUSES - 1, CROWDED_CAUSES, -HOPELESS_DEFICIT - 1.0, False),
     ],
 )
 def test_beside_a_crowd_what_explains_less_under_other_habits_is_not_gone_on_with(
@@ -417,7 +422,7 @@ def test_beside_a_crowd_what_explains_less_under_other_habits_is_not_gone_on_wit
         point = Point(np.zeros(0), {f"own.{number}": np.ones(1) for number in range(count)})
         return SimpleNamespace(fit=SimpleNamespace(point=point))
 
-    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.explains_more", lambda *_: ahead)
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.lead_over_search", lambda *_: ahead)
     assert _grown_crowded_and_behind(search(there), search(named)) is behind
 
 
@@ -455,7 +460,9 @@ def test_habits_that_are_far_behind_are_given_up_with_the_columns_that_are_known
     )
     start = start_afresh(right)
     inertia = start.fit.point.with_cause("drive.inertia", np.array([0.5]))
-    search = look_around(right, start.probes, fit_best_start(start, right, [inertia]).point, start.whitener)
+    search = linearise_search(
+        right, start.probes, fit_best_start(start, right, [inertia]).point, start.whitener
+    )
     point = start.fit.point.with_cause(cause, np.array([0.5]))
     simulated.append(0)
     assert log_evidence_lead(search, wrong, [point]) < -HOPELESS_DEFICIT

@@ -27,7 +27,7 @@ from raccoon.diagnose.hypotheses.base_coordinates import Wheels
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
-from raccoon.diagnose.select.search import begun
+from raccoon.diagnose.select.search import start_selection
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -44,7 +44,7 @@ def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
     """As whoever writes dy/dt = (x - y) / T has it: 2 ms later than T of the firmware's samples."""
     columns = recorded(Parameters(ROBOT, {}, Chain(cycle=0.001)), 3.0)
     search, trials = standing(columns, PLAIN, {"actuation.latency": 0.08})
-    search, habits = try_continuous_filter(search, PLAIN, trials.running(begun))
+    search, habits = try_continuous_filter(search, PLAIN, trials.running(start_selection))
     assert found_nothing(search)
     assert habits.chain.cycle == CONTINUOUS_CYCLE_S
     assert "filtered all the time" in habit_notes(habits, (), NOTHING_FITTED)[0]
@@ -54,7 +54,7 @@ def test_a_later_command_is_no_filter_that_runs_all_the_time() -> None:
     """Gyro and battery are late as well."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.002}}, Chain())
     search, trials = standing(recorded(late, 3.0), PLAIN, {"actuation.latency": 0.08})
-    search, habits = try_continuous_filter(search, PLAIN, trials.running(begun))
+    search, habits = try_continuous_filter(search, PLAIN, trials.running(start_selection))
     assert habits == PLAIN
     assert not found_nothing(search)
 
@@ -82,9 +82,9 @@ def test_what_led_with_the_same_causes_leads(
     monkeypatch.setattr(
         "raccoon.diagnose.habits.alternatives.net_lead", lambda *_: MIN_LOG_EVIDENCE_LEAD + 1.0
     )
-    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.explains_more", lambda *_: -43.0)
+    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.lead_over_search", lambda *_: -43.0)
     _, habits = adopt_if_ahead(
-        search, PLAIN, trials.running(begun), fine, trials.problem_of(fine), [search.fit.point]
+        search, PLAIN, trials.running(start_selection), fine, trials.problem_of(fine), [search.fit.point]
     )
     assert (habits == fine) is taken
 
@@ -96,7 +96,7 @@ PAUSED = replace(BEHIND, chain=replace(Chain.firmware(), pause=0.0005))
 def test_wheels_that_a_pause_slows_down_have_no_deadband() -> None:
     """A motor that coasts before its sample is a count slower then, whichever way it turns."""
     search, trials = standing(recorded(Parameters(ROBOT, {}, PAUSED.chain), 3.0), BEHIND, {DEADBAND: 0.05})
-    search, habits = try_pause_slowdown(search, BEHIND, trials.running(begun))
+    search, habits = try_pause_slowdown(search, BEHIND, trials.running(start_selection))
     assert found_nothing(search)
     assert habits.chain.pause == pytest.approx(0.0005)
     assert "slower when they are read" in habit_notes(habits, (), NOTHING_FITTED)[0]
@@ -105,14 +105,14 @@ def test_wheels_that_a_pause_slows_down_have_no_deadband() -> None:
 def test_a_deadband_is_no_wheel_that_a_pause_slows_down() -> None:
     narrow = Parameters(ROBOT, {(DEADBAND, None): {"duty": 0.01}}, Chain.firmware())
     search, trials = standing(recorded(narrow, 3.0), BEHIND, {DEADBAND: 0.1})
-    search, habits = try_pause_slowdown(search, BEHIND, trials.running(begun))
+    search, habits = try_pause_slowdown(search, BEHIND, trials.running(start_selection))
     assert habits == BEHIND
     assert not found_nothing(search)
 
 
 def test_motors_that_never_coast_are_slowed_down_by_no_pause() -> None:
     search, trials = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05})
-    assert try_pause_slowdown(search, PLAIN, trials.running(begun)) == (search, PLAIN)
+    assert try_pause_slowdown(search, PLAIN, trials.running(start_selection)) == (search, PLAIN)
 
 
 @pytest.mark.parametrize(("ahead", "taken", "vain"), [(-1.0, False, 1), (5.0, False, 0), (11.0, True, 0)])
@@ -132,7 +132,7 @@ def test_beside_several_causes_a_search_goes_on_with_pauses_from_where_it_is(
         ("fit_best_start", stub.fit),
         ("net_lead", ahead),
         ("look_from", there),
-        ("grown_on", there),
+        ("continue_selection", there),
     ):
         monkeypatch.setattr(f"raccoon.diagnose.habits.sample_cycles.{name}", lambda *_, said=said: said)
     found = try_pause_slowdown_beside_causes(search, BEHIND, trials)

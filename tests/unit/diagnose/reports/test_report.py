@@ -30,7 +30,7 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.diagnose.select.detection_limits import shows_from
+from raccoon.diagnose.select.detection_limits import format_detection_limit
 from raccoon.sim.effects.effect import Parameter
 
 TIME = np.linspace(0.0, 5.0, 400)
@@ -400,7 +400,9 @@ def test_a_finding_is_a_note_and_no_advice() -> None:
 @pytest.mark.parametrize(("power", "said"), [(1e-9, False), (1e-3, False), (1.0, True)])
 def test_a_size_of_a_thousand_and_more_is_said_of_nothing(power: float, said: bool) -> None:
     """They were not found any more once large numbers had all their digits."""
-    size = shows_from(Parameter("gain", "counts", 0.0, Bounds(), 10.0), power, 8.0)  # of a team's own effect
+    size = format_detection_limit(
+        Parameter("gain", "counts", 0.0, Bounds(), 10.0), power, 8.0
+    )  # of a team's own effect
     rejected = (Rejected("team.hum", f"not visible in this recording; would show {size}"),)
     assert (size in terminal_report(replace(FOUND, rejected=rejected))) == said
 

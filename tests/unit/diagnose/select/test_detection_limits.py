@@ -13,7 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.fit.linear_model import Table
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, added, multiplied, neutral_settings
-from raccoon.diagnose.select.detection_limits import instead, visibility
+from raccoon.diagnose.select.detection_limits import equivalent_base_units, evidence_per_width
 
 K_E, COULOMB, INERTIA = "motor.back_emf_constant", "friction.coulomb", "drive.inertia"
 BASE = (
@@ -50,9 +50,9 @@ def cause(id_: str, where: str | None, made: Coordinate) -> Cause:
     ids=lambda it: it.name if isinstance(it, Cause) else "",
 )
 def test_what_robot_toml_leaves_open_can_be_in_place_of_a_cause(each: Cause, cost: float) -> None:
-    units = instead(each, BASE, NEUTRAL)
+    units = equivalent_base_units(each, BASE, NEUTRAL)
     assert (np.inf if units is None else float(units @ units)) == pytest.approx(cost)
-    assert instead(replace(each, coordinates=each.coordinates * 2), BASE, NEUTRAL) is None
+    assert equivalent_base_units(replace(each, coordinates=each.coordinates * 2), BASE, NEUTRAL) is None
 
 
 def test_no_recording_shows_more_of_a_cause_than_that_costs() -> None:
@@ -68,4 +68,4 @@ def test_no_recording_shows_more_of_a_cause_than_that_costs() -> None:
     for base, seen in ((BASE, 128.0), (bounded, 65.1 / (3.5 / 8.0 + (40.6 / 1e5) ** 0.5) ** 2), ((), 1e5)):
         problem = SimpleNamespace(causes={K_E: bent}, base=base, neutral=NEUTRAL)
         search: Any = SimpleNamespace(problem=problem, table=table)
-        assert visibility(search) == {K_E: pytest.approx(seen, rel=0.005)}
+        assert evidence_per_width(search) == {K_E: pytest.approx(seen, rel=0.005)}

@@ -16,10 +16,10 @@ from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.form_errors import form_weight
 from raccoon.diagnose.select import missed_causes
-from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
-from raccoon.diagnose.select.missed_causes import with_missed
-from raccoon.diagnose.select.search import forward, pruned
-from raccoon.diagnose.select.state import Search, estimated
+from raccoon.diagnose.select.gates import MANY_CAUSES, WHEEL_GATE, gate
+from raccoon.diagnose.select.missed_causes import add_missed_cause
+from raccoon.diagnose.select.search import forward_step, prune_cause
+from raccoon.diagnose.select.state import Search, refit_with_final_noise
 from unit.diagnose.searches import searched
 
 LARGE = {
@@ -43,30 +43,32 @@ def test_a_small_cause_that_the_noise_of_a_search_hides_is_found_under_that_of_t
     problem: Problem,
 ) -> None:
     search = searched(problem, named(problem).with_cause(SMALL, np.array([HOW_MUCH])), named(problem))
-    going_on, _ = forward(search)
+    going_on, _ = forward_step(search)
     assert SMALL not in going_on.fit.point.active
-    last = estimated(search)
+    last = refit_with_final_noise(search)
     # What all columns must explain does not depend on where a fit stands.
     apart = (last.linear.target - search.linear.target) / problem.features.floors
     assert np.sqrt((apart**2).mean(axis=0)).max() < 0.5
-    more = with_missed(last)
+    more = add_missed_cause(last)
     assert more is not None
     assert set(more.fit.point.active) == {*LARGE, SMALL}
-    assert more.gains[SMALL] >= gate(SMALL) + missed_causes.SHORT * (missed_causes.CROWD - len(LARGE))
-    assert SMALL not in more.failed
-    assert with_missed(estimated(more)) is None
+    assert more.leads[SMALL] >= gate(SMALL) + missed_causes.LEAD_PER_LACKING_CAUSE * (
+        missed_causes.FULL_SET - len(LARGE)
+    )
+    assert SMALL not in more.rejections
+    assert add_missed_cause(refit_with_final_noise(more)) is None
 
 
 @pytest.mark.parametrize(("others", "found"), [(LARGE, False), ({**LARGE, **MORE}, True)])
 def test_beside_more_causes_less_is_needed(problem: Problem, others: dict[str, float], found: bool) -> None:
     point = named(problem, others)
     search = searched(problem, point.with_cause(SMALL, np.array([0.24])), point)
-    assert (with_missed(estimated(search)) is not None) == found
+    assert (add_missed_cause(refit_with_final_noise(search)) is not None) == found
 
 
 def test_nothing_is_missed_where_nothing_is_missing(problem: Problem) -> None:
     search = searched(problem, named(problem), named(problem), 3)
-    assert with_missed(estimated(search)) is None
+    assert add_missed_cause(refit_with_final_noise(search)) is None
 
 
 @pytest.mark.parametrize("parts", [4, 1, 0.125])
@@ -84,8 +86,8 @@ def test_in_bins_of_another_length_as_much_is_needed(problem: Problem, parts: fl
         linear=SimpleNamespace(acting={names[0]: response}),
         whitener=SimpleNamespace(noise=noise),
     )
-    lacking = missed_causes.SHORT * (missed_causes.CROWD - len(names))
-    assert missed_causes._further(cast(Search, asked)) == pytest.approx(
+    lacking = missed_causes.LEAD_PER_LACKING_CAUSE * (missed_causes.FULL_SET - len(names))
+    assert missed_causes._extra_lead_needed(cast(Search, asked)) == pytest.approx(
         lacking + 400 * (FORM_SHARE * 9.0) ** 2
     )
 
@@ -94,21 +96,21 @@ def test_friction_of_one_wheel_is_not_asked_for(problem: Problem) -> None:
     one_wheel = "friction.coulomb@left"
     assert gate(one_wheel) == WHEEL_GATE
     search = searched(problem, named(problem).with_cause(one_wheel, np.array([0.3])), named(problem))
-    assert with_missed(estimated(search)) is None
+    assert add_missed_cause(refit_with_final_noise(search)) is None
 
 
 def test_beside_few_causes_nothing_is_asked(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     few = named(problem).without_cause("battery.discharge")
-    assert len(few.active) == MANY - 1
+    assert len(few.active) == MANY_CAUSES - 1
     search = searched(problem, few.with_cause(SMALL, np.array([HOW_MUCH])), few)
     monkeypatch.setattr(missed_causes, "refit_candidates", lambda _: pytest.fail("asked"))
-    assert with_missed(estimated(search)) is None
+    assert add_missed_cause(refit_with_final_noise(search)) is None
 
 
 def test_among_many_only_what_does_not_stand_goes(problem: Problem) -> None:
     with_small = named(problem).with_cause(SMALL, np.array([HOW_MUCH]))
     search = searched(problem, with_small, with_small)
-    search.gains = dict.fromkeys(with_small.active, 30.0)
-    less = pruned(search, "battery.discharge", "for once")
+    search.leads = dict.fromkeys(with_small.active, 30.0)
+    less = prune_cause(search, "battery.discharge", "for once")
     left = set(LARGE) - {"battery.discharge"} | {SMALL}
-    assert set(less.fit.point.active) == set(less.gains) == left
+    assert set(less.fit.point.active) == set(less.leads) == left

@@ -11,9 +11,9 @@ import pytest
 
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.select import one_way_drives, rivals
-from raccoon.diagnose.select.one_way_drives import ALIKE, same_one_way, way_of
-from raccoon.diagnose.select.rivals import _exchanged
-from raccoon.diagnose.select.set_scoring import Sets
+from raccoon.diagnose.select.one_way_drives import ONE_WAY_EQUIVALENTS, one_way_direction, one_way_equivalents
+from raccoon.diagnose.select.rivals import _rival_starts
+from raccoon.diagnose.select.set_scoring import SetScorer
 from raccoon.diagnose.select.state import Search
 
 
@@ -33,7 +33,7 @@ def driven(*readings: tuple[float, float]) -> Any:
     ],
 )
 def test_the_way_of_a_drive_is_that_of_both_wheels(readings: list[tuple[float, float]], way: int) -> None:
-    assert way_of(driven(*readings)) == way
+    assert one_way_direction(driven(*readings)) == way
 
 
 def held_back(problem: Problem, point: Point, way: int) -> float:
@@ -45,57 +45,57 @@ def held_back(problem: Problem, point: Point, way: int) -> float:
 
 
 @pytest.mark.parametrize("way", [1, -1])
-@pytest.mark.parametrize("name", ALIKE)
+@pytest.mark.parametrize("name", ONE_WAY_EQUIVALENTS)
 def test_each_of_them_is_as_much_torque_as_the_one_in_whose_place_it_stands(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, name: str, way: int
 ) -> None:
-    monkeypatch.setattr(one_way_drives, "way_of", lambda _: way)
+    monkeypatch.setattr(one_way_drives, "one_way_direction", lambda _: way)
     u = np.zeros(problem.causes[name].size)
     u[0] = 0.3
     point = problem.nominal().with_cause(name, u)
-    found = dict(same_one_way(problem, point, name))
-    assert set(found) == set(ALIKE) - {name}
+    found = dict(one_way_equivalents(problem, point, name))
+    assert set(found) == set(ONE_WAY_EQUIVALENTS) - {name}
     torque = held_back(problem, point, way)
     assert abs(torque - held_back(problem, problem.nominal(), way)) > 0.005
     for other in found.values():
         assert held_back(problem, other, way) == pytest.approx(torque, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ALIKE)
+@pytest.mark.parametrize("name", ONE_WAY_EQUIVALENTS)
 def test_what_a_model_to_start_from_has_of_them_stays(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     """A table that is known to pull by 0.02 N m was counted as if it were what is found now."""
-    monkeypatch.setattr(one_way_drives, "way_of", lambda _: 1)
+    monkeypatch.setattr(one_way_drives, "one_way_direction", lambda _: 1)
     slope = {("drive.slope", None, "along_x"): 0.02}
     lean = {("friction.direction_dependent", side, "asymmetry"): 0.1 for side in ("left", "right")}
     known = replace(problem, neutral=dict(problem.neutral) | slope | lean)
     u = np.zeros(known.causes[name].size)
     u[0] = 0.3
     point = known.nominal().with_cause(name, u)
-    for other in dict(same_one_way(known, point, name)).values():
+    for other in dict(one_way_equivalents(known, point, name)).values():
         assert held_back(known, other, 1) == pytest.approx(held_back(known, point, 1), abs=1e-4)
 
 
 def test_a_drive_both_ways_tells_them_apart(problem: Problem) -> None:
     point = problem.nominal().with_cause("drive.slope", np.array([0.3, 0.0]))
-    assert way_of(problem.features) == 0
-    assert list(same_one_way(problem, point, "drive.slope")) == []
+    assert one_way_direction(problem.features) == 0
+    assert list(one_way_equivalents(problem, point, "drive.slope")) == []
 
 
 def test_they_are_tried_in_each_others_place(searching: Search, monkeypatch: pytest.MonkeyPatch) -> None:
     """Though straight lines lead from none to another."""
-    monkeypatch.setattr(one_way_drives, "way_of", lambda _: 1)
-    monkeypatch.setattr(rivals, "alike", lambda *_: {})
-    monkeypatch.setattr(rivals, "_losing_least", lambda *_: {})
-    assert {rival for _, rival, _ in _exchanged(searching)} == set(ALIKE) - {"drive.slope"}
+    monkeypatch.setattr(one_way_drives, "one_way_direction", lambda _: 1)
+    monkeypatch.setattr(rivals, "find_similar_causes", lambda *_: {})
+    monkeypatch.setattr(rivals, "_cheapest_replacements", lambda *_: {})
+    assert {rival for _, rival, _ in _rival_starts(searching)} == set(ONE_WAY_EQUIVALENTS) - {"drive.slope"}
 
 
 @pytest.fixture
 def searching(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> Search:
     """A slope that was named."""
     point = problem.nominal().with_cause("drive.slope", np.array([-0.5, 0.0]))
-    monkeypatch.setattr(Sets, "of", lambda _: None)
+    monkeypatch.setattr(SetScorer, "of", lambda _: None)
     return cast(Search, SimpleNamespace(problem=problem, fit=SimpleNamespace(point=point)))
 
 
@@ -110,5 +110,5 @@ def test_what_no_reading_shows_is_no_rival(problem: Problem, size: float) -> Non
     )
     point = problem.nominal().with_cause(name, np.array([0.8, 0.0]))
     search: Any = SimpleNamespace(problem=problem, table=table, fit=SimpleNamespace(point=point))
-    found = rivals.alike(search, name, 0.45, 4)
+    found = rivals.find_similar_causes(search, name, 0.45, 4)
     assert set(found) == ({other} if size == 1.0 else set())

@@ -13,18 +13,18 @@ from raccoon.diagnose.fit.linear_model import linearise, tabulate
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.select.refits import (
-    AFRESH,
-    ASTRAY,
-    MOST_AFRESH,
-    SMALL,
-    _seen_small,
-    _small,
-    candidates,
+    ASTRAY_LOSS,
+    MAX_CAUSES_RELINEARISED,
+    MAX_REFITS_RELINEARISED,
+    SMALL_SIZES,
+    _small_starts,
+    _visible_small_starts,
     refit_candidates,
-    refits_afresh,
-    shared_lags,
+    refit_relinearised,
+    screen_candidates,
+    split_lags,
 )
-from raccoon.diagnose.select.state import look_around
+from raccoon.diagnose.select.state import linearise_search
 from unit.diagnose.searches import search_at, searched
 
 CAUSES = {each.name: each for each in drive_causes()}
@@ -33,7 +33,7 @@ CAUSES = {each.name: each for each in drive_causes()}
 def test_half_of_a_lag_is_given_to_another_of_the_same_readings(problem: Problem) -> None:
     point = problem.nominal().with_cause("imu.latency", np.array([0.8]))
     only = replace(problem, causes={name: CAUSES[name] for name in ("imu.latency", "drive.wheel_slip")})
-    ((name, start),) = shared_lags(search_at(only, point))
+    ((name, start),) = split_lags(search_at(only, point))
     assert name == "drive.wheel_slip"
     seconds = only.settings(start)
     whole = only.settings(point)[("imu.latency", None, "seconds")]
@@ -53,8 +53,8 @@ def test_a_small_deadband_is_found_beside_others_that_are_on(problem: Problem) -
     search = search_at(problem, others)
     linear = linearise(problem, others, ["actuation.deadband", "friction.load_dependent", "drive.turn_scrub"])
     table, _ = tabulate(linear, [], search.whitener)
-    found = dict(refits_afresh(replace(search, table=table), []))
-    assert len(found) <= MOST_AFRESH
+    found = dict(refit_relinearised(replace(search, table=table), []))
+    assert len(found) <= MAX_CAUSES_RELINEARISED
     assert max(found, key=lambda name: found[name].evidence).startswith("actuation.deadband")
     assert found["actuation.deadband"].point.active["actuation.deadband"] == pytest.approx(0.3, abs=0.03)
 
@@ -70,10 +70,10 @@ def test_what_went_astray_is_tried_from_little(problem: Problem) -> None:
     problem = replace(problem, features=replace(features, measured=measured))
     search = search_at(problem, others)
     astray = fit_at(problem, search.whitener, others.with_cause("drive.backlash", np.array([0.3, 0.6])))
-    assert astray.evidence < search.fit.evidence - ASTRAY
-    before = [("imu.gyro_bias", fit_at(problem, search.whitener, others))] * AFRESH
+    assert astray.evidence < search.fit.evidence - ASTRAY_LOSS
+    before = [("imu.gyro_bias", fit_at(problem, search.whitener, others))] * MAX_REFITS_RELINEARISED
     table, _ = tabulate(linearise(problem, others, []), [], search.whitener)
-    found = dict(refits_afresh(replace(search, table=table), [*before, ("drive.backlash", astray)]))
+    found = dict(refit_relinearised(replace(search, table=table), [*before, ("drive.backlash", astray)]))
     angle, coasting = found["drive.backlash"].point.active["drive.backlash"]
     assert angle == pytest.approx(0.03, abs=0.005)
     assert -1.0 < coasting < -0.2  # a few moments tell it from a usual one's 0
@@ -83,7 +83,7 @@ def test_what_went_astray_is_tried_from_little(problem: Problem) -> None:
 @pytest.mark.parametrize("shapes", [0, 1, 2])
 def test_a_little_of_a_cause_has_all_its_coordinates(problem: Problem, shapes: int) -> None:
     point = problem.nominal()
-    tried = [each.active["team.own"] for each in _small(point, "team.own", shapes)]
+    tried = [each.active["team.own"] for each in _small_starts(point, "team.own", shapes)]
     assert len(tried) == (2 if shapes == 0 else 6)
     assert {len(each) for each in tried} == {1 + shapes}
 
@@ -91,10 +91,10 @@ def test_a_little_of_a_cause_has_all_its_coordinates(problem: Problem, shapes: i
 def test_what_is_too_little_to_do_anything_is_no_start(problem: Problem) -> None:
     """No column leads on from a dead zone of less than two counts: it was fitted as many times as another."""
     search = search_at(problem, problem.nominal())
-    seen = list(_seen_small(search, ["bemf.dead_zone", "actuation.deadband"]))
+    seen = list(_visible_small_starts(search, ["bemf.dead_zone", "actuation.deadband"]))
     assert sorted(name for name, _ in seen) == ["actuation.deadband"] * 2 + ["bemf.dead_zone"]
     for name, fit in seen:
-        assert fit.point.active[name][0] in SMALL
+        assert fit.point.active[name][0] in SMALL_SIZES
         assert np.array_equal(fit.jacobian[:-1], search.fit.jacobian)
 
 
@@ -106,9 +106,9 @@ def test_what_robot_toml_is_bent_by_is_tried_as_its_cause(problem: Problem) -> N
     wrong = with_causes(wrong, {"motor.back_emf_constant@left": (-0.9,)})
     search = searched(problem, truth, wrong, seed=2)
     fit = fit_point(search.problem, search.whitener, wrong)
-    search = look_around(search.problem, search.probes, fit.point, search.whitener)
+    search = linearise_search(search.problem, search.probes, fit.point, search.whitener)
     right = "motor.armature_resistance@right"
-    assert right not in {group.name for _, group, _ in candidates(search)}
+    assert right not in {group.name for _, group, _ in screen_candidates(search)}
     bent = {each.settings[0]: size for each, size in zip(problem.base, fit.point.base, strict=True)}
     assert bent["motor.armature_resistance", "right", "factor"] < -2.5
     assert right in dict(refit_candidates(search))

@@ -35,7 +35,14 @@ from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
-from raccoon.diagnose.select.rivals import CLOSE, FAR, alike, as_likely, compared, only_beside
+from raccoon.diagnose.select.rivals import (
+    MAX_CLASS_LEAD,
+    MAX_DEFICIT_TO_RESTART,
+    compare_rivals,
+    find_similar_causes,
+    mark_as_likely,
+    rivals_only_beside,
+)
 from raccoon.diagnose.select.state import Rival, Search
 from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX
@@ -59,10 +66,10 @@ def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> N
     for widths, one in ((0.05, True), (1.0, False)):
         late = problem.nominal().with_cause("imu.latency", np.array([widths]))
         search = searched(problem, late, late)
-        assert compared(search) is None
+        assert compare_rivals(search) is None
         tried = [each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"]
         (slip,) = (each for each in tried if not each.beside)
-        assert (slip.lead < CLOSE) == one
+        assert (slip.lead < MAX_CLASS_LEAD) == one
         assert ("drive.wheel_slip" in confounded_causes(search, CAUSES["imu.latency"])) == one
 
 
@@ -82,16 +89,16 @@ def test_what_a_gyro_s_chip_may_do_is_ranked_by_how_likely_it_does_not(problem: 
 def test_what_is_most_alike_is_tried_however_little_alike_it_is(problem: Problem) -> None:
     late = problem.nominal().with_cause("imu.latency", np.array([1.0]))
     search = searched(problem, late, late)
-    every = list(alike(search, "imu.latency", 0.0, 9))
+    every = list(find_similar_causes(search, "imu.latency", 0.0, 9))
     assert len(every) > 2
-    assert list(alike(search, "imu.latency", 1.0, 9, 2)) == every[:2]
-    assert list(alike(search, "imu.latency", 1.0, 9)) == []
+    assert list(find_similar_causes(search, "imu.latency", 1.0, 9, 2)) == every[:2]
+    assert list(find_similar_causes(search, "imu.latency", 1.0, 9)) == []
 
 
 def test_of_two_that_outdo_each_other_neither_outdoes_the_other() -> None:
     its = {"a": [Rival("b", -5.1), Rival("c", -2.0), Rival("d", 9.0)]}
     search = cast("Search", SimpleNamespace(rivals=its))
-    as_likely(search, frozenset({"b"}))
+    mark_as_likely(search, frozenset({"b"}))
     assert search.rivals["a"] == [Rival("c", -2.0), Rival("b", 0.0), Rival("d", 9.0)]
 
 
@@ -102,12 +109,12 @@ def test_a_rival_whose_fit_stands_still_is_fitted_from_elsewhere(
     search = searched(problem, late, late)
 
     def lacks() -> float:
-        assert compared(search) is None
+        assert compare_rivals(search) is None
         tried = [each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"]
         return next(each.lead for each in tried if not each.beside)
 
     there = lacks()
-    assert CLOSE < there < FAR - 8.0
+    assert MAX_CLASS_LEAD < there < MAX_DEFICIT_TO_RESTART - 8.0
 
     def behind(fits: list[Fit]) -> list[Fit]:
         return [replace(each, cost=each.cost + 2.0 * 6.0) for each in fits]
@@ -122,7 +129,7 @@ def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -
     truth = late.with_cause("drive.wheel_slip", np.array([0.04]))
     search = searched(problem, truth, late)
     search = replace(search, fit=fit_point(search.problem, search.whitener, late))
-    assert compared(search) is None
+    assert compare_rivals(search) is None
     cause, settings = CAUSES["imu.latency"], problem.settings(truth)
     rivals = confounded_causes(search, cause)
     assert rivals == ("drive.wheel_slip",)
@@ -144,7 +151,7 @@ def test_a_quarter_of_a_lag_may_be_anothers_where_it_costs_two_deviations(
     search = searched(problem, late, late)
     search.rivals = {"imu.latency": []}
     monkeypatch.setattr(rivals, "cost_with_last_held", lambda *_: search.fit.cost + more)
-    found = [(name, other, lacks) for name, other, _, lacks in rivals._sums(search, search.fit)]
+    found = [(name, other, lacks) for name, other, _, lacks in rivals._lag_sums(search, search.fit)]
     assert [each[:2] for each in found] == [("imu.latency", "drive.wheel_slip")] * beside
     assert [lacks for *_, lacks in found] == pytest.approx([0.5 * more] * beside)
 
@@ -156,15 +163,15 @@ def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: 
     truth = late.with_cause("drive.wheel_slip", np.array([0.01]))
     search = searched(problem, truth, late)
     search = replace(search, fit=fit_point(search.problem, search.whitener, late))
-    compared(search)
+    compare_rivals(search)
     tried = {each.beside: each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"}
-    assert tried[False].lead > CLOSE
+    assert tried[False].lead > MAX_CLASS_LEAD
     assert confounded_causes(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
     assert cause_probability(search, "imu.latency", ("drive.wheel_slip",), {}) > 0.999
-    assert only_beside(search, "imu.latency", ("drive.wheel_slip",)) == ("drive.wheel_slip",)
-    instead = Rival("drive.wheel_slip", CLOSE - 0.1)
+    assert rivals_only_beside(search, "imu.latency", ("drive.wheel_slip",)) == ("drive.wheel_slip",)
+    instead = Rival("drive.wheel_slip", MAX_CLASS_LEAD - 0.1)
     search.rivals["imu.latency"].append(instead)
-    assert only_beside(search, "imu.latency", ("drive.wheel_slip",)) == ()
+    assert rivals_only_beside(search, "imu.latency", ("drive.wheel_slip",)) == ()
 
 
 @pytest.mark.parametrize(
@@ -181,12 +188,12 @@ def test_among_many_a_twins_further_cause_lacks_its_rarity_instead_of_its_gate(
         return SimpleNamespace(point=SimpleNamespace(active=dict.fromkeys(active)))
 
     twin = standing([*now[1:], "b.0", "b.1"])
-    monkeypatch.setattr(rivals, "fitted_twins", lambda _: [(now[0], twin)])
+    monkeypatch.setattr(rivals, "fit_twins", lambda _: [(now[0], twin)])
     monkeypatch.setattr(rivals, "net_lead", lambda *_: -behind)
     causes = {f"a.{each}": SimpleNamespace(id=f"a.{each}") for each in range(20)}
     problem = SimpleNamespace(causes=causes, settings=lambda _: {})
     search = SimpleNamespace(problem=problem, fit=standing(now), rivals={name: [] for name in now})
-    assert rivals._same_drives(cast(Search, search), twin) == [twin]
+    assert rivals._compare_twins(cast(Search, search), twin) == [twin]
     found = {each.name: each for each in search.rivals[now[0]]}
     assert {name: each.together for name, each in found.items()} == {"b.0": ("b.1",), "b.1": ("b.0",)}
     assert [each.lead for each in found.values()] == pytest.approx([lacking] * 2)
@@ -198,7 +205,7 @@ def test_a_cause_is_no_surer_than_its_number_is_away_from_what_was_assumed(
 ) -> None:
     """However much it explains; but for what may be another in its place."""
     search = searched(problem, problem.nominal(), problem.nominal())
-    search.gains["drive.wheel_slip@right"] = 19.0
+    search.leads["drive.wheel_slip@right"] = 19.0
     values = {"time": ParameterResult(0.002, std, "s", 0.0)}
     said = cause_probability(search, "drive.wheel_slip@right", (), values)
     assert said == pytest.approx(1.0 / (1.0 + math.exp(-0.5 * away**2)))
@@ -229,7 +236,7 @@ def test_a_lag_that_is_told_from_the_filter_is_not_said_to_be_in_part_it(
     late = problem.nominal().with_cause(cause, np.array([widths]))
     search = searched(lagging, late, late)
     search = replace(search, fit=fit_point(search.problem, search.whitener, late))
-    assert compared(search) is None
+    assert compare_rivals(search) is None
     assert confounded_causes(search, both[cause]) == ()
     values = fitted_parameters(search, both[cause], FitUncertainty.of(search))
     other = next(iter(set(both) - {cause}))
@@ -246,7 +253,7 @@ def test_a_lag_that_is_two_is_found_to_be_two(problem: Problem) -> None:
     for truth, found in ((both, set(lags)), (one, None)):
         search = searched(lagging, truth, one)
         search = replace(search, fit=fit_point(search.problem, search.whitener, one))
-        better = compared(search)
+        better = compare_rivals(search)
         assert (better and set(better.point.active)) == found
 
 
@@ -258,7 +265,7 @@ def asking_for_twins(search: Search) -> Search:
 def test_a_rival_brings_no_twin_that_a_reference_has_decided(problem: Problem) -> None:
     late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
     search = searched(problem, late, late)
-    search.rivals = {"imu.latency": [Rival("drive.wheel_slip", CLOSE - 1.0)]}
+    search.rivals = {"imu.latency": [Rival("drive.wheel_slip", MAX_CLASS_LEAD - 1.0)]}
     assert confounded_causes(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
     radius = next(each for each in drive_causes() if each.name == "drive.wheel_radius")
     assert confounded_causes(search, radius) == ()
@@ -311,7 +318,7 @@ def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> 
     """K_E was said with the track width beside it where the gyro's scale, that one's twin, was hidden."""
     late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
     search = asking_for_twins(searched(problem, late, late))
-    search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE - 1.0)]}
+    search.rivals = {"imu.latency": [Rival("drive.track_width", MAX_CLASS_LEAD - 1.0)]}
     cause = CAUSES["imu.latency"]
     assert set(confounded_causes(search, cause)) == {
         "drive.track_width",
@@ -321,14 +328,14 @@ def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> 
     both = Point(late.base, {**late.active, "imu.gyro_scale": np.zeros(1)})
     search.fit = replace(search.fit, point=both)
     assert set(confounded_causes(search, cause)) == {"drive.track_width", "drive.wheel_radius"}
-    search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE + 1.0)]}
+    search.rivals = {"imu.latency": [Rival("drive.track_width", MAX_CLASS_LEAD + 1.0)]}
     assert confounded_causes(search, cause) == ()
 
 
 def test_a_rival_that_explains_more_takes_the_place(problem: Problem) -> None:
     nominal = problem.nominal()
     late = nominal.with_cause("imu.latency", np.array([1.0]))
-    better = compared(searched(problem, late, nominal.with_cause("drive.wheel_slip", np.array([1.0]))))
+    better = compare_rivals(searched(problem, late, nominal.with_cause("drive.wheel_slip", np.array([1.0]))))
     assert better is not None
     assert list(better.point.active) == ["imu.latency"]
     assert better.point.active["imu.latency"] == pytest.approx([1.0], abs=0.05)
@@ -338,7 +345,7 @@ def test_a_cause_of_one_wheel_is_compared_with_that_of_both(problem: Problem) ->
     nominal = problem.nominal()
     both = nominal.with_cause("drive.wheel_slip", np.array([1.0]))
     one = nominal.with_cause("drive.wheel_slip@left", np.array([1.0]))
-    better = compared(searched(problem, both, one))
+    better = compare_rivals(searched(problem, both, one))
     assert better is not None
     assert list(better.point.active) == ["drive.wheel_slip"]
 

@@ -28,31 +28,38 @@ from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
 from raccoon.diagnose.hypotheses.form_errors import form_error, form_weight
 from raccoon.diagnose.select.alternative_sets import (
-    _all_straight,
-    _distinct,
-    _nearby,
-    _of_their_families,
-    _worth,
+    _best_relatives,
+    _linear_leads,
+    _propose_from_working_point,
+    _select_distinct,
+    _with_all_nearly_linear,
 )
-from raccoon.diagnose.select.detection_limits import shows_from
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, LONE_WHEEL_GATE, gate, gates, rarity
+from raccoon.diagnose.select.detection_limits import format_detection_limit
+from raccoon.diagnose.select.gates import (
+    EVIDENCE_GATE,
+    LONE_GATE,
+    LONE_WHEEL_GATE,
+    gate,
+    log_odds_against_another,
+    total_gate,
+)
 from raccoon.diagnose.select.search import (
-    NOTHING,
-    SURE,
-    _credible,
+    EXPLAINS_NOTHING,
+    HELD_OUT_EXEMPT_LEAD,
+    _describe_lacking_evidence,
+    _drop_outperformed,
     _fails_held_out,
-    _too_little,
-    grown,
-    known_after_all,
+    reconsider_unknown,
+    select_forward,
 )
 from raccoon.diagnose.select.state import (
-    MOST_OF_EVENT,
-    Foretold,
+    MAX_EVENT_LEAD,
+    HeldOutPrediction,
     Rival,
-    estimated,
     held_out_lead,
-    lead,
-    screen,
+    log_evidence_lead,
+    refit_with_final_noise,
+    screen_groups,
     start_search,
 )
 from raccoon.diagnose.unknown.probes import make_probe_function
@@ -75,8 +82,10 @@ def test_one_event_counts_for_little_and_many_for_much(problem: Problem) -> None
     before = np.ones(size)
     one = before.copy()
     one[: EVENT * channels] = 0.0
-    assert lead(problem, fit_of(problem, one), fit_of(problem, before)) == pytest.approx(MOST_OF_EVENT)
-    steady = lead(problem, fit_of(problem, 0.97 * before), fit_of(problem, before))
+    assert log_evidence_lead(problem, fit_of(problem, one), fit_of(problem, before)) == pytest.approx(
+        MAX_EVENT_LEAD
+    )
+    steady = log_evidence_lead(problem, fit_of(problem, 0.97 * before), fit_of(problem, before))
     assert steady == pytest.approx(0.5 * size * (1.0 - 0.97**2))
 
 
@@ -89,11 +98,11 @@ def test_a_floor_must_be_beaten_by_more() -> None:
     for name in ("friction.stiction", "bemf.scale", "actuation.deadband"):  # pushes where a robot creeps
         assert gate(name) == gate(name, alone=True) == uneven
     assert usual < gate("bemf.scale@right") < gate("bemf.scale")
-    assert gate("imu.gyro_bias", alone=True) == gates(["imu.gyro_bias"]) == LONE_GATE < EVIDENCE_GATE
+    assert gate("imu.gyro_bias", alone=True) == total_gate(["imu.gyro_bias"]) == LONE_GATE < EVIDENCE_GATE
     assert LONE_GATE < gate("drive.wheel_radius@left", alone=True) == LONE_WHEEL_GATE < EVIDENCE_GATE
     for name in ("friction.viscous", "bemf.dead_zone"):  # chance
-        assert gate(name, alone=True) == gates([name]) == EVIDENCE_GATE
-    assert gates(["friction.viscous", "imu.gyro_bias"]) == 2.0 * EVIDENCE_GATE
+        assert gate(name, alone=True) == total_gate([name]) == EVIDENCE_GATE
+    assert total_gate(["friction.viscous", "imu.gyro_bias"]) == 2.0 * EVIDENCE_GATE
 
 
 def test_columns_add_up_to_nothing_where_nothing_changes(problem: Problem) -> None:
@@ -124,14 +133,16 @@ def test_the_surer_a_cause_the_more_it_may_fall_short_on_blocks_left_out() -> No
     assert _fails_held_out(EVIDENCE_GATE + 1.0, EVIDENCE_GATE, -0.4)
     assert not _fails_held_out(25.0, EVIDENCE_GATE, -0.4)
     assert _fails_held_out(25.0, EVIDENCE_GATE, -20.0)
-    assert not _fails_held_out(SURE, EVIDENCE_GATE, -20.0)
+    assert not _fails_held_out(HELD_OUT_EXEMPT_LEAD, EVIDENCE_GATE, -20.0)
 
 
 def test_what_shows_in_a_moment_or_two_is_told_from_what_does_not_show() -> None:
     """Wheels that stick were worth 105 in 12 s, nearly all of it where one broke loose."""
-    assert _too_little(3.8, 105.1, EVIDENCE_GATE).startswith("shows in too few moments of this recording")
-    assert _too_little(3.8, 5.0, EVIDENCE_GATE) == "explains too little (log evidence +3.8)"
-    assert _too_little(-3.8, -3.8, EVIDENCE_GATE) == NOTHING
+    assert _describe_lacking_evidence(3.8, 105.1, EVIDENCE_GATE).startswith(
+        "shows in too few moments of this recording"
+    )
+    assert _describe_lacking_evidence(3.8, 5.0, EVIDENCE_GATE) == "explains too little (log evidence +3.8)"
+    assert _describe_lacking_evidence(-3.8, -3.8, EVIDENCE_GATE) == EXPLAINS_NOTHING
 
 
 def test_relatives_of_the_best_are_fitted_from_every_column_too(problem: Problem) -> None:
@@ -145,8 +156,8 @@ def test_relatives_of_the_best_are_fitted_from_every_column_too(problem: Problem
     for each in names:
         point = Point(np.zeros(1), {name: np.zeros(1) for name in each})
         fits.append(Fit(point, white, np.zeros((1, 4)), 0.0, np.ones(1, bool)))
-    assert _of_their_families(fits, fits[:3]) == [fits[3]]
-    assert _of_their_families(fits, fits[1:3]) == []
+    assert _best_relatives(fits, fits[:3]) == [fits[3]]
+    assert _best_relatives(fits, fits[1:3]) == []
 
 
 def test_of_fits_that_predict_the_same_one_is_looked_at() -> None:
@@ -154,8 +165,8 @@ def test_of_fits_that_predict_the_same_one_is_looked_at() -> None:
     for offset in (0.0, 0.3, 2.0, 2.2, 5.0):  # the last numbers as the first are 0.36, 16, 19.4 and 100 apart
         point = Point(np.zeros(1), {f"cause{offset}": np.zeros(1)})
         fits.append(Fit(point, np.full(4, offset), np.zeros((1, 4)), 0.0, np.ones(1, bool)))
-    assert _distinct(fits, 3) == [fits[0], fits[2], fits[4]]
-    assert _distinct(fits, 1) == fits[:1]
+    assert _select_distinct(fits, 3) == [fits[0], fits[2], fits[4]]
+    assert _select_distinct(fits, 1) == fits[:1]
 
 
 def test_two_causes_that_one_stands_for_are_proposed_at_its_place(problem: Problem) -> None:
@@ -170,8 +181,8 @@ def test_two_causes_that_one_stands_for_are_proposed_at_its_place(problem: Probl
     search = replace(search, fit=fit_point(problem, search.whitener, point.with_cause(names[2], np.zeros(1))))
     linear = linearise(problem, search.fit.point, names)
     table, plain = tabulate(linear, [], search.whitener)
-    search = replace(search, linear=linear, table=table, plain=plain)
-    proposed = [set(each.active) for each in _nearby(search)]
+    search = replace(search, linear=linear, table=table, table_without_wander=plain)
+    proposed = [set(each.active) for each in _propose_from_working_point(search)]
     assert set(names[:2]) in proposed
     assert {names[2]} not in proposed
 
@@ -188,10 +199,10 @@ def test_beside_what_takes_its_burden_a_number_leaves_its_bound(problem: Problem
     place = next(i for i, each in enumerate(problem.base) if each.name == "friction.coulomb.torque")
     held = np.ones(len(problem.base), bool)
     loose = replace(search, fit=replace(search.fit, free=held.copy()))
-    free = {group.name: gain for gain, group, _ in screen(loose)}
+    free = {group.name: gain for gain, group, _ in screen_groups(loose)}
     held[place] = False
     bent = replace(search, fit=replace(search.fit, free=held))
-    bounded = {group.name: gain for gain, group, _ in screen(bent)}
+    bounded = {group.name: gain for gain, group, _ in screen_groups(bent)}
     assert bounded["friction.coulomb"] > free["friction.coulomb"]  # alone, friction would go beyond its bound
     assert max(bounded, key=lambda name: bounded[name]) == "friction.coulomb"
 
@@ -209,7 +220,7 @@ def test_what_a_cause_is_worth_is_what_the_data_are_likelier_with_its_columns() 
 
     whole = likelihood([0, 2, 3, 4])
     wanted = {"one": whole - likelihood([0, 3, 4]), "two": whole - likelihood([0, 2])}
-    assert _worth(fit) == pytest.approx(wanted)
+    assert _linear_leads(fit) == pytest.approx(wanted)
 
 
 def test_what_a_bound_holds_stays_there_beside_each_cause(problem: Problem) -> None:
@@ -222,7 +233,7 @@ def test_what_a_bound_holds_stays_there_beside_each_cause(problem: Problem) -> N
     whole, own = search.table.whole, np.flatnonzero(free).tolist()
     left = replace(whole, projection=whole.projection - 2.5 * whole.matrix[:, 3])
     spans = {id(group): span for group, span in search.table.off}
-    found = screen(search, held=True)
+    found = screen_groups(search, hold_bounds=True)
     assert set(few) <= {group.name for _, group, _ in found}
     for gain, group, mean in found:
         both = left.take([*own, *spans[id(group)]])
@@ -232,7 +243,7 @@ def test_what_a_bound_holds_stays_there_beside_each_cause(problem: Problem) -> N
 
 def test_a_fit_of_everything_starts_where_nothing_has_changed(problem: Problem) -> None:
     point = problem.nominal().with_cause("drive.inertia", np.array([0.5]))
-    everything = _all_straight(search_at(problem, point))
+    everything = _with_all_nearly_linear(search_at(problem, point))
     assert {"actuation.latency", "imu.latency", "friction.quadratic"} <= set(everything.active)
     before, after = problem.predict([point, everything])
     assert (((after - before) / problem.features.floors) ** 2).sum() < 5.0
@@ -256,7 +267,7 @@ def test_what_would_show_shows_in_nearly_every_recording() -> None:
     power = 300.0
     said = re.search(
         r"about ([\d.]+) N m",
-        shows_from(effect("friction.coulomb").parameters[0], power, gate("friction.coulomb")),
+        format_detection_limit(effect("friction.coulomb").parameters[0], power, gate("friction.coulomb")),
     )
     assert said is not None
     u = float(said[1]) / (WIDTH_FACTOR * effect("friction.coulomb").parameters[0].prior_width)
@@ -267,9 +278,11 @@ def test_what_would_show_shows_in_nearly_every_recording() -> None:
 
 def test_no_current_limit_is_promised_that_is_higher_than_those_that_were_simulated() -> None:
     limit = effect("motor.current_limit").parameters[0]
-    assert shows_from(limit, 1e5, gate("motor.current_limit")) == "below about 2 A"
-    assert shows_from(limit, 20.0, gate("motor.current_limit")) == "below about 0.61 A"
-    assert shows_from(limit, 1e-4, gate("motor.current_limit")) == ""  # 0.0015 A: no wheel would turn
+    assert format_detection_limit(limit, 1e5, gate("motor.current_limit")) == "below about 2 A"
+    assert format_detection_limit(limit, 20.0, gate("motor.current_limit")) == "below about 0.61 A"
+    assert (
+        format_detection_limit(limit, 1e-4, gate("motor.current_limit")) == ""
+    )  # 0.0015 A: no wheel would turn
 
 
 @pytest.mark.parametrize("name", ["limit", "factor", "gain"])
@@ -277,23 +290,28 @@ def test_the_size_of_a_teams_own_effect_is_what_is_added_whatever_its_number_is_
     """One called limit was said to show below an inverse of its widths, in a unit that this has not."""
     number = Parameter(name, "counts", 1.0, Bounds(), 5.0)
     # Two usual deviations are a width, and it takes 2.33 + (2.33² + 2 · 8 + log 101)^½ = 7.4 tenths of one.
-    assert shows_from(number, 100.0, 8.0, own=True) == "from about 7.4 counts on"
+    assert format_detection_limit(number, 100.0, 8.0, own=True) == "from about 7.4 counts on"
 
 
 def test_no_size_is_said_that_no_robot_has() -> None:
     for id_ in ("actuation.deadband", "friction.coulomb", "imu.gyro_scale", "drive.turn_scrub"):
-        assert shows_from(effect(id_).parameters[0], 1e-20, gate(id_)) == ""  # rounding, not evidence
-    assert shows_from(effect("actuation.deadband").parameters[0], 1e-3, gate("actuation.deadband")) == ""
+        assert (
+            format_detection_limit(effect(id_).parameters[0], 1e-20, gate(id_)) == ""
+        )  # rounding, not evidence
+    assert (
+        format_detection_limit(effect("actuation.deadband").parameters[0], 1e-3, gate("actuation.deadband"))
+        == ""
+    )
     # A width is 20 counts, and it takes 2.33 + (2.33² + 2 · 8 + log 2)^½ = 7.0 of them.
     counts = effect("bemf.dead_zone").parameters[0]
-    assert shows_from(counts, 1.0, gate("bemf.dead_zone")) == "from about 140 counts on"
+    assert format_detection_limit(counts, 1.0, gate("bemf.dead_zone")) == "from about 140 counts on"
 
 
 def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
     real = problem_of(log, ROBOT, tuple(CAUSES.values()))
     search = start_search(real, make_probe_function(real))
-    last = estimated(search)
+    last = refit_with_final_noise(search)
     every, less = search.whitener.wandering[0], last.whitener.wandering[0]
     assert less.directions.shape[1] < every.directions.shape[1]
     spread = last.whitener.spread  # unseen data must still be allowed to be as wrong as that
@@ -309,7 +327,9 @@ def test_of_many_things_a_next_one_is_as_rare_as_laplace_has_it() -> None:
         shares = np.linspace(0.0, 1.0, 20001)
         weights = shares**named * (1.0 - shares) ** (asked - named)
         chance = float((weights * shares).sum() / weights.sum())
-        assert rarity(named, asked) == pytest.approx(np.log((1.0 - chance) / chance), abs=1e-3)
+        assert log_odds_against_another(named, asked) == pytest.approx(
+            np.log((1.0 - chance) / chance), abs=1e-3
+        )
 
 
 def test_what_is_foretold_of_a_block_is_what_all_others_say_and_bending_is_paid(problem: Problem) -> None:
@@ -317,7 +337,7 @@ def test_what_is_foretold_of_a_block_is_what_all_others_say_and_bending_is_paid(
     point = Point(rng.normal(size=count), {"imu.latency": np.array([0.4])})
     columns, white = rng.normal(size=(count + 1, 96)), rng.normal(size=96)
     fit = replace(Fit.of(problem, point, white, columns), free=np.arange(count + 1) != 2)
-    told = Foretold.of(fit)
+    told = HeldOutPrediction.of(fit)
     assert told.bent == pytest.approx(0.5 * (point.base**2).sum())
     free = columns[fit.free]
     target = white + point.vector()[fit.free] @ free
@@ -391,11 +411,13 @@ def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Pro
     worse, spoilt = np.full(rows, 1.0), np.full(rows, 1.0)
     better = np.full(rows, 0.97)
     spoilt[: EVENT * len(problem.features.roles)] = 30.0
-    steady = held_out_lead(problem, Foretold(better, 0.0), Foretold(worse, 0.0))
+    steady = held_out_lead(problem, HeldOutPrediction(better, 0.0), HeldOutPrediction(worse, 0.0))
     assert steady == pytest.approx(0.5 * rows * (1.0 - 0.97**2))
-    broken_loose = held_out_lead(problem, Foretold(spoilt, 0.0), Foretold(worse, 0.0))
-    assert broken_loose == pytest.approx(-MOST_OF_EVENT)
-    assert held_out_lead(problem, Foretold(worse, 2.0), Foretold(worse, 0.5)) == pytest.approx(-1.5)
+    broken_loose = held_out_lead(problem, HeldOutPrediction(spoilt, 0.0), HeldOutPrediction(worse, 0.0))
+    assert broken_loose == pytest.approx(-MAX_EVENT_LEAD)
+    assert held_out_lead(
+        problem, HeldOutPrediction(worse, 2.0), HeldOutPrediction(worse, 0.5)
+    ) == pytest.approx(-1.5)
 
 
 def _with_causes(*names: str) -> SimpleNamespace:
@@ -416,23 +438,23 @@ def test_what_another_outdoes_that_is_no_cause_itself_is_none_either(
             "friction.stiction": [Rival("friction.coulomb", 60.0)],
             "drive.wheel_radius@left": [Rival("friction.viscous@left", lead, beside)],
         },
-        failed={},
+        rejections={},
         fit=_with_causes("friction.stiction", "drive.wheel_radius@left"),
     )
 
     def without(search: SimpleNamespace, name: str, fit: object) -> SimpleNamespace:
         rest = {key: value for key, value in search.rivals.items() if key != name}
-        return SimpleNamespace(rivals=rest, failed=search.failed, fit=_with_causes(*rest))
+        return SimpleNamespace(rivals=rest, rejections=search.rejections, fit=_with_causes(*rest))
 
-    for name in ("settled_fit", "_dropped", "compared"):
+    for name in ("refit_current", "_fit_without_cause", "compare_rivals"):
         monkeypatch.setattr(f"{module}.{name}", lambda *_: None)
-    monkeypatch.setattr(f"{module}.accepted_without", without)
-    monkeypatch.setattr(f"{module}._stable", lambda search: search)
-    monkeypatch.setattr(f"{module}.grown", lambda search: search)
-    found = _credible(start)
+    monkeypatch.setattr(f"{module}.drop_cause", without)
+    monkeypatch.setattr(f"{module}._eliminate", lambda search: search)
+    monkeypatch.setattr(f"{module}.select_forward", lambda search: search)
+    found = _drop_outperformed(start)
     assert ("drive.wheel_radius@left" in found.rivals) is kept
     assert "friction.stiction" in found.rivals
-    assert len(found.failed) == (not kept)
+    assert len(found.rejections) == (not kept)
 
 
 SCALED, HELD_BACK = "bemf.scale@left", "friction.viscous@left"
@@ -454,31 +476,31 @@ def test_what_outdoes_a_cause_takes_its_place_where_it_may_be_named(
     for a scale 5 behind it."""
     module = "raccoon.diagnose.select.search"
     start: Any = SimpleNamespace(
-        rivals={SCALED: [Rival(HELD_BACK, -6.0)]}, failed={}, fit=_with_causes(SCALED)
+        rivals={SCALED: [Rival(HELD_BACK, -6.0)]}, rejections={}, fit=_with_causes(SCALED)
     )
-    less = SimpleNamespace(rivals={}, failed={}, fit=_with_causes())
-    filled = SimpleNamespace(rivals={}, failed={}, fit=_with_causes(*again))
-    for name in ("settled_fit", "_dropped", "compared"):
+    less = SimpleNamespace(rivals={}, rejections={}, fit=_with_causes())
+    filled = SimpleNamespace(rivals={}, rejections={}, fit=_with_causes(*again))
+    for name in ("refit_current", "_fit_without_cause", "compare_rivals"):
         monkeypatch.setattr(f"{module}.{name}", lambda *_: None)
-    monkeypatch.setattr(f"{module}.accepted_without", lambda *_: less)
-    monkeypatch.setattr(f"{module}.grown", lambda _: filled)
-    monkeypatch.setattr(f"{module}._stable", lambda search: search)
-    found: Any = _credible(start)
+    monkeypatch.setattr(f"{module}.drop_cause", lambda *_: less)
+    monkeypatch.setattr(f"{module}.select_forward", lambda _: filled)
+    monkeypatch.setattr(f"{module}._eliminate", lambda search: search)
+    found: Any = _drop_outperformed(start)
     assert found is (filled if taken else less)
 
 
 def test_a_set_that_comes_back_is_not_gone_through_again(monkeypatch: pytest.MonkeyPatch) -> None:
     module = "raccoon.diagnose.select.search"
-    one: Any = SimpleNamespace(rivals={"a": [Rival("b", -9.0)]}, failed={}, fit=_with_causes("a", "c"))
-    both = SimpleNamespace(rivals={"b": [Rival("a", -9.0)]}, failed={}, fit=_with_causes("a", "b", "c"))
-    none: Any = SimpleNamespace(rivals={}, failed={}, fit=_with_causes("c"))
+    one: Any = SimpleNamespace(rivals={"a": [Rival("b", -9.0)]}, rejections={}, fit=_with_causes("a", "c"))
+    both = SimpleNamespace(rivals={"b": [Rival("a", -9.0)]}, rejections={}, fit=_with_causes("a", "b", "c"))
+    none: Any = SimpleNamespace(rivals={}, rejections={}, fit=_with_causes("c"))
     less = {"a": none, "b": one}
-    for name in ("settled_fit", "_dropped", "compared"):
+    for name in ("refit_current", "_fit_without_cause", "compare_rivals"):
         monkeypatch.setattr(f"{module}.{name}", lambda *_: None)
-    monkeypatch.setattr(f"{module}.accepted_without", lambda _, name, __: less[name])
-    monkeypatch.setattr(f"{module}.grown", lambda _: both)
-    monkeypatch.setattr(f"{module}._stable", lambda search: search)
-    assert _credible(one) is none
+    monkeypatch.setattr(f"{module}.drop_cause", lambda _, name, __: less[name])
+    monkeypatch.setattr(f"{module}.select_forward", lambda _: both)
+    monkeypatch.setattr(f"{module}._eliminate", lambda search: search)
+    assert _drop_outperformed(one) is none
 
 
 @pytest.mark.parametrize(
@@ -496,9 +518,9 @@ def test_causes_are_added_until_a_drop_leaves_no_more_than_one_before(
     module, left = "raccoon.diagnose.select.search", list(steps)
 
     def at(names: Iterable[str]) -> Any:
-        failed = dict.fromkeys("abcde", NOTHING)  # whatever was tried and not taken at first
+        failed = dict.fromkeys("abcde", EXPLAINS_NOTHING)  # whatever was tried and not taken at first
         return SimpleNamespace(
-            fit=_with_causes(*names), named=(*names,), listed=", ".join(names), unknown={}, failed=failed
+            fit=_with_causes(*names), named=(*names,), listed=", ".join(names), unknown={}, rejections=failed
         )
 
     def step(search: Any, sign: str) -> tuple[Any, bool]:
@@ -508,10 +530,10 @@ def test_causes_are_added_until_a_drop_leaves_no_more_than_one_before(
         name = left.pop(0)[1:]
         return at([*names, name] if sign == "+" else [each for each in names if each != name]), True
 
-    monkeypatch.setattr(f"{module}.forward", lambda search: step(search, "+"))
-    monkeypatch.setattr(f"{module}.backward", lambda search: step(search, "-"))
-    monkeypatch.setattr(f"{module}.merged", lambda search: search)
-    assert "".join(grown(at([])).fit.point.active) == end
+    monkeypatch.setattr(f"{module}.forward_step", lambda search: step(search, "+"))
+    monkeypatch.setattr(f"{module}.backward_step", lambda search: step(search, "-"))
+    monkeypatch.setattr(f"{module}.merge_sides", lambda search: search)
+    assert "".join(select_forward(at([])).fit.point.active) == end
 
 
 def test_what_is_asked_without_something_unknown_says_nothing_where_that_stays(
@@ -521,15 +543,19 @@ def test_what_is_asked_without_something_unknown_says_nothing_where_that_stays(
     module = "raccoon.diagnose.select.search"
     why = {"imu.latency": "explains too little (log evidence +3.0)"}
     start: Any = SimpleNamespace(
-        fit=_with_causes("a"), unknown={"speed": 20.0}, failed=dict(why), rivals={}, problem=SimpleNamespace()
+        fit=_with_causes("a"),
+        unknown={"speed": 20.0},
+        rejections=dict(why),
+        rivals={},
+        problem=SimpleNamespace(),
     )
     start.problem.change = None
-    monkeypatch.setattr(f"{module}.beside_unknown", lambda *_: SimpleNamespace())
+    monkeypatch.setattr(f"{module}.refit_beside_unknown", lambda *_: SimpleNamespace())
 
     def forward(bare: Any) -> tuple[Any, bool]:
-        bare.failed["imu.latency"] = NOTHING
+        bare.rejections["imu.latency"] = EXPLAINS_NOTHING
         return SimpleNamespace(unknown=start.unknown), True
 
-    monkeypatch.setattr(f"{module}.forward", forward)
-    assert known_after_all(start) == (start, False)
-    assert start.failed == why
+    monkeypatch.setattr(f"{module}.forward_step", forward)
+    assert reconsider_unknown(start) == (start, False)
+    assert start.rejections == why

@@ -7,13 +7,13 @@ import pytest
 
 from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
-from raccoon.diagnose.select.set_scoring import Member, Sets, overlap
+from raccoon.diagnose.select.set_scoring import Member, SetScorer, causes_overlap
 
 
-def sets_of(columns: np.ndarray, target: np.ndarray, *one_sided: int) -> Sets:
+def sets_of(columns: np.ndarray, target: np.ndarray, *one_sided: int) -> SetScorer:
     """Each column a cause named after its place."""
     members = tuple(Member(f"cause{i}", (i,), None, i in one_sided) for i in range(columns.shape[1]))
-    return Sets(Gram.of(columns, target), members)
+    return SetScorer(Gram.of(columns, target), members)
 
 
 def imitated(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -63,7 +63,7 @@ def test_a_one_sided_cause_must_have_its_sign() -> None:
 
 def test_dropping_leaves_what_is_worth_its_gate() -> None:
     sets = sets_of(*imitated(4))
-    assert sets.dropped(frozenset({0, 1, 3, 4, 5})) == frozenset({0, 1})
+    assert sets.without_unneeded(frozenset({0, 1, 3, 4, 5})) == frozenset({0, 1})
 
 
 def test_variants_of_the_same_causes_count_once() -> None:
@@ -78,7 +78,7 @@ def test_variants_of_the_same_causes_count_once() -> None:
 
 
 def test_places_overlap_where_one_holds_the_other() -> None:
-    assert overlap("bemf.scale", "bemf.scale@left")
-    assert overlap("bemf.scale@left", "bemf.scale@left")
-    assert not overlap("bemf.scale@right", "bemf.scale@left")
-    assert not overlap("bemf.scale", "bemf.offset")
+    assert causes_overlap("bemf.scale", "bemf.scale@left")
+    assert causes_overlap("bemf.scale@left", "bemf.scale@left")
+    assert not causes_overlap("bemf.scale@right", "bemf.scale@left")
+    assert not causes_overlap("bemf.scale", "bemf.offset")

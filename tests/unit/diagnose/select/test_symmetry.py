@@ -22,22 +22,22 @@ from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import added
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
-from raccoon.diagnose.select.alternative_sets import better_set
-from raccoon.diagnose.select.rivals import compared
+from raccoon.diagnose.select.alternative_sets import find_better_set
+from raccoon.diagnose.select.rivals import compare_rivals
 from raccoon.diagnose.select.symmetry import (
-    BACK_EMF,
-    LINES,
-    _as_base,
-    _factor,
-    along,
-    relieved,
-    same_drives,
+    BACK_EMF_LINE,
+    SYMMETRY_LINES,
+    _factor_to_nominal,
+    _in_base_units,
+    causes_of_strained_numbers,
+    exact_twins,
+    move_along_line,
 )
-from raccoon.diagnose.select.twins import GEAR, geared, likely_twins
+from raccoon.diagnose.select.twins import GEAR_LOSS, find_likely_twins, gear_loss_twin
 from raccoon.sim.effects.chain import Chain
 from unit.diagnose.searches import searched
 
-_, RESISTANCE, WHEELS = LINES
+_, RESISTANCE, WHEELS = SYMMETRY_LINES
 
 
 def at(problem: Problem, **causes: float) -> Point:
@@ -65,8 +65,8 @@ EVERYWHERE = {"motor_back_emf_constant__left": 0.6, "drive_inertia": -0.4, "fric
 @pytest.mark.parametrize(
     ("line", "more"),
     [
-        (BACK_EMF, {}),
-        (BACK_EMF, {"friction_direction_dependent": 0.5, "friction_load_dependent": 0.5}),
+        (BACK_EMF_LINE, {}),
+        (BACK_EMF_LINE, {"friction_direction_dependent": 0.5, "friction_load_dependent": 0.5}),
         (RESISTANCE, {"battery_internal_resistance": 0.5, "battery_discharge": 0.4, "motor_heating": 0.5}),
         (RESISTANCE, {"motor_current_limit": 0.5}),
         (WHEELS, {"drive_wheel_radius__right": 0.5}),
@@ -77,7 +77,7 @@ def test_along_a_line_the_drive_stays_the_same(
     problem: Problem, line: dict[tuple[str, str], float], more: dict[str, float], factor: float
 ) -> None:
     point = at(problem, **EVERYWHERE, **more)
-    other = along(problem, point, line, factor)
+    other = move_along_line(problem, point, line, factor)
     assert other is not None
     before, after = problem.settings(point), problem.settings(other)
     moved = [key for key in before if (key[0], key[2]) in line and before[key] not in (0.0, np.inf)]
@@ -89,21 +89,21 @@ def test_along_a_line_the_drive_stays_the_same(
     assert apart_by(problem, point, other) < 0.2
 
 
-@pytest.mark.parametrize("line", [BACK_EMF, RESISTANCE])
+@pytest.mark.parametrize("line", [BACK_EMF_LINE, RESISTANCE])
 @pytest.mark.parametrize("name", ["friction_viscous__left", "friction_coulomb__left"])
 def test_what_one_wheel_has_beyond_a_number_of_both_follows_with_it(
     problem: Problem, line: dict[tuple[str, str], float], name: str
 ) -> None:
     """Of viscous friction that is added, and stayed: up to 4.5 times the noise."""
     point = at(problem, motor_back_emf_constant=0.5, **{name: 0.8})
-    other = along(problem, point, line, 0.85)
+    other = move_along_line(problem, point, line, 0.85)
     assert other is not None
     assert apart_by(problem, point, other) < 0.2
 
 
 def test_stiction_keeps_its_form(problem: Problem) -> None:
     point = at(problem, friction_stiction=0.8, motor_back_emf_constant=0.5)
-    other = along(problem, point, BACK_EMF, 1.1)
+    other = move_along_line(problem, point, BACK_EMF_LINE, 1.1)
     assert other is not None
     before, after = problem.settings(point), problem.settings(other)
     for parameter, power in (("torque", 1.0), ("speed", -1.0)):
@@ -113,7 +113,7 @@ def test_stiction_keeps_its_form(problem: Problem) -> None:
 
 def test_every_twin_is_the_same_drive_without_its_cause(problem: Problem) -> None:
     point = at(problem, motor_back_emf_constant__left=-0.7, drive_track_width=1.2, drive_inertia=-0.5)
-    found = list(same_drives(problem, point))
+    found = list(exact_twins(problem, point))
     assert {name for name, _ in found} == set(point.active)
     for name, other in found:
         assert name not in other.active
@@ -122,7 +122,7 @@ def test_every_twin_is_the_same_drive_without_its_cause(problem: Problem) -> Non
 
 
 def test_a_wheel_is_the_other_one_with_another_track(problem: Problem) -> None:
-    (name, other), *_ = likely_twins(problem, at(problem, drive_wheel_radius__right=-1.0))
+    (name, other), *_ = find_likely_twins(problem, at(problem, drive_wheel_radius__right=-1.0))
     assert name == "drive.wheel_radius@right"
     assert set(other.active) == {"drive.wheel_radius@left", "drive.track_width"}
 
@@ -130,7 +130,7 @@ def test_a_wheel_is_the_other_one_with_another_track(problem: Problem) -> None:
 def test_without_what_is_needed_there_is_no_twin(problem: Problem) -> None:
     causes = {key: each for key, each in problem.causes.items() if key != "drive.track_width"}
     point = at(problem, drive_wheel_radius__right=-1.0)
-    assert list(same_drives(replace(problem, causes=causes), point)) == []
+    assert list(exact_twins(replace(problem, causes=causes), point)) == []
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_what_is_bent_far_can_be_said_as_its_cause(
 ) -> None:
     point = problem.nominal()
     point.base[list(bent)] = list(bent.values())
-    found = dict(relieved(problem, point, 2.5))
+    found = dict(causes_of_strained_numbers(problem, point, 2.5))
     assert set(found) == named
     for name, other in found.items():
         assert set(other.active) == {name}
@@ -158,7 +158,7 @@ def test_what_is_bent_far_can_be_said_as_its_cause(
         assert apart_by(problem, point, other) < 0.01
     on = problem.nominal().with_cause("motor.armature_resistance@left", np.array([0.5]))
     on.base[3] = 3.0
-    assert list(relieved(problem, on, 2.5)) == []
+    assert list(causes_of_strained_numbers(problem, on, 2.5)) == []
 
 
 FEW = ("motor.back_emf_constant", "drive.inertia", "drive.track_width", "drive.wheel_radius",
@@ -175,12 +175,12 @@ def among_few(problem: Problem) -> Problem:
 
 def test_three_causes_that_are_two_of_the_other_motor_become_those(problem: Problem) -> None:
     truth = at(problem, motor_back_emf_constant__right=1.2, friction_load_dependent=0.5)
-    wrong = along(problem, truth, BACK_EMF, 1.0 / float(np.exp(0.12)))
+    wrong = move_along_line(problem, truth, BACK_EMF_LINE, 1.0 / float(np.exp(0.12)))
     assert wrong is not None
     assert "motor.back_emf_constant@left" in wrong.active
     assert len(wrong.active) > 3
     search = searched(among_few(problem), truth, wrong, seed=3)
-    better = better_set(search)
+    better = find_better_set(search)
     assert better is not None
     assert set(better.point.active) == set(truth.active)
 
@@ -192,13 +192,13 @@ def test_a_set_that_is_nearly_as_likely_is_said_with_the_cause_whose_place_it_ta
         among_few(problem), at(problem, drive_wheel_radius__left=1.0, drive_track_width=1.2), named, seed=3
     )
     search = replace(search, fit=fit_point(search.problem, search.whitener, named))
-    compared(search)
+    compare_rivals(search)
     told = describe_joint_rivals(search, cause)
     assert told == " drive.track_width and drive.wheel_radius@left together would look the same."
     assert {"drive.wheel_radius@left", "drive.track_width"} <= set(confounded_causes(search, cause))
     assert cause_probability(search, name, confounded_causes(search, cause), {}) < 0.8
     clear = searched(among_few(problem), at(problem, drive_wheel_radius__right=-1.4), named, seed=3)
-    compared(clear)
+    compare_rivals(clear)
     assert describe_joint_rivals(clear, cause) == ""
     assert "drive.track_width" not in confounded_causes(clear, cause)
 
@@ -213,12 +213,12 @@ def test_in_a_crowd_a_set_of_one_cause_more_is_said_too(
     search = replace(search, fit=fit_point(search.problem, search.whitener, named))
 
     def together() -> list[set[str]]:
-        compared(search)
+        compare_rivals(search)
         found = (each for name in names for each in search.rivals[name] if each.together)
         return [{each.name, *each.together} for each in found]
 
     assert together() == []
-    monkeypatch.setattr("raccoon.diagnose.select.rivals.MANY", 3)
+    monkeypatch.setattr("raccoon.diagnose.select.rivals.MANY_CAUSES", 3)
     assert {"drive.inertia", "drive.track_width"} in together()
     leads = [each.lead for name in names for each in search.rivals[name] if each.together]
     assert all(lead >= 0.0 for lead in leads)  # or the cause would be outdone by what is only spared
@@ -230,7 +230,7 @@ def test_of_both_back_emf_constants_it_is_said_what_they_rest_on(problem: Proble
     search.fit = replace(search.fit, point=point)
     keys = [("motor.back_emf_constant", side, "factor") for side in ("left", "right")]
     off = float(np.sqrt(np.prod([here[key] for key in keys])))
-    other = along(problem, point, BACK_EMF, 1.0 / off)
+    other = move_along_line(problem, point, BACK_EMF_LINE, 1.0 / off)
     assert other is not None
     assert apart_by(problem, point, other) < 0.2
     there = problem.settings(other)
@@ -273,9 +273,9 @@ def test_along_a_line_a_number_that_counts_by_what_is_added_comes_back_to_what_i
     width = problem.causes[name].coordinates[0].value(1.0)
     point = problem.nominal().with_cause(name, np.array([0.5 * problem.neutral[key] / width]))
     assert problem.settings(point)[key] == pytest.approx(1.5 * problem.neutral[key])
-    factor = _factor(problem, point, name, BACK_EMF)
+    factor = _factor_to_nominal(problem, point, name, BACK_EMF_LINE)
     assert factor == pytest.approx((2.0 / 3.0) ** 0.5)
-    there = along(problem, point, BACK_EMF, factor)
+    there = move_along_line(problem, point, BACK_EMF_LINE, factor)
     assert there is not None
     assert name not in there.active
     assert problem.settings(there)[key] == pytest.approx(problem.neutral[key])
@@ -289,7 +289,7 @@ def test_a_friction_that_robot_toml_has_none_of_is_counted_in_what_is_added_to_i
     torque = dict.fromkeys(cause.settings, 0.0)
     cause.apply(torque, 0.3)
     (size,) = set(torque.values())
-    assert _as_base(base, cause, 0.3) == pytest.approx(size / 0.01)
+    assert _in_base_units(base, cause, 0.3) == pytest.approx(size / 0.01)
 
 
 def test_gears_that_lose_torque_are_more_inertia_and_friction_where_no_motor_brakes(
@@ -300,21 +300,21 @@ def test_gears_that_lose_torque_are_more_inertia_and_friction_where_no_motor_bra
     rollout = PlantRollout(log, problem.robot, Habits(Chain.firmware(), brake=False))
     forward = replace(problem, features=Features.of(log), rollout=rollout)
     point = at(forward, friction_load_dependent=0.8)
-    other = geared(forward, point)
+    other = gear_loss_twin(forward, point)
     assert other is not None
     assert set(other.active) == {"drive.inertia", "friction.coulomb"}
     lost = apart_by(forward, forward.nominal(), point)
     assert lost > 10.0
     assert apart_by(forward, point, other) < 0.1 * lost
-    back = geared(forward, other)
+    back = gear_loss_twin(forward, other)
     assert back is not None
-    assert set(back.active) == {GEAR}
-    np.testing.assert_allclose(back.active[GEAR], point.active[GEAR], rtol=0.05)
+    assert set(back.active) == {GEAR_LOSS}
+    np.testing.assert_allclose(back.active[GEAR_LOSS], point.active[GEAR_LOSS], rtol=0.05)
 
 
 def test_a_k_e_that_is_low_may_be_gears_that_lose_torque_beside_a_track(problem: Problem) -> None:
     """Of a robot whose gears lost 17 % and whose gyro read 6 % too much, K_E of both motors was said 6.5 %
     low with a probability of 1; the truth was 7.6 of log evidence ahead, and lacked 2.4 with its gates."""
     point = at(problem, motor_back_emf_constant=-1.0)
-    twins = [set(other.active) for _, other in likely_twins(problem, point)]
-    assert any({GEAR, "drive.track_width"} <= each for each in twins)
+    twins = [set(other.active) for _, other in find_likely_twins(problem, point)]
+    assert any({GEAR_LOSS, "drive.track_width"} <= each for each in twins)

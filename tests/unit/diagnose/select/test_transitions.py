@@ -11,7 +11,7 @@ import pytest
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select import transitions
-from raccoon.diagnose.select.replacements import rearranged
+from raccoon.diagnose.select.replacements import replace_by_better_sets
 from raccoon.diagnose.select.state import Search
 
 
@@ -22,9 +22,9 @@ def test_what_another_set_does_without_is_noted_in_one_order(monkeypatch: pytest
         SimpleNamespace(point=Point(np.zeros(0), {name: np.ones(1) for name in each}))
         for each in (names, names[::4])
     )
-    search = cast(Search, SimpleNamespace(fit=before, failed={}, rivals={}))
-    monkeypatch.setattr(transitions, "moved", lambda search, *_: search)
-    assert [*transitions.replaced_by(search, cast(Fit, after)).failed] == [
+    search = cast(Search, SimpleNamespace(fit=before, rejections={}, rivals={}))
+    monkeypatch.setattr(transitions, "move_search", lambda search, *_: search)
+    assert [*transitions.replace_set(search, cast(Fit, after)).rejections] == [
         name for name in names if name not in names[::4]
     ]
 
@@ -44,11 +44,11 @@ def test_sets_are_not_compared_again_for_the_same_set_that_fits_better(
     def replaced_by(_: Search, fit: object) -> Search:
         return cast(Search, SimpleNamespace(fit=fit))
 
-    monkeypatch.setattr("raccoon.diagnose.select.replacements.better_set", better_set)
-    monkeypatch.setattr("raccoon.diagnose.select.replacements.replaced_by", replaced_by)
-    monkeypatch.setattr("raccoon.diagnose.select.replacements.doubtful", lambda _: True)
+    monkeypatch.setattr("raccoon.diagnose.select.replacements.find_better_set", better_set)
+    monkeypatch.setattr("raccoon.diagnose.select.replacements.replace_set", replaced_by)
+    monkeypatch.setattr("raccoon.diagnose.select.replacements.may_miss_causes", lambda _: True)
     start = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(active={"a": None})))
-    search, changed = rearranged(cast(Search, start))
+    search, changed = replace_by_better_sets(cast(Search, start))
     assert changed
     assert list(search.fit.point.active) == names[-1:]
     assert next(count) == asked

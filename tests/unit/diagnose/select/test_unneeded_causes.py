@@ -32,11 +32,11 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
 
     for module, name, stand_in in (
         (unneeded_causes, "fit_point", fitted),
-        (unneeded_causes, "settled_fit", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
-        (unneeded_causes, "worth", lambda _, one, other: other.cost - one.cost),
-        (validation, "pruned", without),
-        (validation, "estimated", lambda search: search),
-        (validation, "_sizeless", lambda _: None),
+        (unneeded_causes, "refit_current", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
+        (unneeded_causes, "nested_lead", lambda _, one, other: other.cost - one.cost),
+        (validation, "prune_cause", without),
+        (validation, "refit_with_final_noise", lambda search: search),
+        (validation, "_causes_without_size", lambda _: []),
     ):
         monkeypatch.setattr(module, name, stand_in)
     point = Point(np.array([1.0]), {name: np.array([1.0]) for name in names})
@@ -44,9 +44,9 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
         fit=SimpleNamespace(point=point),
         problem=None,
         whitener=None,
-        gains=dict(WORTH),
+        leads=dict(WORTH),
         unknown={},
-        failed={},
+        rejections={},
     )
     found: Search = validation._drop_unneeded(search)
     return set(found.fit.point.active), len(fits)
@@ -60,7 +60,7 @@ def test_a_cause_that_play_s_rough_misfit_asked_for_is_dropped(monkeypatch: pyte
 def test_what_is_worth_its_gate_from_everywhere_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     left, fits = asked_again([PLAY, SLIP, SCALE], monkeypatch)
     assert left == {PLAY, SLIP, SCALE}
-    assert fits == 2 + 2 * len(unneeded_causes.STARTS)  # play itself is far beyond doubt, and not asked
+    assert fits == 2 + 2 * len(unneeded_causes.START_SCALES)  # play itself is far beyond doubt, and not asked
 
 
 def test_without_play_nothing_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,6 +68,6 @@ def test_without_play_nothing_is_asked_again(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_where_all_is_clear_nothing_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(WORTH, SLIP, gate(SLIP) + unneeded_causes.DOUBT + 1.0)
-    monkeypatch.setitem(WORTH, SCALE, gate(SCALE) + unneeded_causes.DOUBT + 1.0)
+    monkeypatch.setitem(WORTH, SLIP, gate(SLIP) + unneeded_causes.MAX_DOUBTED_EXCESS + 1.0)
+    monkeypatch.setitem(WORTH, SCALE, gate(SCALE) + unneeded_causes.MAX_DOUBTED_EXCESS + 1.0)
     assert asked_again([PLAY, SLIP, SCALE], monkeypatch) == ({PLAY, SLIP, SCALE}, 0)

@@ -9,7 +9,7 @@ import pytest
 
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.select.state import lead, worth
+from raccoon.diagnose.select.state import log_evidence_lead, nested_lead
 
 PLAY, SCALE = "drive.backlash", "bemf.scale@left"
 
@@ -33,13 +33,13 @@ def test_a_cause_is_worth_the_same_from_whichever_stair_it_is_left_out(problem: 
     """A scale of one wheel worth 13 had 9.9 where it needed 11."""
     fit, less = _fits(problem, 1.0)
     own = fit.jacobian[len(problem.base)]
-    assert worth(problem, fit, less) == pytest.approx(lead(problem, fit, less))
-    assert worth(problem, fit, less) == pytest.approx(20.0 - 0.5 * np.log(1.0 + own @ own), abs=0.1)
+    assert nested_lead(problem, fit, less) == pytest.approx(log_evidence_lead(problem, fit, less))
+    assert nested_lead(problem, fit, less) == pytest.approx(20.0 - 0.5 * np.log(1.0 + own @ own), abs=0.1)
     _, higher = _fits(problem, 20.0)
-    assert lead(problem, fit, higher) > lead(problem, fit, less) + 2.5
-    assert worth(problem, fit, higher) == pytest.approx(worth(problem, fit, less))
+    assert log_evidence_lead(problem, fit, higher) > log_evidence_lead(problem, fit, less) + 2.5
+    assert nested_lead(problem, fit, higher) == pytest.approx(nested_lead(problem, fit, less))
 
 
 def test_a_fit_that_gives_no_numbers_is_worth_nothing(problem: Problem) -> None:
     fit, less = _fits(problem, 1.0)
-    assert worth(problem, replace(fit, cost=np.inf), less) == -np.inf
+    assert nested_lead(problem, replace(fit, cost=np.inf), less) == -np.inf

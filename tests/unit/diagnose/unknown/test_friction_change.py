@@ -13,8 +13,8 @@ from raccoon.diagnose.fit.linear_model import coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.select.gates import CROWDED
-from raccoon.diagnose.select.state import Search, look_around, start_search
+from raccoon.diagnose.select.gates import CROWDED_CAUSES
+from raccoon.diagnose.select.state import Search, linearise_search, start_search
 from raccoon.diagnose.unknown.friction_change import HEATING, friction_may_have_changed, is_clearly_heating
 from raccoon.diagnose.unknown.probes import make_probe_function
 
@@ -42,7 +42,7 @@ def _hot(problem: Problem, heated: float, added: float) -> Search:
     real = replace(problem, features=replace(features, measured=measured))
     start = start_search(real, make_probe_function(real))
     fit = fit_point(real, start.whitener, start.fit.point.with_cause(HEATING, np.array([0.5, 0.0])))
-    return look_around(real, start.probes, fit.point, start.whitener)
+    return linearise_search(real, start.probes, fit.point, start.whitener)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,9 @@ def test_where_no_motor_is_hot_friction_may_have_changed(problem: Problem) -> No
     assert not is_clearly_heating(bare)
 
 
-@pytest.mark.parametrize(("others", "asked"), [(0, True), (CROWDED - 2, True), (CROWDED - 1, False)])
+@pytest.mark.parametrize(
+    ("others", "asked"), [(0, True), (CROWDED_CAUSES - 2, True), (CROWDED_CAUSES - 1, False)]
+)
 def test_beside_a_crowd_of_causes_no_change_of_friction_is_asked_for(others: int, asked: bool) -> None:
     """Beside twelve, on 36 s, the question took longer than all before it."""
     beside = [cause(f"own.{number}", said="") for number in range(others)]

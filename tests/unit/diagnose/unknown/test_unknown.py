@@ -19,9 +19,9 @@ from raccoon.diagnose.fit.linear_model import Group, Linear, coulomb_response, l
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import slow_friction
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
-from raccoon.diagnose.select.probe_scores import best_probe
-from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
-from raccoon.diagnose.select.state import look_around, start_search
+from raccoon.diagnose.select.probe_scores import find_best_probe
+from raccoon.diagnose.select.search import LONE_PROBE_GATE, reconsider_unknown
+from raccoon.diagnose.select.state import linearise_search, start_search
 from raccoon.diagnose.unknown.probes import (
     FRICTION_OVER_TIME,
     MIN_LARGE_WAVE_LOG_EVIDENCE,
@@ -42,14 +42,14 @@ def test_what_was_called_unknown_is_not_where_a_cause_explains_it_after_all() ->
     real = problem_of(log, ROBOT, tuple(CAUSES.values()))
     start = start_search(real, make_probe_function(real))
     seemed = {"unknown: time (inertia)": 300.0}
-    empty = look_around(real, start.probes, start.fit.point, start.whitener, seemed)
-    assert known_after_all(empty) == (empty, False)
+    empty = linearise_search(real, start.probes, start.fit.point, start.whitener, seemed)
+    assert reconsider_unknown(empty) == (empty, False)
     point = start.fit.point.with_cause(
         hidden.name, np.array([hidden.values["seconds"] / CAUSES[hidden.name].coordinates[0].value(1.0)])
     )
     fit = fit_point(real, start.whitener, point)
-    found = look_around(real, start.probes, fit.point, start.whitener, seemed)
-    known, changed = known_after_all(found)
+    found = linearise_search(real, start.probes, fit.point, start.whitener, seemed)
+    known, changed = reconsider_unknown(found)
     assert changed
     assert not known.unknown
     assert list(known.fit.point.active) == [hidden.name]
@@ -113,10 +113,10 @@ def test_in_a_short_drive_a_place_is_a_moment(problem: Problem) -> None:
     def blind(linear: Linear) -> list[Group]:
         return [replace(each, over_place=False) for each in make_probe_function(real)(linear)]
 
-    taken = best_probe(start_search(real, blind))
+    taken = find_best_probe(start_search(real, blind))
     assert taken.name.startswith("unknown: position")
-    assert taken.shows(PROBE_ALONE)
-    assert not best_probe(start_search(real, make_probe_function(real))).shows(PROBE_ALONE)
+    assert taken.exceeds(LONE_PROBE_GATE)
+    assert not find_best_probe(start_search(real, make_probe_function(real))).exceeds(LONE_PROBE_GATE)
 
 
 def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> None:
@@ -165,9 +165,9 @@ def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong() 
     hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
     columns = make(10, [hidden], seconds=40.0).columns
     real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
-    found = best_probe(start_search(real, make_probe_function(real)))
+    found = find_best_probe(start_search(real, make_probe_function(real)))
     assert found.name == "unknown: wheel angle left"
-    assert found.lead > 10.0 * PROBE_ALONE
+    assert found.lead > 10.0 * LONE_PROBE_GATE
 
 
 @pytest.mark.parametrize(("size", "seen"), [(0.01, True), (0.006, False)])
@@ -177,11 +177,11 @@ def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has(size: float, 
     hidden = Hidden("unknown", None, {}, {"cogging_l": size})
     columns = make(12, [hidden], seconds=25.0).columns
     real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
-    found = best_probe(start_search(real, make_probe_function(real)))
+    found = find_best_probe(start_search(real, make_probe_function(real)))
     assert found.name == "unknown: wheel angle left"
-    assert found.lead > PROBE_ALONE
-    assert found.shows(PROBE_ALONE) is seen
-    assert found.least == (
+    assert found.lead > LONE_PROBE_GATE
+    assert found.exceeds(LONE_PROBE_GATE) is seen
+    assert found.min_lead == (
         MIN_LARGE_WAVE_LOG_EVIDENCE if seen else MIN_WAVE_LOG_EVIDENCE
     )  # a floor made 11 of a large one
 

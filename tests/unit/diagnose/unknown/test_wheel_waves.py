@@ -19,9 +19,9 @@ from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.rollout.simulated_robot import with_inertia
-from raccoon.diagnose.select.probe_scores import best_probe
-from raccoon.diagnose.select.search import _with_unknown
-from raccoon.diagnose.select.state import estimated, start_search
+from raccoon.diagnose.select.probe_scores import find_best_probe
+from raccoon.diagnose.select.search import _restart_beside_probe
+from raccoon.diagnose.select.state import refit_with_final_noise, start_search
 from raccoon.diagnose.unknown.probes import USUAL_WAVE_TORQUE, make_probe_function
 from raccoon.diagnose.unknown.sensor_probes import Probe
 from raccoon.diagnose.unknown.shapes import fit_shapes
@@ -130,7 +130,7 @@ def test_how_much_a_motor_cogs_is_said_with_its_size() -> None:
     columns = make(21, [Hidden("unknown", None, {}, {"cogging_r": size})], seconds=20.0).columns
     real = problem_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes())
     start = start_search(real, make_probe_function(real))
-    (shape,) = fit_shapes(estimated(_with_unknown(start, best_probe(start))))
+    (shape,) = fit_shapes(refit_with_final_noise(_restart_beside_probe(start, find_best_probe(start))))
     assert shape.depends_on == "wheel angle right"
     found = shape.size
     assert found.value == pytest.approx(2.0 * size, rel=0.2)
