@@ -35,7 +35,7 @@ SPEED_UNITS: Mapping[str, float] = {
     "turns a second": 1.0 / math.tau,
 }
 GYRO_UNITS = {name: SPEED_UNITS[name] for name in ("turns a second", "turns a minute")}
-"""What degrees and a sensor's own counts look like is said by `quality`."""
+"""What degrees and a sensor's own counts look like is said by `units`."""
 BEMF_UNITS: Mapping[str, float] = {"millivolts": 1000.0 * BEMF_VOLTS_PER_COUNT}
 """How many times larger than counts."""
 

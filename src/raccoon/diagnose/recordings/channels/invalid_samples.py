@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MAX_READING = 1e5
-"""No sensor of a robot reads more in its own unit; wrong units give less and are named by `quality`."""
+"""No sensor of a robot reads more in its own unit; wrong units give less and are named by `drives.units`."""
 MIN_FILLER_COUNT, MIN_FILLER_SHARE = 10, 0.02
 """Times, and share of the samples, that one value must come between distant neighbours to be a filler."""
 MIN_DISTANCE_SHARE, MIN_DISTANCE_IN_NOISE = 0.3, 20.0
@@ -64,7 +64,7 @@ def without_invalid_samples(
     known = np.flatnonzero(np.isfinite(values))
     if role == "battery":
         empty = known[values[known] <= 0.0]
-        if len(empty) < len(known):  # a whole channel of them is named by `quality`
+        if len(empty) < len(known):  # a whole channel of them is named by `drives.units`
             worst = float(values[empty[0]]) if len(empty) else 0.0
             share = _format_share(empty, known)
             leave_out(
