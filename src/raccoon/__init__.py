@@ -246,7 +246,7 @@ if not TYPE_CHECKING:  # a checker that saw it would take every name, also a mis
         if home is None:
             from sys import _getframe
 
-            from raccoon.robot.instead import refuse_name
+            from raccoon.robot.name_hints import refuse_name
 
             refuse_name(name, _getframe(1))
         value = getattr(import_module(home), name)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import raccoon
-from raccoon.robot.knowledge import Knowledge
+from raccoon.robot.robot_state import RobotState
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -35,5 +35,5 @@ def test_every_public_name_stands_on_a_page() -> None:
 def test_what_a_program_asks_a_robot_stands_in_the_table_of_the_motions_page() -> None:
     page = (ROOT / "docs" / "motions.md").read_text("utf-8")
     table = page.partition("## What a robot knows")[2].partition("\n## ")[0]
-    asked = {name for name in vars(Knowledge) if not name.startswith("_")}
+    asked = {name for name in vars(RobotState) if not name.startswith("_")}
     assert set(re.findall(r"`robot\.(\w+)", table)) >= asked

@@ -38,7 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run it; 1 where it ends with an error or opens no robot, or as it exits itself."""
     from raccoon.core.errors import ConfigError, RaccoonError
-    from raccoon.robot.opening import Substitute, opened_instead
+    from raccoon.robot.opening import Substitute, substitute_robot
     from raccoon.sim.effects.model_file import load_model
     from raccoon.sim.port import open_simulated
     from raccoon.sim.world.collision import check_standing
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     substitute = Substitute(port, args.record, args.seed)
     status = 0
     try:
-        with opened_instead(substitute), _as_main(program):
+        with substitute_robot(substitute), _as_main(program):
             _run_program(program, substitute)
     except Exception as error:
         step = _traceback_of_program(error, program)

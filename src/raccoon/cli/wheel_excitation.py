@@ -69,10 +69,12 @@ def excite_and_fit(
 def required_room(config: RobotConfig) -> float:
     """Room, m, ahead of the robot that its drive stays within, in whole decimetres: as if no friction held
     it."""
-    from raccoon.robot.calibration.identification import LEVEL_TIME, LEVELS
+    from raccoon.robot.calibration.identification import DUTY_LEVELS, LEVEL_TIME_S
 
     model = config.model
-    seconds = LEVEL_TIME * (sum(LEVELS) + sum(LEVELS[:-1]))  # of full power: up the levels and down again
+    seconds = LEVEL_TIME_S * (
+        sum(DUTY_LEVELS) + sum(DUTY_LEVELS[:-1])
+    )  # of full power: up the levels and down again
     volts = FRESH_BATTERY_FACTOR * model.battery.open_circuit_voltage.value
     slowest = min(each.back_emf_constant.value for each in (model.left, model.right))
     return math.ceil(10.0 * seconds * volts / slowest * model.drive.wheel_radius.value) / 10.0

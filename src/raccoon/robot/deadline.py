@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
-AGAIN = 1.0
+RING_AGAIN_S = 1.0
 """s until an alarm that was caught comes again."""
-READINGS, ALARMS = 1000, 10
+MAX_CAUGHT_READINGS, MAX_CAUGHT_ALARMS = 1000, 10
 """How often a program may catch what tells it that the time is over, in readings and in alarms."""
-NEVER_ENDS = (
+NEVER_ENDS_MESSAGE = (
     "raccoon: the program never ends: it catches everything (except BaseException, or a bare except), also "
     "that the time is over; its process is ended. Write except Exception\n"
 )
@@ -39,13 +39,13 @@ def end_match(robot: Robot) -> NoReturn:
     time and again.
     """
     robot.ends += 1
-    if robot.ends > READINGS:
+    if robot.ends > MAX_CAUGHT_READINGS:
         end_process(robot.port.close)
     robot.attachments.switch_off()
     raise MatchOver(f"the match ended at {robot.deadline:.2f} s")
 
 
-def rings_here() -> bool:
+def can_ring() -> bool:
     """Whether an alarm can ring in this thread: in the main one, where there is such a timer."""
     return threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
 
@@ -54,7 +54,7 @@ def end_process(close: Callable[[], None]) -> None:
     """End a program that nothing else ends, with status 1. close: the port, so that nothing moves on."""
     with suppress(Exception):
         sys.stdout.flush()
-        os.write(2, NEVER_ENDS.encode())
+        os.write(2, NEVER_ENDS_MESSAGE.encode())
     try:
         close()
     finally:
@@ -69,27 +69,29 @@ def real_deadline(seconds: float, close: Callable[[], None]) -> Iterator[Alarm]:
     its process is ended (`end_process`). Only in the main thread, where signals arrive; elsewhere, and where
     there is no such timer, no limit.
     """
-    if not rings_here():
+    if not can_ring():
         yield Alarm()
         return
-    with ringing(seconds, lambda: MatchOver(f"the match of {seconds:g} s is over"), close) as alarm:
+    with raise_after(seconds, lambda: MatchOver(f"the match of {seconds:g} s is over"), close) as alarm:
         yield alarm
 
 
 @contextmanager
-def ringing(seconds: float, over: Callable[[], BaseException], close: Callable[[], None]) -> Iterator[Alarm]:
+def raise_after(
+    seconds: float, over: Callable[[], BaseException], close: Callable[[], None]
+) -> Iterator[Alarm]:
     """Raise what `over` gives after so many real seconds and every second from then on, in the main thread;
     end the process of a program that has caught it ten times. close: see `end_process`."""
     alarm = Alarm()
 
     def ring(_number: int, _frame: FrameType | None) -> None:
         alarm.rings += 1
-        if alarm.rings > ALARMS:
+        if alarm.rings > MAX_CAUGHT_ALARMS:
             end_process(close)
         raise over()
 
     previous = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
+    signal.setitimer(signal.ITIMER_REAL, seconds, RING_AGAIN_S)
     try:
         yield alarm
     finally:

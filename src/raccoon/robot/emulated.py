@@ -24,7 +24,7 @@ from raccoon.sim.tophats import Tophat
 from raccoon.sim.world.contact import NO_SLIP, Contact, with_pose
 from raccoon.sim.world.table import World
 
-LONGEST_STEP = 0.0025
+LONGEST_STEP_S = 0.0025
 """s; the plant's own step, see docs/simulator.md."""
 DEVICES: dict[Firmware, Device] = {"stock": STOCK, 17: RACCOON_17, 21: RACCOON_21}
 FLOATING = 2000.0
@@ -53,7 +53,7 @@ class SimulatedPlant:
         self._tophats = [Tophat(each, parameters) for each in robot.tophats.values()]
         self._state = state_at_rest(self._numbers)
         self._steps = Steps()
-        self._contact = Contact(self._world, robot.body, self._numbers, LONGEST_STEP, (0.0, 0.0, 0.0))
+        self._contact = Contact(self._world, robot.body, self._numbers, LONGEST_STEP_S, (0.0, 0.0, 0.0))
         self.free_motors = {
             each.motor: FreeMotor(robot, each.motor, each.inertia, device)
             for each in robot.mechanisms.values()
@@ -79,23 +79,23 @@ class SimulatedPlant:
         left, right = drives[self._ports[0]], drives[self._ports[1]]
         left = None if left is None else self._signs[0] * left
         right = None if right is None else self._signs[1] * right
-        steps = math.ceil(seconds / LONGEST_STEP)
+        steps = math.ceil(seconds / LONGEST_STEP_S)
         for _ in range(steps):
             step = seconds / steps
             self._state = self._steps.after(self._state, self._numbers, step, left, right)
-            self._meet_the_world(step)
+            self._apply_contact(step)
         for port, motor in self.free_motors.items():
             motor.step(drives[port], self._state.bus, seconds)
-        return self._seen(before, seconds)
+        return self._imu_words(before, seconds)
 
-    def _meet_the_world(self, seconds: float) -> None:
+    def _apply_contact(self, seconds: float) -> None:
         s = self._state
         x, y, heading = self._contact.resolve((s.x, s.y, s.heading), seconds)
         if self._contact.slip is not NO_SLIP:
             self._state = with_pose(s, x, y, heading)
         self._numbers = self._contact.with_loads(self._numbers, x, y)
 
-    def _seen(self, before: float, seconds: float) -> PlantState:
+    def _imu_words(self, before: float, seconds: float) -> PlantState:
         """before: m/s ahead, so many seconds ago."""
         self.bystander.time = self._state.time
         s, p, slip = self._state, self._numbers, self._contact.slip

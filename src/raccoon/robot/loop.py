@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-# These would end the process without unwinding it; SIGINT see `_waits`.
+# These would end the process without unwinding it; SIGINT see `_defers_interrupt`.
 _ENDING_SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 
 # Above ordinary programs, below the kernel's own threads.
@@ -57,8 +57,8 @@ def stopped_on_exit(stop: Callable[[], None]) -> Iterator[None]:
     if threading.current_thread() is threading.main_thread():
         for number in _ENDING_SIGNALS:
             if signal.getsignal(number) is not signal.SIG_IGN:
-                previous[number] = signal.signal(number, _leave)
-        if _waits(signal.getsignal(signal.SIGINT)):
+                previous[number] = signal.signal(number, _exit_on_signal)
+        if _defers_interrupt(signal.getsignal(signal.SIGINT)):
             previous[signal.SIGINT] = signal.signal(signal.SIGINT, _interrupt)
     try:
         yield
@@ -71,7 +71,7 @@ def stopped_on_exit(stop: Callable[[], None]) -> Iterator[None]:
             atexit.unregister(stop)
 
 
-def _waits(handler: object) -> bool:
+def _defers_interrupt(handler: object) -> bool:
     """Whether a handler of SIGINT keeps Ctrl-C for later: asyncio's does, until the coroutine waits for
     something, and a robot that drives in it would drive on. Python's own becomes it in `asyncio.run`."""
     asyncios = getattr(getattr(handler, "func", None), "__qualname__", "") == "Runner._on_sigint"
@@ -82,5 +82,5 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _leave(number: int, _frame: FrameType | None) -> None:
+def _exit_on_signal(number: int, _frame: FrameType | None) -> None:
     raise SystemExit(128 + number)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import SIMULATOR
 from raccoon.robot.actions.actions import Action, Steps, check_actions
-from raccoon.robot.actions.condition import each_of
-from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
+from raccoon.robot.actions.condition import check_all
+from raccoon.robot.actions.functions import NOTHING_RUN_HINT, check_program, perform
 from raccoon.robot.actions.limits import check_kind, check_number, check_robot
-from raccoon.robot.calibration.light import check_lamp, no_tophat, simulate_lamp, tell_light, word
+from raccoon.robot.calibration.light import check_lamp, light_counts, no_tophat, simulate_lamp, tell_light
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
-from raccoon.robot.remarks import say, tell
+from raccoon.robot.remarks import add_remark, remark_oddities
 
 if TYPE_CHECKING:
     from raccoon.estimate.start_light import StartLightCalibration
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 MATCH_SECONDS = 120.0
-LONGEST = 3600.0
+LONGEST_MATCH_S = 3600.0
 """s of a match; more is a time in milliseconds."""
-CAUGHT = (
+CAUGHT_END_REMARK = (
     "the program went on after the end of the match: it catches everything (except BaseException, or a bare "
     "except), the end too; write except Exception"
 )
@@ -127,7 +127,7 @@ def mission(*actions: Action[Any]) -> Action[list[Any]]:
             results.append((yield from step.start(robot)))
         return results
 
-    return Action(f"mission of {len(actions)} steps", steps, each_of(*actions))
+    return Action(f"mission of {len(actions)} steps", steps, check_all(*actions))
 
 
 def wait_for_light(port: int, calibration: StartLightCalibration | None = None) -> Action[None]:
@@ -146,7 +146,7 @@ def wait_for_light(port: int, calibration: StartLightCalibration | None = None) 
 
         light = StartLight(calibration)
         simulate_lamp(robot, port, calibration)
-        while not (reading := light.update(robot.time, word(robot, port))).fired:
+        while not (reading := light.update(robot.time, light_counts(robot, port))).fired:
             tell_light(robot, port, reading)
             yield
         robot.note("start light")
@@ -183,7 +183,7 @@ def run_match(
     robot.note(f"match begins: {seconds:g} s")
     result, ended = None, False
     try:
-        real = _real(robot, alarm)
+        real = _is_real_time(robot, alarm)
         with real_deadline(seconds, robot.port.close) if real else nullcontext(Alarm()) as bell:
             result = perform(robot, program)
         ended = True
@@ -197,7 +197,7 @@ def run_match(
     robot.end_match()
     finished = ended and not bell.rings and robot.time < robot.deadline
     if ended and not finished:
-        say(robot, CAUGHT)
+        add_remark(robot, CAUGHT_END_REMARK)
     # Where the alarm came, the last reading is older than the end.
     took = robot.time - begin if finished else max(robot.time - begin, seconds)
     steps = tuple(
@@ -205,8 +205,8 @@ def run_match(
     )
     robot.note(f"match ends after {took:.2f} s")
     if finished and robot.ticks == before:
-        say(robot, NOTHING_RUN)
-    tell(robot)
+        add_remark(robot, NOTHING_RUN_HINT)
+    remark_oddities(robot)
     return MatchReport(took, finished, steps, result, tuple(robot.drive.remarks.values()), robot.ended_in)
 
 
@@ -218,8 +218,8 @@ def _check_match(
     if start is not None:
         check_kind(start, Action, "run_match(): start", ", such as wait_for_light(port) or wait(1.0)")
     check_number("seconds", seconds, "of a match, above 0")
-    if not 0.0 < seconds <= LONGEST:
-        raise ValueError(f"seconds is {seconds}: allowed are numbers above 0 up to {LONGEST:g}")
+    if not 0.0 < seconds <= LONGEST_MATCH_S:
+        raise ValueError(f"seconds is {seconds}: allowed are numbers above 0 up to {LONGEST_MATCH_S:g}")
     robot.require("run_match()")
     if robot.deadline is not None:
         raise RuntimeError("this robot has begun its match already: open the robot again for another one")
@@ -227,7 +227,7 @@ def _check_match(
         program.check(robot)
 
 
-def _real(robot: Robot, alarm: bool | None) -> bool:
+def _is_real_time(robot: Robot, alarm: bool | None) -> bool:
     """Whether the robot's seconds are the wall's: not in simulation and not in a replay."""
     if alarm is not None:
         return alarm

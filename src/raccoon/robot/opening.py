@@ -16,18 +16,18 @@ from raccoon.core.files import kept_apart, near_program, program_folder
 from raccoon.core.port import Port, in_real_time
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
-from raccoon.robot.actions.functions import NOTHING_RUN, check_program, perform
+from raccoon.robot.actions.functions import NOTHING_RUN_HINT, check_program, perform
 from raccoon.robot.actions.limits import check_number
-from raccoon.robot.instead import note_names, note_unread, note_value
 from raccoon.robot.loop import punctual, stopped_on_exit
-from raccoon.robot.remarks import say
+from raccoon.robot.name_hints import add_names_hint, add_unread_hint, add_value_hint
+from raccoon.robot.remarks import add_remark
 from raccoon.robot.robot import Robot
 
 if TYPE_CHECKING:
     from raccoon.trace.format import Trace
 
 T = TypeVar("T")
-_only_read = ContextVar("only_read", default=False)
+_is_only_read = ContextVar("only_read", default=False)
 """Whether the program that runs is not to open a robot."""
 
 
@@ -35,11 +35,11 @@ _only_read = ContextVar("only_read", default=False)
 def no_robot_opened() -> Iterator[None]:
     """Inside, `open_robot` raises ConfigError unless it is handed a port: a program that is only read,
     simulated or replayed must not move the robot that its robot.toml names."""
-    before = _only_read.set(True)
+    before = _is_only_read.set(True)
     try:
         yield
     finally:
-        _only_read.reset(before)
+        _is_only_read.reset(before)
 
 
 @dataclass
@@ -60,7 +60,7 @@ _substitute: ContextVar[Substitute | None] = ContextVar("_substitute", default=N
 
 
 @contextmanager
-def opened_instead(substitute: Substitute) -> Iterator[None]:
+def substitute_robot(substitute: Substitute) -> Iterator[None]:
     """Inside, a program that opens the robot of its robot.toml gets this one, which is a simulated one."""
     before = _substitute.set(substitute)
     try:
@@ -90,8 +90,8 @@ class Opening:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
-        note_value(error)
-        note_names(error)
+        add_value_hint(error)
+        add_names_hint(error)
         return self._opened.__exit__(kind, error, trace)
 
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else
@@ -131,19 +131,19 @@ def open_robot(
         raise TypeError(f"record is {record!r}: it must be the name of a recording")
     if record is not None and not Path(record).name:
         raise ValueError(f"record is {str(record)!r}: it must be the name of a recording, such as 'run'")
-    return Opening(_opened(config, port, record, seed))
+    return Opening(_open(config, port, record, seed))
 
 
 @contextmanager
-def _opened(
+def _open(
     config: RobotConfig | str | Path, port: Port | None, record: str | Path | None, seed: int | None
 ) -> Iterator[Robot]:
-    if port is None and _only_read.get():
+    if port is None and _is_only_read.get():
         raise ConfigError(
             "a program that is read, swept or replayed opens no robot: what it does belongs in mission(robot)"
             ', and open_robot under `if __name__ == "__main__":`'
         )
-    settings = config if isinstance(config, RobotConfig) else load_robot(_located(config))
+    settings = config if isinstance(config, RobotConfig) else load_robot(_find_config(config))
     substitute = _substitute.get() if port is None else None
     if substitute is not None:
         settings = replace(settings, controller=replace(settings.controller, port="sim"))
@@ -157,7 +157,7 @@ def _opened(
     real_time = settings.controller.port in REAL_CONTROLLERS if port is None else in_real_time(port)
     with stopped_on_exit(opened.close):
         if record is not None:
-            opened = _recorded(opened, record, settings, seed)
+            opened = _with_recording(opened, record, settings, seed)
         with stopped_on_exit(opened.close):
             robot = Robot(opened, settings)
             if substitute is not None:
@@ -166,13 +166,13 @@ def _opened(
                 try:
                     yield robot
                 except TypeError as error:
-                    note_unread(error, robot.inputs)
+                    add_unread_hint(error, robot.inputs)
                     raise
                 if robot.ticks == 0:  # an action that was made and not run, most likely
-                    say(robot, NOTHING_RUN)
+                    add_remark(robot, NOTHING_RUN_HINT)
 
 
-def _located(name: str | Path) -> Path:
+def _find_config(name: str | Path) -> Path:
     """A robot.toml from the folder that the program was started in, else from the program's own. Raises
     FileNotFoundError that names both."""
     path = near_program(name)
@@ -185,7 +185,7 @@ def _located(name: str | Path) -> Path:
     raise FileNotFoundError(f"there is no {path} {places}; `raccoon init` writes one to start from")
 
 
-def _recorded(port: Port, path: str | Path, config: RobotConfig, seed: int | None) -> Port:
+def _with_recording(port: Port, path: str | Path, config: RobotConfig, seed: int | None) -> Port:
     """The port with a recording around it, where one can be begun."""
     import logging
 

@@ -12,15 +12,15 @@ from raccoon.estimate.drive.estimate import AT_REST
 
 if TYPE_CHECKING:
     from raccoon.core.readings import Inputs
-    from raccoon.robot.knowledge import Knowledge
     from raccoon.robot.robot import Robot
+    from raccoon.robot.robot_state import RobotState
 
 LEAST_MISMATCH = 0.01
 """Share that the ratio of the wheels' scales, or the gyro's, is off robot.toml's to be worth a word."""
-SIGMAS = 4.0
+MISMATCH_SIGMAS = 4.0
 """And how many of its standard deviations it must be."""
 
-FAULTS = {
+FAULT_REMARKS = {
     Fault.RESET: "the controller restarted: charge the battery, look for a loose battery plug",
     Fault.BROWN_OUT: "the battery is so low that the controller may restart: charge it",
     Fault.IMU_FROZEN: "the IMU repeats itself or is missing: headings are those of the wheels alone",
@@ -32,37 +32,37 @@ FAULTS = {
 }
 """What is said of faults that the port does not make good by itself. Of motors, motions tell."""
 
-DRIVEN, STANDS, STUCK = 0.2, 0.1, 1.0
+DRIVEN_DUTY, STANDING_SPEED, STUCK_AFTER_S = 0.2, 0.1, 1.0
 """Duty that turns any motor, rad/s below which it does not, and s after which that is said: motions to a goal
 have given up by then, and other code may go on for ever."""
 
-ENDLESS = 120.0
+ENDLESS_AFTER_S = 120.0
 """s of a motion without a goal, a whole match, after which it is said that nothing ends it."""
 
-MEASURED = re.compile(r"(?<![\w.])(?<!port )(?<!analog )[-+]?\d[.\d]*(?:e[-+]\d+)?")
+NUMBER_PATTERN = re.compile(r"(?<![\w.])(?<!port )(?<!analog )[-+]?\d[.\d]*(?:e[-+]\d+)?")
 """A number in a remark that is no part of a name (arm2) and no port."""
 
-OFFSET = (
+OFFSET_REMARK = (
     "a motor reads motion at rest that its bemf_offset in robot.toml does not explain, and the pose goes "
     "wrong by it: calibrate again, or leave the offset out and let the robot stand before it drives"
 )
 
 
-def oddities(robot: Robot) -> tuple[str, ...]:
+def find_oddities(robot: Robot) -> tuple[str, ...]:
     """Sentences that name side and port: motors not as they should be, scales that do not fit.
 
     Where wheels and gyro turn otherwise that goes first: what is then said of motors only follows from it.
     """
     if robot.odometry.turn_share != 1.0:
-        return (_turned_otherwise(robot),)
-    off, found = mismatch(robot), robot.drive.oddities()
+        return (_describe_turn_mismatch(robot),)
+    off, found = scale_mismatch(robot), robot.drive.find_oddities()
     if off != 0.0:
-        found = (*found, _mismatched(robot, off))
-    found = (*found, *_misread(robot))
-    return (*found, OFFSET) if AT_REST in robot.estimate.reasons else found
+        found = (*found, _describe_scale_mismatch(robot, off))
+    found = (*found, *_describe_gyro_scale(robot))
+    return (*found, OFFSET_REMARK) if AT_REST in robot.estimate.reasons else found
 
 
-def mismatch(robot: Robot) -> float:
+def scale_mismatch(robot: Robot) -> float:
     """How far the ratio of the wheels' scales is off their calibration, 0 where it is as it should be.
 
     The gyro tells the ratio, so a motor or wheel that was changed shows in it. It does not tell which of the
@@ -75,10 +75,10 @@ def mismatch(robot: Robot) -> float:
         return 0.0
     left, right = robot.odometry.wheel_scales
     off = right / left - 1.0
-    return off if abs(off) >= max(LEAST_MISMATCH, SIGMAS * math.hypot(*known)) else 0.0
+    return off if abs(off) >= max(LEAST_MISMATCH, MISMATCH_SIGMAS * math.hypot(*known)) else 0.0
 
 
-def _turned_otherwise(robot: Robot) -> str:
+def _describe_turn_mismatch(robot: Robot) -> str:
     return (
         f"in turns the gyro reads {robot.odometry.turn_share:.2f} times what the wheels say: is its scale "
         "right (a full turn by hand must be 360 degrees; gyro_scale under [model.imu] in robot.toml), and "
@@ -86,10 +86,10 @@ def _turned_otherwise(robot: Robot) -> str:
     )
 
 
-def _misread(robot: Robot) -> tuple[str, ...]:
+def _describe_gyro_scale(robot: Robot) -> tuple[str, ...]:
     """What is to be said of a gyro's scale that walls, lines and poses have taught to be another one."""
     (scale, std), known = robot.odometry.gyro_scale, robot.config.model.imu.gyro_scale.value
-    if abs(scale - known) < max(LEAST_MISMATCH * known, SIGMAS * std):
+    if abs(scale - known) < max(LEAST_MISMATCH * known, MISMATCH_SIGMAS * std):
         return ()
     return (
         f"by the walls and lines that it saw the gyro reads {scale:.3f} times what the robot turns, and "
@@ -97,7 +97,7 @@ def _misread(robot: Robot) -> tuple[str, ...]:
     )
 
 
-def _mismatched(robot: Robot, off: float) -> str:
+def _describe_scale_mismatch(robot: Robot, off: float) -> str:
     drive, share, percent = robot.config.drive, 1.0 / (1.0 + off), 100.0 * abs(off)
     return (
         f"by the gyro the right wheel (motor port {drive.right}) turns {share:.3f} times what its "
@@ -106,7 +106,7 @@ def _mismatched(robot: Robot, off: float) -> str:
     )
 
 
-def miswired(robot: Robot) -> str:
+def describe_miswiring(robot: Robot) -> str:
     """What is plugged in otherwise than robot.toml says, by the gyro; "" where nothing seems to be."""
     wiring = robot.odometry.wiring
     if not wiring.suspects:
@@ -131,26 +131,26 @@ def miswired(robot: Robot) -> str:
     )
 
 
-def tell(robot: Robot) -> tuple[str, ...]:
+def remark_oddities(robot: Robot) -> tuple[str, ...]:
     """The oddities; what was not said before also goes into the recording and to the log "raccoon"."""
-    found = oddities(robot)
+    found = find_oddities(robot)
     for said in found:
-        say(robot, said)
+        add_remark(robot, said)
     return found
 
 
-def tell_cycle(robot: Robot, inputs: Inputs) -> None:
+def remark_cycle(robot: Robot, inputs: Inputs) -> None:
     """Say what this cycle shows to be wrong and the program cannot know otherwise."""
     for fault in inputs.faults:
-        if fault in FAULTS and fault not in robot.drive.remarks:
-            say(robot, FAULTS[fault] + _guessed(robot, fault), fault)
+        if fault in FAULT_REMARKS and fault not in robot.drive.remarks:
+            add_remark(robot, FAULT_REMARKS[fault] + _describe_guessed_angle(robot, fault), fault)
     if robot.odometry.wiring.turned:
-        say(robot, miswired(robot))
+        add_remark(robot, describe_miswiring(robot))
     if any(robot.outputs.duty):
         stuck = stuck_motors(robot)
         robot.stuck = {name: robot.stuck.get(name, 0.0) + robot.dt for name in stuck} if stuck else {}
-        if stuck and max(robot.stuck.values()) > STUCK:
-            say(robot, f"power and no motion at {' and '.join(stuck)}: blocked, unplugged or a fuse")
+        if stuck and max(robot.stuck.values()) > STUCK_AFTER_S:
+            add_remark(robot, f"power and no motion at {' and '.join(stuck)}: blocked, unplugged or a fuse")
     else:
         robot.stuck = {}
 
@@ -173,29 +173,29 @@ def stuck_motors(robot: Robot) -> tuple[str, ...]:
     return tuple(
         f"{name} (motor port {port})"
         for name, port, speed in turning
-        if abs(robot.outputs.duty[port]) > DRIVEN and abs(speed) < STANDS
+        if abs(robot.outputs.duty[port]) > DRIVEN_DUTY and abs(speed) < STANDING_SPEED
     )
 
 
-def _guessed(robot: Robot, fault: Fault) -> str:
+def _describe_guessed_angle(robot: Robot, fault: Fault) -> str:
     """What to add where a restart of the controller has made the angle of a mechanism a guess."""
     held = " and ".join(robot.attachments.held) if fault is Fault.RESET else ""
     return held and f"; how far {held} turned meanwhile is guessed: drive it against its end stop"
 
 
-def tell_undriven(robot: Robot, times: int) -> None:
+def remark_undriven(robot: Robot, times: int) -> None:
     """Say that speeds which were asked for before a `run` drive nothing. times: in a row, without a `tick`
     between them; a loop that was left before its own asks once.
     """
     if times == 2:
-        say(
+        add_remark(
             robot,
             "a speed that is asked of robot.drive holds for one robot.tick(), and a run() stops it first: "
             "ask again before each tick(), or write robot.run(drive(speed, turn_rate).until(...))",
         )
 
 
-class Endless:
+class EndlessRemark:
     """Says once of what goes on for a whole match that nothing ends it. Ask `tell` in each tick.
 
     label: what does. append: what ends it.
@@ -203,7 +203,7 @@ class Endless:
 
     def __init__(self, robot: Robot, label: str, append: str) -> None:
         self._robot, self._label, self._append = robot, label, append
-        self._due = robot.time + ENDLESS
+        self._due = robot.time + ENDLESS_AFTER_S
 
     def tell(self) -> None:
         """Another tick of it."""
@@ -211,18 +211,18 @@ class Endless:
             self._due = math.inf
             simulated = self._robot.config.controller.port not in REAL_CONTROLLERS
             waits = " (in simulation nobody presses a switch)" if simulated else ""
-            lasts = f"{self._label} has gone on for {ENDLESS:g} s and nothing has ended it"
-            say(self._robot, f"{lasts}: append {self._append}{waits}")
+            lasts = f"{self._label} has gone on for {ENDLESS_AFTER_S:g} s and nothing has ended it"
+            add_remark(self._robot, f"{lasts}: append {self._append}{waits}")
 
 
-def say(robot: Knowledge, said: str, kind: str | None = None) -> None:
+def add_remark(robot: RobotState, said: str, kind: str | None = None) -> None:
     """A remark for the recording, the log and the match report, unless one of its kind was made before.
 
     kind: its text without what was measured where None; names and ports are no numbers that change.
     """
     import logging
 
-    kind = MEASURED.sub("", said) if kind is None else kind
+    kind = NUMBER_PATTERN.sub("", said) if kind is None else kind
     if kind not in robot.drive.remarks:
         robot.drive.remarks[kind] = said
         robot.note(f"remark: {said}")

@@ -16,23 +16,24 @@ from raccoon.core.errors import HardwareError, Stopped
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Action
-from raccoon.robot.actions.limits import COMPOSE, SEVERAL, check_kind
+from raccoon.robot.actions.limits import COMPOSE_HINT, SEVERAL_ACTIONS_HINT, check_kind
 from raccoon.robot.actions.steps import Steps, advance, close
 from raccoon.robot.deadline import MatchOver, end_match
-from raccoon.robot.knowledge import Knowledge, numbers
-from raccoon.robot.parts.tophats import Floor
-from raccoon.robot.remarks import say, tell_cycle, tell_undriven
+from raccoon.robot.parts.tophats import TophatArray
+from raccoon.robot.remarks import add_remark, remark_cycle, remark_undriven
+from raccoon.robot.robot_state import RobotState, replayed_numbers
 
 if TYPE_CHECKING:
     from raccoon.robot.match import StepTime
 
 T = TypeVar("T")
 
-PAUSE = 0.1  # s from a reading to the next, longer than anything that delays a tick; two cycles at least
-LATE, LATE_TICKS = 5.0, 20  # cycles that one takes, from which on the wheels' loop rings; said after so many
+PAUSE_S = 0.1  # s from a reading to the next, longer than anything that delays a tick; two cycles at least
+LATE_CYCLES, MAX_LATE_CYCLES = 5.0, 20
+"""Cycles that one takes, from which on the wheels' loop rings; said after so many."""
 
 
-class Robot(Knowledge):
+class Robot(RobotState):
     """A robot behind `port`, described by `config`. Use it as a context: leaving it stops the motors.
 
     Everything that moves goes through `run`. Whatever ends it (the action's own end, an error, Ctrl-C), the
@@ -42,7 +43,7 @@ class Robot(Knowledge):
 
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
         super().__init__(port, config)
-        self._floor = Floor(self.tophats)
+        self._tophat_array = TophatArray(self.tophats)
         self.ticks = 0
         """Cycles so far."""
         self.dt = 0.0
@@ -64,7 +65,7 @@ class Robot(Knowledge):
         self._closed = ""  # or what is said to who runs something all the same
         self._match_over = False
         self._cycle = 1.0 / self.config.controller.rate_hz
-        self._pause = max(PAUSE, 2.0 * self._cycle)
+        self._pause = max(PAUSE_S, 2.0 * self._cycle)
         self._late = 0  # cycles in a row that were too long
         self._undriven = 0  # times in a row that a loop asked for a speed, and nothing drove it
         self._running: str | None = None
@@ -86,15 +87,15 @@ class Robot(Knowledge):
         closed, RuntimeError where its match is over or in another `run`; Stopped where `stop` ends it.
         """
         given = (action, *more) if more else action
-        check_kind(given, Action, "run()", SEVERAL if isinstance(given, list | tuple) else "")
+        check_kind(given, Action, "run()", SEVERAL_ACTIONS_HINT if isinstance(given, list | tuple) else "")
         body = action.start(self)
-        self._begin(f"run({action.name})", COMPOSE)
+        self._begin(f"run({action.name})", COMPOSE_HINT)
         try:
             if self.drive.asked:  # by a loop that ended before its tick
                 self.drive.stop()
                 self.replan()
                 self._undriven += 1
-                tell_undriven(self, self._undriven)
+                remark_undriven(self, self._undriven)
             while True:
                 self._sense()
                 try:
@@ -105,7 +106,7 @@ class Robot(Knowledge):
                     return result
                 self._act()
         except BaseException as error:
-            self._halt(error)
+            self._stop_after_error(error)
             raise
         finally:
             self._end()
@@ -123,12 +124,12 @@ class Robot(Knowledge):
         self._undriven = 0
         if self.drive.asked:
             self.replan()
-            self.drive.speeds.limited |= self.drive.cut
+            self.drive.speeds.was_limited |= self.drive.cut
         try:
             self._sense()
             self._act()
         except BaseException as error:
-            self._halt(error)
+            self._stop_after_error(error)
             raise
         finally:
             self._end()
@@ -141,19 +142,19 @@ class Robot(Knowledge):
             self.require(asked, instead)
             self._thread = get_ident()
             if self._stopping:
-                self._heed(asked)
+                self._obey_stop(asked)
             self._running = asked
 
     def _end(self) -> None:
         with self._turn:
             self._running = None
 
-    def _heed(self, running: str | None) -> NoReturn:
+    def _obey_stop(self, running: str | None) -> NoReturn:
         """Do as `stop` has asked."""
         self._stopping = False
         raise Stopped(f"robot.stop() ended {running}")
 
-    def _refuse(self, asked: str, instead: str) -> NoReturn:
+    def _refuse_to_run(self, asked: str, instead: str) -> NoReturn:
         """Say that something runs already: in this thread, or in one that may not."""
         if get_ident() != self._thread:
             raise RuntimeError(
@@ -173,10 +174,10 @@ class Robot(Knowledge):
         self.inputs = inputs
         self._keep_words(inputs)
         self.ticks += 1
-        slow = elapsed > (LATE - 0.5) * self._cycle and (any(self._outputs.duty) or not self.paused)
+        slow = elapsed > (LATE_CYCLES - 0.5) * self._cycle and (any(self._outputs.duty) or not self.paused)
         self._late = self._late + 1 if slow else 0
-        if self._late == LATE_TICKS:
-            say(
+        if self._late == MAX_LATE_CYCLES:
+            add_remark(
                 self,
                 f"cycles take {1e3 * elapsed:.0f} ms, rate_hz asks for {1e3 * self._cycle:.0f}: the wheels "
                 "cannot be controlled well; a condition, a background action or other code is slow",
@@ -184,19 +185,19 @@ class Robot(Knowledge):
         if self.deadline is not None and inputs.time >= self.deadline:
             end_match(self)
         estimate = self.odometry.update(inputs, self._outputs)
-        tell_cycle(self, inputs)
-        self.drive.know(inputs.device)
+        remark_cycle(self, inputs)
+        self.drive.configure(inputs.device)
         self.battery.update(inputs.time, inputs.battery_voltage)
         if self.battery.voltage is not None:
             drawn = self.drive.current(estimate.left_speed, estimate.right_speed, self.battery.voltage)
             self.pack.update(inputs.time, inputs.battery_voltage, drawn)
         self.attachments.sense(inputs, elapsed)
-        self._floor.sense(self, inputs, elapsed)
+        self._tophat_array.sense(self, inputs, elapsed)
         if self.paused:
             self.drive.resume()
             self.attachments.resume()
-        if self._notes is not None:
-            self._notes.annotate("drive", numbers(estimate))
+        if self._annotated_port is not None:
+            self._annotated_port.annotate("drive", replayed_numbers(estimate))
 
     def _act(self, *, resting: bool = False) -> None:
         """Command this tick. resting: none may follow for long, so nothing is left driving."""
@@ -206,14 +207,14 @@ class Robot(Knowledge):
             except StopIteration:
                 self._background.remove(body)
         if self._stopping:
-            self._heed(self._running)
+            self._obey_stop(self._running)
         if resting:
             self.drive.stop()
         voltage = self.battery.voltage
-        if self.drive.speeds.unsaid:
-            say(self, self.drive.speeds.remark())
+        if self.drive.speeds.has_remark:
+            add_remark(self, self.drive.speeds.remark())
         driven = self.drive.outputs(self.estimate, self.dt, voltage, self.odometry.silent_wheels)
-        self._outputs = self.attachments.added_to(driven, self.dt, voltage, resting=resting)
+        self._outputs = self.attachments.add_to(driven, self.dt, voltage, resting=resting)
         self.port.write(self._outputs)
 
     # -- stopping -----------------------------------------------------------------------------------------
@@ -236,10 +237,10 @@ class Robot(Knowledge):
         """Command every motor off, now; servos hold. In a cycle it is for who ends that: see `stop`."""
         if not self._closed:
             self.drive.stop()
-            self._outputs = self.attachments.stopped()
+            self._outputs = self.attachments.stop_motors()
             self.port.write(self._outputs)
 
-    def _halt(self, error: BaseException) -> None:
+    def _stop_after_error(self, error: BaseException) -> None:
         """Motors off on the way out of an error, which must not be hidden by a second one."""
         if isinstance(error, MatchOver):
             self.ended_in = self.ended_in or self._running or ""
@@ -287,7 +288,7 @@ class Robot(Knowledge):
         if self._match_over:
             raise RuntimeError("the match of this robot is over: open the robot again to run something")
         if asked and self._running is not None:
-            self._refuse(asked, instead)
+            self._refuse_to_run(asked, instead)
 
     def __enter__(self) -> Self:
         return self

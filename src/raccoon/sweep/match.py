@@ -204,7 +204,7 @@ def _simulated_port(match: Match, values: dict[str, float], seed: int) -> Port:
 
 def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
     """Run the mission and let the robot come to rest; why it failed, empty where it did not."""
-    from raccoon.robot.actions.functions import NOTHING_RUN, perform
+    from raccoon.robot.actions.functions import NOTHING_RUN_HINT, perform
 
     with open_robot(match.robot, port=port, record=record, seed=seed) as robot:
         try:
@@ -216,7 +216,7 @@ def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path
             _come_to_rest(robot)
     if done is False:
         return "mission returned False"
-    return "" if ran else NOTHING_RUN
+    return "" if ran else NOTHING_RUN_HINT
 
 
 def _come_to_rest(robot: Robot) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import raccoon
 from raccoon.core.errors import ConfigError
 from raccoon.robot.actions.actions import Action
-from raccoon.robot.actions.limits import takes
+from raccoon.robot.actions.limits import can_take
 from raccoon.robot.robot import Robot
 
 Mission = Callable[[Robot], Any]
@@ -74,7 +74,7 @@ class Program:
             return lambda robot: robot.run(mission)
         if not callable(mission) or mission is raccoon.mission:
             raise ConfigError(f"{self.name}: it must define mission(robot), or an action named mission")
-        if not takes(mission, "robot"):
+        if not can_take(mission, "robot"):
             raise ConfigError(f"{self.name}: its mission must take the robot: mission(robot)")
         found: Mission = mission
         return found

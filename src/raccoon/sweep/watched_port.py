@@ -10,7 +10,7 @@ from functools import partial
 
 from raccoon.core.port import Port, bystander_of
 from raccoon.core.readings import Inputs, Outputs, Truth
-from raccoon.robot.deadline import READINGS, end_process, ringing, rings_here
+from raccoon.robot.deadline import MAX_CAUGHT_READINGS, can_ring, end_process, raise_after
 
 
 class MatchOver(BaseException):
@@ -36,7 +36,7 @@ class WatchedPort:
         self.time, self.truth = inputs.time, inputs.truth
         if inputs.time > self.limit:
             self._ends += 1
-            if self._ends > READINGS:
+            if self._ends > MAX_CAUGHT_READINGS:
                 end_process(self.close)
             raise MatchOver(f"not done after {self.limit:g} s")
         return inputs
@@ -56,8 +56,8 @@ def wall_limit(seconds: float) -> Iterator[None]:
     second apart, its process is ended. To other threads (of a Dask worker) it comes
     between two lines of Python.
     """
-    if rings_here():
-        with ringing(seconds, partial(_computes_too_long, seconds), lambda: None):
+    if can_ring():
+        with raise_after(seconds, partial(_computes_too_long, seconds), lambda: None):
             yield
     else:
         with _thread_limit(seconds):

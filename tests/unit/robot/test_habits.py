@@ -20,7 +20,7 @@ from raccoon import (
     when,
 )
 from raccoon.core.config import MechanismConfig, RobotConfig, ServoConfig, TophatConfig
-from raccoon.robot import knowledge
+from raccoon.robot import robot_state
 from robots import Between, simulated
 
 CONFIG = RobotConfig(
@@ -141,7 +141,7 @@ def test_a_loop_that_waits_and_never_reads_is_said_once(caplog: pytest.LogCaptur
 
 
 def test_a_loop_that_never_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(knowledge, "FOR_EVER", 5000)
+    monkeypatch.setattr(robot_state, "REFUSE_AFTER_ASKED", 5000)
 
     def play(robot: Robot) -> None:
         while not robot.digital(0):

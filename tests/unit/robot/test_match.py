@@ -192,7 +192,7 @@ def test_the_alarm_of_the_wall_clock_ends_code_that_never_comes_back() -> None:
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no interval timer here")
 def test_an_alarm_that_the_program_catches_is_one_and_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raccoon.robot.deadline.AGAIN", 0.05)
+    monkeypatch.setattr("raccoon.robot.deadline.RING_AGAIN_S", 0.05)
     caught = 0
 
     def hangs(_robot: Robot) -> str:
@@ -245,7 +245,7 @@ def test_a_program_that_never_ends_is_ended_with_its_process(
 ) -> None:
     left: list[int] = []
     monkeypatch.setattr(os, "_exit", left.append)
-    for name, value in (("AGAIN", 0.01), ("ALARMS", 3), ("READINGS", 3)):
+    for name, value in (("RING_AGAIN_S", 0.01), ("MAX_CAUGHT_ALARMS", 3), ("MAX_CAUGHT_READINGS", 3)):
         monkeypatch.setattr(f"raccoon.robot.deadline.{name}", value)
     monkeypatch.setattr(Lamp, "close", lambda port: port.event("closed"))
     port, caught = Lamp(), 0

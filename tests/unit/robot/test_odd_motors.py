@@ -58,7 +58,7 @@ def test_half_the_magnet_is_calibrated_away_and_reported() -> None:
     result, end, robot = run(straight(0.5), simulated(seed=2, config=BARE, effects=effects), calibrated)
     assert end.x == pytest.approx(0.5, abs=0.005)
     assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.5)
-    assert any("left motor (port 0) has 0.5" in said for said in robot.drive.oddities())
+    assert any("left motor (port 0) has 0.5" in said for said in robot.drive.find_oddities())
     assert any("left motor (port 0) has 0.5" in said for said in result.remarks)
 
 
@@ -71,7 +71,7 @@ def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
         _, end, robot = run(straight(1.0), port)
         assert end.x == pytest.approx(1.0, abs=0.004)
         assert end.y == pytest.approx(0.0, abs=0.005)
-        told += robot.drive.oddities()
+        told += robot.drive.find_oddities()
     assert len(told) >= 3
     assert all(re.search(r"left motor \(port 0\) takes 1\.[345]", each) for each in told)
 
@@ -133,7 +133,7 @@ def test_a_wall_that_keeps_a_robot_from_turning_is_no_gyro() -> None:
 
 def test_a_nominal_robot_is_not_complained_about() -> None:
     result, _, robot = run(straight(1.0))
-    assert robot.drive.oddities() == ()
+    assert robot.drive.find_oddities() == ()
     assert result.remarks == ()
 
 
@@ -325,7 +325,7 @@ def test_wheels_that_spin_at_a_wall_say_nothing_of_their_motors() -> None:
         with pytest.raises(MotionTimeout):
             robot.run(drive(0.15).timeout(9.0))
         robot.run(seq(straight(-0.2), straight(0.1, speed=0.1)))
-        assert robot.drive.oddities() == ()
+        assert robot.drive.find_oddities() == ()
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -337,7 +337,7 @@ def test_what_scrubs_in_turns_makes_no_motor_odd(side: str) -> None:
     said: set[str] = set()
 
     def listen(robot: Robot) -> bool:
-        said.update(robot.drive.oddities())
+        said.update(robot.drive.find_oddities())
         return False
 
     with open_robot(CONFIG, port=SimPort(scrub, World.empty(), seed=1)) as robot:
@@ -351,5 +351,5 @@ def test_a_motor_is_found_odd_between_turns_too() -> None:
     effects = {"motor.armature_resistance@left": {"factor": 1.6}}
     parts = [part for _ in range(3) for part in (straight(0.4), turn(deg(90)))]
     _, _, robot = run(seq(*parts), simulated(effects=effects))
-    (said,) = robot.drive.oddities()
+    (said,) = robot.drive.find_oddities()
     assert said.startswith("the left motor (port 0) takes 1.")

@@ -13,7 +13,7 @@ from raccoon.estimate.drive.estimate import AT_REST
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.robot.remarks import OFFSET
+from raccoon.robot.remarks import OFFSET_REMARK
 from raccoon.sim.effects.parameters import Parameters
 
 
@@ -53,8 +53,8 @@ def test_an_offset_that_robot_toml_excludes_is_said_where_the_robot_does_not_res
         result = robot.run(straight(0.1))
         assert robot.estimate.status is Status.UNCERTAIN
         assert AT_REST in robot.estimate.reasons
-        assert OFFSET in result.remarks
-        assert OFFSET in robot.drive.remarks.values()
+        assert OFFSET_REMARK in result.remarks
+        assert OFFSET_REMARK in robot.drive.remarks.values()
 
 
 @pytest.mark.parametrize(("firmware", "counts"), [("stock", 55.0), (17, 55.0), (21, -90.0)])

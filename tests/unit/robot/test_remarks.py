@@ -3,8 +3,8 @@
 import pytest
 
 from raccoon import RobotConfig
-from raccoon.robot.knowledge import Knowledge
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import add_remark
+from raccoon.robot.robot_state import RobotState
 from standing_port import StandingPort
 
 
@@ -19,7 +19,7 @@ from standing_port import StandingPort
     ids=["numbers", "names", "ports", "analog ports"],
 )
 def test_a_remark_is_made_once_of_each_part(first: str, second: str, told: int) -> None:
-    robot = Knowledge(StandingPort(), RobotConfig())
+    robot = RobotState(StandingPort(), RobotConfig())
     for each in (first, second, first, second):
-        say(robot, each)
+        add_remark(robot, each)
     assert len(robot.drive.remarks) == told

@@ -184,9 +184,9 @@ def test_a_program_that_catches_every_end_ends_with_its_process(
     left: list[int] = []
     monkeypatch.setattr(os, "_exit", left.append)
     for name, value in (
-        ("robot.deadline.AGAIN", 0.01),
-        ("robot.deadline.ALARMS", 3),
-        ("sweep.watched_port.READINGS", 3),
+        ("robot.deadline.RING_AGAIN_S", 0.01),
+        ("robot.deadline.MAX_CAUGHT_ALARMS", 3),
+        ("sweep.watched_port.MAX_CAUGHT_READINGS", 3),
     ):
         monkeypatch.setattr(f"raccoon.{name}", value)
     monkeypatch.setattr(sys.modules[__name__], "LEFT", left)

@@ -17,7 +17,7 @@ from raccoon.estimate.drive_calibration.columns import TapedWay, manoeuvre_from_
 from raccoon.estimate.drive_calibration.disturbance import find_disturbance
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.drive_calibration.straight import calibrate_straight
-from raccoon.robot.actions.limits import LONGEST
+from raccoon.robot.actions.limits import LONGEST_WAY_M
 from raccoon.trace.columns import cycles_of
 from raccoon.trace.loading import Run, load_runs
 from raccoon.trace.recording import median_step, time_unit_hint
@@ -47,10 +47,10 @@ def _check_lengths(args: argparse.Namespace) -> None:
     if not 0.0 < args.tape_std < math.inf:
         raise ConfigError(f"--tape-std {args.tape_std:g}: allowed are numbers above 0 (m)")
     if args.straight is not None:
-        if not 0.0 < abs(args.straight) <= LONGEST:
+        if not 0.0 < abs(args.straight) <= LONGEST_WAY_M:
             raise ConfigError(
-                f"--straight {args.straight:g}: allowed are numbers other than 0, up to {LONGEST:g} m either "
-                "way (60 cm are 0.60)"
+                f"--straight {args.straight:g}: allowed are numbers other than 0, up to {LONGEST_WAY_M:g} m "
+                "either way (60 cm are 0.60)"
             )
         if args.tape_std >= 0.5 * abs(args.straight):
             raise ConfigError(
@@ -98,9 +98,10 @@ def _taped(text: str, std: float) -> TapedWay:
         begin, end, metres = (float(part) for part in text.split(":"))
     except ValueError:
         raise ConfigError(f"--tape {text}: allowed is BEGIN:END:METRES, such as 2.0:6.5:0.60") from None
-    if not (0.0 < abs(metres) <= LONGEST and begin < end):
+    if not (0.0 < abs(metres) <= LONGEST_WAY_M and begin < end):
         raise ConfigError(
-            f"--tape {text}: BEGIN must be before END, and METRES not 0, up to {LONGEST:g} (60 cm are 0.60)"
+            f"--tape {text}: BEGIN must be before END, and METRES not 0, up to {LONGEST_WAY_M:g} "
+            "(60 cm are 0.60)"
         )
     return TapedWay(begin, end, metres, std)
 

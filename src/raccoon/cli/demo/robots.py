@@ -23,7 +23,7 @@ from raccoon.model.paper import (
     PaperMotor,
     battery_speeds,
 )
-from raccoon.robot.actions.functions import looking
+from raccoon.robot.actions.functions import with_look
 
 if TYPE_CHECKING:
     from raccoon.sim.effects.parameters import Parameters
@@ -135,7 +135,7 @@ def with_true_path(mission: Action[Any], path: list[tuple[float, float]]) -> Act
         here = true_pose(robot)
         path.append((here.x, here.y))
 
-    return looking(mission, look, mission.name)
+    return with_look(mission, look, mission.name)
 
 
 def open_loop(trial: Trial, times: Times) -> Outcome:

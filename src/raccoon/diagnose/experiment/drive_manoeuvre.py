@@ -71,7 +71,7 @@ def drive_and_record(
 
 
 def _warn_of_weak_battery(voltage: float | None, robot: RobotConfig, say: Tell) -> None:
-    from raccoon.robot.calibration.battery_check import too_weak
+    from raccoon.robot.calibration.battery_check import describe_weak_battery
 
-    if voltage is not None and (why := too_weak(voltage, robot)):
+    if voltage is not None and (why := describe_weak_battery(voltage, robot)):
         say(f"battery: {why}, or the controller may restart on the way")

@@ -29,7 +29,6 @@ from raccoon.estimate.tophat.sequence import (
 )
 
 Array = NDArray[np.float64]
-
 MOST_FITTED = 1000  # readings; more only cost time: every n-th of the sorted ones keeps the distribution
 LEAST_COUNT = 3  # readings on the rarer surface
 SLOPE_SDS = 4.0  # standard deviations of a peak that count as its top

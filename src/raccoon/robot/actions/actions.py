@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.errors import MotionTimeout
-from raccoon.robot.actions.condition import JOIN, Check, Condition, each_of
+from raccoon.robot.actions.condition import JOIN, Check, Condition, check_all
 from raccoon.robot.actions.limits import check_function, check_kind, check_limit, check_number, check_wait
+from raccoon.robot.actions.must_run import MustRun
 from raccoon.robot.actions.steps import Steps as Steps
-from raccoon.robot.actions.steps import advance, checked, close, going_on
-from raccoon.robot.actions.undone import Undone
-from raccoon.robot.remarks import Endless
+from raccoon.robot.actions.steps import advance, checked_steps, close, run_while
+from raccoon.robot.remarks import EndlessRemark
 
 if TYPE_CHECKING:
     from raccoon.robot.motions.pacing import MotionResult
@@ -32,7 +32,7 @@ T_co = TypeVar("T_co", covariant=True)
 U = TypeVar("U")
 
 
-class Action(Undone, Generic[T_co]):
+class Action(MustRun, Generic[T_co]):
     """Something to run on a robot: `robot.run(action)`.
 
     name: for messages and the trace. start: makes the generator that does it. check: raises what is known to
@@ -58,9 +58,9 @@ class Action(Undone, Generic[T_co]):
 
     def start(self, robot: Robot) -> Steps[T_co]:
         """A generator that does the action on `robot`, one tick a step. Raises what `check` does."""
-        self.begun()
+        self.mark_run()
         self.check(robot)
-        return checked(self._start(robot), self.name, self._start)
+        return checked_steps(self._start(robot), self.name, self._start)
 
     def until(self, condition: Condition) -> Action[T_co | None]:
         """This action, ended as soon as `condition` holds. The result is None where it was ended."""
@@ -68,10 +68,10 @@ class Action(Undone, Generic[T_co]):
 
         def steps(robot: Robot) -> Steps[T_co | None]:
             holds = condition.start(robot)
-            done = yield from going_on(self.start(robot), lambda: not holds())
+            done = yield from run_while(self.start(robot), lambda: not holds())
             return None if done is None else done[0]
 
-        return Action(f"{self.name} until {condition.name}", steps, each_of(self, condition))
+        return Action(f"{self.name} until {condition.name}", steps, check_all(self, condition))
 
     def timeout(self, seconds: float) -> Action[T_co]:
         """This action, with MotionTimeout if it has not ended by itself after `seconds` s."""
@@ -84,10 +84,12 @@ class Action(Undone, Generic[T_co]):
                 nonlocal why
                 if robot.time - start <= seconds:
                     return True
-                why = "; ".join((robot.drive.complaint(), *robot.attachments.moving, *robot.blind))  # of now
+                why = "; ".join(
+                    (robot.drive.describe_state(), *robot.attachments.moving, *robot.blind)
+                )  # of now
                 return False
 
-            done = yield from going_on(self.start(robot), in_time)
+            done = yield from run_while(self.start(robot), in_time)
             if done is None:
                 raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({why})")
             return done[0]
@@ -106,7 +108,7 @@ class Action(Undone, Generic[T_co]):
                 robot.note(f"{error}: {otherwise.name} instead")
                 return (yield from otherwise.start(robot))
 
-        return Action(f"{self.name} or {otherwise.name}", steps, each_of(self, otherwise))
+        return Action(f"{self.name} or {otherwise.name}", steps, check_all(self, otherwise))
 
     def then(self, following: Callable[[T_co], Action[U]]) -> Action[U]:
         """This action, then the one that `following` makes of its result."""
@@ -156,7 +158,7 @@ def seq(*actions: Action[Any]) -> Action[list[Any]]:
             results.append((yield from action.start(robot)))
         return results
 
-    return Action(_names("seq", actions), steps, each_of(*actions))
+    return Action(_names("seq", actions), steps, check_all(*actions))
 
 
 def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
@@ -208,7 +210,7 @@ def parallel(*actions: Action[Any]) -> Action[list[Any]]:
                     return results
                 yield
 
-    return Action(_names("parallel", actions), steps, each_of(*actions))
+    return Action(_names("parallel", actions), steps, check_all(*actions))
 
 
 @overload
@@ -238,7 +240,7 @@ def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
                         return index, end.value
                 yield
 
-    return Action(_names("race", actions), steps, each_of(*actions))
+    return Action(_names("race", actions), steps, check_all(*actions))
 
 
 def background(action: Action[Any]) -> Action[None]:
@@ -275,7 +277,7 @@ def wait_for(condition: Condition) -> Action[None]:
         holds = condition.start(robot)
         # On the table somebody may take as long as that; in simulation nothing comes that was not asked for.
         simulated = robot.config.controller.port not in REAL_CONTROLLERS
-        endless = Endless(robot, label, ".timeout(seconds)") if simulated else None
+        endless = EndlessRemark(robot, label, ".timeout(seconds)") if simulated else None
         while not holds():
             if endless is not None:
                 endless.tell()

@@ -33,8 +33,8 @@ class Condition:
 
     name = "a condition of your own"
     _check: Check | None = None
-    _opposed: Callable[[Robot], Test] | None = None
-    _asks: Callable[[Bystander], None] | None = None
+    _start_negated: Callable[[Robot], Test] | None = None
+    _ask_simulation: Callable[[Bystander], None] | None = None
 
     def __init__(
         self,
@@ -49,9 +49,9 @@ class Condition:
             raise TypeError(f"condition '{name}': start is {start!r}: it must be a function(robot) of a test")
         self.name = name
         self._start = start
-        self._opposed = opposed
+        self._start_negated = opposed
         self._check = check
-        self._asks = asks
+        self._ask_simulation = asks
 
     def check(self, robot: Robot) -> None:
         """Raise what is wrong with this condition on `robot`: a name that robot.toml does not have."""
@@ -70,20 +70,20 @@ class Condition:
 
     def ask(self, robot: Robot) -> None:
         """Ask for it whoever stands beside a simulated robot."""
-        if self._asks is not None and (somebody := bystander_of(robot.port)) is not None:
-            self._asks(somebody)
+        if self._ask_simulation is not None and (somebody := bystander_of(robot.port)) is not None:
+            self._ask_simulation(somebody)
 
-    def turned_round(self, robot: Robot) -> Test:
+    def start_negated(self, robot: Robot) -> Test:
         """The test that `~` turns round, for one run of an action."""
-        return (self._opposed or self.start)(robot)
+        return (self._start_negated or self.start)(robot)
 
     def __and__(self, other: Condition) -> Condition:
         check_kind(other, Condition, "&", JOIN)
-        return _both(self, other, f"({self.name} and {other.name})", all)
+        return _combine(self, other, f"({self.name} and {other.name})", all)
 
     def __or__(self, other: Condition) -> Condition:
         check_kind(other, Condition, "|", JOIN)
-        return _both(self, other, f"({self.name} or {other.name})", any)
+        return _combine(self, other, f"({self.name} or {other.name})", any)
 
     def __invert__(self) -> Condition:
         def inverted(test: Test) -> Test:
@@ -91,7 +91,7 @@ class Condition:
 
         return Condition(
             f"not {self.name}",
-            lambda robot: inverted(self.turned_round(robot)),
+            lambda robot: inverted(self.start_negated(robot)),
             opposed=lambda robot: inverted(self.start(robot)),
             check=self.check,
         )
@@ -105,7 +105,7 @@ class Condition:
         return f"<Condition {self.name}>"
 
 
-def truth(told: object, name: str) -> bool:
+def checked_truth(told: object, name: str) -> bool:
     """What a test of the condition `name` told, where that is no plain bool. Raises TypeError for a function,
     which was not called and would hold at once."""
     if inspect.isroutine(told):
@@ -113,7 +113,7 @@ def truth(told: object, name: str) -> bool:
     return bool(told)
 
 
-def _both(
+def _combine(
     first: Condition, second: Condition, name: str, combine: Callable[[tuple[bool, bool]], bool]
 ) -> Condition:
     def joined(one: Test, other: Test) -> Test:
@@ -123,8 +123,8 @@ def _both(
     return Condition(
         name,
         lambda robot: joined(first.start(robot), second.start(robot)),
-        opposed=lambda robot: joined(first.turned_round(robot), second.turned_round(robot)),
-        check=each_of(first, second),
+        opposed=lambda robot: joined(first.start_negated(robot), second.start_negated(robot)),
+        check=check_all(first, second),
     )
 
 
@@ -134,7 +134,7 @@ class Checked(Protocol):
     def check(self, robot: Robot) -> None: ...
 
 
-def each_of(*parts: Checked) -> Check:
+def check_all(*parts: Checked) -> Check:
     """The check of what is made of these parts."""
 
     def check(robot: Robot) -> None:

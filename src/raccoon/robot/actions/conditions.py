@@ -11,7 +11,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.port import bystander_of
 from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
 from raccoon.estimate.drive.estimate import HELD
-from raccoon.robot.actions.condition import Check, Condition, Test, truth
+from raccoon.robot.actions.condition import Check, Condition, Test, checked_truth
 from raccoon.robot.actions.limits import (
     check_angle,
     check_counts,
@@ -21,12 +21,12 @@ from raccoon.robot.actions.limits import (
     check_wait,
     check_way,
 )
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
-HELD_TIME = 0.5
+HELD_TIME_S = 0.5
 """s for which what the odometry said before is no news: its reasons last for 0.3 s."""
 
 
@@ -37,7 +37,7 @@ def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
     def start(robot: Robot) -> Test:
         def holds() -> bool:
             told: object = test(robot)
-            return told if isinstance(told, bool) else truth(told, name)
+            return told if isinstance(told, bool) else checked_truth(told, name)
 
         return holds
 
@@ -82,12 +82,12 @@ def after_angle(angle: float, *, turns: float = 1.0) -> Condition:
 
 def on_black(tophat: str) -> Condition:
     """The named tophat sees black. A calibration is needed (CalibrationError at the start otherwise)."""
-    return _surface(tophat, True)
+    return _on_surface(tophat, True)
 
 
 def on_white(tophat: str) -> Condition:
     """The named tophat sees white. A calibration is needed (CalibrationError at the start otherwise)."""
-    return _surface(tophat, False)
+    return _on_surface(tophat, False)
 
 
 def over_line(tophat: str) -> Condition:
@@ -109,7 +109,7 @@ def over_line(tophat: str) -> Condition:
     return Condition(f"over the line at {tophat}", start, check=lambda robot: robot.tophat(tophat))
 
 
-def _surface(tophat: str, black: bool) -> Condition:
+def _on_surface(tophat: str, black: bool) -> Condition:
     check_name(tophat=tophat)
 
     def start(robot: Robot) -> Test:
@@ -155,7 +155,7 @@ def button_pressed() -> Condition:
     def start(robot: Robot) -> Test:
         somebody = bystander_of(robot.port)
         if somebody is not None and not somebody.presses:
-            say(robot, "nobody presses a simulated button but for wait_for(button_pressed()) alone")
+            add_remark(robot, "nobody presses a simulated button but for wait_for(button_pressed()) alone")
         return lambda: robot.button is True
 
     return Condition("button pressed", start, check=check, asks=lambda somebody: somebody.press_button())
@@ -163,39 +163,43 @@ def button_pressed() -> Condition:
 
 def stalled() -> Condition:
     """A driven wheel does not turn: the robot is blocked, or a motor is unplugged."""
-    return _fresh("stalled", (_wheel_stalled, STALL_TIME))
+    return _fresh_condition("stalled", (_is_wheel_stalled, STALL_TIME))
 
 
 def blocked(mechanism: str) -> Condition:
     """The named mechanism is driven and does not turn: it is at its end stop, or holds something."""
     check_name(mechanism=mechanism)
     test = (lambda robot: robot.mechanism(mechanism).stalled, STALL_TIME)
-    return _fresh(f"{mechanism} blocked", test, check=lambda robot: robot.mechanism(mechanism))
+    return _fresh_condition(f"{mechanism} blocked", test, check=lambda robot: robot.mechanism(mechanism))
 
 
 def bumped() -> Condition:
     """A wheel stalls, both carry as much as tyres that spin at a wall do, or they do not move as the
     accelerometer feels the robot move."""
-    return _fresh("bumped", (_struck, math.inf), (_held, HELD_TIME), (_wheel_stalled, STALL_TIME))
+    return _fresh_condition(
+        "bumped", (_is_struck, math.inf), (_is_held, HELD_TIME_S), (_is_wheel_stalled, STALL_TIME)
+    )
 
 
-def _struck(robot: Robot) -> bool:
+def _is_struck(robot: Robot) -> bool:
     return any(why.startswith("bumped") for why in robot.estimate.reasons)
 
 
-def _held(robot: Robot) -> bool:
+def _is_held(robot: Robot) -> bool:
     return HELD in robot.estimate.reasons
 
 
-def _wheel_stalled(robot: Robot) -> bool:
+def _is_wheel_stalled(robot: Robot) -> bool:
     return bool(robot.drive.wheels.stalled)
 
 
-def _fresh(name: str, *tests: tuple[Callable[[Robot], bool], float], check: Check | None = None) -> Condition:
-    """Any of `tests`, each with the s for which what holds at the start must last to count (see `_anew`)."""
+def _fresh_condition(
+    name: str, *tests: tuple[Callable[[Robot], bool], float], check: Check | None = None
+) -> Condition:
+    """Any of `tests`, each with the s for which what holds at the start must last (see `_fresh_test`)."""
 
     def start(robot: Robot) -> Test:
-        asked = [_anew(robot, test, lasting) for test, lasting in tests]
+        asked = [_fresh_test(robot, test, lasting) for test, lasting in tests]
 
         def any_anew() -> bool:
             answers = [each() for each in asked]  # all of them every tick: each has a memory
@@ -209,7 +213,7 @@ def _fresh(name: str, *tests: tuple[Callable[[Robot], bool], float], check: Chec
     return Condition(name, start, opposed=holds, check=check)
 
 
-def _anew(robot: Robot, test: Callable[[Robot], bool], lasting: float) -> Test:
+def _fresh_test(robot: Robot, test: Callable[[Robot], bool], lasting: float) -> Test:
     """`test`, but where it holds at the start it has to come true again, or to last for `lasting` s.
 
     It may be what the action before was ended by, which this one drives away from.

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import check_function
-from raccoon.robot.actions.steps import going_on
+from raccoon.robot.actions.steps import run_while
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 T = TypeVar("T")
-NOTHING_RUN = "the program ran nothing on the robot: an action is done with robot.run(...)"
+NOTHING_RUN_HINT = "the program ran nothing on the robot: an action is done with robot.run(...)"
 
 
 def check_program(program: object, where: str) -> None:
@@ -33,7 +33,7 @@ def perform(robot: Robot, program: Action[T] | Callable[[Robot], Action[T] | T])
     An action that the function gives back is done, too: nobody makes one to leave it undone. Raises TypeError
     where it gives back what was to be called, or steps that nobody would go through.
     """
-    made: Action[T] | T = program if isinstance(program, Action) else _called("the program", program, robot)
+    made: Action[T] | T = program if isinstance(program, Action) else _call("the program", program, robot)
     return robot.run(made) if isinstance(made, Action) else made
 
 
@@ -54,14 +54,14 @@ def do(function: Callable[[Robot], Any], name: str | None = None) -> Action[Any]
     check_function(function, "do()", "robot")
 
     def steps(robot: Robot) -> Steps[Any]:
-        made = _called("what do() calls", function, robot)
+        made = _call("what do() calls", function, robot)
         return (yield from made.start(robot)) if isinstance(made, Action) else made
 
     own = getattr(function, "__name__", "<lambda>")
     return Action(name or ("do" if own == "<lambda>" else f"do {own}"), steps)
 
 
-def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Action[T]:
+def with_look(action: Action[T], look: Callable[[Robot], None], name: str) -> Action[T]:
     """The action, with `look` called before each of its ticks."""
 
     def steps(robot: Robot) -> Steps[T]:
@@ -69,14 +69,14 @@ def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Acti
             look(robot)
             return True
 
-        done = yield from going_on(action.start(robot), looked)
+        done = yield from run_while(action.start(robot), looked)
         assert done is not None
         return done[0]
 
     return Action(name, steps, action.check)
 
 
-def _called(what: str, function: Callable[[Robot], Any], robot: Robot) -> Any:
+def _call(what: str, function: Callable[[Robot], Any], robot: Robot) -> Any:
     """What `function` gives. Raises TypeError where that was to be done, and nobody would do it."""
     made = function(robot)
     if inspect.isgenerator(made) or inspect.iscoroutine(made):

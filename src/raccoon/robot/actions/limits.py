@@ -12,19 +12,19 @@ from raccoon.core.readings import ANALOG_FULL_SCALE
 from raccoon.core.schema import BATTERY_VOLTAGE, shown
 from raccoon.core.sections import NEAR, NEAR_HEADING, RATE, SPEED
 
-LONGEST = 10.0
+LONGEST_WAY_M = 10.0
 """m; a table has 2.4 m, so more is a distance in centimetres."""
-FASTEST = SPEED.high
+FASTEST_SPEED = SPEED.high
 """m/s, of robot.toml and of arguments."""
 MOST_TURNS = 4.0
 """Full turns of a heading, which counts those that were made; more is an angle in degrees."""
 ROUNDING = 1e-9
 """Share by which a sum of degrees may miss a full turn."""
-COMPOSE = "compose actions with seq, parallel or then, or let the function of a do() return the action"
+COMPOSE_HINT = "compose actions with seq, parallel or then, or let the function of a do() return the action"
 """What to write instead of a `run` in a function that a `run` calls."""
-SEVERAL = ": write seq(*actions) for a list"
+SEVERAL_ACTIONS_HINT = ": write seq(*actions) for a list"
 """What is said to several actions where one is run."""
-LONGEST_WAIT = 600.0
+LONGEST_WAIT_S = 600.0
 """s, five matches: more are milliseconds."""
 FASTEST_TURN = RATE.high
 """rad/s, of robot.toml and of arguments."""
@@ -78,8 +78,8 @@ def check_times(**times: float | None) -> None:
     number."""
     check_limits(**times)
     for name, value in times.items():
-        if value is not None and value > LONGEST_WAIT:
-            _refuse(name, value, f"above 0, up to {LONGEST_WAIT:g} s (500 ms are 0.5)")
+        if value is not None and value > LONGEST_WAIT_S:
+            _refuse(name, value, f"above 0, up to {LONGEST_WAIT_S:g} s (500 ms are 0.5)")
 
 
 def check_limit(**times: float) -> None:
@@ -89,13 +89,13 @@ def check_limit(**times: float) -> None:
     check_times(**times)
 
 
-def check_near(**ways: float | None) -> None:
+def check_tolerance(**ways: float | None) -> None:
     """Raise ValueError naming the first that is not None and no m that something may be off, TypeError for
     no number."""
     _check_small(NEAR.high, "m (5 mm are 0.005)", ways)
 
 
-def check_near_heading(**angles: float | None) -> None:
+def check_heading_tolerance(**angles: float | None) -> None:
     """The same of rad by which a heading may be off."""
     _check_small(NEAR_HEADING.high, "rad (write deg(1) for degrees)", angles)
 
@@ -117,18 +117,18 @@ def check_duties(left: float, right: float) -> None:
 
 def check_wait(seconds: float) -> None:
     """Raise ValueError for what is no time in s to let pass, TypeError for what is no number."""
-    allowed = f"from 0 to {LONGEST_WAIT:g} s (500 ms are 0.5)"
+    allowed = f"from 0 to {LONGEST_WAIT_S:g} s (500 ms are 0.5)"
     check_number("seconds", seconds, allowed)
-    if not 0.0 <= seconds <= LONGEST_WAIT:
+    if not 0.0 <= seconds <= LONGEST_WAIT_S:
         _refuse("seconds", seconds, allowed)
 
 
 def check_way(**ways: float) -> None:
     """Raise ValueError naming the first that is no distance in m, TypeError for what is no number."""
-    allowed = f"up to {LONGEST:g} m either way (30 cm are 0.30)"
+    allowed = f"up to {LONGEST_WAY_M:g} m either way (30 cm are 0.30)"
     for name, value in ways.items():
         check_number(name, value, allowed)
-        if not abs(value) <= LONGEST:
+        if not abs(value) <= LONGEST_WAY_M:
             _refuse(name, value, allowed)
 
 
@@ -172,7 +172,7 @@ def check_heading(**headings: float) -> None:
 
 def check_speed(**speeds: float | None) -> None:
     """Raise ValueError naming the first that is not None and no speed in m/s, negative or not."""
-    _check_size(FASTEST, f"up to {FASTEST:g} m/s (20 cm/s are 0.20)", speeds)
+    _check_size(FASTEST_SPEED, f"up to {FASTEST_SPEED:g} m/s (20 cm/s are 0.20)", speeds)
 
 
 def check_rate(**rates: float | None) -> None:
@@ -264,7 +264,7 @@ def check_robot(robot: object, where: str) -> None:
 
 def check_function(function: object, where: str, *of: str) -> None:
     """Raise TypeError where `function` is none that takes so many arguments. of: what they are called."""
-    if callable(function) and takes(function, *of):
+    if callable(function) and can_take(function, *of):
         if inspect.isgeneratorfunction(function) or inspect.iscoroutinefunction(function):
             name = getattr(function, "__name__", repr(function))
             raise TypeError(
@@ -282,7 +282,7 @@ def check_function(function: object, where: str, *of: str) -> None:
     )
 
 
-def takes(function: Callable[..., Any], *arguments: object) -> bool:
+def can_take(function: Callable[..., Any], *arguments: object) -> bool:
     """Whether `function` can be called with these arguments, as far as it tells."""
     try:
         inspect.signature(function).bind(*arguments)

@@ -10,7 +10,7 @@ T = TypeVar("T")
 Steps = Generator[None, None, T]
 
 
-def checked(steps: Steps[T], name: str, start: Callable[..., object]) -> Steps[T]:
+def checked_steps(steps: Steps[T], name: str, start: Callable[..., object]) -> Steps[T]:
     """What `start` of the action `name` made, which must be steps. Raises TypeError where it is none."""
     given: object = steps
     if inspect.isgenerator(given):
@@ -54,7 +54,7 @@ def close(steps: Steps[Any]) -> None:
         logging.getLogger("raccoon").warning(said)
 
 
-def going_on(steps: Steps[T], goes_on: Callable[[], bool]) -> Steps[tuple[T] | None]:
+def run_while(steps: Steps[T], goes_on: Callable[[], bool]) -> Steps[tuple[T] | None]:
     """`steps` while `goes_on` says so before each of their ticks: their result, None where ended."""
     try:
         while goes_on():

@@ -9,13 +9,13 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import check_positive
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
-READING_TIME = 0.3
-WIDEST = 1.0
+READING_TIME_S = 0.3
+MAX_TOLERANCE_V = 1.0
 """V of tolerance, more than the paper's batteries are apart; more is the voltage itself."""
 
 
@@ -59,21 +59,21 @@ def check_battery(tolerance: float = 0.15, *, refuse: bool = False) -> Action[Ba
     and log. Raises ValueError for a tolerance that is not allowed, such as the voltage itself.
     """
     check_positive("tolerance", tolerance)
-    if tolerance > WIDEST:
+    if tolerance > MAX_TOLERANCE_V:
         raise ValueError(
-            f"tolerance is {tolerance:g}: allowed are numbers above 0, up to {WIDEST:g} V "
+            f"tolerance is {tolerance:g}: allowed are numbers above 0, up to {MAX_TOLERANCE_V:g} V "
             "(battery.tuned_at of robot.toml is the voltage)"
         )
 
     def steps(robot: Robot) -> Steps[BatteryCheck]:
         begin = robot.time
-        while robot.time - begin < READING_TIME:
+        while robot.time - begin < READING_TIME_S:
             yield
-        check = judge(robot.battery_voltage, robot.config, tolerance)
+        check = judge_voltage(robot.battery_voltage, robot.config, tolerance)
         if check.ok:
             robot.note(f"battery: {check.advice}")
         else:
-            say(robot, f"battery: {check.advice}")
+            add_remark(robot, f"battery: {check.advice}")
         if refuse and not check.ok:
             raise CalibrationError(check.advice)
         return check
@@ -81,13 +81,13 @@ def check_battery(tolerance: float = 0.15, *, refuse: bool = False) -> Action[Ba
     return Action("check the battery", steps)
 
 
-def judge(voltage: float | None, config: RobotConfig, tolerance: float) -> BatteryCheck:
+def judge_voltage(voltage: float | None, config: RobotConfig, tolerance: float) -> BatteryCheck:
     """The verdict on a resting voltage (V)."""
     tuned = tuned_voltage(config)
     if voltage is None:
         return BatteryCheck(None, tuned, 0.0, False, "there is no battery reading")
     change = 0.0 if tuned is None else _speed_change(voltage, tuned, config)
-    if advice := too_weak(voltage, config, tolerance):
+    if advice := describe_weak_battery(voltage, config, tolerance):
         return BatteryCheck(voltage, tuned, change, False, advice)
     if tuned is None:
         return BatteryCheck(voltage, None, 0.0, True, f"{voltage:.2f} V; nothing says what it was tuned at")
@@ -100,7 +100,7 @@ def judge(voltage: float | None, config: RobotConfig, tolerance: float) -> Batte
     return BatteryCheck(voltage, tuned, change, True, f"{voltage:.2f} V, as tuned ({tuned:.2f} V)")
 
 
-def too_weak(voltage: float, config: RobotConfig, tolerance: float = 0.15) -> str:
+def describe_weak_battery(voltage: float, config: RobotConfig, tolerance: float = 0.15) -> str:
     """What to do about a resting voltage (V) that no match begins with; "" where it is none."""
     weakest = config.battery.weakest
     if voltage >= weakest - tolerance:

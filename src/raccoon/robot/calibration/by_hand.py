@@ -13,17 +13,17 @@ from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import wait, wait_for
 from raccoon.robot.actions.conditions import button_pressed, when
 from raccoon.robot.actions.limits import check_function, check_name, check_robot
-from raccoon.robot.calibration.drives import watched
-from raccoon.robot.calibration.kept import Shelf, counts_of
-from raccoon.robot.remarks import say
+from raccoon.robot.calibration.calibration_drives import collect_inputs
+from raccoon.robot.calibration.calibration_shelf import CalibrationShelf, port_counts
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration
     from raccoon.robot.robot import Robot
 
-READING = 1.0  # s over each surface
-SETTLING = 0.5  # s until a robot whose button was pressed stands still
-TRIES = 3  # of each surface, and of both
+READING_S = 1.0  # s over each surface
+SETTLING_S = 0.5  # s until a robot whose button was pressed stands still
+MAX_TRIES = 3  # of each surface, and of both
 
 
 def calibrate_tophats_by_hand(
@@ -52,33 +52,35 @@ def calibrate_tophats_by_hand(
         robot.tophat(name)
     if placed is not None:
         check_function(placed, "calibrate_tophats_by_hand(placed=)", "what")
-    shelf = Shelf(robot, store, set_name)
-    with _asking(robot, placed) as asking:
-        found = _read_and_judged(robot, asking, tophats or tuple(robot.tophats))
+    shelf = CalibrationShelf(robot, store, set_name)
+    with _choose_asking(robot, placed) as asking:
+        found = _calibrate_until_right(robot, asking, tophats or tuple(robot.tophats))
     shelf.take(found)
     return found
 
 
 @contextmanager
-def _asking(robot: Robot, placed: Callable[[str], object] | None) -> Iterator[_Asking]:
+def _choose_asking(robot: Robot, placed: Callable[[str], object] | None) -> Iterator[_Asking]:
     """Who is asked: the function of the program, else whoever reads what is printed, or stands beside a
     simulated robot."""
     somebody = bystander_of(robot.port) if placed is None else None
     try:
-        yield _Asking(robot, placed or (lambda what: _button(robot, what)), somebody)
+        yield _Asking(robot, placed or (lambda what: _wait_for_button(robot, what)), somebody)
     finally:
         if somebody is not None:
             somebody.put_over(None)
 
 
-def _read_and_judged(robot: Robot, asking: _Asking, tophats: Sequence[str]) -> dict[str, TophatCalibration]:
+def _calibrate_until_right(
+    robot: Robot, asking: _Asking, tophats: Sequence[str]
+) -> dict[str, TophatCalibration]:
     """Calibrations by name, of what is asked for until it is right. Raises CalibrationError."""
     found: dict[str, TophatCalibration] = {}
     left, why = tuple(tophats), ""
-    for _ in range(TRIES):
+    for _ in range(MAX_TRIES):
         white = asking.over("white", left, why)
         black = asking.over("black", left)
-        now, wrong = _judged(robot, white, black)
+        now, wrong = _judge(robot, white, black)
         found.update(now)
         left, why = tuple(wrong), "; ".join(wrong.values())
         if not left:
@@ -94,25 +96,27 @@ class _Asking:
 
     def over(self, surface: str, names: Sequence[str], why: str = "") -> dict[str, list[float]]:
         """Counts of each tophat over a surface, of a robot that stood. why: it is asked for again."""
-        for _ in range(TRIES):
+        for _ in range(MAX_TRIES):
             many = "tophats" if len(names) > 1 else "tophat"
             if self._somebody is not None:
                 self._somebody.put_over(surface == "black")
             wanted = f"put {many} {' and '.join(names)} over {surface}"
             self._placed(f"{why}: {wanted}" if why else wanted)
             readings: list[Inputs] = []
-            self._robot.run(wait(SETTLING))
-            self._robot.run(watched(wait(READING), readings))
+            self._robot.run(wait(SETTLING_S))
+            self._robot.run(collect_inputs(wait(READING_S), readings))
             ports = {name: self._robot.tophat(name).config.analog for name in names}
-            read = {name: counts_of(readings, port) for name, port in ports.items()}
-            why = "; ".join(filter(None, (_strange(name, ports[name], read[name]) for name in names)))
+            read = {name: port_counts(readings, port) for name, port in ports.items()}
+            why = "; ".join(
+                filter(None, (_describe_disturbance(name, ports[name], read[name]) for name in names))
+            )
             if not why:
-                self._robot.note(f"over {surface}: " + ", ".join(f"{n} {_level(read[n]):.0f}" for n in read))
+                self._robot.note(f"over {surface}: " + ", ".join(f"{n} {_median(read[n]):.0f}" for n in read))
                 return read
         raise CalibrationError(f"calibrated by hand, over {surface}: {why}")
 
 
-def _strange(name: str, port: int, counts: Sequence[float]) -> str:
+def _describe_disturbance(name: str, port: int, counts: Sequence[float]) -> str:
     """What keeps readings from being those of one place, "" where nothing does."""
     from raccoon.estimate.tophat.quality import LEAST_READINGS, is_restless
     from raccoon.estimate.tophat.standing_calibration import was_moved
@@ -128,7 +132,7 @@ def _strange(name: str, port: int, counts: Sequence[float]) -> str:
     return ""
 
 
-def _judged(
+def _judge(
     robot: Robot, white: Mapping[str, Sequence[float]], black: Mapping[str, Sequence[float]]
 ) -> tuple[dict[str, TophatCalibration], dict[str, str]]:
     """Calibrations by name, and what is wrong with the others. Black reads higher, whatever was asked for:
@@ -137,7 +141,7 @@ def _judged(
 
     found, wrong, exchanged = {}, {}, []
     for name in white:
-        levels = _level(white[name]), _level(black[name])
+        levels = _median(white[name]), _median(black[name])
         pair = (white[name], black[name]) if levels[0] <= levels[1] else (black[name], white[name])
         said = f"tophat {name} read {levels[0]:.0f} counts over white and {levels[1]:.0f} over black"
         each = calibrate_standing(*pair)
@@ -149,7 +153,9 @@ def _judged(
         if levels[0] > levels[1]:
             exchanged.append((name, said))
     if len(exchanged) == len(found) > 0:
-        say(robot, "tophats read more over white than over black: white is taken for black, black for white")
+        add_remark(
+            robot, "tophats read more over white than over black: white is taken for black, black for white"
+        )
         return found, wrong
     for name, said in exchanged:
         del found[name]
@@ -157,12 +163,12 @@ def _judged(
     return found, wrong
 
 
-def _level(counts: Sequence[float]) -> float:
+def _median(counts: Sequence[float]) -> float:
     """Their median."""
     return sorted(counts)[len(counts) // 2]
 
 
-def _button(robot: Robot, what: str) -> None:
+def _wait_for_button(robot: Robot, what: str) -> None:
     """Print what to do, and wait until the controller's button was pressed and let go of."""
     print(f"{what}, and press the button", flush=True)
     robot.run(wait_for(button_pressed()))

@@ -28,14 +28,14 @@ from raccoon.robot.parts.drive import dead_time
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
-LEVELS = (0.30, 0.55, 0.80)
-LEVEL_TIME = 0.45
-REST_TIME = 0.4
+DUTY_LEVELS = (0.30, 0.55, 0.80)
+LEVEL_TIME_S = 0.45
+REST_TIME_S = 0.4
 WORST_RESIDUAL = 0.25
 """V that a window may be off by before the motor equation is no model of the wheel."""
 WORST_SHARE = 0.2
 """Relative standard deviation above which a voltage is not supported by the data."""
-BALANCE = 0.005
+MAX_WAY_ERROR_SHARE = 0.005
 """Share by which the odometry may have one wheel's way too long after such a drive: so far are the factors of
 robots as `raccoon sweep` draws them from those of their simulation."""
 LEAST_PHASE, LEAST_GAIN_DB = math.radians(45.0), 6.0
@@ -55,7 +55,7 @@ class Excitation:
     battery: float
 
 
-def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Action[Excitation]:
+def excite(levels: Sequence[float] = DUTY_LEVELS, seconds: float = LEVEL_TIME_S) -> Action[Excitation]:
     """Drive straight ahead at each duty of `levels` for `seconds` s, and back again.
 
     The robot moves about 0.2 m ahead and returns. Raises MotionTimeout where the gyro shows for half a second
@@ -72,20 +72,22 @@ def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Act
         try:
             for sign in (1.0, -1.0):
                 for level in (*levels, *reversed(levels[:-1])):
-                    miswired = yield from _level(robot, sign * level, seconds, samples, batteries, miswired)
-                yield from _rest(robot)
+                    miswired = yield from _drive_level(
+                        robot, sign * level, seconds, samples, batteries, miswired
+                    )
+                yield from _wait_for_rest(robot)
         finally:
             robot.drive.stop()
             robot.replan()
         if not batteries:
             raise CalibrationError("there is no battery reading: the motors' voltage is not known")
-        left, right = _rows(samples, dead_time(robot.config))
+        left, right = _motor_rows(samples, dead_time(robot.config))
         return Excitation(left, right, sum(batteries) / len(batteries))
 
     return Action("excite the wheels", steps)
 
 
-def _level(
+def _drive_level(
     robot: Robot,
     duty: float,
     seconds: float,
@@ -108,7 +110,7 @@ def _level(
     return miswired
 
 
-def _rows(samples: Sequence[Sample], delay: float) -> tuple[Rows, Rows]:
+def _motor_rows(samples: Sequence[Sample], delay: float) -> tuple[Rows, Rows]:
     """Rows of both wheels, of voltages that act `delay` s late.
 
     Where that is left out it looks like inertia, 8 ms of it like a quarter of the usual one more, of which
@@ -136,9 +138,9 @@ def _rows(samples: Sequence[Sample], delay: float) -> tuple[Rows, Rows]:
     return found
 
 
-def _rest(robot: Robot) -> Steps[None]:
+def _wait_for_rest(robot: Robot) -> Steps[None]:
     begin = robot.time
-    while robot.time - begin < REST_TIME:
+    while robot.time - begin < REST_TIME_S:
         yield
 
 
@@ -171,12 +173,12 @@ def fit_wheels(seen: Excitation, config: RobotConfig, device: Device) -> tuple[W
     """Left and right wheel. Raises CalibrationError where the data cannot support the gains, saying why."""
     models, late = wheel_models(config, device), dead_time(config)
     return (
-        _fit("left", config.drive.left, seen.left, models[0], late),
-        _fit("right", config.drive.right, seen.right, models[1], late),
+        _fit_wheel("left", config.drive.left, seen.left, models[0], late),
+        _fit_wheel("right", config.drive.right, seen.right, models[1], late),
     )
 
 
-def _fit(side: str, port: int, rows: Rows, model: WheelModel, late: float) -> WheelFit:
+def _fit_wheel(side: str, port: int, rows: Rows, model: WheelModel, late: float) -> WheelFit:
     where = f"the {side} wheel (motor port {port})"
     try:
         found = fit_voltages(rows)
@@ -217,6 +219,6 @@ def power_factors(fits: tuple[WheelFit, WheelFit], battery: float) -> dict[str, 
     for fit in fits:
         found = fit.voltages
         value = min(1.0, (found.speed * slowest + found.static) / battery)
-        std = math.hypot(found.speed_std * slowest / battery, found.static_std / battery, BALANCE)
+        std = math.hypot(found.speed_std * slowest / battery, found.static_std / battery, MAX_WAY_ERROR_SHARE)
         factors[f"motor.{fit.port}.power_factor"] = Measured(value, std, battery_voltage=battery)
     return factors

@@ -11,15 +11,15 @@ from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions.actions import Action, Steps, wait
 from raccoon.robot.actions.condition import Check
 from raccoon.robot.actions.limits import check_function, check_kind, check_limit, check_port, check_robot
-from raccoon.robot.calibration.drives import watched
-from raccoon.robot.remarks import say
+from raccoon.robot.calibration.calibration_drives import collect_inputs
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.estimate.start_light import StartLightCalibration, StartLightReading
     from raccoon.robot.robot import Robot
 
-SECONDS = 1.0  # of readings with the lamp off, and on
-SIMULATED = 3000.0, 300.0
+READING_S = 1.0  # of readings with the lamp off, and on
+SIMULATED_LAMP = 3000.0, 300.0
 """Counts with a simulated lamp off and on, where no calibration says what it reads."""
 
 
@@ -39,10 +39,10 @@ def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) 
     from raccoon.estimate.start_light import calibrate_start_light
 
     simulate_lamp(robot, port, lit=False)
-    off = _counts(robot, port)
+    off = _collect_counts(robot, port)
     switched_on()
     simulate_lamp(robot, port, lit=True)
-    found = calibrate_start_light(off, _counts(robot, port))
+    found = calibrate_start_light(off, _collect_counts(robot, port))
     robot.note(f"start light on analog {port}: {found.off:.0f} counts off, {found.on:.0f} on")
     return found
 
@@ -67,7 +67,7 @@ def rehearse_light(
         simulate_lamp(robot, port, calibration)
         begin = robot.time
         while robot.time - begin < seconds:
-            reading = light.update(robot.time, word(robot, port))
+            reading = light.update(robot.time, light_counts(robot, port))
             if reading.fired:
                 robot.note(f"rehearsal: start light {light.fires}")
             tell_light(robot, port, reading)
@@ -106,7 +106,7 @@ def no_tophat(port: int) -> Check:
     return check
 
 
-def word(robot: Robot, port: int) -> float | None:
+def light_counts(robot: Robot, port: int) -> float | None:
     """Counts of this very cycle, None where it had none: the last ones again would be light that stands."""
     return None if robot.inputs is None else robot.inputs.analog[port]
 
@@ -114,19 +114,19 @@ def word(robot: Robot, port: int) -> float | None:
 def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
     """Say what keeps the start light on analog `port` from being seen."""
     if reading.refused:
-        say(
+        add_remark(
             robot,
             f"analog {port}: it became bright and stays so, but not as a start light does: no start. "
             f"If it was the lamp, calibrate it (calibrate_light), or calibrate it again",
         )
     if reading.shorted:
-        say(
+        add_remark(
             robot,
             f"analog {port}: it reads the bottom of the scale, as no light does: no start. Look for wires "
             "that touch, and for a plug that is turned or one hole off",
         )
     elif reading.status is Status.UNCERTAIN:
-        say(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
+        add_remark(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
 
 
 def simulate_lamp(
@@ -137,11 +137,11 @@ def simulate_lamp(
     somebody = bystander_of(robot.port)
     if somebody is None:
         return
-    off, on = SIMULATED if calibration is None else (calibration.off, calibration.on)
+    off, on = SIMULATED_LAMP if calibration is None else (calibration.off, calibration.on)
     somebody.hold_lamp(port, off, on, lit=lit)
 
 
-def _counts(robot: Robot, port: int) -> list[float]:
+def _collect_counts(robot: Robot, port: int) -> list[float]:
     readings: list[Inputs] = []
-    robot.run(watched(wait(SECONDS), readings))
+    robot.run(collect_inputs(wait(READING_S), readings))
     return [counts for each in readings if (counts := each.analog[port]) is not None]

@@ -11,13 +11,13 @@ from raccoon.core.files import kept_file
 from raccoon.core.readings import Inputs
 from raccoon.core.sections import SIMULATED_ONE
 from raccoon.robot.actions.actions import Action, seq, wait
-from raccoon.robot.actions.functions import looking
+from raccoon.robot.actions.functions import with_look
 from raccoon.robot.actions.limits import check_robot, check_way
-from raccoon.robot.calibration.drives import driven, watched
-from raccoon.robot.calibration.kept import Shelf, counts_of, name_of
-from raccoon.robot.motions.driving import search
-from raccoon.robot.motions.pacing import at_a_wall
-from raccoon.robot.remarks import say
+from raccoon.robot.calibration.calibration_drives import collect_inputs, run_calibration_drive
+from raccoon.robot.calibration.calibration_shelf import CalibrationShelf, port_counts, robot_name
+from raccoon.robot.motions.driving import drive_until_stopped
+from raccoon.robot.motions.pacing import wall_hint
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-STANDING = 0.4  # s of standing before a drive, in which a tophat that is unplugged wanders
-SETTLING = 0.2  # s in which a robot comes to stand
+STANDING_S = 0.4  # s of standing before a drive, in which a tophat that is unplugged wanders
+SETTLING_S = 0.2  # s in which a robot comes to stand
 
 
 def calibrate_tophats(
@@ -57,36 +57,39 @@ def calibrate_tophats(
     velocity = robot.config.motion.speed if speed is None else speed
     if distance < 0.0:
         velocity = -abs(velocity)
-    searching = search(velocity, abs(distance))
-    shelf = Shelf(robot, store, set_name)
+    searching = drive_until_stopped(velocity, abs(distance))
+    shelf = CalibrationShelf(robot, store, set_name)
     begin: list[Inputs] = []
     readings: list[tuple[Inputs, float]] = []
     end: list[Inputs] = []
-    standing = wait(STANDING)
+    standing = wait(STANDING_S)
     stands = seq(
-        watched(standing, begin), _with_speed(searching, readings), wait(SETTLING), watched(standing, end)
+        collect_inputs(standing, begin),
+        _collect_readings(searching, readings),
+        wait(SETTLING_S),
+        collect_inputs(standing, end),
     )
-    held = driven(robot, stands)[1]
+    held = run_calibration_drive(robot, stands)[1]
     found = {
         name: calibrate(*_counts_and_ways(readings, sensor.config.analog))
         for name, sensor in robot.tophats.items()
     }
-    useless = _useless(robot, found, (begin, end))
+    useless = _describe_useless(robot, found, (begin, end))
     if useless:
         reasons = "; ".join(f"{name}: {why}" for name, why in useless.items())
-        raise CalibrationError(f"after {distance:g} m: {reasons}{at_a_wall(held)}")
+        raise CalibrationError(f"after {distance:g} m: {reasons}{wall_hint(held)}")
     shelf.take(found)
     return found
 
 
-def _with_speed(action: Action[T], log: list[tuple[Inputs, float]]) -> Action[T]:
+def _collect_readings(action: Action[T], log: list[tuple[Inputs, float]]) -> Action[T]:
     """The action, with every reading of its ticks and how fast the robot went then (m/s) put into `log`."""
 
     def look(robot: Robot) -> None:
         if robot.inputs is not None:
             log.append((robot.inputs, abs(robot.odometry.estimate.velocity)))
 
-    return looking(action, look, f"watched {action.name}")
+    return with_look(action, look, f"watched {action.name}")
 
 
 def _counts_and_ways(log: Sequence[tuple[Inputs, float]], port: int) -> tuple[list[float], list[float]]:
@@ -111,7 +114,7 @@ _ASKED = {
 """What to ask by `Verdict` of a tophat that cannot be used."""
 
 
-def _useless(
+def _describe_useless(
     robot: Robot, found: Mapping[str, TophatCalibration], standing: Sequence[Sequence[Inputs]]
 ) -> dict[str, str]:
     """Why a tophat cannot be used, by name. standing: what was read while the robot stood."""
@@ -122,7 +125,7 @@ def _useless(
         port, each = sensor.config.analog, found[name]
         if each.threshold is None:
             useless[name] = f"{each.verdict}, {each.reason}{_ASKED.get(each.verdict, '').format(port)}"
-        if any(is_restless(counts_of(inputs, port)) for inputs in standing):
+        if any(is_restless(port_counts(inputs, port)) for inputs in standing):
             useless[name] = f"floating, it wanders while the robot stands: is it plugged into analog {port}?"
     return useless
 
@@ -145,13 +148,13 @@ def load_tophats(
 
     check_robot(robot, "load_tophats()")
     shelf = TophatStore(kept_file(store))
-    own = name_of(robot)
-    entries = {name: _newest(shelf.history(name, set_name), own) for name in robot.tophats}
+    own = robot_name(robot)
+    entries = {name: _newest_calibration(shelf.history(name, set_name), own) for name in robot.tophats}
     missing = [name for name, entry in entries.items() if entry is None]
     if missing:
         raise CalibrationError(
             f"{store}: no calibration of {', '.join(missing)} in the set {set_name!r}; "
-            f"{_there_is(shelf, own) if kept_file(store).exists() else NO_FILE}"
+            f"{_describe_stored(shelf, own) if kept_file(store).exists() else NO_FILE}"
         )
     found = {name: entry.calibration for name, entry in entries.items() if entry is not None}
     for name, entry in entries.items():
@@ -159,7 +162,7 @@ def load_tophats(
             robot.tophat(name).calibrate(entry.calibration)
             robot.note(f"tophat {name}: calibration {set_name!r} of {entry.time}")
             if entry.robot not in ("", own, robot.config.name):
-                say(
+                add_remark(
                     robot,
                     f"tophat {name}: its calibration {set_name!r} is that of the robot {entry.robot!r}, and "
                     f"this one is {own!r}: calibrate it, too, unless only its name is new",
@@ -167,7 +170,7 @@ def load_tophats(
     return found
 
 
-def _newest(stored: Sequence[StoredCalibration], own: str) -> StoredCalibration | None:
+def _newest_calibration(stored: Sequence[StoredCalibration], own: str) -> StoredCalibration | None:
     """The newest one that may be of the robot `own`, else the newest of any that is real; `stored`: oldest
     first."""
     real = [each for each in stored if not each.robot.endswith(SIMULATED_ONE)]
@@ -176,7 +179,7 @@ def _newest(stored: Sequence[StoredCalibration], own: str) -> StoredCalibration 
     return next((each[-1] for each in (simulated, named, real) if each), None)
 
 
-def _there_is(shelf: TophatStore, own: str) -> str:
+def _describe_stored(shelf: TophatStore, own: str) -> str:
     """What a file of calibrations has, for the robot `own`, which looks for something else."""
     sets: dict[str, dict[str, None]] = {}
     for each in shelf.history():

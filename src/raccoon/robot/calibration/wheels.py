@@ -11,16 +11,22 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import wait
-from raccoon.robot.actions.limits import check_function, check_near, check_positive, check_robot, check_way
-from raccoon.robot.calibration.drives import driven, watched
+from raccoon.robot.actions.limits import (
+    check_function,
+    check_positive,
+    check_robot,
+    check_tolerance,
+    check_way,
+)
+from raccoon.robot.calibration.calibration_drives import collect_inputs, run_calibration_drive
 from raccoon.robot.motions.goals import straight
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 ASKED = 3  # times that somebody is asked who may have typed centimetres: another drive takes longer
-REST = 1.0  # s of standing before and after the drive
+REST_S = 1.0  # s of standing before and after the drive
 
 
 def calibrate_drive(
@@ -52,20 +58,20 @@ def calibrate_drive(
     robot.require("calibrate_drive()")
     check_function(taped, "calibrate_drive()")
     check_positive("tape_std", tape_std)
-    check_near(tape_std=tape_std)
+    check_tolerance(tape_std=tape_std)
     readings: list[Inputs] = []
-    driven(robot, watched(wait(REST), readings))
-    result = driven(robot, watched(straight(distance, speed), readings))
+    run_calibration_drive(robot, collect_inputs(wait(REST_S), readings))
+    result = run_calibration_drive(robot, collect_inputs(straight(distance, speed), readings))
     if why := describe_disturbance(result.held, robot.odometry.slipped, result.remarks):
         raise CalibrationError(f"the drive of the calibration tells nothing: {why}")
-    driven(robot, watched(wait(REST), readings))
-    found = calibrate_straight(robot.config, readings, _asked(taped), distance_std=tape_std)
+    run_calibration_drive(robot, collect_inputs(wait(REST_S), readings))
+    found = calibrate_straight(robot.config, readings, _ask_distance(taped), distance_std=tape_std)
     for remark in found.remarks:
-        say(robot, remark)
+        add_remark(robot, remark)
     return found.applied(robot.config)
 
 
-def _asked(taped: Callable[[], float | str]) -> float:
+def _ask_distance(taped: Callable[[], float | str]) -> float:
     """The m that `taped` gives, a text as of `input` included. It is asked again where that is no such way,
     and its last error raised."""
     left = ASKED

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from raccoon.core.errors import ConfigError
 from raccoon.robot.actions.condition import Condition, Test
 from raccoon.robot.actions.limits import check_name
-from raccoon.robot.motions.sight import INSIDE, check_both
+from raccoon.robot.motions.line_sight import MAX_INSIDE_DISTANCE_M, check_pair
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
-BLACK, MIXED, BETWEEN = 1.8, 1.5, 0.02
+BLACK_SPOTS, MIXED_SPOTS, MAX_WAY_BETWEEN_M = 1.8, 1.5, 0.02
 """Spots on black, of two, on a line that crosses, and up to which there is none; m from the one to the other,
 at the most: a spot takes half of it, where the line lies 50 degrees off square."""
 
@@ -38,19 +38,19 @@ def at_crossing(left: str, right: str) -> Condition:
             here, first, second = robot.estimate.distance, sensors[0].coverage, sensors[1].coverage
             if first is None or second is None or not (sensors[0].sees and sensors[1].sees):
                 return False
-            if first + second < MIXED:
+            if first + second < MIXED_SPOTS:
                 mixed = here
-            return first + second > BLACK and abs(here - mixed) < BETWEEN
+            return first + second > BLACK_SPOTS and abs(here - mixed) < MAX_WAY_BETWEEN_M
 
         return test
 
     def check(robot: Robot) -> None:
-        check_both(robot, left, right)
+        check_pair(robot, left, right)
         apart = robot.tophat(left).config.left - robot.tophat(right).config.left
-        if apart < INSIDE:
+        if apart < MAX_INSIDE_DISTANCE_M:
             raise ConfigError(
                 f"tophats {left} and {right} are {apart:g} m apart in robot.toml: both fit on a line, "
-                f"and see no crossing; allowed are {INSIDE:g} m and more"
+                f"and see no crossing; allowed are {MAX_INSIDE_DISTANCE_M:g} m and more"
             )
 
     return Condition(f"{left} and {right} at a crossing", start, check=check)

@@ -19,15 +19,15 @@ from raccoon.robot.actions.limits import (
     check_speed,
 )
 from raccoon.robot.actions.steps import advance
-from raccoon.robot.motions.pacing import STALL_PATIENCE, HeldWay, check_wiring, reason
-from raccoon.robot.remarks import Endless, say
+from raccoon.robot.motions.pacing import STALL_PATIENCE_S, HeldWay, check_wiring, describe_obstacle
+from raccoon.robot.remarks import EndlessRemark, add_remark
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 __all__ = ["drive", "motors"]
 
-SLOWER, SLOW = 0.9, "slower than asked"
+SLOWER_SHARE, SLOWER_REMARK = 0.9, "slower than asked"
 """Share of the speed asked for below which that is said, as no result tells it; and the remark's kind."""
 
 
@@ -46,8 +46,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     def steps(robot: Robot) -> Steps[None]:
         motion = robot.config.motion
         start = robot.plan
-        if robot.drive.begins_anew(robot.time):
-            say(
+        if robot.drive.is_looping(robot.time):
+            add_remark(
                 robot,
                 "drive() begins anew again and again: it speeds up from rest each time and stays slow; in a "
                 "loop ask for the speed of each cycle, by robot.drive.velocity() and robot.tick()",
@@ -57,12 +57,12 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         miswired = 0.0
         counted = turn_rate == 0.0  # otherwise it would be another circle
         top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration, counted=counted)
-        if top < SLOWER * abs(speed) and not robot.drive.speeds.limited:
+        if top < SLOWER_SHARE * abs(speed) and not robot.drive.speeds.was_limited:
             weakest = robot.config.battery.weakest
             least = f"battery.weakest, {weakest:g} V, gives no more"
-            say(robot, f"{label}: it goes {top:.2f} m/s on any battery, as {least}", SLOW)
+            add_remark(robot, f"{label}: it goes {top:.2f} m/s on any battery, as {least}", SLOWER_REMARK)
         top = math.copysign(top, speed)
-        endless = Endless(robot, label, ".until(...) or .timeout(seconds)")
+        endless = EndlessRemark(robot, label, ".until(...) or .timeout(seconds)")
         try:
             while True:
                 endless.tell()
@@ -79,7 +79,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
                     _, held = line_command(state, 0.0, across, off)
                 robot.drive.follow(velocity, rate + held)
                 if turn_rate != 0.0 and robot.drive.cut:
-                    robot.drive.speeds.limited = True
+                    robot.drive.speeds.was_limited = True
                 yield
         finally:
             robot.drive.stop()
@@ -89,7 +89,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     return Action(label, steps)
 
 
-def search(speed: float, reach: float, timeout: float | None = None) -> Action[float]:
+def drive_until_stopped(speed: float, reach: float, timeout: float | None = None) -> Action[float]:
     """Drive at `speed` m/s, negative backwards, until `reach` m are driven or somebody ends it.
 
     The result is how many m of the reach it may not have driven because of a wall. Raises ValueError for a
@@ -112,14 +112,13 @@ def search(speed: float, reach: float, timeout: float | None = None) -> Action[f
             while (way := abs(robot.estimate.distance - start)) <= reach:
                 silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
                 seconds = robot.time - begin
-                if silent > STALL_PATIENCE or seconds > allowed:
-                    raise MotionTimeout(
-                        f"drive not done after {seconds:.1f} s: {way:.3f} of {reach:g} m; {reason(robot)}"
-                    )
+                if silent > STALL_PATIENCE_S or seconds > allowed:
+                    done = f"drive not done after {seconds:.1f} s: {way:.3f} of {reach:g} m"
+                    raise MotionTimeout(f"{done}; {describe_obstacle(robot)}")
                 held.update()
                 advance(body)
                 yield
-            return held.tell("drive")
+            return held.remark("drive")
         finally:
             body.close()
 
@@ -141,7 +140,7 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
     label = f"motors {left:g} {right:g}"
 
     def steps(robot: Robot) -> Steps[None]:
-        endless = Endless(robot, label, ".until(...) or .timeout(seconds)")
+        endless = EndlessRemark(robot, label, ".until(...) or .timeout(seconds)")
         try:
             while True:
                 endless.tell()
@@ -152,7 +151,9 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
                     missing = max(each.missing for each in scaled)
                     if missing > 0.0:
                         speed = robot.drive.speed_of(missing * max(abs(left), abs(right)) * scaling.reference)
-                        say(robot, f"voltage scaling: {100.0 * missing:.0f} % missing, {speed:.3f} m/s")
+                        add_remark(
+                            robot, f"voltage scaling: {100.0 * missing:.0f} % missing, {speed:.3f} m/s"
+                        )
                 robot.drive.duties(*duties)
                 yield
         finally:

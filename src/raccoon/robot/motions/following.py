@@ -11,22 +11,22 @@ from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.condition import Check
 from raccoon.robot.actions.limits import check_name, check_pace
 from raccoon.robot.motions.last_edge import LastEdge
-from raccoon.robot.motions.line_search import CATCH_SPEED, OTHER_LIGHT, LineSearch, lost
+from raccoon.robot.motions.line_search import CATCH_SPEED, OTHER_LIGHT_REASON, LineSearch, describe_lost_line
+from raccoon.robot.motions.line_sight import BothEdges, OneEdge, check_pair, find_other_on_edge
+from raccoon.robot.motions.line_steering import LineSteering
 from raccoon.robot.motions.lines import tophat_ahead
 from raccoon.robot.motions.pacing import check_wiring
-from raccoon.robot.motions.sight import BothEdges, OneEdge, check_both, other_on_edge
-from raccoon.robot.motions.steering import Steering
 
 if TYPE_CHECKING:
-    from raccoon.robot.motions.sight import Sight
+    from raccoon.robot.motions.line_sight import LineSight
     from raccoon.robot.robot import Robot
 
-PROBE, PROBE_RATE, PROBE_TIME, ANSWER = 0.003, 0.4, 0.4, 0.15
+PROBE_WAY_M, PROBE_RATE, PROBE_TIME, PROBE_ANSWER = 0.003, 0.4, 0.4, 0.15
 """m by which the sensor is moved to see whether it is on an edge, rad/s, s at the most, and by how much less
 of it must then be on black: half of what an edge gives."""
-MOST_SEARCHES = 2
+MAX_SEARCHES = 2
 """How often a line is looked for at a place: one that ends would be found for ever."""
-TWO = "write follow_line(left=..., right=...)"
+TWO_TOPHATS_HINT = "write follow_line(left=..., right=...)"
 
 
 @overload
@@ -63,21 +63,25 @@ def follow_line(
     check_pace(speed=speed)
     if left is not None or right is not None:
         if tophat is not None or side is not None or left is None or right is None:
-            raise TypeError(f"follow_line() takes one tophat and its edge, or two of them: {TWO}")
+            raise TypeError(
+                f"follow_line() takes one tophat and its edge, or two of them: {TWO_TOPHATS_HINT}"
+            )
         check_name(left=left, right=right)
-        return _following(
+        return _follow_action(
             f"follow the line with {left} and {right}",
             lambda robot: BothEdges(robot.tophat(left), robot.tophat(right)),
             speed,
-            lambda robot: check_both(robot, left, right),
+            lambda robot: check_pair(robot, left, right),
         )
     if tophat is None:
-        raise TypeError(f"follow_line() takes the name of a tophat, or two of them: {TWO}")
+        raise TypeError(f"follow_line() takes the name of a tophat, or two of them: {TWO_TOPHATS_HINT}")
     check_name(tophat=tophat)
     edge = "left" if side is None else side
     if edge not in ("left", "right"):
-        raise ValueError(f"side is {edge!r}: allowed are 'left' and 'right'; with two tophats {TWO}")
-    return _following(
+        raise ValueError(
+            f"side is {edge!r}: allowed are 'left' and 'right'; with two tophats {TWO_TOPHATS_HINT}"
+        )
+    return _follow_action(
         f"follow the {edge} edge with {tophat}",
         lambda robot: OneEdge(robot.tophat(tophat), 1.0 if edge == "left" else -1.0),
         speed,
@@ -85,8 +89,8 @@ def follow_line(
     )
 
 
-def _following(
-    label: str, looking: Callable[[Robot], Sight], speed: float | None, check: Check
+def _follow_action(
+    label: str, looking: Callable[[Robot], LineSight], speed: float | None, check: Check
 ) -> Action[None]:
     """The action. looking: what sees the line of a robot."""
 
@@ -96,34 +100,38 @@ def _following(
             sensor.require()
         wanted = motion.speed if speed is None else speed
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
-        steering = Steering(robot, sight)
-        line = LastEdge(robot, sight.play, other_on_edge(robot, sight))
+        steering = LineSteering(robot, sight)
+        line = LastEdge(robot, sight.unseen_width, find_other_on_edge(robot, sight))
         velocity, limit, miswired = robot.estimate.velocity, top, 0.0
         sight.follow_light(False)
         try:
             while True:
                 sight.look()
-                if sight.sees and line.see(sight) and line.kept:
+                if sight.sees_floor and line.update(sight) and line.is_kept:
                     limit = top
                 turn_rate = steering.turn_rate(velocity)
                 answers = True
-                if line.doubtful:
-                    answers = yield from _answers(robot, sight, velocity, turn_rate)
-                    line.believe(answers)
+                if line.is_doubtful:
+                    answers = yield from _probe_edge(robot, sight, velocity, turn_rate)
+                    line.decide(answers)
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity = robot.estimate.velocity
                 miswired = check_wiring(robot, miswired, label)
                 other_light = sight.other_light or not answers
-                if (line.lost and not steering.crosses) or other_light:
-                    if line.searches() > MOST_SEARCHES:
-                        raise MotionTimeout(lost(robot, sight, OTHER_LIGHT if other_light else line.missed))
+                if (line.is_lost and not steering.is_crossing) or other_light:
+                    if line.count_search() > MAX_SEARCHES:
+                        raise MotionTimeout(
+                            describe_lost_line(
+                                robot, sight, OTHER_LIGHT_REASON if other_light else line.missed_for
+                            )
+                        )
                     search = LineSearch(robot, sight, line, velocity)
-                    yield from search.in_other_light() if other_light else search.beside()
-                    line.found()
+                    yield from search.learn_light() if other_light else search.search_both_sides()
+                    line.mark_found()
                     velocity, limit = 0.0, min(top, CATCH_SPEED)
                     steering.restart()
                     continue
-                velocity = slewed(velocity, steering.limit(limit), acceleration * robot.dt)
+                velocity = slewed(velocity, steering.limited_speed(limit), acceleration * robot.dt)
                 robot.drive.follow(velocity, turn_rate)
                 yield
         finally:
@@ -134,21 +142,21 @@ def _following(
     return Action(label, steps, check)
 
 
-def _answers(robot: Robot, sight: Sight, velocity: float, turn_rate: float) -> Steps[bool]:
+def _probe_edge(robot: Robot, sight: LineSight, velocity: float, turn_rate: float) -> Steps[bool]:
     """Whether an edge is seen: the sensors are moved a little to where one would read nearer to half, and no
     further than it takes to see that.
 
     turn_rate: rad/s by which it follows. What reads the same then is a surface in other light.
     """
-    begin, heading, before = robot.time, robot.estimate.heading, sight.off
+    begin, heading, before = robot.time, robot.estimate.heading, sight.offset
     way = 1.0 if before > 0.0 else -1.0
     while robot.time - begin < PROBE_TIME:
         further = robot.estimate.heading - heading - turn_rate * (robot.time - begin)
-        if way * further * sight.reach > PROBE:
+        if way * further * sight.reach > PROBE_WAY_M:
             break
         robot.drive.follow(velocity, turn_rate + way * PROBE_RATE)
         yield
         sight.look()
-        if way * (before - sight.off) > ANSWER:
+        if way * (before - sight.offset) > PROBE_ANSWER:
             return True
     return False

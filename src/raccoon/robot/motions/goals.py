@@ -20,14 +20,14 @@ from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_angle,
     check_heading,
-    check_near,
-    check_near_heading,
+    check_heading_tolerance,
     check_pace,
     check_times,
+    check_tolerance,
     check_turn_pace,
     check_way,
 )
-from raccoon.robot.motions.pacing import LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, finish
+from raccoon.robot.motions.pacing import LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, finish_motion
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -37,9 +37,9 @@ __all__ = ["MotionResult", "arc", "pivot", "straight", "turn", "turn_to"]
 # A plan further than this from the estimate is not continued: somebody moved the robot.
 PLAN_REACH = 0.05
 PLAN_REACH_HEADING = 0.3
-EITHER_WAY = math.radians(2.0)
+HALF_TURN_MARGIN = math.radians(2.0)
 """rad by which half a turn may be missed and both ways are alike: a heading is hardly known better."""
-FAR = 0.5
+FAR_RADIUS_M = 0.5
 """m, radius of an arc at which heading and place tell equally well how far along it is: 0.1 deg is 1 mm."""
 
 
@@ -58,7 +58,7 @@ def straight(
     """
     check_way(distance=distance)
     check_pace("the sign belongs to the distance", speed=speed)
-    check_near(tolerance=tolerance)
+    check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     distance = float(distance)  # of NumPy's too: results and plans are of plain numbers
 
@@ -77,7 +77,7 @@ def straight(
             velocity, turn_rate = line_command(state, along, across, off)
             robot.drive.follow(velocity, turn_rate, state.acceleration)
             yield
-        return finish(robot, start.ahead(distance), pace)
+        return finish_motion(robot, start.ahead(distance), pace)
 
     return Action(f"straight {distance:g} m", steps)
 
@@ -95,13 +95,13 @@ def turn(
     turn_rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
     most full turns that are meant. tolerance: rad. timeout: s. Raises as `straight`.
     """
-    check_near_heading(tolerance=tolerance)
+    check_heading_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_turn_pace("the sign belongs to the angle", turn_rate=turn_rate)
     return Action(
         f"turn {math.degrees(angle):g} deg",
-        lambda robot: turning(robot, angle, turn_rate, tolerance, timeout),
+        lambda robot: turn_steps(robot, angle, turn_rate, tolerance, timeout),
     )
 
 
@@ -118,12 +118,12 @@ def turn_to(
     """
     check_heading(heading=heading)
     check_turn_pace(turn_rate=turn_rate)
-    check_near_heading(tolerance=tolerance)
+    check_heading_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         angle = heading - robot.plan.heading
-        return (yield from turning(robot, shorter_way(angle, angle), turn_rate, tolerance, timeout))
+        return (yield from turn_steps(robot, shorter_way(angle, angle), turn_rate, tolerance, timeout))
 
     return Action(f"turn to {math.degrees(heading):g} deg", steps)
 
@@ -136,10 +136,10 @@ def shorter_way(angle: float, side: float = 1.0) -> float:
     """
     shorter = math.remainder(angle, math.tau)
     way = math.copysign(1.0, side)
-    return shorter + way * math.tau if way * shorter < EITHER_WAY - math.pi else shorter
+    return shorter + way * math.tau if way * shorter < HALF_TURN_MARGIN - math.pi else shorter
 
 
-def turning(
+def turn_steps(
     robot: Robot,
     angle: float,
     turn_rate: float | None = None,
@@ -160,7 +160,7 @@ def turning(
             break
         robot.drive.follow(0.0, turn_command(state, turned), 0.0, state.acceleration)
         yield
-    return finish(robot, start.turned(angle), pace)
+    return finish_motion(robot, start.turned(angle), pace)
 
 
 def arc(
@@ -179,7 +179,7 @@ def arc(
     outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of that
     wheel. timeout: s. Raises as `straight`.
     """
-    check_near(tolerance=tolerance)
+    check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_pace("the sign belongs to the angle; backwards=True drives backwards", speed=speed)
@@ -189,7 +189,7 @@ def arc(
     signed = math.copysign(radius, -angle if backwards else angle)
     return Action(
         f"arc {radius:g} m {math.degrees(angle):g} deg",
-        lambda robot: _arc(robot, "arc", signed, angle, speed, tolerance, timeout),
+        lambda robot: _arc_steps(robot, "arc", signed, angle, speed, tolerance, timeout),
     )
 
 
@@ -207,7 +207,7 @@ def pivot(
     speed: m/s of the other wheel, the highest on the way. turns: the most full turns that are meant.
     tolerance: m of that wheel. timeout: s. Raises as `straight`.
     """
-    check_near(tolerance=tolerance)
+    check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_pace("the sign belongs to the angle", speed=speed)
@@ -217,12 +217,12 @@ def pivot(
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         signed = side * robot.drive.half_track
-        return (yield from _arc(robot, "pivot", signed, angle, speed, tolerance, timeout))
+        return (yield from _arc_steps(robot, "pivot", signed, angle, speed, tolerance, timeout))
 
     return Action(f"pivot {math.degrees(angle):g} deg about the {wheel} wheel", steps)
 
 
-def _arc(
+def _arc_steps(
     robot: Robot,
     what: str,
     signed: float,
@@ -249,7 +249,7 @@ def _arc(
     )
 
     centre = start.x - signed * math.sin(start.heading), start.y + signed * math.cos(start.heading)
-    by_place = signed * signed / (signed * signed + FAR * FAR)
+    by_place = signed * signed / (signed * signed + FAR_RADIUS_M * FAR_RADIUS_M)
 
     def turned() -> float:
         """rad of the arc: on a tight one the heading tells it, on a wide one the place."""
@@ -269,4 +269,4 @@ def _arc(
             velocity, turn_rate + velocity / signed, state.acceleration, state.acceleration / signed
         )
         yield
-    return finish(robot, start.along_arc(signed, angle), pace)
+    return finish_motion(robot, start.along_arc(signed, angle), pace)

@@ -10,11 +10,11 @@ from raccoon.control.motion import slewed
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.actions import Steps
 from raccoon.robot.motions.last_edge import LastEdge
-from raccoon.robot.motions.pacing import STALL_PATIENCE, at_rest, reason
-from raccoon.robot.remarks import say
+from raccoon.robot.motions.pacing import STALL_PATIENCE_S, describe_obstacle, is_at_rest
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
-    from raccoon.robot.motions.sight import Sight
+    from raccoon.robot.motions.line_sight import LineSight
     from raccoon.robot.parts.tophats import TophatSensor
     from raccoon.robot.robot import Robot
 
@@ -29,15 +29,15 @@ BACK_SPEED = 0.1
 """m/s at which the robot goes back to where the line was."""
 CATCH_SPEED = 0.03
 """m/s until it keeps to an edge that it found: that may lie across, and is as wide as the sensor's spot."""
-ON_BLACK = 0.98
+ALL_BLACK_COVERAGE = 0.98
 """Share of the sensor's spot that is all of it, but for noise."""
-NEAR = 1e-3
+NEAR_M = 1e-3
 """m that is as good as there."""
-INTO_LIGHT, ASIDE = 0.03, 0.03
+INTO_LIGHT_M, ASIDE_M = 0.03, 0.03
 """m that the robot drives on into another light, and that its sensor then turns to both sides of the edge."""
 LIGHT_SPEED, LIGHT_GAIN = 0.1, 3.0
 """m/s at the most and rad/s a rad off the line's direction on that way."""
-OTHER_LIGHT = "it came into another light"
+OTHER_LIGHT_REASON = "it came into another light"
 SURFACE_READINGS = 4
 """in a row, whose mean is what a surface reads."""
 
@@ -49,144 +49,146 @@ class LineSearch:
     with.
     """
 
-    def __init__(self, robot: Robot, sight: Sight, line: LastEdge, velocity: float) -> None:
+    def __init__(self, robot: Robot, sight: LineSight, line: LastEdge, velocity: float) -> None:
         self._robot, self._sight, self._line = robot, sight, line
-        self._way = line.way or sight.way
-        self._sensor, self._side = sight.edge(self._way)
-        self._heading, self._velocity = line.heading, velocity
+        self._direction = line.direction or sight.direction
+        self._sensor, self._edge_side = sight.edge(self._direction)
+        self._line_heading, self._velocity = line.heading, velocity
         self._end = robot.time + SEARCH_TIME
-        self._surfaces = [_Surfaces(each) for each in sight.sensors]
-        self._why = line.missed
+        self._surfaces = [_SurfaceLevels(each) for each in sight.sensors]
+        self._reason = line.missed_for
 
-    def beside(self) -> Steps[None]:
+    def search_both_sides(self) -> Steps[None]:
         """On both sides of where it was last. Ends on the edge, or on the line from beyond it."""
-        name, other = self._sight.name, self._line.other
-        say(self._robot, f"{name} lost the line: looking for it")
-        if self._line.pointing is None and other:
-            say(self._robot, f"{name} came to no edge, {other} began on one: are their plugs exchanged?")
+        name, other = self._sight.name, self._line.other_tophat
+        add_remark(self._robot, f"{name} lost the line: looking for it")
+        if self._line.robot_heading is None and other:
+            add_remark(
+                self._robot, f"{name} came to no edge, {other} began on one: are their plugs exchanged?"
+            )
         yield from self._stop()
-        yield from self._see()
-        yield from self._back()
-        first = self._way or 1.0
+        yield from self._wait_for_floor()
+        yield from self._drive_back()
+        first = self._direction or 1.0
         for way in (first, -first):
             if (yield from self._turn(way)) or self._sensor.black:
                 return
         yield from self._learn_and_return(first)
 
-    def in_other_light(self) -> Steps[None]:
+    def learn_light(self) -> Steps[None]:
         """Drive on into it, turn over both surfaces there, the floor first, and back to the edge."""
-        robot, sensor, self._why = self._robot, self._sensor, OTHER_LIGHT
-        say(robot, f"{self._sight.name} comes into another light on the line: learning it")
+        robot, sensor, self._reason = self._robot, self._sensor, OTHER_LIGHT_REASON
+        add_remark(robot, f"{self._sight.name} comes into another light on the line: learning it")
         begin, acceleration = robot.estimate.distance, robot.config.motion.acceleration
         speed = max(min(self._velocity, LIGHT_SPEED), CATCH_SPEED)  # after a search, or at first, it stands
-        while robot.estimate.distance - begin < INTO_LIGHT and robot.time < self._end:
+        while robot.estimate.distance - begin < INTO_LIGHT_M and robot.time < self._end:
             self._velocity = slewed(self._velocity, speed, acceleration * robot.dt)
-            robot.drive.follow(self._velocity, LIGHT_GAIN * (self._heading - robot.estimate.heading))
+            robot.drive.follow(self._velocity, LIGHT_GAIN * (self._line_heading - robot.estimate.heading))
             yield
         yield from self._stop()
-        aside = ASIDE / sensor.config.forward
-        yield from self._turn(self._side, aside, to_edge=False)
-        yield from self._turn(-self._side, aside, to_edge=False)
-        if not self._learn():
-            yield from self._turn(-self._side, to_edge=False)
-        yield from self._learn_and_return(self._side)
+        aside = ASIDE_M / sensor.config.forward
+        yield from self._turn(self._edge_side, aside, to_edge=False)
+        yield from self._turn(-self._edge_side, aside, to_edge=False)
+        if not self._learn_surfaces():
+            yield from self._turn(-self._edge_side, to_edge=False)
+        yield from self._learn_and_return(self._edge_side)
 
-    def _learn(self) -> bool:
+    def _learn_surfaces(self) -> bool:
         learnt = [each.learn() for each in self._surfaces]  # every one
         return all(learnt)
 
     def _learn_and_return(self, way: float) -> Steps[None]:
-        if not self._learn() or not (yield from self._turn(way)):
+        if not self._learn_surfaces() or not (yield from self._turn(way)):
             self._give_up()
 
     def _give_up(self) -> NoReturn:
-        raise MotionTimeout(lost(self._robot, self._sight, self._why))
+        raise MotionTimeout(describe_lost_line(self._robot, self._sight, self._reason))
 
     def _stop(self) -> Steps[None]:
         robot = self._robot
-        while not at_rest(robot) and robot.time < self._end:
+        while not is_at_rest(robot) and robot.time < self._end:
             self._velocity = slewed(self._velocity, 0.0, robot.config.motion.acceleration * robot.dt)
             robot.drive.follow(self._velocity)
             yield
 
-    def _see(self) -> Steps[None]:
+    def _wait_for_floor(self) -> Steps[None]:
         """Stand until the sensors see a floor: without it no line is found."""
         robot, begin = self._robot, self._robot.time
         while blind := [each for each in self._sight.sensors if not each.sees]:
             if robot.time - begin > SIGHT_TIME:
                 raise MotionTimeout(
-                    f"{self._sight.name} lost the line: no floor is seen; {reason(robot, *blind)}"
+                    f"{self._sight.name} lost the line: no floor is seen; {describe_obstacle(robot, *blind)}"
                 )
             robot.drive.follow(0.0)
             yield
 
-    def _back(self) -> Steps[None]:
+    def _drive_back(self) -> Steps[None]:
         """Backwards along the arc that it came, to where it was on an edge the last time, or to black before:
         a line that turned off is beside that place, and not beside where it was missed.
         """
         robot, line, acceleration = self._robot, self._line, self._robot.config.motion.acceleration
-        if line.pointing is None:
+        if line.robot_heading is None:
             return
-        bend = robot.estimate.heading - line.pointing
-        way, silent = robot.estimate.distance - line.place, 0.0
-        while (left := robot.estimate.distance - line.place) > NEAR and not self._sensor.black:
-            silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
-            if silent > STALL_PATIENCE or robot.time > self._end:
+        bend = robot.estimate.heading - line.robot_heading
+        way, stalled_seconds = robot.estimate.distance - line.place, 0.0
+        while (left := robot.estimate.distance - line.place) > NEAR_M and not self._sensor.black:
+            stalled_seconds = stalled_seconds + robot.dt if robot.drive.wheels.stalled else 0.0
+            if stalled_seconds > STALL_PATIENCE_S or robot.time > self._end:
                 self._give_up()
             speed = min(BACK_SPEED, math.sqrt(acceleration * left))
             self._velocity = slewed(self._velocity, -speed, acceleration * robot.dt)
-            off = line.pointing + bend * left / way - robot.estimate.heading
+            off = line.robot_heading + bend * left / way - robot.estimate.heading
             robot.drive.follow(self._velocity, self._velocity * bend / way + LIGHT_GAIN * off)
             yield
         yield from self._stop()
 
-    def _turn(self, way: float, angle: float = math.inf, *, to_edge: bool = True) -> Steps[bool]:
+    def _turn(self, direction: float, angle: float = math.inf, *, to_edge: bool = True) -> Steps[bool]:
         """Turn until `angle` rad beside the line's direction, at the most as far as a line is looked for, or
         to its edge; whether it came to that.
 
         way: 1 to the left, -1 to the right.
         """
         robot, sensor, motion = self._robot, self._sensor, self._robot.config.motion
-        angle = min(angle, SEARCH_ANGLE - way * math.atan2(sensor.config.left, sensor.config.forward))
+        angle = min(angle, SEARCH_ANGLE - direction * math.atan2(sensor.config.left, sensor.config.forward))
         wanted = min(motion.turn_rate, SEARCH_SPEED / sensor.config.forward)
         top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
-        rate = silent = 0.0
-        wanted_to_black = way * self._side < 0.0
-        across = wanted_to_black  # who comes from the border of black may leave it there: by another edge
+        rate = held_seconds = 0.0
+        wanted_to_black = direction * self._edge_side < 0.0
+        is_across = wanted_to_black  # who comes from the border of black may leave it there: by another edge
         sensor.forget_edge()
-        while way * (robot.estimate.heading - self._heading) < angle:
+        while direction * (robot.estimate.heading - self._line_heading) < angle:
             for each in self._surfaces:
                 each.read()
             # To the left of the left edge and to the right of the right one is white.
             edge = sensor.edge
-            if to_edge and across and edge is not None and edge.to_black is wanted_to_black:
+            if to_edge and is_across and edge is not None and edge.to_black is wanted_to_black:
                 return True
-            if not across and (sensor.coverage or 0.0) > ON_BLACK:
-                across = True
+            if not is_across and (sensor.coverage or 0.0) > ALL_BLACK_COVERAGE:
+                is_across = True
                 sensor.forget_edge()
-            wrong = robot.drive.wheels.stalled or robot.odometry.wiring.suspects
-            silent = silent + robot.dt if wrong else 0.0
-            if silent > STALL_PATIENCE or robot.time > self._end:
+            is_held = robot.drive.wheels.stalled or robot.odometry.wiring.suspects
+            held_seconds = held_seconds + robot.dt if is_held else 0.0
+            if held_seconds > STALL_PATIENCE_S or robot.time > self._end:
                 self._give_up()
             if robot.paused:
                 rate = robot.estimate.turn_rate
-            rate = slewed(rate, way * top, acceleration * robot.dt)
+            rate = slewed(rate, direction * top, acceleration * robot.dt)
             robot.drive.follow(0.0, rate)
             yield
         return False
 
 
-class _Surfaces:
+class _SurfaceLevels:
     """The lowest and the highest mean that a sensor read: floor and line, where it went over both."""
 
     def __init__(self, sensor: TophatSensor) -> None:
         self._sensor = sensor
-        self._last: deque[float] = deque(maxlen=SURFACE_READINGS)
+        self._last_counts: deque[float] = deque(maxlen=SURFACE_READINGS)
         self._white, self._black = math.inf, -math.inf
 
     def read(self) -> None:
         """Take the reading of this cycle."""
-        last, counts = self._last, self._sensor.counts
+        last, counts = self._last_counts, self._sensor.counts
         if counts is not None and self._sensor.sees:
             last.append(counts)
         if len(last) == SURFACE_READINGS:
@@ -198,9 +200,9 @@ class _Surfaces:
         return self._sensor.relearn(self._white, self._black)
 
 
-def lost(robot: Robot, sight: Sight, why: str) -> str:
+def describe_lost_line(robot: Robot, sight: LineSight, why: str) -> str:
     """What is said where the line is given up. why: it was looked for."""
     return (
         f"{sight.name} lost the line: {why}, and none found "
-        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side; {reason(robot, *sight.sensors)}"
+        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side; {describe_obstacle(robot, *sight.sensors)}"
     )

@@ -11,25 +11,25 @@ from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_angle,
+    check_heading_tolerance,
     check_limits,
     check_name,
-    check_near_heading,
     check_speed,
     check_times,
     check_way,
 )
 from raccoon.robot.actions.steps import advance
-from raccoon.robot.motions.driving import search
-from raccoon.robot.motions.goals import turning
-from raccoon.robot.motions.pacing import MotionResult, at_a_wall, reason
-from raccoon.robot.remarks import say
+from raccoon.robot.motions.driving import drive_until_stopped
+from raccoon.robot.motions.goals import turn_steps
+from raccoon.robot.motions.pacing import MotionResult, describe_obstacle, wall_hint
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.tophats import TophatSensor
     from raccoon.robot.robot import Robot
 
 LEAST_REACH = 0.02
-ODDLY, ALONG = math.radians(4.0), math.radians(1.5)
+MAX_REGULAR_ANGLE, MAX_ALONG_ANGLE = math.radians(4.0), math.radians(1.5)
 """rad from a quarter of a turn of the field: of a line that is laid so, and of one along the field."""
 
 
@@ -56,7 +56,7 @@ def align_on_line(
     check_name(left=left, right=right)
     check_speed(speed=speed)
     check_limits(reach=reach, squint=squint)
-    check_near_heading(tolerance=tolerance)
+    check_heading_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     check_way(reach=reach)
     check_angle(1.0, "", squint=squint)
@@ -65,7 +65,7 @@ def align_on_line(
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin = robot.time
-        first = yield from _edges(robot, left, right, speed, reach, timeout)
+        first = yield from _meet_edges(robot, left, right, speed, reach, timeout)
         (x0, y0), (x1, y1) = first
         # From the right sensor's point to the left one's is the line; its normal to the right looks ahead.
         normal = math.atan2(y0 - y1, x0 - x1) - 0.5 * math.pi
@@ -75,9 +75,9 @@ def align_on_line(
             raise MotionTimeout(
                 f"the line lies {math.degrees(angle):.0f} deg askew: allowed are {math.degrees(squint):.0f}"
             )
-        said = _exchanged(robot, left, right, angle)
+        said = _remark_exchanged(robot, left, right, angle)
         robot.replan()
-        turned = yield from turning(robot, angle, None, tolerance, timeout)
+        turned = yield from turn_steps(robot, angle, None, tolerance, timeout)
         goal = Pose(robot.estimate.x, robot.estimate.y, here + angle)
         robot.plan = goal
         off = robot.estimate.heading - goal.heading
@@ -91,7 +91,7 @@ def align_on_line(
     )
 
 
-def _edges(
+def _meet_edges(
     robot: Robot, left: str, right: str, speed: float | None, reach: float, timeout: float | None
 ) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
     """Drive until both sensors have met the same edge; where on the field each did, left first."""
@@ -99,7 +99,9 @@ def _edges(
     for sensor in sensors:
         sensor.require()
         sensor.forget_edge()
-    body = search(0.5 * robot.config.motion.speed if speed is None else speed, reach, timeout).start(robot)
+    body = drive_until_stopped(
+        0.5 * robot.config.motion.speed if speed is None else speed, reach, timeout
+    ).start(robot)
     # A line has two edges, and a sensor that stands on it meets but the second: only places on the same one
     # give its direction. By whether the edge leads to black: where the left and the right sensor met it.
     met: dict[bool, list[tuple[float, float] | None]] = {True: [None, None], False: [None, None]}
@@ -112,19 +114,21 @@ def _edges(
                 sensor.forget_edge()
                 places = met[edge.to_black]
                 if places[index] is None:
-                    places[index] = _place(robot, sensor, robot.time - edge.time)
+                    places[index] = _sensor_place(robot, sensor, robot.time - edge.time)
                 if places[0] is not None and places[1] is not None:
                     return places[0], places[1]
             try:
                 advance(body)
             except StopIteration as end:
-                raise MotionTimeout(_no_line(robot, left, right, met.values(), reach, end.value)) from None
+                raise MotionTimeout(
+                    _describe_no_line(robot, left, right, met.values(), reach, end.value)
+                ) from None
             yield
     finally:
         body.close()
 
 
-def _no_line(
+def _describe_no_line(
     robot: Robot,
     left: str,
     right: str,
@@ -135,11 +139,11 @@ def _no_line(
     """Which sensors lack the edge that they were nearest to having both met, and why that may be."""
     places = max(met, key=lambda each: sum(place is not None for place in each))
     names = [name for name, place in zip((left, right), places, strict=True) if place is None]
-    why = reason(robot, *map(robot.tophat, names))
-    return f"no line at {' and '.join(names)} within {reach:g} m; {why}{at_a_wall(held, 'it')}"
+    why = describe_obstacle(robot, *map(robot.tophat, names))
+    return f"no line at {' and '.join(names)} within {reach:g} m; {why}{wall_hint(held, 'it')}"
 
 
-def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:
+def _sensor_place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:
     """Where on the field a sensor was `ago` s before now."""
     here = robot.estimate
     pose = Pose(here.x, here.y, here.heading).ahead(-here.velocity * ago)
@@ -148,19 +152,24 @@ def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float
     return ahead.x - side * math.sin(ahead.heading), ahead.y + side * math.cos(ahead.heading)
 
 
-def _exchanged(robot: Robot, left: str, right: str, angle: float) -> tuple[str, ...]:
+def _remark_exchanged(robot: Robot, left: str, right: str, angle: float) -> tuple[str, ...]:
     """What to say where a line, `angle` rad askew, lies along the field as lines do if the plugs of the two
     sensors are exchanged, and oddly if they are not."""
     here = robot.estimate
     normals = here.heading + angle, here.heading - angle
     lies, mirrored = (abs(math.remainder(each, 0.5 * math.pi)) for each in normals)
-    if lies < ODDLY or mirrored > ALONG or abs(angle) < ODDLY or here.heading_std > ALONG:
+    if (
+        lies < MAX_REGULAR_ANGLE
+        or mirrored > MAX_ALONG_ANGLE
+        or abs(angle) < MAX_REGULAR_ANGLE
+        or here.heading_std > MAX_ALONG_ANGLE
+    ):
         return ()
     said = (
         f"by {left} and {right} the line lies {math.degrees(lies):.0f} deg askew in the field, and along it "
         "if their plugs are exchanged: are they?"
     )
-    say(robot, said)
+    add_remark(robot, said)
     return (said,)
 
 

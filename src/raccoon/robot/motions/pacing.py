@@ -11,7 +11,7 @@ from raccoon.control.profile import Profile, ProfileState
 from raccoon.control.stages import Staged
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
-from raccoon.robot.remarks import mismatch, miswired, say, tell
+from raccoon.robot.remarks import add_remark, describe_miswiring, remark_oddities, scale_mismatch
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.tophats import TophatSensor
@@ -24,17 +24,17 @@ LAG_LIMIT_TURN = 0.15
 REST_SPEED = 0.02
 REST_RATE = 0.12
 # s that a wheel may be driven without turning before the motion gives up.
-STALL_PATIENCE = 0.4
+STALL_PATIENCE_S = 0.4
 # s that the profile waits for a robot that stays where it is, such as one that spins a wheel at a wall and
 # would have to turn; and which part of what it may be behind is away from there (also backwards, where it was
 # pushed: it comes again).
-HELD_PATIENCE, AWAY = 2.0, 0.25
+HELD_PATIENCE_S, MOVED_SHARE = 2.0, 0.25
 
-CLOSING_IN, WIDENING, MOST_TOLERANCE = 1.0, 0.25, 4.0
+CLOSING_IN_S, TOLERANCE_GROWTH_S, MAX_TOLERANCE_FACTOR = 1.0, 0.25, 4.0
 """s after its profile in which a motion keeps to its tolerance; s in which that grows by itself from then on;
 and how many times it may be."""
 
-SLOWER = 0.95
+SLOWER_SHARE = 0.95
 """Share of the wished speed up to which people are told of it."""
 
 
@@ -75,9 +75,8 @@ class MotionResult:
         """For people: what is off, in mm and degrees, and what was strange."""
         wall = () if self.arrived else (f"may stand {self.held:.3f} m before its goal",)
         along, across, std = 1e3 * self.along, 1e3 * self.across, 1e3 * self.std
-        slow = (
-            () if self.planned > SLOWER else (f"planned at {100 * self.planned:.0f} % of the wished speed",)
-        )
+        share = f"planned at {100 * self.planned:.0f} % of the wished speed"
+        slow = () if self.planned > SLOWER_SHARE else (share,)
         off = f"{along:+z.1f} mm along, {across:+z.1f} mm across (+- {std:.1f})"
         turned = f"{math.degrees(self.heading):+z.2f} deg, in {self.duration:.2f} s"
         return "; ".join((f"{off}, {turned}", *slow, *wall, *self.remarks))
@@ -89,18 +88,18 @@ class HeldWay:
     def __init__(self, robot: Robot) -> None:
         self.metres = 0.0
         self._robot = robot
-        self._before = robot.odometry.held_way  # of the motion before, which may have ended at a wall
+        self._last_held = robot.odometry.held_way  # of the motion before, which may have ended at a wall
 
     def update(self) -> None:
         """Take a cycle."""
         held = self._robot.odometry.held_way
-        self.metres += max(0.0, held - self._before)
-        self._before = held
+        self.metres += max(0.0, held - self._last_held)
+        self._last_held = held
 
-    def tell(self, what: str, seen: str = "") -> float:
-        """Say it of the motion `what` that came to its goal, and where its program sees it; give the m."""
+    def remark(self, what: str, seen: str = "") -> float:
+        """Add a remark on the motion `what` that came to its goal, and where its program sees it; the m."""
         if self.metres > 0.0:
-            say(
+            add_remark(
                 self._robot,
                 f"{what} may have ended {self.metres:.3f} m before its goal: the wheels turned, and carried "
                 f"what tyres do that spin at a wall{seen}",
@@ -108,8 +107,8 @@ class HeldWay:
         return self.metres
 
 
-def at_a_wall(held: float, who: str = "the robot") -> str:
-    """What to add to an error of a drive that a wall may have held for so many m."""
+def wall_hint(held: float, who: str = "the robot") -> str:
+    """What to add to an error of a drive that a wall may have held for so many m; "" for 0."""
     return "" if held == 0.0 else f"; {who} may have stood at a wall for {held:.2f} m of it"
 
 
@@ -138,16 +137,19 @@ class Pace:
         self.planned = planned
         self._radius = radius
         self._lag_limit = lag_limit
-        self._allowed = 2.0 * profile.duration + 2.0 if timeout is None else timeout
-        self._walk, self._from = profile, 0.0  # what it walks now, and how far along that began
-        self._time = 0.0
-        self._stalled = self._waited = 0.0
-        self._there = 0.0
+        self._timeout = 2.0 * profile.duration + 2.0 if timeout is None else timeout
+        self._current_profile, self._profile_start = (
+            profile,
+            0.0,
+        )  # what it walks now, and how far along that began
+        self._profile_time = 0.0
+        self._stalled_seconds = self._waited_seconds = 0.0
+        self._waiting_place = 0.0
         self.begin = robot.time
-        self._start = robot.estimate.distance
+        self._start_distance = robot.estimate.distance
         self.saturated = False
         self.missing_speed = 0.0
-        self.held = HeldWay(robot)
+        self.held_way = HeldWay(robot)
         self.doubts: dict[str, None] = {}
         """What the odometry complained of on the way, each once, in order."""
         self.finished = False
@@ -164,37 +166,38 @@ class Pace:
         last = robot.time
         try:
             while True:
-                state = self._at(self._time)
+                state = self._state_at(self._profile_time)
                 yield state
-                self._watch()
+                self._take_cycle()
                 passed, here = robot.time - last, progress()
-                behind = sign * (self._at(self._time + passed).position - here)
+                behind = sign * (self._state_at(self._profile_time + passed).position - here)
                 if robot.paused and behind > self._lag_limit:
                     # The motors were stopped meanwhile: it speeds up anew, and makes up for nothing.
-                    self._walk, self._from, self._time = profile.over(profile.distance - here), here, 0.0
+                    self._current_profile = profile.over(profile.distance - here)
+                    self._profile_start, self._profile_time = here, 0.0
                 # A robot that is ahead is not waited for: the profile has to end for it to come back.
                 elif sign * (state.position - here) < self._lag_limit:
                     # The whole of it also after a pause: the motors went on with their last command.
-                    self._time += passed
+                    self._profile_time += passed
                 else:
                     self._wait(passed, here)
                 last = robot.time
-                self.finished = self._time >= self._walk.duration
-                if robot.time - self.begin > self._allowed or self._gives_up:
-                    raise MotionTimeout(self._explain(progress()))
+                self.finished = self._profile_time >= self._current_profile.duration
+                if robot.time - self.begin > self._timeout or self._should_give_up:
+                    raise MotionTimeout(self._describe_timeout(progress()))
         finally:
             robot.drive.stop()
             robot.plan = place(progress())
 
     def _wait(self, passed: float, progress: float) -> None:
-        """Another `passed` s behind the profile; what counts are those since it moved."""
-        self._waited += passed
-        if abs(progress - self._there) > AWAY * self._lag_limit:
-            self._there, self._waited = progress, 0.0
+        """Count `passed` s behind the profile, since the robot last moved."""
+        self._waited_seconds += passed
+        if abs(progress - self._waiting_place) > MOVED_SHARE * self._lag_limit:
+            self._waiting_place, self._waited_seconds = progress, 0.0
 
     @property
-    def _gives_up(self) -> bool:
-        return self._stalled > STALL_PATIENCE or self._waited > HELD_PATIENCE
+    def _should_give_up(self) -> bool:
+        return self._stalled_seconds > STALL_PATIENCE_S or self._waited_seconds > HELD_PATIENCE_S
 
     def may_end(self, off: float, tolerance: float | None) -> bool:
         """Whether the robot rests near enough to its goal, which is `off` m (turn: rad) away.
@@ -203,79 +206,79 @@ class Pace:
         times where the robot does not come to it: friction gives in steps, of which one may lead from one
         side of the goal to the other for ever.
         """
-        if not (self.finished and at_rest(self._robot)):
+        if not (self.finished and is_at_rest(self._robot)):
             return False
         if tolerance is not None:
             return abs(off) <= tolerance
         motion = self._robot.config.motion
         usual = motion.heading_tolerance if self.what == "turn" else motion.distance_tolerance
-        late = self._time - self._walk.duration - CLOSING_IN
-        return abs(off) <= usual * max(1.0, min(1.0 + late / WIDENING, MOST_TOLERANCE))
+        late = self._profile_time - self._current_profile.duration - CLOSING_IN_S
+        return abs(off) <= usual * max(1.0, min(1.0 + late / TOLERANCE_GROWTH_S, MAX_TOLERANCE_FACTOR))
 
-    def _at(self, time: float) -> ProfileState:
-        """Where along the motion one should be, `time` s after what it walks now began."""
-        state = self._walk.at(time)
-        return ProfileState(self._from + state.position, state.velocity, state.acceleration)
+    def _state_at(self, time: float) -> ProfileState:
+        """State of the motion `time` s after its current profile began."""
+        state = self._current_profile.at(time)
+        return ProfileState(self._profile_start + state.position, state.velocity, state.acceleration)
 
     @property
     def doubt(self) -> float:
-        """m by which the way is unsure where the wheels are a little off their calibration, or more."""
-        return 0.5 * mismatch(self._robot) * (self._robot.estimate.distance - self._start)
+        """m by which the way is unsure because the wheels are off their calibration."""
+        return 0.5 * scale_mismatch(self._robot) * (self._robot.estimate.distance - self._start_distance)
 
-    def _watch(self) -> None:
+    def _take_cycle(self) -> None:
         wheels, robot = self._robot.drive.wheels, self._robot
         self.saturated = self.saturated or wheels.saturated
         self.missing_speed = max(self.missing_speed, robot.drive.missing_speed)
         if robot.estimate.reasons:
             self.doubts.update(dict.fromkeys(robot.estimate.reasons))
-        self.held.update()
+        self.held_way.update()
         lost = wheels.stalled or robot.odometry.wiring.suspects
         # Recorded readings say nothing of wheels under other commands.
-        self._stalled = self._stalled + robot.dt if lost and robot.drive.followed else 0.0
+        self._stalled_seconds = self._stalled_seconds + robot.dt if lost and robot.drive.followed else 0.0
 
-    def _explain(self, progress: float) -> str:
+    def _describe_timeout(self, progress: float) -> str:
         seconds = self._robot.time - self.begin
         way = f"{progress:.3f} of {self.profile.distance:.3f} m"
         if (radius := self._radius) is not None:
             turned, asked = math.degrees(progress / radius), math.degrees(self.profile.distance / radius)
             way = f"{turned:.1f} of {asked:.1f} deg"
-        why = reason(self._robot)
+        why = describe_obstacle(self._robot)
         passed = ", ".join(each for each in self.doubts if each not in why)
         on_the_way = f"; on the way: {passed}" if passed else ""
         return f"{self.what} not done after {seconds:.1f} s: {way}; {why}{on_the_way}"
 
 
-def reason(robot: Robot, *asked: TophatSensor) -> str:
+def describe_obstacle(robot: Robot, *asked: TophatSensor) -> str:
     """Why a motion may not have come to its end: stalled, saturated, slipping, what the odometry says, and
-    what is wrong with tophats that see nothing or that it asked."""
-    wiring = miswired(robot)
+    what is wrong with tophats that see nothing or are `asked` about."""
+    wiring = describe_miswiring(robot)
     if robot.odometry.wiring.turned:  # the rest follows from it
         return wiring
-    said = [wiring or robot.drive.complaint(), *robot.estimate.reasons, *tell(robot)]
+    said = [wiring or robot.drive.describe_state(), *robot.estimate.reasons, *remark_oddities(robot)]
     said.extend(each.complaint for each in robot.tophats.values() if each.blind or each in asked)
     return "; ".join(filter(None, said))
 
 
 def check_wiring(robot: Robot, lasted: float, name: str) -> float:
-    """For how many s the gyro has said by now that motors are plugged in otherwise than robot.toml says.
+    """Seconds for which the gyro has said that motors are plugged in otherwise than robot.toml says.
 
     lasted: what this gave in the tick before. Raises MotionTimeout, naming the motion, where it is sure for
     as long as a wheel may stand: under control such a robot spins, faster and faster.
     """
     if not robot.odometry.wiring.turned:
         return 0.0
-    if lasted > STALL_PATIENCE:
-        raise MotionTimeout(f"{name}: {miswired(robot)}")
+    if lasted > STALL_PATIENCE_S:
+        raise MotionTimeout(f"{name}: {describe_miswiring(robot)}")
     return lasted + robot.dt
 
 
-def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
+def finish_motion(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
     """Stop, make `goal` the place the next motion starts from, and say where the robot is against it."""
     robot.drive.stop()
     robot.plan = goal
     here = robot.estimate
     along, across = goal.offset_of(here.x, here.y)
-    held = pace.held.tell(pace.what, " (result.arrived is False)")
+    held = pace.held_way.remark(pace.what, " (result.arrived is False)")
     return MotionResult(
         along,
         across,
@@ -286,11 +289,11 @@ def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
         here.heading_std,
         pace.missing_speed,
         pace.planned,
-        (*pace.doubts, *tell(robot)),
+        (*pace.doubts, *remark_oddities(robot)),
         held,
     )
 
 
-def at_rest(robot: Robot) -> bool:
+def is_at_rest(robot: Robot) -> bool:
     """Slow enough that stopping now is stopping here."""
     return abs(robot.estimate.velocity) < REST_SPEED and abs(robot.estimate.turn_rate) < REST_RATE

@@ -18,21 +18,21 @@ from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_heading,
-    check_near,
     check_number,
     check_pace,
     check_positive,
     check_times,
+    check_tolerance,
     check_way,
 )
-from raccoon.robot.motions.goals import shorter_way, straight, turning
-from raccoon.robot.motions.pacing import LAG_LIMIT, MotionResult, Pace, finish
+from raccoon.robot.motions.goals import shorter_way, straight, turn_steps
+from raccoon.robot.motions.pacing import LAG_LIMIT, MotionResult, Pace, finish_motion
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 # Nearer than this the way to the place has no direction worth turning to.
-HERE = 0.005
+HERE_M = 0.005
 
 
 def drive_to(
@@ -54,7 +54,7 @@ def drive_to(
     check_way(x=x, y=y)
     check_heading(heading=0.0 if heading is None else heading)
     check_pace("backwards=True drives backwards", speed=speed)
-    check_near(tolerance=tolerance)
+    check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     x, y = float(x), float(y)
 
@@ -63,21 +63,21 @@ def drive_to(
         start = robot.plan
         distance = math.hypot(x - start.x, y - start.y)
         parts: list[MotionResult] = []
-        if distance > HERE:
+        if distance > HERE_M:
             bearing = math.atan2(y - start.y, x - start.x) + (math.pi if backwards else 0.0)
             angle = shorter_way(bearing - start.heading)
-            parts.append((yield from turning(robot, angle, timeout=timeout)))
+            parts.append((yield from turn_steps(robot, angle, timeout=timeout)))
             way = straight(-distance if backwards else distance, speed, tolerance=tolerance, timeout=timeout)
             parts.append((yield from way.start(robot)))
         if heading is not None:
             angle = heading - robot.plan.heading
-            parts.append((yield from turning(robot, shorter_way(angle, angle), timeout=timeout)))
-        return _whole(robot, Pose(x, y, robot.plan.heading), begin, parts)
+            parts.append((yield from turn_steps(robot, shorter_way(angle, angle), timeout=timeout)))
+        return _combined_result(robot, Pose(x, y, robot.plan.heading), begin, parts)
 
     return Action(f"drive to ({x:g}, {y:g})", steps)
 
 
-def _whole(robot: Robot, goal: Pose, begin: float, parts: list[MotionResult]) -> MotionResult:
+def _combined_result(robot: Robot, goal: Pose, begin: float, parts: list[MotionResult]) -> MotionResult:
     """The result of several motions against the goal of them all."""
     here = robot.estimate
     along, across = goal.offset_of(here.x, here.y)
@@ -116,7 +116,7 @@ def follow_path(
     """
     check_pace(speed=speed)
     check_positive("rounding", rounding)
-    check_near(tolerance=tolerance)
+    check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     _check_points(points)
     points = [(float(x), float(y)) for x, y in points]
@@ -129,19 +129,19 @@ def follow_path(
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin, here = robot.time, robot.plan
-        ahead = list(dropwhile(lambda point: math.dist(point, (here.x, here.y)) <= HERE, points))
+        ahead = list(dropwhile(lambda point: math.dist(point, (here.x, here.y)) <= HERE_M, points))
         if not ahead:
             x, y = points[-1]
-            return _whole(robot, Pose(x, y, here.heading), begin, [])
+            return _combined_result(robot, Pose(x, y, here.heading), begin, [])
         parts: list[MotionResult] = []
         # Where the robot is, and so the corner at the first point, is not known before.
         for leg in legs([(here.x, here.y), *ahead]):
             path = Path(leg, rounding)
             angle = shorter_way(path.start.heading + flipped - robot.plan.heading)
             if abs(angle) > robot.config.motion.heading_tolerance:
-                parts.append((yield from turning(robot, angle, timeout=timeout)))
-            parts.append((yield from _follow(robot, path, speed, tolerance, timeout, flipped)))
-        return parts[0] if len(parts) == 1 else _whole(robot, robot.plan, begin, parts)
+                parts.append((yield from turn_steps(robot, angle, timeout=timeout)))
+            parts.append((yield from _follow_steps(robot, path, speed, tolerance, timeout, flipped)))
+        return parts[0] if len(parts) == 1 else _combined_result(robot, robot.plan, begin, parts)
 
     return Action(f"follow a path of {len(points)} points", steps)
 
@@ -161,7 +161,7 @@ def _check_points(points: Sequence[Point]) -> None:
         check_number(f"y of points[{number}]", y, "m of the field")
 
 
-def _follow(
+def _follow_steps(
     robot: Robot,
     path: Path,
     speed: float | None,
@@ -199,4 +199,4 @@ def _follow(
         velocity, turn_rate = line_command(state, along, across, off)
         robot.drive.follow(ahead * velocity, turn_rate + velocity * at.curvature, ahead * state.acceleration)
         yield
-    return finish(robot, place(path.length), pace)
+    return finish_motion(robot, place(path.length), pace)

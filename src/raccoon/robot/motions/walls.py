@@ -11,28 +11,28 @@ from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_finite,
     check_heading,
+    check_heading_tolerance,
     check_limit,
-    check_near_heading,
     check_positive,
     check_speed,
 )
 from raccoon.robot.motions.pacing import MotionResult
-from raccoon.robot.remarks import STANDS, say
+from raccoon.robot.remarks import STANDING_SPEED, add_remark
 
 if TYPE_CHECKING:
     from raccoon.control.feedforward import WheelModel
     from raccoon.robot.robot import Robot
 
 WALL_SPEED_SHARE = 0.2
-WALL_TIME = 0.3
-PRESS_FORCE, LEAST_FORCE, EASING = 8.0, 3.0, 0.3
+WALL_TIME_S = 0.3
+PRESS_FORCE_N, LEAST_FORCE_N, EASING_S = 8.0, 3.0, 0.3
 """N a wheel beyond what it rolls with: at first, and s later where both are held. Tyres of 0.6 under half of
 1.2 kg carry 3.5 N, and wheels that spin do not tell that they are at a wall."""
-LADEN_FORCE = 1.5
+LADEN_FORCE_N = 1.5
 """N beyond that, from which on something holds a wheel."""
-ROLLING_TIME, ROLLING_SMOOTHING = 0.2, 0.03
+ROLLING_TIME_S, ROLLING_SMOOTHING_S = 0.2, 0.03
 """s after which a wheel has come to its speed, and over which what it takes is smoothed."""
-MOST_OTHER = 0.5
+MAX_FRICTION_ERROR = 0.5
 """Share of the model's friction by which a wheel that rolls is believed to take another one."""
 SLOWED_SHARE, SQUARING_SHARE = 0.9, 0.15
 """Of the fastest speed on the way: slower wheels are at a wall; wheels that differ by twice that turn it."""
@@ -57,7 +57,7 @@ def align_on_wall(
     check_finite(speed=speed)  # None is no default here
     check_heading(heading=0.0 if heading is None else heading)
     check_positive("heading_std", heading_std)
-    check_near_heading(heading_std=heading_std)
+    check_heading_tolerance(heading_std=heading_std)
     check_limit(timeout=timeout)
     if speed == 0.0:
         raise ValueError("speed is 0: allowed are numbers above or below it")
@@ -65,49 +65,49 @@ def align_on_wall(
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin, before, quiet = robot.time, robot.estimate.distance, 0.0
         wheel_speed = robot.drive.wheel_speed(speed)
-        at_wall = _AtWall(robot.drive.half_track)
-        press = _Press(robot.drive.wheels.models, speed / wheel_speed, speed)
+        at_wall = _WallWay(robot.drive.half_track)
+        press = _PressForce(robot.drive.wheels.models, speed / wheel_speed, speed)
         try:
-            while quiet < WALL_TIME:
+            while quiet < WALL_TIME_S:
                 if robot.time - begin > timeout:
                     way = abs(robot.estimate.distance - before)
-                    raise MotionTimeout(f"no wall after {timeout:g} s: {_why_no_wall(robot, way)}")
+                    raise MotionTimeout(f"no wall after {timeout:g} s: {_describe_no_wall(robot, way)}")
                 here = robot.estimate
                 turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
-                started = robot.time - begin > WALL_TIME
+                started = robot.time - begin > WALL_TIME_S
                 unread = any(robot.odometry.silent_wheels)  # they say nothing, not that they stand
                 quiet = 0.0 if turns or unread or not started else quiet + robot.dt
                 at_wall.update(here.velocity, here.turn_rate, robot.dt, started)
                 # At first all of it: a robot that stands sticks.
-                most = press.most if started else (math.inf, math.inf)
+                most = press.max_torques if started else (math.inf, math.inf)
                 turning_at = here.left_speed, here.right_speed
                 volts = robot.drive.push(speed, robot.battery_voltage, turning_at, most)
-                if robot.time - begin > ROLLING_TIME:
+                if robot.time - begin > ROLLING_TIME_S:
                     press.update(volts, turning_at, robot.dt)
                 yield
         finally:
             robot.drive.stop()
             robot.odometry.doubt_way(at_wall.way)
             robot.replan()
-        return _squared(robot, robot.time - begin, heading, heading_std)
+        return _wall_result(robot, robot.time - begin, heading, heading_std)
 
     return Action("align on a wall", steps)
 
 
-def _squared(robot: Robot, took: float, heading: float | None, heading_std: float) -> MotionResult:
+def _wall_result(robot: Robot, took: float, heading: float | None, heading_std: float) -> MotionResult:
     """The result of a robot that stands at a wall after `took` s."""
-    off = 0.0
+    heading_error = 0.0
     said: tuple[str, ...] = ()
     if heading is not None:
-        off = math.remainder(robot.estimate.heading - heading, math.tau)
-        said = _observed_wall(robot, off, heading, heading_std)
+        heading_error = math.remainder(robot.estimate.heading - heading, math.tau)
+        said = _observe_wall_heading(robot, heading_error, heading, heading_std)
     here = robot.estimate
     robot.plan = Pose(here.x, here.y, here.heading)
     std = math.hypot(here.x_std, here.y_std)
-    return MotionResult(0.0, 0.0, off, took, std, False, here.heading_std, remarks=said)
+    return MotionResult(0.0, 0.0, heading_error, took, std, False, here.heading_std, remarks=said)
 
 
-def _why_no_wall(robot: Robot, way: float) -> str:
+def _describe_no_wall(robot: Robot, way: float) -> str:
     """What the wheels do where they do not both stand. way: m that they turned."""
     here, drive = robot.estimate, robot.config.drive
     if any(robot.odometry.silent_wheels):  # what they do is a guess
@@ -116,13 +116,13 @@ def _why_no_wall(robot: Robot, way: float) -> str:
         ("left", drive.left, here.left_speed, here.right_speed),
         ("right", drive.right, here.right_speed, here.left_speed),
     ):
-        if abs(speed) < STANDS < abs(other):
+        if abs(speed) < STANDING_SPEED < abs(other):
             return f"the {side} wheel alone stands (motor port {port}): blocked, unplugged or a fuse"
     on_the_way = f"after {way:.2f} m, on the way (a longer timeout= gets there)"
     return f"the wheels still turn {on_the_way} or spinning at it"
 
 
-class _Rolling:
+class _RollingTorque:
     """Learns what a wheel takes to roll, of which a model that nobody tuned may lack half: the least that it
     took. other: N m that this is beyond the model's friction; beyond: N m that it takes now beyond both.
 
@@ -131,48 +131,48 @@ class _Rolling:
 
     def __init__(self, model: WheelModel, way: float) -> None:
         self._model, self._way = model, way
-        self._smooth = self._least = math.inf
-        self.other = self.beyond = 0.0
+        self._smooth_torque = self._least_torque = math.inf
+        self.friction_error = self.excess_torque = 0.0
 
     def update(self, volts: float, speed: float, dt: float) -> None:
         """Take a cycle: V at the motor, rad/s of its wheel and s."""
         model = self._model
         over = self._way * (volts - model.voltage(speed))
         torque = over * model.back_emf_constant / model.resistance
-        before = torque if self._smooth == math.inf else self._smooth
-        self._smooth = before + min(dt / ROLLING_SMOOTHING, 1.0) * (torque - before)
-        self._least = min(self._least, self._smooth)
-        most = MOST_OTHER * model.coulomb
-        self.other = max(-most, min(self._least, most))
-        self.beyond = self._smooth - self.other
+        before = torque if self._smooth_torque == math.inf else self._smooth_torque
+        self._smooth_torque = before + min(dt / ROLLING_SMOOTHING_S, 1.0) * (torque - before)
+        self._least_torque = min(self._least_torque, self._smooth_torque)
+        most = MAX_FRICTION_ERROR * model.coulomb
+        self.friction_error = max(-most, min(self._least_torque, most))
+        self.excess_torque = self._smooth_torque - self.friction_error
 
 
-class _Press:
+class _PressForce:
     """How hard the wheels may press: less and less while something holds both of them."""
 
     def __init__(self, models: tuple[WheelModel, WheelModel], radius: float, speed: float) -> None:
-        self._wheels = [_Rolling(model, math.copysign(1.0, speed)) for model in models]
-        self._radius, self._force = radius, PRESS_FORCE
+        self._wheels = [_RollingTorque(model, math.copysign(1.0, speed)) for model in models]
+        self._radius, self._force = radius, PRESS_FORCE_N
 
     @property
-    def most(self) -> tuple[float, float]:
+    def max_torques(self) -> tuple[float, float]:
         """N m beyond the friction of its model, of the left and the right wheel."""
         left, right = self._wheels
         torque = self._force * self._radius
-        return torque + left.other, torque + right.other
+        return torque + left.friction_error, torque + right.friction_error
 
     def update(self, volts: tuple[float, float], speeds: tuple[float, float], dt: float) -> None:
         """Take a cycle: V and rad/s of both wheels, and s."""
         for wheel, given, speed in zip(self._wheels, volts, speeds, strict=True):
             wheel.update(given, speed, dt)
-        if min(wheel.beyond for wheel in self._wheels) < LADEN_FORCE * self._radius:
-            self._force = PRESS_FORCE  # one of them rolls: it turns the robot square
+        if min(wheel.excess_torque for wheel in self._wheels) < LADEN_FORCE_N * self._radius:
+            self._force = PRESS_FORCE_N  # one of them rolls: it turns the robot square
         else:
-            eased = (PRESS_FORCE - LEAST_FORCE) / EASING * dt
-            self._force = max(LEAST_FORCE, self._force - eased)
+            eased = (PRESS_FORCE_N - LEAST_FORCE_N) / EASING_S * dt
+            self._force = max(LEAST_FORCE_N, self._force - eased)
 
 
-class _AtWall:
+class _WallWay:
     """Adds up in `way`, m, what the wheels turn from where the wall slows them until they stand: tyres slip
     while they press, so the robot may have stood. Where it turns it rolls, and comes to the wall.
     """
@@ -190,16 +190,16 @@ class _AtWall:
             self.way += speed * dt
 
 
-def _observed_wall(robot: Robot, off: float, heading: float, std: float) -> tuple[str, ...]:
+def _observe_wall_heading(robot: Robot, heading_error: float, heading: float, std: float) -> tuple[str, ...]:
     """Give the odometry the heading of a wall, from which it is `off` rad; what is to be said of that."""
     found = robot.odometry.observe_heading(heading, std)
     if found.accepted:
         return ()
     remark = (
         f"align_on_wall: heading={math.degrees(heading):.1f} deg is not taken, the odometry is "
-        f"{math.degrees(off):.1f} deg from it: {found.reason}; it is no such wall, the gyro's scale is "
-        "another one (ten turns by hand tell), or the robot was moved or pushed (robot.odometry.reset says "
-        "where it is)"
+        f"{math.degrees(heading_error):.1f} deg from it: {found.reason}; it is no such wall, the gyro's "
+        "scale is another one (ten turns by hand tell), or the robot was moved or pushed "
+        "(robot.odometry.reset says where it is)"
     )
-    say(robot, remark)
+    add_remark(robot, remark)
     return (remark,)

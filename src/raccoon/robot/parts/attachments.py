@@ -37,7 +37,7 @@ class Attachments:
         """What the mechanisms do that an action moves, in words."""
         return tuple(
             f"{name} at {math.degrees(each.angle):.0f} deg, "
-            + (each.halted_by if each.stalled else "turning")
+            + (each.stall_reason if each.stalled else "turning")
             for name, each in self.mechanisms.items()
             if each.moved_by is not None
         )
@@ -52,9 +52,7 @@ class Attachments:
         for mechanism in self.mechanisms.values():
             mechanism.resume()
 
-    def added_to(
-        self, outputs: Outputs, dt: float, battery_voltage: float | None, *, resting: bool
-    ) -> Outputs:
+    def add_to(self, outputs: Outputs, dt: float, battery_voltage: float | None, *, resting: bool) -> Outputs:
         """The command of the drive with that of the attachments. resting: see `Mechanism.duty`."""
         if not self.servos and not self.mechanisms:
             return outputs
@@ -66,7 +64,7 @@ class Attachments:
             brake[port] = mechanism.goal is not None
         return Outputs(tuple(duty), tuple(brake), self._pulses())
 
-    def stopped(self) -> Outputs:
+    def stop_motors(self) -> Outputs:
         """Every motor off, mechanisms released. Servos hold what they hold: a fault must not drop it."""
         for mechanism in self.mechanisms.values():
             mechanism.release()
@@ -85,7 +83,7 @@ class Attachments:
         return tuple(pulses)
 
 
-def named(group: str, known: Mapping[str, T], name: str) -> T:
+def find_named(group: str, known: Mapping[str, T], name: str) -> T:
     """The entry of a section of robot.toml; ConfigError saying which there are."""
     try:
         return known[name]

@@ -14,29 +14,29 @@ from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING_S
 from raccoon.robot.actions.limits import (
-    FASTEST,
+    FASTEST_SPEED,
     FASTEST_TURN,
     check_duties,
     check_finite,
     check_rate,
     check_speed,
 )
-from raccoon.robot.instead import Part
-from raccoon.robot.parts.speeds import Speeds, Unread
+from raccoon.robot.name_hints import Part
+from raccoon.robot.parts.speed_limits import SpeedLimits, UnreadWheels
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
 
 Pair = tuple[float, float]
-FIRMWARE_SAMPLE = 0.005
+FIRMWARE_SAMPLE_S = 0.005
 """s between two samples of the back-EMF."""
-SHORT_DRIVE, SHORT_DRIVES = 0.1, 10
+SHORT_DRIVE_S, MAX_SHORT_DRIVES = 0.1, 10
 """s in which a drive does not come to its speed, and how many of them in a row are a loop."""
 
 
 def dead_time(config: RobotConfig) -> float:
     """s from a reading to its effect: half a control period of hold plus one sample of the firmware."""
-    return 0.5 / config.controller.rate_hz + FIRMWARE_SAMPLE
+    return 0.5 / config.controller.rate_hz + FIRMWARE_SAMPLE_S
 
 
 class Drive(Part):
@@ -53,8 +53,8 @@ class Drive(Part):
         model = config.model.drive
         self._config = config
         self._device: Device | None = None
-        self.wheels = self._loop(None)
-        self.speeds = Speeds(config, self.wheels.models)
+        self.wheels = self._make_wheel_loop(None)
+        self.speeds = SpeedLimits(config, self.wheels.models)
         """What motions are planned with."""
         self._radius = model.wheel_radius.value
         self._half_track = 0.5 * model.track_width.value
@@ -70,14 +70,14 @@ class Drive(Part):
         nothing of the motors."""
         self._target = REST
         self._open_loop: tuple[float, float] | None = None
-        self._given = (0.0, 0.0)  # duties of the last command, before the wiring sign
-        self._unread = Unread()
-        self._claimed = False
+        self._last_duties = (0.0, 0.0)  # duties of the last command, before the wiring sign
+        self._unread_wheels = UnreadWheels()
+        self._is_claimed = False
         self.cut = False
         """Whether the velocity asked for in this tick is one that would not be read, and was cut."""
-        self._begun, self._begins = -math.inf, 0
+        self._last_begin, self._short_drives = -math.inf, 0
 
-    def _loop(self, device: Device | None) -> WheelLoop:
+    def _make_wheel_loop(self, device: Device | None) -> WheelLoop:
         left, right = wheel_models(self._config, device)
         late = dead_time(self._config)
         gains = tuple(speed_loop_gains(wheel, SPEED_SMOOTHING_S, late) for wheel in (left, right))
@@ -85,14 +85,14 @@ class Drive(Part):
         cycle = 1.0 / self._config.controller.rate_hz
         return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING_S, voltage, cycle, late)
 
-    def know(self, device: Device) -> None:
+    def configure(self, device: Device) -> None:
         """Take the K_E of calibrated motors from what this device's counters mean, and how fast a wheel may
         turn that it reads; once a device.
         """
         if device is not self._device:
             self._device = device
-            self.wheels = self._loop(device)
-            self.speeds.know(device, self.wheels.models)
+            self.wheels = self._make_wheel_loop(device)
+            self.speeds.configure(device, self.wheels.models)
 
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""
@@ -111,7 +111,7 @@ class Drive(Part):
         controller would no longer read a wheel that fast, both go slower by a share. Raises as `drive` does.
         """
         plain = type(forward) is type(turn_rate) is type(acceleration) is type(turn_acceleration) is float
-        if not (plain and abs(forward) <= FASTEST and abs(turn_rate) <= FASTEST_TURN):
+        if not (plain and abs(forward) <= FASTEST_SPEED and abs(turn_rate) <= FASTEST_TURN):
             check_speed(forward=forward)
             check_rate(turn_rate=turn_rate)
             check_finite(forward=forward, turn_rate=turn_rate)  # None is no default here
@@ -170,15 +170,15 @@ class Drive(Part):
     @property
     def asked(self) -> bool:
         """Whether something was asked for in this tick already."""
-        return self._claimed
+        return self._is_claimed
 
-    def begins_anew(self, time: float) -> bool:
+    def is_looping(self, time: float) -> bool:
         """Whether drives without a goal have begun so often by `time` s, one after the other, that none of
         them comes to its speed. True once.
         """
-        self._begins = self._begins + 1 if time - self._begun < SHORT_DRIVE else 0
-        self._begun = time
-        return self._begins == SHORT_DRIVES
+        self._short_drives = self._short_drives + 1 if time - self._last_begin < SHORT_DRIVE_S else 0
+        self._last_begin = time
+        return self._short_drives == MAX_SHORT_DRIVES
 
     def wheel_speed(self, forward: float) -> float:
         """rad/s of the wheels at `forward` m/s straight ahead."""
@@ -188,17 +188,17 @@ class Drive(Part):
         """No motion from this tick on."""
         self._target = REST
         self._open_loop = None
-        self._claimed = self.cut = False
+        self._is_claimed = self.cut = False
 
     def _claim(self) -> None:
         """One command a tick: of two actions that drive at once one would be lost, and neither arrive."""
-        if self._claimed:
+        if self._is_claimed:
             raise RuntimeError(
                 "two actions drive the wheels at the same time, in parallel or in the background: "
                 "put them into a seq, or end one before the other begins; in a loop of your own robot.tick() "
                 "comes after each"
             )
-        self._claimed = True
+        self._is_claimed = True
 
     def outputs(
         self,
@@ -211,7 +211,7 @@ class Drive(Part):
 
         silent: whether the left and the right wheel are not read (`Odometry.silent_wheels`). One of which
         nobody knows how fast it turns gets what its model says, and no correction: to a loop that took it
-        for standing still it would be full power. Nor is it asked for more than before: see `Unread`.
+        for standing still it would be full power. Nor is it asked for more than before: see `UnreadWheels`.
         """
         if self._open_loop is not None:
             left, right = self._open_loop
@@ -221,11 +221,11 @@ class Drive(Part):
                 self.wheels.hold()
             left_speed = None if silent[0] else estimate.left_speed
             right_speed = None if silent[1] else estimate.right_speed
-            target = self._unread.slowed(self._target, silent)
+            target = self._unread_wheels.limit_target(self._target, silent)
             left, right = self.wheels.step(target, left_speed, right_speed, dt, battery_voltage)
         left = max(-1.0, min(1.0, self._factors[0] * left))
         right = max(-1.0, min(1.0, self._factors[1] * right))
-        self._given = (left, right)
+        self._last_duties = (left, right)
         self.stop()
         duty = [0.0] * MOTOR_PORTS
         duty[self._ports[0]] = self._signs[0] * left
@@ -236,12 +236,12 @@ class Drive(Part):
         """A that the motors draw from the battery under the last command, by their models."""
         total = 0.0
         for duty, speed, wheel in zip(
-            self._given, (left_speed, right_speed), self.wheels.models, strict=True
+            self._last_duties, (left_speed, right_speed), self.wheels.models, strict=True
         ):
             total += duty * (duty * battery_voltage - wheel.back_emf_constant * speed) / wheel.resistance
         return total
 
-    def oddities(self) -> tuple[str, ...]:
+    def find_oddities(self) -> tuple[str, ...]:
         """What is strange about the motors, each with its port: a weak magnet, a high resistance."""
         if not self.followed:
             return ()
@@ -257,7 +257,7 @@ class Drive(Part):
                 found.append(f"the {side} motor (port {port}) {said}")
         return tuple(found)
 
-    def complaint(self) -> str:
+    def describe_state(self) -> str:
         """Why the wheels may not do what is asked, in words."""
         if not self.followed:
             return "the readings are recorded, and do not follow these commands"
@@ -266,12 +266,12 @@ class Drive(Part):
             named = " and ".join(f"{side} (motor port {ports[side]})" for side in stalled)
             return f"power and no motion at {named}: blocked, unplugged or a fuse"
         if self.wheels.missing_speed > 0.0:
-            return self._why_missing()
+            return self._describe_missing_speed()
         if self.wheels.saturated:
             return "a wheel is at full power and falls behind"
-        return "the wheels follow" if any(self._given) else "the wheels are not driven"
+        return "the wheels follow" if any(self._last_duties) else "the wheels are not driven"
 
-    def _why_missing(self) -> str:
+    def _describe_missing_speed(self) -> str:
         """Why a wheel is slower than it is asked to be, at full power."""
         missing, volts = self.wheels.missing_speed * self._radius, self.wheels.battery
         if volts < self._config.battery.weakest:  # with this one all that is planned can be driven

@@ -11,11 +11,11 @@ from raccoon.control.voltage import LEAST_VOLTAGE
 from raccoon.control.wheels import Wheel
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.readings import Inputs
-from raccoon.robot.instead import Part
-from raccoon.robot.parts.counted import CountedAngle
+from raccoon.robot.name_hints import Part
+from raccoon.robot.parts.counted_angle import CountedAngle
 from raccoon.robot.parts.drive import dead_time
 
-PULL = 8.0
+POSITION_GAIN = 8.0
 """1/s: rad/s asked for each rad that the mechanism is off its place."""
 
 
@@ -47,7 +47,7 @@ class Mechanism(Part):
         cycle = 1.0 / robot.controller.rate_hz
         self._loop = Wheel(model, speed_loop_gains(model, lag, late), lag, cycle, late)
         self._battery = robot.model.battery.open_circuit_voltage.value
-        self._counted = CountedAngle(robot, config, self._sign)
+        self._counted_angle = CountedAngle(robot, config, self._sign)
         self._asked_when_read = 0.0  # rad/s
         self._duty = 0.0
 
@@ -58,7 +58,7 @@ class Mechanism(Part):
     @property
     def angle(self) -> float:
         """rad, as counted."""
-        return self._counted.angle
+        return self._counted_angle.angle
 
     if not TYPE_CHECKING:  # a type checker knows that it is not set
 
@@ -71,12 +71,12 @@ class Mechanism(Part):
 
     def count_from(self, angle: float) -> None:
         """Where it is now counts as `angle` rad."""
-        self._counted.angle = angle
+        self._counted_angle.angle = angle
 
     @property
     def rate(self) -> float:
         """rad/s, as measured."""
-        return self._counted.rate
+        return self._counted_angle.rate
 
     @property
     def place(self) -> float:
@@ -85,7 +85,11 @@ class Mechanism(Part):
 
     def planned_speed(self, wanted: float) -> float:
         """rad/s, as near `wanted` as its angle is still read; at 0 it stands."""
-        return min(max(wanted, self._counted.countable), self._counted.readable) if wanted else 0.0
+        return (
+            min(max(wanted, self._counted_angle.min_countable_rate), self._counted_angle.max_readable_rate)
+            if wanted
+            else 0.0
+        )
 
     @property
     def stalled(self) -> bool:
@@ -93,9 +97,9 @@ class Mechanism(Part):
         return self._loop.watch.stalled
 
     @property
-    def halted_by(self) -> str:
+    def stall_reason(self) -> str:
         """Why it counts as stalled, in words."""
-        if self._counted.unread:
+        if self._counted_angle.is_unread:
             return "its back-EMF is not read, so nobody knows whether it turns: the link, or the controller"
         return "power and no motion: blocked, unplugged or a fuse"
 
@@ -112,11 +116,11 @@ class Mechanism(Part):
     def settled(self) -> bool:
         """At rest where it is held."""
         near = self.goal is not None and abs(self.goal.position - self.angle) < self.config.tolerance
-        return near and abs(self.rate) < PULL * self.config.tolerance
+        return near and abs(self.rate) < POSITION_GAIN * self.config.tolerance
 
     def sense(self, inputs: Inputs, dt: float) -> None:
         """Take the readings of a cycle."""
-        self._counted.sense(inputs, dt, powered=self._duty != 0.0)
+        self._counted_angle.sense(inputs, dt, powered=self._duty != 0.0)
 
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled; what it takes to hold is remembered."""
@@ -130,8 +134,8 @@ class Mechanism(Part):
         """
         if battery_voltage is not None and battery_voltage > LEAST_VOLTAGE:
             self._battery = battery_voltage
-        wanted = self._wanted()
-        if not self._counted.unread:
+        wanted = self._target_rate()
+        if not self._counted_angle.is_unread:
             self._asked_when_read = abs(wanted[0])
         if wanted == (0.0, 0.0):
             self._loop.rest()
@@ -140,12 +144,12 @@ class Mechanism(Part):
             self._loop.resume()
             self._duty = 0.0
         else:
-            rate = None if self._counted.unread else self.rate
+            rate = None if self._counted_angle.is_unread else self.rate
             voltage = self._loop.voltage(*wanted, rate, dt, self._battery)
             self._duty = max(-1.0, min(1.0, self._sign * voltage / self._battery))
         return self._duty
 
-    def _wanted(self) -> tuple[float, float]:
+    def _target_rate(self) -> tuple[float, float]:
         """Speed and acceleration; nothing where it stands where it should."""
         goal = self.goal
         if goal is None:
@@ -154,7 +158,11 @@ class Mechanism(Part):
         if goal.velocity == goal.acceleration == 0.0 and abs(off) < 0.5 * self.config.tolerance:
             return 0.0, 0.0
         # Where it is not read it seems to stand, and would be asked to catch up.
-        top = self._asked_when_read if self._counted.unread else max(self.config.speed, abs(goal.velocity))
-        top = min(top, self._counted.readable)
-        speed = max(-top, min(top, goal.velocity + PULL * off))
+        top = (
+            self._asked_when_read
+            if self._counted_angle.is_unread
+            else max(self.config.speed, abs(goal.velocity))
+        )
+        top = min(top, self._counted_angle.max_readable_rate)
+        speed = max(-top, min(top, goal.velocity + POSITION_GAIN * off))
         return float(speed), float(goal.acceleration)  # NumPy's stop here, as in Drive.velocity

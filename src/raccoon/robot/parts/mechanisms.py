@@ -23,8 +23,8 @@ from raccoon.robot.actions.limits import (
     check_times,
     check_turn_pace,
 )
-from raccoon.robot.parts.holding import held, require_free, require_wombat
-from raccoon.robot.remarks import say
+from raccoon.robot.parts.movable import exclusive_use, require_free, require_wombat
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.mechanism import Mechanism
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["move", "move_by", "release", "spin", "zero"]
 
-MARGIN_TIME = 2.0
+MARGIN_TIME_S = 2.0
 """s beyond twice its profile that a move may take."""
 
 
@@ -52,7 +52,7 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
     label = f"move {name} to {math.degrees(to):g} deg"
 
     def steps(robot: Robot) -> Steps[float]:
-        with held(robot.mechanism(name), label):
+        with exclusive_use(robot.mechanism(name), label):
             return (yield from _move(robot, name, lambda _: to, speed, timeout))
 
     return Action(label, steps, lambda robot: _check_turns(robot, name, to=to))
@@ -73,7 +73,7 @@ def move_by(
     label = f"move {name} by {math.degrees(angle):g} deg"
 
     def steps(robot: Robot) -> Steps[float]:
-        with held(robot.mechanism(name), label):
+        with exclusive_use(robot.mechanism(name), label):
             return (yield from _move(robot, name, lambda moved: moved.place + angle, speed, timeout))
 
     return Action(label, steps, lambda robot: _check_turns(robot, name, angle=angle))
@@ -93,8 +93,8 @@ def spin(name: str, speed: float) -> Action[None]:
 
     def steps(robot: Robot) -> Steps[None]:
         turned = robot.mechanism(name)
-        with held(turned, label):
-            rate = math.copysign(_planned(robot, turned, abs(speed)), speed)
+        with exclusive_use(turned, label):
+            rate = math.copysign(_planned_speed(robot, turned, abs(speed)), speed)
             try:
                 while True:
                     turned.goal = ProfileState(turned.angle, rate, 0.0)
@@ -102,7 +102,7 @@ def spin(name: str, speed: float) -> Action[None]:
             finally:
                 turned.release()
 
-    return Action(label, steps, lambda robot: _present(robot, name))
+    return Action(label, steps, lambda robot: _require_mechanism(robot, name))
 
 
 def release(name: str) -> Action[None]:
@@ -115,7 +115,7 @@ def release(name: str) -> Action[None]:
         require_free(free, label)
         free.release()
 
-    return Action(label, do(let_go).start, lambda robot: _present(robot, name))
+    return Action(label, do(let_go).start, lambda robot: _require_mechanism(robot, name))
 
 
 def zero(name: str, angle: float = 0.0) -> Action[None]:
@@ -136,7 +136,7 @@ def zero(name: str, angle: float = 0.0) -> Action[None]:
     return Action(label, do(set_angle).start, lambda robot: _check_turns(robot, name, angle=angle))
 
 
-def _present(robot: Robot, name: str) -> Mechanism:
+def _require_mechanism(robot: Robot, name: str) -> Mechanism:
     """The mechanism of that name. Raises ConfigError where there is none."""
     there = robot.mechanism(name)
     require_wombat(robot, "mechanism", name)
@@ -145,7 +145,7 @@ def _present(robot: Robot, name: str) -> Mechanism:
 
 def _check_turns(robot: Robot, name: str, **angles: float) -> None:
     """Raise ValueError for an angle that this mechanism is not said to turn by."""
-    turns = _present(robot, name).config.turns
+    turns = _require_mechanism(robot, name).config.turns
     check_angle(turns, f"mechanism.{name}.turns of robot.toml allows more", **angles)
 
 
@@ -154,10 +154,10 @@ def _move(
 ) -> Steps[float]:
     moved = robot.mechanism(name)
     start, config = moved.angle, moved.config
-    top = _planned(robot, moved, config.speed if speed is None else speed)
+    top = _planned_speed(robot, moved, config.speed if speed is None else speed)
     walk = profile(to(moved) - start, top, config.acceleration, 0.0)
     goal, sign = start + walk.distance, math.copysign(1.0, walk.distance)
-    allowed = 2.0 * walk.duration + MARGIN_TIME if timeout is None else timeout
+    allowed = 2.0 * walk.duration + MARGIN_TIME_S if timeout is None else timeout
     begin = walked = robot.time
     arrived = False
     moved.forget_stall()
@@ -172,7 +172,7 @@ def _move(
             state = walk.at(robot.time - walked)
             moved.goal = ProfileState(start + state.position, state.velocity, state.acceleration)
             if moved.stalled or elapsed > allowed:
-                raise MotionTimeout(_explain(moved, goal, elapsed))
+                raise MotionTimeout(_describe_timeout(moved, goal, elapsed))
             arrived = robot.time - walked >= walk.duration and moved.settled
             yield
     finally:
@@ -181,17 +181,17 @@ def _move(
     return moved.angle
 
 
-def _planned(robot: Robot, moved: Mechanism, wanted: float) -> float:
+def _planned_speed(robot: Robot, moved: Mechanism, wanted: float) -> float:
     """rad/s to turn it with; where its angle would not be read at those that are `wanted`, that is said."""
     top = moved.planned_speed(wanted)
     if top > wanted:
-        say(
+        add_remark(
             robot,
             f"{moved.name} is turned at {top:.2f} rad/s at least: the controller counts no slower motors, "
             "and nobody would know its angle",
         )
     if top < wanted:
-        say(
+        add_remark(
             robot,
             f"{moved.name} is turned at {top:.2f} rad/s at most: the controller reads no back-EMF of faster "
             "motors, and nobody would know its angle",
@@ -199,8 +199,8 @@ def _planned(robot: Robot, moved: Mechanism, wanted: float) -> float:
     return top
 
 
-def _explain(moved: Mechanism, goal: float, elapsed: float) -> str:
-    cause = moved.halted_by if moved.stalled else "too slow"
+def _describe_timeout(moved: Mechanism, goal: float, elapsed: float) -> str:
+    cause = moved.stall_reason if moved.stalled else "too slow"
     return (
         f"{moved.name} (motor port {moved.config.motor}) not done after {elapsed:.1f} s: at"
         f" {math.degrees(moved.angle):.0f} of {math.degrees(goal):.0f} deg; {cause}"

@@ -14,8 +14,8 @@ from raccoon.core.errors import ConfigError
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
 from raccoon.robot.actions.limits import check_name, check_number, check_times
-from raccoon.robot.instead import Part
-from raccoon.robot.parts.holding import held, require_free, require_wombat
+from raccoon.robot.name_hints import Part
+from raccoon.robot.parts.movable import exclusive_use, require_free, require_wombat
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -72,7 +72,7 @@ class Servo(Part):
 
     def send(self, pulse: float, time: float, lasts: float = 0.0) -> None:
         """Command `pulse` us from `time` s on; lasts: s until it should be there."""
-        here = self.at(time)
+        here = self.pulse_at(time)
         self._side = 0.0 if here is None else math.copysign(1.0, pulse - here)
         self._pulse, self._arrives = pulse, time + lasts
 
@@ -80,7 +80,7 @@ class Servo(Part):
         """It gives way to the hand from the next command on."""
         self._pulse = None
 
-    def at(self, time: float) -> float | None:
+    def pulse_at(self, time: float) -> float | None:
         """us where it should be at `time` s, also on a way that its action did not wait for; None where
         nobody knows."""
         left = max(0.0, self._arrives - time) * self.config.speed_us
@@ -90,7 +90,7 @@ class Servo(Part):
 
     def travel_time(self, pulse: float, time: float) -> float:
         """s to get to `pulse` us from where it is at `time` s; from the far end where that is unknown."""
-        here, ends = self.at(time), (self.config.lowest_us, self.config.highest_us)
+        here, ends = self.pulse_at(time), (self.config.lowest_us, self.config.highest_us)
         way = max(abs(pulse - end) for end in ends) if here is None else abs(pulse - here)
         return way / self.config.speed_us
 
@@ -115,9 +115,9 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
     def steps(robot: Robot) -> Steps[None]:
         moved = robot.servo(name)
         goal = moved.place(to)
-        with held(moved, label):
+        with exclusive_use(moved, label):
             begin = last = robot.time
-            start = None if seconds is None else moved.at(begin)  # where it begins to go evenly
+            start = None if seconds is None else moved.pulse_at(begin)  # where it begins to go evenly
             way = moved.travel_time(goal, begin)
             lasts = way if seconds is None else max(seconds, way)
             if start is None:
@@ -132,7 +132,7 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
             if start is not None:
                 moved.send(goal, robot.time)
 
-    return Action(label, steps, lambda robot: _present(robot, name).place(to))
+    return Action(label, steps, lambda robot: _require_servo(robot, name).place(to))
 
 
 def servo_off(name: str) -> Action[None]:
@@ -148,10 +148,10 @@ def servo_off(name: str) -> Action[None]:
         require_free(off, label)
         off.switch_off()
 
-    return Action(label, do(switch_off).start, lambda robot: _present(robot, name))
+    return Action(label, do(switch_off).start, lambda robot: _require_servo(robot, name))
 
 
-def _present(robot: Robot, name: str) -> Servo:
+def _require_servo(robot: Robot, name: str) -> Servo:
     """The servo of that name. Raises ConfigError where there is none."""
     there = robot.servo(name)
     require_wombat(robot, "servo", name)

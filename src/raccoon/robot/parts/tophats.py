@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Inputs, Status
-from raccoon.robot.instead import Part
-from raccoon.robot.remarks import say
+from raccoon.robot.name_hints import Part
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.core.config import TophatConfig
@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from raccoon.estimate.tophat.classifier import Edge
     from raccoon.robot.robot import Robot
 
-PROVING = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
-CHECKED_EVERY = 40  # ticks
-BLIND = 0.1  # s without a floor; a flash of the sun takes less
-SILENT = 0.5  # s without a word; a controller that restarts gives none for 0.1 s
-MOVES = 2e-4  # m a tick: 0.04 m/s at 200 Hz
-STILL = 2e-5  # m a tick, below which it stands
-STANDING, WANDERS = 80, 3  # readings at rest that are judged at once; times that they wander, or not
+PROVING_S = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
+CHECK_PERIOD_TICKS = 40  # ticks
+BLIND_AFTER_S = 0.1  # s without a floor; a flash of the sun takes less
+SILENT_AFTER_S = 0.5  # s without a word; a controller that restarts gives none for 0.1 s
+MOVING_WAY_M = 2e-4  # m a tick: 0.04 m/s at 200 Hz
+STANDING_WAY_M = 2e-5  # m a tick, below which it stands
+STANDING_READINGS, MIN_WANDERED = 80, 3
+"""Readings at rest that are judged at once; times that they wander, or not."""
 
 
 class TophatSensor(Part):
@@ -53,7 +54,7 @@ class TophatSensor(Part):
         self.sees = False
         """Whether it has read a floor just now, and no end of its range where none is."""
         self._seen = -math.inf  # s, when it did so last
-        self._standing: deque[float] = deque(maxlen=STANDING)
+        self._standing: deque[float] = deque(maxlen=STANDING_READINGS)
         self._wandered = 0
         self.floating = False
         """Whether it wandered when the robot stood last, as an open port does, which may read like black."""
@@ -89,12 +90,12 @@ class TophatSensor(Part):
         counts = inputs.analog[self.config.analog]
         if counts is None:
             self._heard = inputs.time if self._heard is None else self._heard
-            self.sees = inputs.time - self._seen < BLIND
+            self.sees = inputs.time - self._seen < BLIND_AFTER_S
             if self._classifier is not None:  # it goes on all the same
                 self._classifier.update(inputs.time, None, others_lost, way)
             return
         self.counts, self._heard = counts, inputs.time
-        if way is not None and way < STILL and not shaken:
+        if way is not None and way < STANDING_WAY_M and not shaken:
             self._standing.append(counts)
         elif self._standing:
             self._standing.clear()
@@ -103,13 +104,13 @@ class TophatSensor(Part):
             return
         reading = self._reading = classifier.update(inputs.time, counts, others_lost, way)
         self._seen = self._seen if classifier.missed or self.floating else inputs.time
-        self.sees = inputs.time - self._seen < BLIND
+        self.sees = inputs.time - self._seen < BLIND_AFTER_S
         if reading.edge is not None and not self.floating:
             self._edge = reading.edge
         if self._since is None:
             self._since = inputs.time
         # Half on a line neither surface explains what it reads, so only a drive across the floor proves it.
-        moves = way is None or way > MOVES
+        moves = way is None or way > MOVING_WAY_M
         if (moves and classifier.adapt) or not ANALOG_BOTTOM < counts < ANALOG_TOP:
             watch.update(counts if classifier.missed else classifier.counts, 0.0 if way is None else way)
 
@@ -117,17 +118,17 @@ class TophatSensor(Part):
         """Judge `fit` anew; a few times a second is enough. time: s, of now."""
         from raccoon.estimate.tophat.calibration_watch import Fit
 
-        self.silent = self._heard is not None and time - self._heard > SILENT
-        if len(self._standing) == STANDING:
+        self.silent = self._heard is not None and time - self._heard > SILENT_AFTER_S
+        if len(self._standing) == STANDING_READINGS:
             from raccoon.estimate.tophat.quality import is_restless
 
             step = 1 if is_restless(self._standing) else -1
-            self._wandered = min(max(self._wandered + step, 0), WANDERS)
-            if self._wandered in (0, WANDERS):
-                self.floating = self._wandered == WANDERS
+            self._wandered = min(max(self._wandered + step, 0), MIN_WANDERED)
+            if self._wandered in (0, MIN_WANDERED):
+                self.floating = self._wandered == MIN_WANDERED
         if self._watch is not None:
             fit = self._watch.fit
-            proved = self._since is not None and time - self._since > PROVING
+            proved = self._since is not None and time - self._since > PROVING_S
             began_well = proved and self.fit is not Fit.CHANGED
             self.fit = Fit.FITS if fit is Fit.CHANGED and began_well else fit
         return self.fit
@@ -136,11 +137,11 @@ class TophatSensor(Part):
     def complaint(self) -> str:
         """What is wrong with what it reads, "" where it reads as it should."""
         if self.silent:
-            return f"tophat {self.name} {UNREAD}"
+            return f"tophat {self.name} {UNREAD_REMARK}"
         if self.floating:
             port = self.config.analog
             return f"tophat {self.name} wanders while the robot stands: is it plugged into analog {port}?"
-        return f"tophat {self.name} {WORDS[self.fit]}" if self.fit in WORDS else ""
+        return f"tophat {self.name} {FIT_REMARKS[self.fit]}" if self.fit in FIT_REMARKS else ""
 
     @property
     def blind(self) -> bool:
@@ -212,7 +213,7 @@ class TophatSensor(Part):
         return self._reading.status
 
 
-class Floor:
+class TophatArray:
     """All tophats of a robot at once: they move with it and share its light."""
 
     def __init__(self, sensors: Mapping[str, TophatSensor]) -> None:
@@ -237,18 +238,18 @@ class Floor:
             way = math.hypot(speed - turn * at.left, turn * at.forward) * dt
             each.update(inputs, way, None if alone else lost > each.lost, shaken=shaken)
         self._ticks += 1
-        index = self._ticks % CHECKED_EVERY
+        index = self._ticks % CHECK_PERIOD_TICKS
         if index < len(sensors):
             self._check(robot, sensors[index])
 
     def _check(self, robot: Robot, sensor: TophatSensor) -> None:
         now = sensor.check(robot.time)
         if sensor.silent or sensor.floating:
-            say(robot, sensor.complaint)
-        elif now is not None and now in WORDS:
-            say(robot, f"tophat {sensor.name} {self._swapped(sensor) or WORDS[now]}")
+            add_remark(robot, sensor.complaint)
+        elif now is not None and now in FIT_REMARKS:
+            add_remark(robot, f"tophat {sensor.name} {self._describe_swapped(sensor) or FIT_REMARKS[now]}")
 
-    def _swapped(self, sensor: TophatSensor) -> str | None:
+    def _describe_swapped(self, sensor: TophatSensor) -> str | None:
         """What to say where it reads the floor as another sensor should."""
         from raccoon.estimate.tophat.calibration_watch import find_swapped
 
@@ -260,8 +261,8 @@ class Floor:
         return f"reads what {other} should, and the other way round: are their plugs swapped?"
 
 
-UNREAD = "is not read: its port gives no words"
-WORDS = {
+UNREAD_REMARK = "is not read: its port gives no words"
+FIT_REMARKS = {
     "changed": (
         "does not read what its calibration says: other light, another floor, another height. "
         "The light is followed; calibrate again to be sure"

@@ -32,7 +32,7 @@ class Bench:
         self.log: list[str] = []
         self.notes: list[str] = []
         self.background: list[Steps[Any]] = []
-        self.drive = SimpleNamespace(complaint=lambda: "the wheels follow")
+        self.drive = SimpleNamespace(describe_state=lambda: "the wheels follow")
         self.attachments = SimpleNamespace(moving=())
         self.blind = ()
         self.config = SimpleNamespace(controller=SimpleNamespace(port="wombat"))

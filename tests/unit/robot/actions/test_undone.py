@@ -11,7 +11,7 @@ from robots import CONFIG, simulated
 
 @pytest.fixture(autouse=True)
 def nothing_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raccoon.robot.actions.undone._settled", set())
+    monkeypatch.setattr("raccoon.robot.actions.must_run._checked_places", set())
 
 
 def test_an_action_that_a_line_makes_and_nothing_does_is_said_once(caplog: pytest.LogCaptureFixture) -> None:

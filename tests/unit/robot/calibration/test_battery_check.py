@@ -7,14 +7,14 @@ import pytest
 from raccoon import CalibrationError, open_robot, repeat, seq, straight, wait
 from raccoon.core.config import BatteryConfig, Measured, RobotConfig
 from raccoon.core.readings import Inputs
-from raccoon.robot.calibration.battery_check import check_battery, judge, tuned_voltage
+from raccoon.robot.calibration.battery_check import check_battery, judge_voltage, tuned_voltage
 from robots import CONFIG, Between, simulated
 
 TUNED = replace(CONFIG, battery=BatteryConfig(tuned_at=Measured(7.0)))
 
 
 def test_the_paper_s_swap_of_batteries_is_seen_and_its_size_said() -> None:
-    check = judge(6.1, TUNED, 0.15)
+    check = judge_voltage(6.1, TUNED, 0.15)
     assert not check.ok
     assert check.speed_change == pytest.approx(-0.134, abs=0.002)  # (6.1 - 0.3) / (7.0 - 0.3) - 1
     assert "tuned at 7.00 V" in check.advice
@@ -41,7 +41,7 @@ def test_the_voltage_itself_is_no_tolerance() -> None:
     [(7.05, True, "as tuned"), (5.5, False, "charge it"), (None, False, "no battery reading")],
 )
 def test_verdicts(voltage: float | None, ok: bool, words: str) -> None:
-    check = judge(voltage, TUNED, 0.15)
+    check = judge_voltage(voltage, TUNED, 0.15)
     assert check.ok is ok
     assert words in check.advice
 
@@ -53,7 +53,7 @@ def test_the_voltage_of_the_calibrations_counts_where_nothing_else_is_said() -> 
     }
     assert tuned_voltage(replace(CONFIG, motors=motors)) == pytest.approx(6.6)
     assert tuned_voltage(RobotConfig()) is None
-    assert judge(6.5, RobotConfig(), 0.15).ok
+    assert judge_voltage(6.5, RobotConfig(), 0.15).ok
 
 
 def test_the_pack_s_resistance_is_learnt_while_driving() -> None:

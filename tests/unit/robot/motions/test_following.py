@@ -31,7 +31,7 @@ from raccoon.robot.actions.steps import Steps
 from raccoon.robot.motions.following import follow_line
 from raccoon.robot.motions.last_edge import LastEdge
 from raccoon.robot.motions.line_search import SEARCH_TIME, LineSearch
-from raccoon.robot.motions.sight import OneEdge
+from raccoon.robot.motions.line_sight import OneEdge
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Box, Light, Line, World
 from robots import CONFIG, Between, simulated
@@ -211,7 +211,7 @@ def test_a_robot_that_stands_drives_on_into_another_light_too() -> None:
     def learns(robot: Robot) -> Steps[None]:
         sensor = robot.tophat("left")
         sensor.follow_light(False)
-        yield from LineSearch(robot, OneEdge(sensor, 1.0), LastEdge(robot), 0.0).in_other_light()
+        yield from LineSearch(robot, OneEdge(sensor, 1.0), LastEdge(robot), 0.0).learn_light()
 
     with open_robot(CONFIG, port=simulated(world=world, start=(0.0, HALF - 0.03, 0.0))) as robot:
         robot.tophat("left").calibrate(calibration(0.0))
@@ -323,7 +323,9 @@ def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
         said = r"left lost the line: no edge for 1 s or 0.15 m, and none found 90 degrees to either side"
         with pytest.raises(MotionTimeout, match=said):
             robot.run(follow_line("left", "left", 0.1))
-        assert LastEdge(robot, play=0.04).missed == "no edge for 2.9 s or 0.35 m"  # 0.5 s where none was yet
+        assert (
+            LastEdge(robot, play=0.04).missed_for == "no edge for 2.9 s or 0.35 m"
+        )  # 0.5 s where none was yet
         assert robot.time - begin < 2.0 * SEARCH_TIME
         robot.run(wait(0.2))
         assert port._robot.state.speed_left == pytest.approx(0.0, abs=0.01)

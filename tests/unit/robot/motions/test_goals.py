@@ -295,7 +295,7 @@ def test_a_result_and_a_pose_are_printed_for_people() -> None:
 def test_a_motion_that_nothing_ends_is_said_once(
     action: Action[None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(remarks, "ENDLESS", 0.3)
+    monkeypatch.setattr(remarks, "ENDLESS_AFTER_S", 0.3)
     config = replace(CONFIG, controller=ControllerConfig(port="sim"))
     with open_robot(config, port=simulated()) as robot:
         robot.run(action.until(after_time(0.2)))

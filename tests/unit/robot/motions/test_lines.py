@@ -29,7 +29,7 @@ from raccoon import (
 from raccoon.core.config import BodyConfig, RobotConfig
 from raccoon.core.readings import STOP, Inputs
 from raccoon.robot.actions.actions import Action
-from raccoon.robot.motions.driving import search
+from raccoon.robot.motions.driving import drive_until_stopped
 from raccoon.robot.motions.lines import align_on_line
 from raccoon.robot.motions.walls import align_on_wall
 from raccoon.sim.effects.parameters import Parameters
@@ -174,13 +174,15 @@ def test_a_robot_that_is_far_too_slow_gives_up_as_well() -> None:
     with open_robot(CONFIG, port=simulated()) as robot:
         robot.run(wait(0.5))
         begin = robot.time
-        hindered = race(search(0.15, 0.5), repeat(do(lambda each: each.drive.stop())))
+        hindered = race(drive_until_stopped(0.15, 0.5), repeat(do(lambda each: each.drive.stop())))
         with pytest.raises(MotionTimeout, match=r"drive not done after 9\.\d s: 0\.000 of 0\.5 m"):
             robot.run(hindered)
         assert robot.time - begin == pytest.approx(2.0 * (0.5 / 0.15 + 0.15 / 0.4) + 2.0, abs=0.1)
 
 
-@pytest.mark.parametrize("make", [lambda: align_on_line("left", "right", 0.0), lambda: search(0.0, 0.5)])
+@pytest.mark.parametrize(
+    "make", [lambda: align_on_line("left", "right", 0.0), lambda: drive_until_stopped(0.0, 0.5)]
+)
 def test_a_line_is_not_looked_for_without_driving(make: Callable[[], object]) -> None:
     with pytest.raises(ValueError, match="speed is 0: allowed are numbers above or below it"):
         make()

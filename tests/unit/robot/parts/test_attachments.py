@@ -101,7 +101,7 @@ def test_a_servo_whose_way_was_cut_short_gets_the_time_from_where_it_is(to: str,
         begin = robot.time
         robot.run(servo("claw", to))
         assert robot.time - begin == pytest.approx(seconds, abs=0.02)
-        assert robot.servo("claw").at(robot.time) == robot.servo("claw").place(to)
+        assert robot.servo("claw").pulse_at(robot.time) == robot.servo("claw").place(to)
 
 
 def test_a_slow_servo_goes_evenly() -> None:

@@ -25,7 +25,7 @@ from raccoon.core.readings import SIMULATOR, Fault, Inputs
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.robot.parts.counted import CountedAngle
+from raccoon.robot.parts.counted_angle import CountedAngle
 from raccoon.sim.effects.parameters import Parameters
 
 CONFIG = RobotConfig(mechanisms={"arm": MechanismConfig(motor=3)})

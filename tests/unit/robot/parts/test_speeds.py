@@ -30,7 +30,7 @@ from raccoon.hal.wombat.firmware.devices import RACCOON_21, STOCK
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.robot.parts.drive import Drive, dead_time
-from raccoon.robot.parts.speeds import READ_SHARE, Unread
+from raccoon.robot.parts.speed_limits import READ_SHARE, UnreadWheels
 from raccoon.sim.effects.parameters import Parameters
 
 FRESH = RobotConfig(battery=BatteryConfig(weakest=7.6))
@@ -101,7 +101,7 @@ def test_a_motion_is_no_slower_than_its_way_is_counted(firmware: Firmware) -> No
 def test_slow_circles_and_turns_stay_what_they_are() -> None:
     """There the faster wheel is counted, or the gyro tells."""
     speeds = Drive(FRESH).speeds
-    speeds.know(STOCK, Drive(FRESH).wheels.models)
+    speeds.configure(STOCK, Drive(FRESH).wheels.models)
     assert speeds.planned(0.001, 0.4)[0] > 0.004
     assert speeds.planned(0.001, 0.4, outer=10.0)[0] == 0.001
     assert speeds.planned(0.001, 0.4, counted=False)[0] == 0.001
@@ -112,7 +112,7 @@ def test_slow_circles_and_turns_stay_what_they_are() -> None:
 def test_a_controller_that_reads_any_speed_limits_none() -> None:
     port, robot = done(race(drive(0.3), wait(1.2)), "stock")
     assert port.fastest > 1950.0
-    assert not robot.drive.speeds.limited
+    assert not robot.drive.speeds.was_limited
     (said,) = robot.drive.remarks.values()
     assert said == "drive 0.3 m/s: it goes 0.21 m/s on any battery, as battery.weakest, 7.6 V, gives no more"
 
@@ -135,9 +135,9 @@ def test_a_loop_of_its_own_is_told_too() -> None:
 
 def test_what_pushes_at_a_wall_gets_no_more_than_what_is_read_either() -> None:
     base = Drive(FRESH)
-    base.know(RACCOON_21)
+    base.configure(RACCOON_21)
     given, rest = [], Odometry(FRESH).estimate
-    for speed in (base.speeds.readable * FRESH.model.drive.wheel_radius.value, 0.3):
+    for speed in (base.speeds.max_readable_speed * FRESH.model.drive.wheel_radius.value, 0.3):
         base.push(speed, 8.0, (0.0, 0.0), (math.inf, math.inf))
         given.append(base.outputs(rest, 0.005, 8.0).duty)
     assert given[1] == pytest.approx(given[0])
@@ -147,14 +147,14 @@ def test_both_wheels_give_way_alike_to_the_one_that_would_not_be_read() -> None:
     """A wheel's calibration tells how fast it turns at a count."""
     half = MotorConfig(radians_per_tick=Measured(0.5 * RACCOON_21.bemf_volts / 1.08))
     base = Drive(replace(FRESH, motors={1: half}))
-    base.know(SIMULATOR)
-    assert base.speeds.readable == math.inf
-    base.know(STOCK)
-    assert base.speeds.readable == math.inf
-    base.know(RACCOON_21)
-    assert base.speeds.readable == pytest.approx(READ_SHARE * 2000.0 * half.radians_per_tick.value)  # type: ignore[union-attr]
+    base.configure(SIMULATOR)
+    assert base.speeds.max_readable_speed == math.inf
+    base.configure(STOCK)
+    assert base.speeds.max_readable_speed == math.inf
+    base.configure(RACCOON_21)
+    assert base.speeds.max_readable_speed == pytest.approx(READ_SHARE * 2000.0 * half.radians_per_tick.value)  # type: ignore[union-attr]
     share = base.speeds.readable_share(2.0, -8.0)
-    assert share == pytest.approx(base.speeds.readable / 8.0)
+    assert share == pytest.approx(base.speeds.max_readable_speed / 8.0)
     assert base.speeds.readable_share(1.0, -1.0) == 1.0
 
 
@@ -172,7 +172,9 @@ def test_a_command_is_late_by_half_a_cycle_and_a_sample_of_the_firmware(rate: fl
 def test_a_wheel_that_is_not_read_is_asked_for_no_more_than_before_and_the_other_in_ratio(
     silent: tuple[bool, bool], share: float
 ) -> None:
-    unread, wanted = Unread(), WheelTarget(4.0, -16.0, 2.0, -8.0)
-    assert unread.slowed(WheelTarget(-2.0, 4.0), (False, False)) == WheelTarget(-2.0, 4.0)
+    unread, wanted = UnreadWheels(), WheelTarget(4.0, -16.0, 2.0, -8.0)
+    assert unread.limit_target(WheelTarget(-2.0, 4.0), (False, False)) == WheelTarget(-2.0, 4.0)
     for _ in range(2):
-        assert unread.slowed(wanted, silent) == WheelTarget(4 * share, -16 * share, 2 * share, -8 * share)
+        assert unread.limit_target(wanted, silent) == WheelTarget(
+            4 * share, -16 * share, 2 * share, -8 * share
+        )

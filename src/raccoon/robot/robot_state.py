@@ -1,4 +1,4 @@
-"""What a robot knows: its readings, what the estimators make of them, its sensors and servos by name."""
+"""The state of a robot: its readings, the estimates made of them, its sensors and servos by name."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from raccoon.estimate.battery.state import PackState
 from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.limits import check_kind, check_port
-from raccoon.robot.instead import instead
 from raccoon.robot.motions.goals import PLAN_REACH, PLAN_REACH_HEADING
-from raccoon.robot.parts.attachments import Attachments, named
+from raccoon.robot.name_hints import hint_for_name
+from raccoon.robot.parts.attachments import Attachments, find_named
 from raccoon.robot.parts.drive import Drive
 from raccoon.robot.parts.tophats import TophatSensor
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
     from raccoon.robot.parts.mechanism import Mechanism
     from raccoon.robot.parts.servos import Servo
 
-W = TypeVar("W")
-_BLANK = Inputs(0.0, SIMULATOR)
+Word = TypeVar("Word")
+_BLANK_INPUTS = Inputs(0.0, SIMULATOR)
 
-STANDS = 1000
+MAX_STANDING_READINGS = 1000
 """Readings of the same time, after which the clock of a port counts as stopped."""
-ASKED = 1000
+REMARK_AFTER_ASKED = 1000
 """Times in one cycle that a program asks for readings where it waits for them to change."""
-FOR_EVER = 1_000_000
+REFUSE_AFTER_ASKED = 1_000_000
 """Such times after which it would do so for ever."""
 
 
@@ -60,8 +60,8 @@ class Annotated(Protocol):
         ...
 
 
-class Knowledge:
-    """What a robot behind `port`, described by `config`, knows of itself. `Robot` reads and drives by it."""
+class RobotState:
+    """State of a robot behind `port`, described by `config`. `Robot` adds the loop that reads and drives."""
 
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
         from raccoon.estimate.drive.odometry import Odometry
@@ -90,36 +90,38 @@ class Knowledge:
         self._digital: Flags = NO_DIGITAL
         self._outputs = STOP
         self._plan: Pose | None = None
-        self._planned_in = 0  # the odometry's resets so far
-        self._notes: Annotated | None = port if isinstance(port, Annotated) else None
-        self._standing = 0  # readings in a row whose time was none later
-        self._asked = 0  # times that the program asked for readings of this cycle
+        self._plan_resets = 0  # the odometry's resets so far
+        self._annotated_port: Annotated | None = port if isinstance(port, Annotated) else None
+        self._standing_readings = 0  # readings in a row whose time was none later
+        self._asked_times = 0  # times that the program asked for readings of this cycle
 
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else
 
         def __getattr__(self, name: str) -> object:
             if hasattr(type(self), name):  # there is one, and it failed: with its own error
                 return object.__getattribute__(self, name)
-            raise AttributeError(f"a robot has no {name}{instead(name, self.__dict__.get('config'))}")
+            raise AttributeError(f"a robot has no {name}{hint_for_name(name, self.__dict__.get('config'))}")
 
-    def _ask(self) -> None:
+    def _count_asked(self) -> None:
         """Count that somebody asks for readings: a loop around them alone sees nothing new for ever.
         Raises RuntimeError where it is sure to be one."""
-        self._asked += 1
-        if self._asked % ASKED == 0 and not _getframe(2).f_globals.get("__name__", "").startswith("raccoon."):
+        self._asked_times += 1
+        if self._asked_times % REMARK_AFTER_ASKED == 0 and not _getframe(2).f_globals.get(
+            "__name__", ""
+        ).startswith("raccoon."):
             said = (
-                f"readings were asked for {self._asked} times and stay as they are: the robot reads in run() "
-                "and tick() alone; wait with robot.run(wait_for(...)) for a condition such as pressed(0) or "
-                "analog_above(0, 2000), or call robot.tick() in the loop"
+                f"readings were asked for {self._asked_times} times and stay as they are: the robot reads "
+                "in run() and tick() alone; wait with robot.run(wait_for(...)) for a condition such as "
+                "pressed(0) or analog_above(0, 2000), or call robot.tick() in the loop"
             )
-            say(self, said)
-            if self._asked >= FOR_EVER:
+            add_remark(self, said)
+            if self._asked_times >= REFUSE_AFTER_ASKED:
                 raise RuntimeError(said)
 
     @property
     def time(self) -> float:
         """s, of the last reading."""
-        self._ask()
+        self._count_asked()
         return 0.0 if self.inputs is None else self.inputs.time
 
     @property
@@ -130,7 +132,7 @@ class Knowledge:
     @property
     def pose(self) -> Pose:
         """Where the robot believes it is."""
-        self._ask()
+        self._count_asked()
         here = self.odometry.estimate
         return Pose(here.x, here.y, here.heading)
 
@@ -142,7 +144,7 @@ class Knowledge:
         is one from before the odometry was reset.
         """
         here = self.pose
-        if self._plan is None or self._planned_in != self.odometry.resets:
+        if self._plan is None or self._plan_resets != self.odometry.resets:
             self.plan = here
             return here
         ahead, aside = self._plan.offset_of(here.x, here.y)
@@ -154,7 +156,7 @@ class Knowledge:
     @plan.setter
     def plan(self, pose: Pose) -> None:
         check_kind(pose, Pose, "robot.plan", "; write Pose(x, y, heading)")
-        self._plan, self._planned_in = pose, self.odometry.resets
+        self._plan, self._plan_resets = pose, self.odometry.resets
 
     def replan(self) -> None:
         """Forget the plan: the next motion starts from the estimate."""
@@ -167,19 +169,19 @@ class Knowledge:
 
     def tophat(self, name: str) -> TophatSensor:
         """The tophat called `name` in robot.toml; ConfigError where there is none."""
-        return named("tophat", self.tophats, name)
+        return find_named("tophat", self.tophats, name)
 
     def servo(self, name: str, *to: Never) -> Servo:
         """The servo called `name` in robot.toml; ConfigError where there is none."""
         if to:
             _refuse_move("servo", "servo", name, to)
-        return named("servo", self.attachments.servos, name)
+        return find_named("servo", self.attachments.servos, name)
 
     def mechanism(self, name: str, *to: Never) -> Mechanism:
         """The mechanism called `name` in robot.toml; ConfigError where there is none."""
         if to:
             _refuse_move("mechanism", "move", name, to)
-        return named("mechanism", self.attachments.mechanisms, name)
+        return find_named("mechanism", self.attachments.mechanisms, name)
 
     def analog(self, port: int) -> float | None:
         """Counts of an analog port as last read, None where it never gave anything; ValueError where there is
@@ -188,7 +190,7 @@ class Knowledge:
         A cycle without words, as after a frame that was lost, has those of the one before: `inputs` tells.
         """
         check_port("analog", port, ANALOG_PORTS)
-        self._ask()
+        self._count_asked()
         return self._analog[port]
 
     def digital(self, port: int) -> bool | None:
@@ -196,13 +198,13 @@ class Knowledge:
         ValueError where there is no such port.
         """
         check_port("digital", port, DIGITAL_PORTS)
-        self._ask()
+        self._count_asked()
         return self._digital[port]
 
     @property
     def button(self) -> bool | None:
         """Whether the controller's own button is pressed, None where this cycle does not tell."""
-        self._ask()
+        self._count_asked()
         extra = None if self.inputs is None else self.inputs.extra
         return bool(extra["button"]) if extra is not None and "button" in extra else None
 
@@ -215,19 +217,18 @@ class Knowledge:
         if self.inputs is None:
             _check_words(inputs)
         elapsed = 0.0 if self.inputs is None else inputs.time - self.inputs.time
-        self._standing = 0 if elapsed > 0.0 else self._standing + 1
-        if self._standing > STANDS:
-            raise HardwareError(
-                f"the port's time stands at {inputs.time} s for {STANDS} readings: nothing would ever end"
-            )
+        self._standing_readings = 0 if elapsed > 0.0 else self._standing_readings + 1
+        if self._standing_readings > MAX_STANDING_READINGS:
+            stands = f"the port's time stands at {inputs.time} s for {MAX_STANDING_READINGS} readings"
+            raise HardwareError(f"{stands}: nothing would ever end")
         return inputs, elapsed
 
     def _keep_words(self, inputs: Inputs) -> None:
         """Keep the newest word of every port."""
-        self._asked = 0
+        self._asked_times = 0
         analog, digital = inputs.analog, inputs.digital
-        self._analog = analog if None not in analog else _newest(self._analog, analog)
-        self._digital = digital if None not in digital else _newest(self._digital, digital)
+        self._analog = analog if None not in analog else _newest_words(self._analog, analog)
+        self._digital = digital if None not in digital else _newest_words(self._digital, digital)
 
     @property
     def blind(self) -> tuple[str, ...]:
@@ -241,14 +242,14 @@ class Knowledge:
 
     def note(self, text: str) -> None:
         """Write a remark into the recording, where there is one."""
-        if self._notes is not None:
-            self._notes.event(text)
+        if self._annotated_port is not None:
+            self._annotated_port.event(text)
 
 
 def _check_words(inputs: Inputs) -> None:
     """Raise ValueError where readings do not have a word for each port."""
     for name in ("bemf", "position", "analog", "digital"):
-        words, asked = getattr(inputs, name), getattr(_BLANK, name)
+        words, asked = getattr(inputs, name), getattr(_BLANK_INPUTS, name)
         if not isinstance(words, tuple) or len(words) != len(asked):
             raise ValueError(f"{name} of the port's Inputs is {words!r}: it must be a tuple of {len(asked)}")
 
@@ -259,11 +260,11 @@ def _refuse_move(kind: str, action: str, name: str, to: tuple[object, ...]) -> N
     raise TypeError(f"robot.{kind}({name!r}) moves nothing: write robot.run({action}({given}))")
 
 
-def _newest(before: tuple[W | None, ...], now: tuple[W | None, ...]) -> tuple[W | None, ...]:
+def _newest_words(before: tuple[Word | None, ...], now: tuple[Word | None, ...]) -> tuple[Word | None, ...]:
     return tuple(old if new is None else new for old, new in zip(before, now, strict=True))
 
 
-def numbers(estimate: DriveEstimate) -> tuple[float, ...]:
+def replayed_numbers(estimate: DriveEstimate) -> tuple[float, ...]:
     """What a replay must reproduce: pose, velocities and their standard deviations."""
     return (
         estimate.x,

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from types import FrameType
 
 Place = tuple[str, int]
-_settled: set[Place] = set()
+_checked_places: set[Place] = set()
 """Lines of programs of whose actions one was begun, or of which it was said: at most all of them."""
 
 
-class Undone:
+class MustRun:
     """What is made to be done. Where it is the whole of a statement, dropped before it was begun, the log
     says so once a line; what is kept, chosen from, or a part of something else may never come to its turn.
     """
@@ -19,23 +19,23 @@ class Undone:
     name: str
 
     def __init__(self) -> None:
-        self._made = _place(_program())
+        self._made_at = _place_of_frame(_program_frame())
 
-    def begun(self) -> None:
+    def mark_run(self) -> None:
         """It is done now."""
-        if self._made is not None:
-            _settled.add(self._made)
+        if self._made_at is not None:
+            _checked_places.add(self._made_at)
 
     def __del__(self, over: Callable[[], bool] = sys.is_finalizing) -> None:
         if over():  # then the names of this module are gone, too
             return
-        made: Place | None = getattr(self, "_made", None)
-        if made is None or made in _settled:
+        made: Place | None = getattr(self, "_made_at", None)
+        if made is None or made in _checked_places:
             return
-        program = _program()
-        if made != _place(program) or not _ends_a_statement(program):
+        program = _program_frame()
+        if made != _place_of_frame(program) or not _drops_value(program):
             return
-        _settled.add(made)
+        _checked_places.add(made)
         import logging
 
         logging.getLogger("raccoon").warning(
@@ -43,7 +43,7 @@ class Undone:
         )
 
 
-def _program() -> FrameType | None:
+def _program_frame() -> FrameType | None:
     """The frame of the program that is at work, behind all of the library's own."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__", "").startswith("raccoon."):
@@ -51,11 +51,11 @@ def _program() -> FrameType | None:
     return frame
 
 
-def _place(frame: FrameType | None) -> Place | None:
+def _place_of_frame(frame: FrameType | None) -> Place | None:
     return None if frame is None else (frame.f_code.co_filename, frame.f_lineno)
 
 
-def _ends_a_statement(frame: FrameType | None) -> bool:
+def _drops_value(frame: FrameType | None) -> bool:
     """Whether it drops the value of an expression that is a statement just now."""
     from opcode import opmap
 

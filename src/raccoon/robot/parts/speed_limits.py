@@ -17,20 +17,20 @@ from raccoon.model.bemf import counts_scale
 
 # A wheel is never planned slower than this share of its speed without load, however little is said to be left
 # for it by the battery and the wished acceleration.
-LEAST_SHARE = 0.3
+LEAST_SPEED_SHARE = 0.3
 READ_SHARE = 0.95
 """Of the back-EMF that a controller reads, what wheels under control are driven to: its noise and the loop's
 overshoot stay within the rest."""
 COUNT_SHARE = 1.5
 """Of a controller's dead zone, what a motor that is to be counted is driven at: it does not turn evenly."""
-USUAL = MotionConfig()
+DEFAULT_MOTION = MotionConfig()
 """Accelerations that a robot.toml without any has."""
 
 
-class Speeds:
+class SpeedLimits:
     """Speeds that motions plan with, kept for the whole match, so that a run is the same on a fresh battery.
 
-    models: the wheels. They and `readable` change where the controller says more of itself, see `know`.
+    models: the wheels. They and `max_readable_speed` depend on the controller, see `configure`.
     """
 
     def __init__(self, config: RobotConfig, models: tuple[WheelModel, WheelModel]) -> None:
@@ -42,49 +42,49 @@ class Speeds:
         self._half_track = 0.5 * drive.track_width.value
         self._turn_inertia_share = drive.inertia_turn.value / drive.inertia_straight.value
         self._device = ""
-        self.readable = math.inf
+        self.max_readable_speed = math.inf
         """rad/s of a wheel up to which its back-EMF is surely read."""
-        self.limited = False
+        self.was_limited = False
         """Whether a program wished for more than that."""
-        self._said = False
-        self._countable = 0.0  # rad/s of a wheel from which on all of its way is counted
-        self._slower = (
+        self._was_remarked = False
+        self._min_countable_speed = 0.0  # rad/s of a wheel from which on all of its way is counted
+        self._was_raised = (
             False  # whether a program wished for less than that, and nobody has asked for the remark
         )
 
-    def know(self, device: Device, models: tuple[WheelModel, WheelModel]) -> None:
+    def configure(self, device: Device, models: tuple[WheelModel, WheelModel]) -> None:
         """Take what this device reads, and the wheels' models by what its words mean."""
         self._device, self._models = device.name, models
-        self.readable, self.limited, self._said = math.inf, False, False
+        self.max_readable_speed, self.was_limited, self._was_remarked = math.inf, False, False
         if device.bemf_range is not None:
             slower = min(counts_scale(self._config, side, device) for side in ("left", "right"))
-            self.readable = READ_SHARE * device.bemf_range * slower
-        self._countable = max(
-            surely_counted(device, counts_scale(self._config, side, device)) for side in ("left", "right")
+            self.max_readable_speed = READ_SHARE * device.bemf_range * slower
+        self._min_countable_speed = max(
+            min_counted_rate(device, counts_scale(self._config, side, device)) for side in ("left", "right")
         )
 
     def readable_share(self, left: float, right: float) -> float:
         """How much of both speeds (rad/s) may be driven, so that they are read and their ratio is kept."""
         fastest = max(abs(left), abs(right))
-        return self.readable / fastest if fastest > self.readable else 1.0
+        return self.max_readable_speed / fastest if fastest > self.max_readable_speed else 1.0
 
     @property
-    def unsaid(self) -> bool:
+    def has_remark(self) -> bool:
         """Whether a wish was limited and nobody has asked for the remark about it."""
-        return self._slower or (self.limited and not self._said)
+        return self._was_raised or (self.was_limited and not self._was_remarked)
 
     def remark(self) -> str:
         """What limits the wheels, for people."""
-        if self._slower:
-            self._slower = False
+        if self._was_raised:
+            self._was_raised = False
             return (
-                f"wheels are driven at {self._countable * self._radius:.3f} m/s at least: {self._device} "
-                "counts no slower ones, and nobody would know where the robot is"
+                f"wheels are driven at {self._min_countable_speed * self._radius:.3f} m/s at least: "
+                f"{self._device} counts no slower ones, and nobody would know where the robot is"
             )
-        self._said = True
+        self._was_remarked = True
         return (
-            f"wheels are driven at {self.readable * self._radius:.3f} m/s at most: {self._device} reads no "
-            "back-EMF of faster ones, and nobody would know where the robot is"
+            f"wheels are driven at {self.max_readable_speed * self._radius:.3f} m/s at most: {self._device} "
+            "reads no back-EMF of faster ones, and nobody would know where the robot is"
         )
 
     def planned_speed(self, wanted: float, acceleration: float, outer: float = 1.0) -> float:
@@ -95,15 +95,15 @@ class Speeds:
         gain = acceleration * outer / self._radius
         top = min(
             max(
-                LEAST_SHARE * self._budget.weakest / wheel.back_emf_constant,
+                LEAST_SPEED_SHARE * self._budget.weakest / wheel.back_emf_constant,
                 self._budget.top_wheel_speed(wheel, gain),
             )
             for wheel in self._models
         )
         # What keeps a robot on its path comes on top, and must be read too.
-        most = (1.0 - self._budget.reserve) * self.readable
+        most = (1.0 - self._budget.reserve) * self.max_readable_speed
         if min(wanted * outer / self._radius, top) > most:
-            self.limited = True
+            self.was_limited = True
             top = most
         return min(wanted, top * self._radius / outer)
 
@@ -118,16 +118,16 @@ class Speeds:
         default only as much is planned as leaves the speed of the default: more never makes a robot slower.
         The default is that of the faster wheel: in a sharp bend the robot itself speeds up by less.
         """
-        least = self._countable * self._radius / outer
+        least = self._min_countable_speed * self._radius / outer
         if counted and 0.0 < wanted < least:
-            wanted, self._slower = least, True
-        usual = USUAL.acceleration / outer
-        return _eased(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, usual)
+            wanted, self._was_raised = least, True
+        usual = DEFAULT_MOTION.acceleration / outer
+        return _limit_acceleration(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, usual)
 
     def planned_turn(self, wanted: float, acceleration: float) -> tuple[float, float]:
         """The same of a turn on the spot: rad/s and rad/s2."""
-        return _eased(
-            lambda gain: self.planned_turn_rate(wanted, gain), acceleration, USUAL.turn_acceleration
+        return _limit_acceleration(
+            lambda gain: self.planned_turn_rate(wanted, gain), acceleration, DEFAULT_MOTION.turn_acceleration
         )
 
     def planned_turn_rate(self, wanted: float, acceleration: float) -> float:
@@ -137,16 +137,17 @@ class Speeds:
         return speed / self._half_track
 
 
-class Unread:
-    """Holds wheels that are not read to what they were asked for when they last were: a motion believes that
-    the robot stands, and would want to catch up.
+class UnreadWheels:
+    """Limits wheels that are not read to what they were asked for when last read: a motion believes that the
+    robot stands, and would want to catch up.
     """
 
     def __init__(self) -> None:
         self._asked_when_read = (0.0, 0.0)  # rad/s of each wheel, without its sign
 
-    def slowed(self, target: WheelTarget, silent: tuple[bool, bool]) -> WheelTarget:
-        """The target, both slower by one share where a silent wheel is asked for more than when last read."""
+    def limit_target(self, target: WheelTarget, silent: tuple[bool, bool]) -> WheelTarget:
+        """The target; both wheels slower by one share where a silent one is asked for more than when last
+        read."""
         asked, share = (abs(target.left), abs(target.right)), 1.0
         for unread, speed, before in zip(silent, asked, self._asked_when_read, strict=True):
             if unread and speed > before:
@@ -166,12 +167,14 @@ class Unread:
         )
 
 
-def surely_counted(device: Device, radians_per_count: float) -> float:
+def min_counted_rate(device: Device, radians_per_count: float) -> float:
     """rad/s from which on all of a motor's way is counted. radians_per_count: rad/s of a back-EMF count."""
     return COUNT_SHARE * device.bemf_dead_zone * radians_per_count
 
 
-def _eased(speed_at: Callable[[float], float], wished: float, usual: float) -> tuple[float, float]:
+def _limit_acceleration(
+    speed_at: Callable[[float], float], wished: float, usual: float
+) -> tuple[float, float]:
     """Speed and the most acceleration, up to `wished`, that leaves what the usual one does."""
     if wished <= usual or speed_at(wished) >= speed_at(usual):
         return speed_at(wished), wished

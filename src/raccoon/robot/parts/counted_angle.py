@@ -9,13 +9,13 @@ from raccoon.core.readings import Device, Fault, Inputs
 from raccoon.estimate.drive.wheel_track import HOLD_S
 from raccoon.estimate.drive.wheels import lag_seconds
 from raccoon.model.bemf import radians_per_count
-from raccoon.robot.parts.speeds import READ_SHARE, surely_counted
+from raccoon.robot.parts.speed_limits import READ_SHARE, min_counted_rate
 
 REST_COUNTS = 12.0
 """Back-EMF counts beyond its offset below which an unpowered motor stands still: motions are larger."""
-STEADY, SETTLE = 15.0, 0.3
+MAX_STEADY_COUNTS, SETTLE_S = 15.0, 0.3
 """Counts by which the words of a motor that stands scatter, and s of that before it is believed."""
-SMOOTHING = 0.1
+SMOOTHING_S = 0.1
 """s."""
 LARGEST_OFFSET = 120.0
 """Counts; up to 77 were measured."""
@@ -31,34 +31,34 @@ class RestingOffset:
 
     def __init__(self, known: float | None, nominal: float) -> None:
         self.counts = nominal if known is None else known
-        self.learnt = known is not None
-        self._first = True
-        self._smooth: float | None = None
-        self._steady = 0.0
-        self._way = 0.0  # rad that were counted while it stood
+        self.is_known = known is not None
+        self._is_first = True
+        self._smooth_counts: float | None = None
+        self._steady_seconds = 0.0
+        self._counted_way = 0.0  # rad that were counted while it stood
 
-    def moved(self) -> None:
+    def restart(self) -> None:
         """It is driven, or does not tell."""
-        self._steady = self._way = 0.0
-        self._smooth, self._first = None, False
+        self._steady_seconds = self._counted_way = 0.0
+        self._smooth_counts, self._is_first = None, False
 
-    def rest(self, bemf: float, way: float, dt: float) -> float:
+    def take_resting_word(self, bemf: float, way: float, dt: float) -> float:
         """Take a word of an unpowered motor and the rad counted with it; how many to take back."""
-        if self._first and not self.learnt and abs(bemf) <= LARGEST_OFFSET:
+        if self._is_first and not self.is_known and abs(bemf) <= LARGEST_OFFSET:
             self.counts = bemf
-        self._first = False
-        smooth = bemf if self._smooth is None else self._smooth
-        self._smooth = smooth + min(dt / SMOOTHING, 1.0) * (bemf - smooth)
-        if abs(bemf - smooth) > STEADY:
-            self._steady = self._way = 0.0
+        self._is_first = False
+        smooth = bemf if self._smooth_counts is None else self._smooth_counts
+        self._smooth_counts = smooth + min(dt / SMOOTHING_S, 1.0) * (bemf - smooth)
+        if abs(bemf - smooth) > MAX_STEADY_COUNTS:
+            self._steady_seconds = self._counted_way = 0.0
             return 0.0
-        self._steady += min(dt, SMOOTHING)  # a pause shows one word
-        self._way += way
-        if self._steady < SETTLE:
+        self._steady_seconds += min(dt, SMOOTHING_S)  # a pause shows one word
+        self._counted_way += way
+        if self._steady_seconds < SETTLE_S:
             return 0.0
-        found, back = self._smooth, 0.0
-        if not self.learnt and abs(found) <= LARGEST_OFFSET:
-            self.learnt, back = True, self._way
+        found, back = self._smooth_counts, 0.0
+        if not self.is_known and abs(found) <= LARGEST_OFFSET:
+            self.is_known, back = True, self._counted_way
         elif abs(found - self.counts) > REST_COUNTS:
             return 0.0
         self.counts = found
@@ -80,40 +80,42 @@ class CountedAngle:
         self._sign = sign
         known = robot.motor(config.motor).bemf_offset
         self._offset = RestingOffset(None if known is None else known.value, robot.model.bemf.offset.value)
-        self._driven = False  # ever: before, it is taken to stand until its offset is known
-        self._slowing = robot.model.friction.coulomb.value / config.inertia  # rad/s2 while it coasts
+        self._was_driven = False  # ever: before, it is taken to stand until its offset is known
+        self._coast_deceleration = (
+            robot.model.friction.coulomb.value / config.inertia
+        )  # rad/s2 while it coasts
         self._device: Device | None = None
         self._scale = 0.0
         self._ticks: float | None = None
-        self._since = 0.0  # s since the counter was read
-        self._silent = 0.0
+        self._seconds_since_counter = 0.0  # s since the counter was read
+        self._silence = 0.0
         self.angle = 0.0
         self.rate = 0.0
 
     @property
-    def readable(self) -> float:
+    def max_readable_rate(self) -> float:
         """rad/s up to which its back-EMF is surely read; a counter whose motor is faster stands still."""
         reach = None if self._device is None else self._device.bemf_range
         return math.inf if reach is None else READ_SHARE * reach * abs(self._scale)
 
     @property
-    def countable(self) -> float:
+    def min_countable_rate(self) -> float:
         """rad/s from which on it is surely counted: a slower motor turns further than its counter says."""
-        return 0.0 if self._device is None else surely_counted(self._device, abs(self._scale))
+        return 0.0 if self._device is None else min_counted_rate(self._device, abs(self._scale))
 
     @property
-    def unread(self) -> bool:
+    def is_unread(self) -> bool:
         """Whether it has said nothing for so long that nobody knows how fast it turns."""
-        return self._silent > HOLD_S
+        return self._silence > HOLD_S
 
     def sense(self, inputs: Inputs, dt: float, powered: bool) -> None:
         """Take the readings of a cycle of `dt` s. powered: whether its motor was driven in it."""
         if inputs.device is not self._device:
-            self._know(inputs.device)
+            self._configure(inputs.device)
         bemf, ticks = inputs.bemf[self._port], inputs.position[self._port]
-        self._silent = self._silent + dt if bemf is None and ticks is None else 0.0
-        self._since += dt
-        way = self._guessed(inputs) if inputs.faults else 0.0
+        self._silence = self._silence + dt if bemf is None and ticks is None else 0.0
+        self._seconds_since_counter += dt
+        way = self._guess_missed_way(inputs) if inputs.faults else 0.0
         # In its dead zone a controller counts nothing, not even the offset.
         blind = bemf == 0.0 and inputs.device.bemf_dead_zone > 0.0
         offset = 0.0 if blind else self._offset.counts
@@ -122,28 +124,32 @@ class CountedAngle:
         if ticks is not None:
             if self._ticks is not None:
                 counts = (ticks - self._ticks) * inputs.device.position_counts_seconds
-                way += (counts - offset * self._since) * self._scale
-            self._ticks, self._since = ticks, 0.0
-        self._driven = self._driven or powered
-        tells = self._driven or self._offset.learnt
+                way += (counts - offset * self._seconds_since_counter) * self._scale
+            self._ticks, self._seconds_since_counter = ticks, 0.0
+        self._was_driven = self._was_driven or powered
+        tells = self._was_driven or self._offset.is_known
         turns = powered or (tells and abs(self.rate) > REST_COUNTS * abs(self._scale))
         counted = way if turns else 0.0
         if powered or blind:
-            self._offset.moved()
+            self._offset.restart()
         elif bemf is not None:
-            counted -= self._offset.rest(bemf, counted, dt)
+            counted -= self._offset.take_resting_word(bemf, counted, dt)
         self.angle += counted
 
-    def _know(self, device: Device) -> None:
+    def _configure(self, device: Device) -> None:
         constant = self._robot.model.left.back_emf_constant.value
         scale = radians_per_count(self._robot.motor(self._port), constant, device)
         self._device, self._scale = device, math.copysign(scale, self._sign)
 
-    def _guessed(self, inputs: Inputs) -> float:
+    def _guess_missed_way(self, inputs: Inputs) -> float:
         """rad that no counter tells of, up to this cycle."""
         if Fault.RESET in inputs.faults:
             speed = abs(self.rate)
-            lasted = min(self._since, speed / self._slowing) if self._slowing > 0.0 else self._since
-            way = (speed - 0.5 * self._slowing * lasted) * lasted
+            lasted = (
+                min(self._seconds_since_counter, speed / self._coast_deceleration)
+                if self._coast_deceleration > 0.0
+                else self._seconds_since_counter
+            )
+            way = (speed - 0.5 * self._coast_deceleration * lasted) * lasted
             return math.copysign(way + lag_seconds(self._robot, inputs.device) * speed, self.rate)
-        return self.rate * self._since if Fault.POSITION_JUMP in inputs.faults else 0.0
+        return self.rate * self._seconds_since_counter if Fault.POSITION_JUMP in inputs.faults else 0.0

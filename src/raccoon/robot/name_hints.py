@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _DUTIES = "robot.run(motors(left, right).until(...)) or, by the way to go, robot.run(straight(m))"
 _MOVE, _SERVO = "robot.run(move(name, rad))", "robot.run(servo(name, place))"
-KIPR = {
+KIPR_NAMES = {
     **dict.fromkeys(("motor", "motor_power", "fd", "bk"), _DUTIES),
     **dict.fromkeys(("mav", "move_at_velocity"), "robot.run(drive(speed, turn_rate).until(...))"),
     **dict.fromkeys(("mtp", "move_to_position", "bmd", "block_motor_done"), _MOVE),
@@ -37,8 +37,8 @@ KIPR = {
     "create_connect": 'port = "create" under [controller] in robot.toml',
 }
 """What stands here for the functions of KIPR's library."""
-ELSEWHERE = {
-    **KIPR,
+NAMES_ELSEWHERE = {
+    **KIPR_NAMES,
     **{name: f"robot.pose.{name}" for name in ("x", "y", "heading")},
     **{name: f"robot.estimate.{name}" for name in ("distance", "velocity", "turn_rate", "status")},
     "name": "robot.config.name",
@@ -48,7 +48,7 @@ PARTS = ("tophat", "servo", "mechanism")
 """Sections of robot.toml whose names somebody may take for attributes."""
 
 
-def instead(name: str, config: RobotConfig | None) -> str:
+def hint_for_name(name: str, config: RobotConfig | None) -> str:
     """What to write instead of an attribute that a robot does not have; "" where nothing is like it.
 
     config: of the robot, whose own names may be meant.
@@ -66,7 +66,7 @@ def instead(name: str, config: RobotConfig | None) -> str:
     for part in PARTS:
         if config is not None and name in getattr(config, f"{part}s"):
             return f": write robot.{part}({name!r})"
-    return f": write {ELSEWHERE[name]}" if name in ELSEWHERE else ""
+    return f": write {NAMES_ELSEWHERE[name]}" if name in NAMES_ELSEWHERE else ""
 
 
 def refuse_name(name: str, asking: FrameType) -> NoReturn:
@@ -77,15 +77,15 @@ def refuse_name(name: str, asking: FrameType) -> NoReturn:
     """
     from opcode import opmap
 
-    if name not in KIPR:
+    if name not in KIPR_NAMES:
         raise AttributeError(f"module 'raccoon' has no attribute {name!r}")
-    said = f"raccoon has no {name}: write {KIPR[name]} (docs/from-kipr.md)"
+    said = f"raccoon has no {name}: write {KIPR_NAMES[name]} (docs/from-kipr.md)"
     if asking.f_code.co_code[asking.f_lasti] == opmap["IMPORT_FROM"]:
         raise ImportError(said, name="raccoon")
     raise AttributeError(said)
 
 
-def note_value(error: BaseException | None) -> None:
+def add_value_hint(error: BaseException | None) -> None:
     """Add to the error of `robot.pose()`, which calls a value like a function, what to write."""
     if not (isinstance(error, TypeError) and str(error).endswith("object is not callable")):
         return
@@ -106,7 +106,7 @@ def note_value(error: BaseException | None) -> None:
             called = ""
 
 
-def note_names(error: BaseException | None) -> None:
+def add_names_hint(error: BaseException | None) -> None:
     """Add to the error of `result.distance`, a name that a record of raccoon does not have, those it has."""
     if not isinstance(error, AttributeError) or not is_dataclass(error.obj):
         return
@@ -116,7 +116,7 @@ def note_names(error: BaseException | None) -> None:
         error.add_note(f"of a {kind.__name__} a program asks {', '.join(names)}")
 
 
-def note_unread(error: TypeError, inputs: Inputs | None) -> None:
+def add_unread_hint(error: TypeError, inputs: Inputs | None) -> None:
     """Add to the error of a program that reckons with readings before there are any how to get some.
 
     inputs: the robot's.

@@ -15,22 +15,22 @@ from raccoon.core.files import kept_file
 from raccoon.core.port import bystander_of
 from raccoon.core.readings import Inputs
 from raccoon.core.sections import SIMULATED_ONE
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration
     from raccoon.robot.robot import Robot
 
-OF_THE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full, worn, or mounted to be read only
+CARD_ERRNOS = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full, worn, or mounted to be read only
 
 
-def name_of(robot: Robot) -> str:
+def robot_name(robot: Robot) -> str:
     """Whose calibrations these are."""
     simulated = bystander_of(robot.port) is not None or robot.config.controller.port not in REAL_CONTROLLERS
     return robot.config.name + SIMULATED_ONE if simulated else robot.config.name
 
 
-class Shelf:
+class CalibrationShelf:
     """Where the calibrations of a robot's tophats go: into use, and into the file `store`, if any.
 
     Raises ConfigError where that is damaged or cannot be written, and where robot.toml has no tophat. Make it
@@ -44,7 +44,7 @@ class Shelf:
         self._before = {name: each.calibration for name, each in robot.tophats.items()}
         self._kept = None if store is None else kept_file(store)
         if self._kept is not None:
-            stored = _checked(self._kept, set_name, name_of(robot))
+            stored = _stored_calibrations(self._kept, set_name, robot_name(robot))
             self._before = {
                 name: stored.get(name) if each is None else each for name, each in self._before.items()
             }
@@ -54,15 +54,15 @@ class Shelf:
         robot, kept = self._robot, self._kept
         for name, each in found.items():
             robot.tophat(name).calibrate(each)
-        _compare(robot, self._before, found)
+        _remark_on_changes(robot, self._before, found)
         if kept is not None:
             try:
-                _store(robot, found, kept, self._set_name)
+                _store_calibrations(robot, found, kept, self._set_name)
             except (OSError, ValueError) as error:
-                say(robot, f"the tophats are calibrated, but {kept} does not have it: {error}")
+                add_remark(robot, f"the tophats are calibrated, but {kept} does not have it: {error}")
 
 
-def _checked(store: Path, set_name: str, own: str) -> dict[str, TophatCalibration]:
+def _stored_calibrations(store: Path, set_name: str, own: str) -> dict[str, TophatCalibration]:
     """The newest calibrations of the robot `own` in `store`, by name. Raises ConfigError where it cannot be
     read or written, but for what the card is to blame for: nobody mends that before a match, and the
     calibration is good all the same.
@@ -79,12 +79,12 @@ def _checked(store: Path, set_name: str, own: str) -> dict[str, TophatCalibratio
         os.close(handle)
         Path(trial).unlink()
     except OSError as error:
-        if error.errno not in OF_THE_CARD:
+        if error.errno not in CARD_ERRNOS:
             raise ConfigError(f"store {store}: cannot be used, so nothing was driven: {error}") from error
     return found
 
 
-def _compare(
+def _remark_on_changes(
     robot: Robot, before: Mapping[str, TophatCalibration | None], found: Mapping[str, TophatCalibration]
 ) -> None:
     """Say which sensors to use with care, and which sit higher or lower than at the calibration before."""
@@ -95,20 +95,22 @@ def _compare(
     floors = {name: (each.surfaces()[0].mean,) for name, each in found.items()}
     pair = find_swapped(known, floors) or ()
     if pair:
-        say(
+        add_remark(
             robot,
             f"tophats {' and '.join(pair)} read each what the other one did at its last calibration: are "
             "their plugs exchanged?",
         )
     for name, now in found.items():
         if now.verdict is Verdict.WEAK:
-            say(robot, f"tophat {name} is to be used with care: {now.reason}")
+            add_remark(robot, f"tophat {name} is to be used with care: {now.reason}")
         last = before[name]
         if last is not None and name not in pair and has_height_changed(last, now):
-            say(robot, f"tophat {name} sits higher or lower than at its last calibration")
+            add_remark(robot, f"tophat {name} sits higher or lower than at its last calibration")
 
 
-def _store(robot: Robot, found: Mapping[str, TophatCalibration], store: Path, set_name: str) -> None:
+def _store_calibrations(
+    robot: Robot, found: Mapping[str, TophatCalibration], store: Path, set_name: str
+) -> None:
     from datetime import UTC, datetime
 
     from raccoon.estimate.tophat.sensor import explain_levels
@@ -122,12 +124,12 @@ def _store(robot: Robot, found: Mapping[str, TophatCalibration], store: Path, se
         ambient, generation = (known[0].ambient, known[0].generation) if len(known) == 1 else (None, None)
         entries.append(
             StoredCalibration(
-                name, set_name, now, each, name_of(robot), ambient, robot.battery_voltage, generation
+                name, set_name, now, each, robot_name(robot), ambient, robot.battery_voltage, generation
             )
         )
     TophatStore(store).add(*entries)
 
 
-def counts_of(readings: Sequence[Inputs], port: int) -> list[float]:
+def port_counts(readings: Sequence[Inputs], port: int) -> list[float]:
     """What an analog port read, without the cycles that had no word of it."""
     return [counts for each in readings if (counts := each.analog[port]) is not None]

@@ -20,7 +20,7 @@ class Movable(Protocol):
 
 
 @contextmanager
-def held(movable: Movable, action: str) -> Iterator[None]:
+def exclusive_use(movable: Movable, action: str) -> Iterator[None]:
     """Let nobody else move it inside the block. Raises RuntimeError as `require_free` does."""
     require_free(movable, action)
     movable.moved_by = action

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from raccoon.core.errors import CalibrationError, MotionTimeout
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Action
-from raccoon.robot.actions.functions import looking
+from raccoon.robot.actions.functions import with_look
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def watched(action: Action[Any], inputs: list[Inputs]) -> Action[Any]:
+def collect_inputs(action: Action[Any], inputs: list[Inputs]) -> Action[Any]:
     """The action, with every reading of its ticks put into `inputs`."""
 
     def look(robot: Robot) -> None:
         if robot.inputs is not None:
             inputs.append(robot.inputs)
 
-    return looking(action, look, f"watched {action.name}")
+    return with_look(action, look, f"watched {action.name}")
 
 
-def driven(robot: Robot, action: Action[T]) -> T:
+def run_calibration_drive(robot: Robot, action: Action[T]) -> T:
     """Do the drive of a calibration; a robot that cannot drive cannot be calibrated."""
     try:
         return robot.run(action)
