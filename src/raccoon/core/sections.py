@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -179,6 +180,9 @@ class ServoConfig:
                 )
 
 
+STOP_BELOW, STOP_ABOVE = Bounds(-1e5, 0.0), Bounds(0.0, 1e5)
+
+
 @dataclass(frozen=True, slots=True)
 class MechanismConfig:
     """`[mechanism.NAME]`: an arm or a gripper on a motor of its own, beside the drive."""
@@ -191,6 +195,18 @@ class MechanismConfig:
     turns: float = number(
         1.0, "turns", "full turns either way that a program may ask for; more for a winch", Bounds(0.01, 1e4)
     )
+    lowest_stop: Measured | None = optional(
+        "rad", "end stop of the simulated one backwards, from where it begins; none when absent", STOP_BELOW
+    )
+    highest_stop: Measured | None = optional(
+        "rad", "the same forwards; a program homes against either (spin until blocked)", STOP_ABOVE
+    )
+
+    @property
+    def stops(self) -> tuple[float, float]:
+        """rad, where the simulated one is blocked either way, counted from where it begins."""
+        low, high = self.lowest_stop, self.highest_stop
+        return -math.inf if low is None else low.value, math.inf if high is None else high.value
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,7 +55,7 @@ class SimulatedPlant:
         self._steps = Steps()
         self._contact = Contact(self._world, robot.body, self._numbers, LONGEST_STEP_S, (0.0, 0.0, 0.0))
         self.free_motors = {
-            each.motor: FreeMotor(robot, each.motor, each.inertia, device)
+            each.motor: FreeMotor(robot, each.motor, each.inertia, device, each.stops)
             for each in robot.mechanisms.values()
         }
         """The motors of the mechanisms by port."""

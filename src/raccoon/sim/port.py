@@ -89,7 +89,7 @@ class SimPort:
         self._signs = wiring_signs(parameters)
         device = simulated_device(config)
         self.free_motors = {
-            each.motor: FreeMotor(config, each.motor, each.inertia, device)
+            each.motor: FreeMotor(config, each.motor, each.inertia, device, each.stops)
             for each in config.mechanisms.values()
         }
         """The motors of the mechanisms by port."""

@@ -18,7 +18,14 @@ class FreeMotor:
     As the board's words have them, its readings carry the wiring sign, the back-EMF filter and whole counts.
     """
 
-    def __init__(self, config: RobotConfig, port: int, inertia: float, device: Device = SIMULATOR) -> None:
+    def __init__(
+        self,
+        config: RobotConfig,
+        port: int,
+        inertia: float,
+        device: Device = SIMULATOR,
+        stops: tuple[float, float] = (-math.inf, math.inf),
+    ) -> None:
         motor, friction = config.model.left, config.model.friction
         self.angle = 0.0
         """rad, positive with positive duty before the wiring sign."""
@@ -31,7 +38,7 @@ class FreeMotor:
         self._coulomb, self._viscous = friction.coulomb.value, friction.viscous.value
         self._inertia = inertia
         self._filter = max(config.model.bemf.filter_time_constant.value, 1e-6)
-        self.stops = (-math.inf, math.inf)
+        self.stops = stops
         """rad, where it is blocked either way, counted from where it begins."""
         self._counts = 0.0
         self._counted = 0.0

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +17,7 @@ from raccoon import (
     blocked,
     deg,
     do,
+    load_robot,
     move,
     move_by,
     open_robot,
@@ -235,10 +237,13 @@ def test_a_blocked_arm_is_named_with_its_port_and_released() -> None:
         assert robot.mechanism("arm").goal is None
 
 
-def test_homing_against_the_end_stop() -> None:
-    port = Spy()
-    port.arm.stops = (-0.5, 1.0)
-    with open_robot(CONFIG, port=port) as robot:
+def test_homing_against_the_end_stop_of_robot_toml(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(
+        "[mechanism.arm]\nmotor = 3\nlowest_stop = -0.5\nhighest_stop = 1.0\n"
+    )
+    config = load_robot(tmp_path / "robot.toml")
+    port = Spy(config)
+    with open_robot(config, port=port) as robot:
         robot.run(seq(spin("arm", -1.5).until(blocked("arm")), zero("arm")))
         assert robot.mechanism("arm").angle == 0.0
         robot.run(move("arm", 1.0))
