@@ -105,7 +105,7 @@ def _felt(robot: Robot) -> bool:
     return any(why.startswith("bumped") for why in robot.estimate.reasons)
 
 
-def struck(kind: str, what: str, speed: float, seed: int) -> tuple[bool, bool]:
+def is_bump_detected(kind: str, what: str, speed: float, seed: int) -> tuple[bool, bool]:
     """Whether the accelerometer felt it, and whether `bumped()` held within 1.5 s of it."""
     distance = (0.25 if what == "corner" else 0.2) + random.Random(seed).uniform(0.0, 0.02)
     with open_robot(CONFIG, port=port_of(kind, obstacle(what, distance), seed)) as robot:
@@ -115,7 +115,7 @@ def struck(kind: str, what: str, speed: float, seed: int) -> tuple[bool, bool]:
         return _felt(robot), first == 1
 
 
-def ordinary(seed: int) -> Action[object]:
+def ordinary_drive(seed: int) -> Action[object]:
     """A drive of half a minute or so."""
     chance = random.Random(seed)
     hard = [
@@ -138,7 +138,7 @@ def ordinary(seed: int) -> Action[object]:
     return seq(wait(0.6), *parts)
 
 
-def alarms(kind: str, seed: int, lost: float, plant: Parameters = PLAIN) -> tuple[int, float]:
+def count_false_alarms(kind: str, seed: int, lost: float, plant: Parameters = PLAIN) -> tuple[int, float]:
     """How often bumped() came true on an ordinary drive, and how long it was."""
     with open_robot(CONFIG, port=Lossy(port_of(kind, HILLY, seed, plant), lost, seed)) as robot:
         held, count = False, 0
@@ -151,7 +151,7 @@ def alarms(kind: str, seed: int, lost: float, plant: Parameters = PLAIN) -> tupl
             held = now
             return False
 
-        robot.run(race(ordinary(seed), wait_for(when(count_it))))
+        robot.run(race(ordinary_drive(seed), wait_for(when(count_it))))
         return count, robot.time
 
 
@@ -167,12 +167,12 @@ def main() -> None:
         for what in ("front", "corner", "object"):
             row = []
             for speed in SPEEDS:
-                found = [struck(kind, what, speed, seed) for seed in range(asked.impacts)]
+                found = [is_bump_detected(kind, what, speed, seed) for seed in range(asked.impacts)]
                 row.append(f"{sum(seen for _, seen in found)} ({sum(felt for felt, _ in found)})")
             print(f"{kind:6}{what:8}", "  ".join(f"{each:8}" for each in row), flush=True)
         said = {"plain": (PLAIN, 0.0), "a tenth lost": (PLAIN, 0.1)}
         for name, (plant, lost) in {**said, **{name: (plant, 0.0) for name, plant in ROBOTS.items()}}.items():
-            each = [alarms(kind, seed, lost, plant) for seed in range(asked.drives)]
+            each = [count_false_alarms(kind, seed, lost, plant) for seed in range(asked.drives)]
             false, seconds = sum(count for count, _ in each), sum(time for _, time in each)
             print(f"{kind:6}{false} false alarms in {seconds:.0f} s, {name}", flush=True)
 

@@ -24,10 +24,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from diagnosis_cases import ROWS, Case, cases, drawn
+from diagnosis_cases import ROWS, Case, cases, make_recording
 from diagnosis_table import print_table
-from diagnosis_trial import run, shown
-from options import several
+from diagnosis_trial import diagnosed_columns, run
+from options import comma_separated
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.reports.pictures import error_figure
@@ -71,7 +71,7 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--seed", type=int, default=None)
     parser.add_argument(
-        "--cases", type=several(ROWS), default=list(ROWS), help="rows of the table, comma separated"
+        "--cases", type=comma_separated(ROWS), default=list(ROWS), help="rows of the table, comma separated"
     )
     parser.add_argument("--results", type=Path, default=None, help="file to append to and to go on from")
     parser.add_argument("--processes", type=int, default=1)
@@ -145,8 +145,8 @@ def _run(wanted: list[Case], seed: int, processes: int, until: float) -> Iterabl
 
 def _draw(key: str, seed: int, path: Path) -> None:
     case = Case.of(key)
-    blind = drawn(case, seed)
-    said = diagnose(shown(case, blind), RobotConfig())
+    blind = make_recording(case, seed)
+    said = diagnose(diagnosed_columns(case, blind), RobotConfig())
     error_figure(said).savefig(path, dpi=110)
     print("hidden", {each.name: each.values for each in blind.hidden})
     for each in said.causes:

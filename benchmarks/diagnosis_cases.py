@@ -133,7 +133,7 @@ def cases(rows: list[str], trials: int) -> Iterator[Case]:
     yield from (case for _, _, case in wanted)
 
 
-def hidden_of(case: Case, rng: np.random.Generator) -> list[Hidden]:
+def hidden_causes(case: Case, rng: np.random.Generator) -> list[Hidden]:
     """What is hidden in a case's robot: as its row has it, or its cause in the row's size."""
     if case.cause == CLEAN:
         return []
@@ -141,10 +141,10 @@ def hidden_of(case: Case, rng: np.random.Generator) -> list[Hidden]:
     return [draw(case.cause, rng, ROWS[case.row].size)] if hide is None else hide(case, rng)
 
 
-def drawn(case: Case, seed: int) -> Blind:
+def make_recording(case: Case, seed: int) -> Blind:
     """A case's recording."""
     rng = case.rng(seed)
-    return recording(case, hidden_of(case, rng), rng)
+    return recording(case, hidden_causes(case, rng), rng)
 
 
 def _twin(cause: str, rng: np.random.Generator) -> Hidden:
@@ -189,11 +189,11 @@ def _shuffled(rng: np.random.Generator, causes: tuple[str, ...] = _ALL) -> list[
     return [causes[index] for index in rng.permutation(len(causes))]
 
 
-def _share(rng: np.random.Generator, index: int) -> float:
+def _background_share(rng: np.random.Generator, index: int) -> float:
     return 1.0 if index == 0 else float(rng.uniform(0.0, BACKGROUND))
 
 
-def _different(rng: np.random.Generator, count: int) -> list[Hidden]:
+def _different_causes(rng: np.random.Generator, count: int) -> list[Hidden]:
     return [draw(each, rng) for each in _shuffled(rng)[:count]]
 
 
@@ -213,7 +213,7 @@ def recording(case: Case, hidden: list[Hidden], rng: np.random.Generator) -> Bli
 
 def _all_together(case: Case, rng: np.random.Generator) -> list[Hidden]:
     causes = _shuffled(rng, FIFTEEN if case.row == "fifteen" else _ALL)
-    return [draw(each, rng, _share(rng, index)) for index, each in enumerate(causes)]
+    return [draw(each, rng, _background_share(rng, index)) for index, each in enumerate(causes)]
 
 
 def _among_small_ones(case: Case, rng: np.random.Generator) -> list[Hidden]:
@@ -226,8 +226,8 @@ _HIDING: Mapping[str, Callable[[Case, np.random.Generator], list[Hidden]]] = {
     "unknown": lambda case, rng: [draw_unknown(case.cause, rng)],
     "twins": lambda case, rng: [_twin(case.cause, rng)],
     "unmeasured": lambda _, rng: _all_off(rng),
-    "two": lambda _, rng: _different(rng, 2),
-    "several": lambda _, rng: _different(rng, int(rng.integers(3, 6))),
+    "two": lambda _, rng: _different_causes(rng, 2),
+    "several": lambda _, rng: _different_causes(rng, int(rng.integers(3, 6))),
     "fifteen": _all_together,
     "everything": _all_together,
     "worst": _among_small_ones,

@@ -26,7 +26,7 @@ import numpy as np
 from blind.generator import make
 from blind.hidden import CAUSES, Hidden, draw
 from blind.plant import NEUTRAL
-from options import several
+from options import comma_separated
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet.change_points import Piece
@@ -61,7 +61,7 @@ def main() -> int:
     parser.add_argument("--days", type=int, default=8)
     parser.add_argument("--seconds", type=float, default=25.0)
     parser.add_argument("--seed", type=int, default=None)
-    parser.add_argument("--kinds", type=several(KINDS), default=list(KINDS))
+    parser.add_argument("--kinds", type=comma_separated(KINDS), default=list(KINDS))
     parser.add_argument("--processes", type=int, default=1)
     args = parser.parse_args()
     seed = int(np.random.default_rng().integers(2**31)) if args.seed is None else args.seed

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 import diagnosis_cases  # puts tests/blind on the path
 from blind.generator import Noise, make
 from blind.hidden import Hidden, draw, draw_unknown
-from diagnosis_trial import shown
+from diagnosis_trial import diagnosed_columns
 from raccoon.cli import main as raccoon
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
@@ -37,7 +37,7 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.model_file import save_model
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.loading import load_run
-from simulated_drives import recorded
+from simulated_drives import record_simulated_drive
 
 Columns = dict[str, NDArray[np.float64]]
 Faults = dict[tuple[str, str | None], dict[str, float]]
@@ -131,11 +131,11 @@ def _tabled(name: str, key: str, seed: int, *relevant: str) -> Held:
     """A recording of the table of benchmarks/diagnosis.py. relevant: what must be named, if not all that is
     hidden."""
     case = diagnosis_cases.Case.of(key)
-    hidden = frozenset(each.name for each in diagnosis_cases.hidden_of(case, case.rng(seed)))
+    hidden = frozenset(each.name for each in diagnosis_cases.hidden_causes(case, case.rng(seed)))
     asked = frozenset(relevant) or hidden
 
     def columns() -> Columns:
-        return dict(shown(case, diagnosis_cases.drawn(case, seed)))
+        return dict(diagnosed_columns(case, diagnosis_cases.make_recording(case, seed)))
 
     return Held(name, columns, asked, by_chance=hidden - asked)
 
@@ -165,7 +165,7 @@ def _simulated(
     name: str, robot: Parameters, seconds: float, *causes: str, seed: int = 3, notes: tuple[str, ...] = ()
 ) -> Held:
     """The package's own robot, in a drive that shows everything."""
-    return Held(name, lambda: recorded(robot, seconds, seed), frozenset(causes), notes=notes)
+    return Held(name, lambda: record_simulated_drive(robot, seconds, seed), frozenset(causes), notes=notes)
 
 
 def _checked_up(name: str, faults: Faults) -> Held:

@@ -24,7 +24,7 @@ import numpy as np
 from blind.generator import make
 from blind.hidden import CAUSES as HIDEABLE
 from blind.hidden import draw
-from options import several
+from options import comma_separated
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 
@@ -38,7 +38,7 @@ def main() -> int:
     """A line for each length and robot, then how a second of the longest compares with one of 40 s."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", default="20,40,80,120,160,240")
-    parser.add_argument("--causes", type=several((SOUND, *HIDEABLE)), default=list(CAUSES))
+    parser.add_argument("--causes", type=comma_separated((SOUND, *HIDEABLE)), default=list(CAUSES))
     parser.add_argument("--seed", type=int, default=None)
     args = parser.parse_args()
     seed = int(np.random.default_rng().integers(2**31)) if args.seed is None else args.seed

@@ -34,10 +34,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis_cases import Case, drawn
-from diagnosis_table import exactly, found_of, relevant_of
-from diagnosis_trial import shown, true_coordinate, true_settings
-from first_problem import problem_of
+from diagnosis_cases import Case, make_recording
+from diagnosis_table import found_causes, is_exactly_right, relevant_causes
+from diagnosis_trial import diagnosed_columns, true_coordinate, true_settings
+from first_problem import make_problem
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fit_result import Fit
@@ -80,7 +80,7 @@ def main() -> None:
     lines = [json.loads(each) for each in args.results.read_text(encoding="utf-8").splitlines()]
     seed = next(each["seed"] for each in lines if "key" not in each)
     asked = [each for each in lines if each.get("row") in ASKED]
-    keys = [each["key"] for each in asked if not exactly(each)]
+    keys = [each["key"] for each in asked if not is_exactly_right(each)]
     print(f"seed {seed}, {len(keys)} of {len(asked)} not named exactly", flush=True)
     counts: Counter[tuple[str, str]] = Counter()
     spawn = multiprocessing.get_context("spawn")
@@ -124,8 +124,8 @@ def _searched(key: str, seed: int) -> tuple[Blind, Search]:
 
 def _started(key: str, seed: int) -> tuple[Blind, Search]:
     case = Case.of(key)
-    blind = drawn(case, seed)
-    problem = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
+    blind = make_recording(case, seed)
+    problem = make_problem(log_from_columns(diagnosed_columns(case, blind), ROBOT), ROBOT, drive_causes())
     return blind, start_search(problem, make_probe_function(problem))
 
 
@@ -159,8 +159,8 @@ def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int, int]:
         if spare >= 0.0:
             break
         fit = less
-    relevant = set(relevant_of(result))
-    return len(relevant), len(relevant & set(fit.point.active)), len(relevant & found_of(result))
+    relevant = set(relevant_causes(result))
+    return len(relevant), len(relevant & set(fit.point.active)), len(relevant & found_causes(result))
 
 
 def _true_points(problem: Problem, names: Sequence[str], truth: Settings, said: Point) -> list[Point]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import diagnosis_cases  # noqa: F401  puts tests/blind on the path
 from blind.generator import make
 from diagnosis_trial import true_coordinate, true_settings
-from first_problem import problem_of
+from first_problem import make_problem
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.held_out import evaluate_held_out
@@ -48,7 +48,7 @@ def main() -> None:
     leads: dict[str, list[float]] = {"any cause": [], "what a floor imitates": [], "probe": [], "error": []}
     for _ in range(args.robots):
         blind = make(int(rng.integers(2**31)), seconds=40.0)
-        problem = problem_of(log_from_columns(blind.columns, ROBOT), ROBOT, drive_causes())
+        problem = make_problem(log_from_columns(blind.columns, ROBOT), ROBOT, drive_causes())
         search = start_search(problem, make_probe_function(problem))
         for name, value in _leads(search).items():
             leads[name].append(value)

@@ -23,9 +23,9 @@ import diagnosis_cases  # puts tests/blind on the path
 from blind.generator import make
 from blind.robots import ROBOTS, fitting, noise_of, other_robot
 from diagnosis_cases import Case
-from diagnosis_table import exactly, first_right, percent
-from diagnosis_trial import said_of
-from options import several
+from diagnosis_table import is_exactly_right, is_first_right, percent
+from diagnosis_trial import diagnosis_summary
+from options import comma_separated
 from raccoon.diagnose.diagnosis import diagnose
 
 FIRST, CLEAN = 0.99, 0.01
@@ -37,11 +37,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=None)
     parser.add_argument(
         "--rows",
-        type=several(diagnosis_cases.ROWS),
+        type=comma_separated(diagnosis_cases.ROWS),
         default="single,clean",
         help="rows of the table, of one cause or none",
     )
-    parser.add_argument("--robots", type=several(ROBOTS), default=list(ROBOTS))
+    parser.add_argument("--robots", type=comma_separated(ROBOTS), default=list(ROBOTS))
     parser.add_argument("--processes", type=int, default=1)
     args = parser.parse_args()
     seed = int(np.random.default_rng().integers(2**31)) if args.seed is None else args.seed
@@ -52,7 +52,7 @@ def main() -> int:
     with ProcessPoolExecutor(args.processes, mp_context=multiprocessing.get_context("spawn")) as pool:
         for each in pool.map(_said, *zip(*wanted, strict=True)):
             said.append(each)
-            if not exactly(each):
+            if not is_exactly_right(each):
                 names = [cause["name"] for cause in each["causes"]] or [each["verdict"]]
                 print(f"{each['robot']} {each['key']}: {', '.join(names)}", flush=True)
     for name in dict.fromkeys(each["robot"] for each in said):
@@ -65,19 +65,19 @@ def _said(name: str, case: Case, seed: int) -> dict[str, Any]:
     with other_robot(name) as robot:
         number, row = list(ROBOTS).index(name), diagnosis_cases.ROWS[case.row]
         rng = np.random.default_rng([number, *case.rng(seed).integers(2**31, size=2)])
-        hidden = [fitting(each) for each in diagnosis_cases.hidden_of(case, rng)]
+        hidden = [fitting(each) for each in diagnosis_cases.hidden_causes(case, rng)]
         noise = noise_of().times(row.noise)
         blind = make(int(rng.integers(2**31)), hidden, row.drive, row.seconds, noise)
         found = diagnose(blind.columns, robot)
     names = {each.name: dict(each.values) for each in hidden}
-    return {"robot": name, "key": case.key, "hidden": names, **said_of(found)}
+    return {"robot": name, "key": case.key, "hidden": names, **diagnosis_summary(found)}
 
 
 def _tell(name: str, said: list[dict[str, Any]]) -> int:
     """A line; returned is 1 where a figure is missed."""
     hidden, clean = ([each for each in said if bool(each["hidden"]) is has] for has in (True, False))
-    first, named = [first_right(each) for each in hidden], [not exactly(each) for each in clean]
-    whole = percent(map(exactly, hidden))
+    first, named = [is_first_right(each) for each in hidden], [not is_exactly_right(each) for each in clean]
+    whole = percent(map(is_exactly_right, hidden))
     print(f"{name:8s} first {percent(first)}, exactly {whole}; sound ones with a name {percent(named)}")
     missed = bool(hidden) and float(np.mean(first)) < FIRST
     return int(missed or (bool(clean) and float(np.mean(named)) > CLEAN))

@@ -83,7 +83,7 @@ def percent(flags: Iterable[bool]) -> str:
     return f"{100 * np.mean(flags):.1f} % ({sum(flags)} of {len(flags)})" if flags else "not run"
 
 
-def hit(cause: dict[str, Any], true: Iterable[str]) -> bool:
+def is_hidden_cause(cause: dict[str, Any], true: Iterable[str]) -> bool:
     """Whether a named cause is one of the true ones, alone or as a class that holds it.
 
     Both motors' resistance is a class with inertia and friction together, not with one of them.
@@ -97,49 +97,57 @@ def hit(cause: dict[str, Any], true: Iterable[str]) -> bool:
     return bool(({cause["name"]} | members) & set(true))
 
 
-def first_right(result: Result) -> bool:
+def is_first_right(result: Result) -> bool:
     """Whether the cause that was named first is hidden."""
-    return bool(result["causes"]) and hit(result["causes"][0], _names(result))
+    return bool(result["causes"]) and is_hidden_cause(result["causes"][0], _names(result))
 
 
-def exactly(result: Result) -> bool:
+def is_exactly_right(result: Result) -> bool:
     """Whether all that is hidden was named and nothing else said."""
     causes, true = result["causes"], _names(result)
-    return all(hit(each, true) for each in causes) and len(causes) == len(true) and not result["depends_on"]
+    return (
+        all(is_hidden_cause(each, true) for each in causes)
+        and len(causes) == len(true)
+        and not result["depends_on"]
+    )
 
 
 def _names(result: Result) -> list[str]:
     return [each for each in result["hidden"] if each.partition("@")[0] != "unknown"]
 
 
-def _wrong(result: Result) -> bool:
-    return bool(result["causes"]) and not first_right(result)
+def _is_first_wrong(result: Result) -> bool:
+    return bool(result["causes"]) and not is_first_right(result)
 
 
 def _single(results: Sequence[Result]) -> str:
-    first, wrong = percent(map(first_right, results)), percent(map(_wrong, results))
-    missed = [each for each in results if not first_right(each) and not each["causes"]]
-    said = f"first {first}, wrong {wrong}, exactly {percent(map(exactly, results))}"
-    acting = [first_right(each) for each in results if relevant_of(each)]
+    first, wrong = percent(map(is_first_right, results)), percent(map(_is_first_wrong, results))
+    missed = [each for each in results if not is_first_right(each) and not each["causes"]]
+    said = f"first {first}, wrong {wrong}, exactly {percent(map(is_exactly_right, results))}"
+    acting = [is_first_right(each) for each in results if relevant_causes(each)]
     said = f"{said}; of those that act: first {percent(acting)}"
     rivals = percent(bool(each["causes"][0]["class"]) for each in results if each["causes"])
     said = f"{said}; named with others that it is not told from {rivals}"
-    return f"{said}; of the silent ones said to be too small to show: {percent(map(announced, missed))}"
+    return (
+        f"{said}; of the silent ones said to be too small to show: {percent(map(is_miss_announced, missed))}"
+    )
 
 
 def _small(results: Sequence[Result]) -> str:
-    outside = [each for each in results if not _ordinary(each)]
-    first, wrong = percent(map(first_right, outside)), percent(map(_wrong, outside))
+    outside = [each for each in results if not _is_within_tolerance(each)]
+    first, wrong = percent(map(is_first_right, outside)), percent(map(_is_first_wrong, outside))
     return f"{_single(results)}; of those outside robot.toml: first {first}, wrong {wrong}"
 
 
-def _ordinary(result: Result) -> bool:
+def _is_within_tolerance(result: Result) -> bool:
     """Whether what is hidden is inside what robot.toml gives with a standard deviation, so no cause."""
-    measured = [each for each in (_away(result, name) for name in result["true"]) if each is not None]
+    measured = [
+        each for each in (_stds_from_nominal(result, name) for name in result["true"]) if each is not None
+    ]
     return bool(measured) and measured[0] <= INSIDE
 
 
-def _away(result: Result, name: str) -> float | None:
+def _stds_from_nominal(result: Result, name: str) -> float | None:
     """Standard deviations of robot.toml by which a hidden cause is off; None where it gives none."""
     widths = {setting: each for each in base_coordinates(RobotConfig()) for setting in each.settings}
     id_, _, where = name.partition("@")
@@ -157,7 +165,7 @@ def _deviations(coordinate: Coordinate, value: float, nominal: float) -> float:
     return abs(value - nominal) / coordinate.value(1.0)
 
 
-def announced(result: Result) -> bool:
+def is_miss_announced(result: Result) -> bool:
     """Whether a missed cause was said to be invisible, or smaller than what would have shown."""
     reason = _reason(result)
     if reason.startswith(("not visible", "not identifiable", "shows in too few moments")):
@@ -188,31 +196,31 @@ def _clean(results: Sequence[Result]) -> str:
 
 
 def _two(results: Sequence[Result]) -> str:
-    both = percent(set(_names(each)) <= found_of(each) for each in results)
-    spurious = percent(not hit(c, _names(each)) for each in results for c in each["causes"])
-    first = percent(map(first_right, results))
-    exact = percent(map(exactly, results))
+    both = percent(set(_names(each)) <= found_causes(each) for each in results)
+    spurious = percent(not is_hidden_cause(c, _names(each)) for each in results for c in each["causes"])
+    first = percent(map(is_first_right, results))
+    exact = percent(map(is_exactly_right, results))
     return f"both {both}, exactly {exact}, first right {first}, spurious names {spurious}"
 
 
-def found_of(result: Result) -> set[str]:
+def found_causes(result: Result) -> set[str]:
     """The hidden causes that were named, each by itself or in a class."""
     names = _names(result)
-    said = [{c["name"], *c["class"]} for c in result["causes"] if hit(c, names)]
+    said = [{c["name"], *c["class"]} for c in result["causes"] if is_hidden_cause(c, names)]
     return {name for name in names if any(name in each for each in said)}
 
 
-def relevant_of(result: Result, kind: str = "alone") -> list[str]:
+def relevant_causes(result: Result, kind: str = "alone") -> list[str]:
     """The hidden causes that matter. kind: alone, or beside what the others can imitate."""
     return [name for name, size in result.get(kind, {}).items() if size > RELEVANT]
 
 
 def _many(results: Sequence[Result]) -> str:
     recall, beside = (
-        percent(name in found_of(each) for each in results for name in relevant_of(each, kind))
+        percent(name in found_causes(each) for each in results for name in relevant_causes(each, kind))
         for kind in ("alone", "beside")
     )
-    spurious = percent(not hit(c, _names(each)) for each in results for c in each["causes"])
+    spurious = percent(not is_hidden_cause(c, _names(each)) for each in results for c in each["causes"])
     recall = f"recall {recall}, of what the others cannot imitate {beside}"
     return f"{recall}, spurious {spurious}, {_largest(results)}"
 
@@ -237,9 +245,12 @@ def _first_size(result: Result) -> float:
 
 
 def _worst(results: Sequence[Result]) -> str:
-    main = [each["causes"] and hit(each["causes"][0], [next(iter(each["hidden"]))]) for each in results]
+    main = [
+        each["causes"] and is_hidden_cause(each["causes"][0], [next(iter(each["hidden"]))])
+        for each in results
+    ]
     largest = [flag for flag, each in zip(main, results, strict=True) if _main_acts_most(each)]
-    absent = [bool(each["causes"]) and not _acts(each, each["causes"][0]) for each in results]
+    absent = [bool(each["causes"]) and not _is_really_there(each, each["causes"][0]) for each in results]
     wrong = [
         flag and each["causes"][0]["change"] >= PRACTICAL for flag, each in zip(absent, results, strict=True)
     ]
@@ -261,7 +272,7 @@ def _measured(result: Result, cause: dict[str, Any]) -> bool:
     )
 
 
-def _lag(result: Result, name: str) -> float:
+def _hidden_lag(result: Result, name: str) -> float:
     """s by which a hidden cause delays readings more than is assumed and robot.toml leaves open; 0 where it
     is not hidden."""
     nominal = result["nominal"].get(name, {})
@@ -270,19 +281,22 @@ def _lag(result: Result, name: str) -> float:
     return math.copysign(max(abs(late) - next(own, 0.0), 0.0), late)
 
 
-def _acts(result: Result, cause: dict[str, Any]) -> bool:
+def _is_really_there(result: Result, cause: dict[str, Any]) -> bool:
     """Whether what was named is really there. A class is what its hidden members are together."""
-    return hit(cause, _acting(result)) or result["together"].get(cause["name"], 0.0) > PRACTICAL
+    return (
+        is_hidden_cause(cause, _acting_causes(result))
+        or result["together"].get(cause["name"], 0.0) > PRACTICAL
+    )
 
 
-def _acting(result: Result) -> list[str]:
+def _acting_causes(result: Result) -> list[str]:
     """What is no wrong name in the worst case, where every effect of the catalogue is off by a little.
 
     The main cause, what changes the recording, and what is really outside robot.toml.
     """
     names = [next(iter(result["hidden"]))]
     names += [name for name, size in result["alone"].items() if size > PRACTICAL]
-    return names + [name for name in result["true"] if (_away(result, name) or 0.0) > INSIDE]
+    return names + [name for name in result["true"] if (_stds_from_nominal(result, name) or 0.0) > INSIDE]
 
 
 def _main_acts_most(result: Result) -> bool:
@@ -344,7 +358,9 @@ def _twins(results: Sequence[Result]) -> str:
 
 def _advised(results: Sequence[Result]) -> str:
     decided = [each for each in results if each["predicted"] >= DECISIVE_EVIDENCE]
-    return f"named first {percent(map(first_right, decided))}, wrong {percent(map(_wrong, decided))}"
+    return (
+        f"named first {percent(map(is_first_right, decided))}, wrong {percent(map(_is_first_wrong, decided))}"
+    )
 
 
 def _probabilities(results: Sequence[Result]) -> str:
@@ -393,7 +409,7 @@ def _numbers(result: Result, causes: Sequence[dict[str, Any]]) -> Iterator[Numbe
         value, std, nominal = cause["parameters"][leading]
         true = result["true"][cause["name"]][leading]
         true += sum(
-            _lag(result, other) for other in cause["class"] if delay_same_reading(cause["name"], other)
+            _hidden_lag(result, other) for other in cause["class"] if delay_same_reading(cause["name"], other)
         )
         yield value, std, true, nominal if nominal is not None and np.isfinite(nominal) else 0.0
 
@@ -431,9 +447,9 @@ def _times(results: Sequence[Result]) -> str:
 
 def _confusion(row: str, results: Sequence[Result]) -> None:
     pairs = Counter(
-        (next(iter(each["hidden"])), each["causes"][0]["name"] if each["causes"] else _silent(each))
+        (next(iter(each["hidden"])), each["causes"][0]["name"] if each["causes"] else _silence_text(each))
         for each in results
-        if not first_right(each)
+        if not is_first_right(each)
     )
     if not pairs:
         return
@@ -443,7 +459,7 @@ def _confusion(row: str, results: Sequence[Result]) -> None:
         print(f"| `{true}` | {said} | {count} |")
 
 
-def _silent(result: Result) -> str:
+def _silence_text(result: Result) -> str:
     unknown = ", ".join(result["depends_on"])
     return f"unknown ({unknown})" if unknown else f"nothing ({re.split('[:;(]', _reason(result))[0].strip()})"
 

@@ -25,9 +25,9 @@ import numpy as np
 
 from blind.generator import make
 from blind.hidden import CAUSES, Hidden, draw
-from diagnosis_table import exactly, first_right, percent
-from diagnosis_trial import said_of
-from options import several
+from diagnosis_table import is_exactly_right, is_first_right, percent
+from diagnosis_trial import diagnosis_summary
+from options import comma_separated
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.findings.path_dependence import PATH_DEPENDENT, PER_RECORDING
@@ -47,7 +47,7 @@ def main() -> int:
     parser.add_argument("--size", type=float, default=1.0, help="of the hidden causes")
     parser.add_argument("--drive", default="exciting", help="exciting or contest")
     parser.add_argument("--clean", type=int, default=12, help="robots without a cause")
-    parser.add_argument("--causes", type=several(HIDDEN), default=list(HIDDEN))
+    parser.add_argument("--causes", type=comma_separated(HIDDEN), default=list(HIDDEN))
     parser.add_argument("--alone", action="store_true", help="also each drive alone")
     parser.add_argument("--processes", type=int, default=1)
     args = parser.parse_args()
@@ -59,7 +59,7 @@ def main() -> int:
     with ProcessPoolExecutor(args.processes, mp_context=multiprocessing.get_context("spawn")) as pool:
         for each in pool.map(_said, *zip(*((*it, seed, args) for it in wanted), strict=True)):
             said.append(each)
-            if not exactly(each["together"]):
+            if not is_exactly_right(each["together"]):
                 print(
                     f"{each['cause']}: {_names(each['together'])} (hidden {each['together']['hidden']})",
                     flush=True,
@@ -84,8 +84,10 @@ def _said(cause: str, number: int, seed: int, args: argparse.Namespace) -> dict[
     ]
     names = {each.name: dict(each.values) for each in hidden}
     found = diagnose(drives[0], RobotConfig(), more=drives[1:])
-    together = {"hidden": names, "seconds": found.seconds, **said_of(found)}
-    alone = [{"hidden": names, **said_of(diagnose(each, RobotConfig()))} for each in drives if args.alone]
+    together = {"hidden": names, "seconds": found.seconds, **diagnosis_summary(found)}
+    alone = [
+        {"hidden": names, **diagnosis_summary(diagnose(each, RobotConfig()))} for each in drives if args.alone
+    ]
     return {"cause": cause, "together": together, "alone": alone}
 
 
@@ -97,14 +99,15 @@ def _of_the_day(rng: np.random.Generator) -> list[Hidden]:
 
 def _tell(said: list[dict[str, Any]]) -> int:
     hidden, clean = ([each for each in said if (each["cause"] != CLEAN) is has] for has in (True, False))
-    first = [first_right(each["together"]) for each in hidden]
+    first = [is_first_right(each["together"]) for each in hidden]
     wrong = [
         bool(each["together"]["causes"]) and not right for each, right in zip(hidden, first, strict=True)
     ]
     named = [bool(each["together"]["causes"]) for each in clean]
-    alone = [first_right(it) for each in hidden for it in each["alone"]]
+    alone = [is_first_right(it) for each in hidden for it in each["alone"]]
     seconds = [each["together"]["seconds"] for each in said]
-    print(f"together: first {percent(first)}, exactly {percent(exactly(it['together']) for it in hidden)}")
+    exact = percent(is_exactly_right(it["together"]) for it in hidden)
+    print(f"together: first {percent(first)}, exactly {exact}")
     print(
         f"wrong first: {percent(wrong)}; sound ones with a name {percent(named)}; s: {np.median(seconds):.1f}"
     )

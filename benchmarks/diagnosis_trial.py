@@ -18,7 +18,7 @@ from scipy.optimize import lsq_linear
 from blind.generator import Blind
 from blind.hidden import Hidden
 from blind.plant import BRISTLE, BRISTLE_DAMPING, COASTING_RATE, NEUTRAL
-from diagnosis_cases import ROWS, TWINS, Case, hidden_of, recording
+from diagnosis_cases import ROWS, TWINS, Case, hidden_causes, recording
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.features import Features
@@ -114,19 +114,19 @@ def _set(settings: Settings, id_: str, name: str, side: str | None, value: float
             settings[(id_, place, name)] = value
 
 
-def cut(columns: Columns, seconds: float) -> dict[str, Array]:
+def first_part(columns: Columns, seconds: float) -> dict[str, Array]:
     """The first part of a recording."""
     kept = columns["t"] < seconds
     return {name: column[kept] for name, column in columns.items()}
 
 
-def shown(case: Case, blind: Blind) -> Columns:
+def diagnosed_columns(case: Case, blind: Blind) -> Columns:
     """What the diagnosis gets of a recording; the rest is what it is judged on."""
     row = ROWS[case.row]
-    return cut(blind.columns, row.seconds) if row.tail else blind.columns
+    return first_part(blind.columns, row.seconds) if row.tail else blind.columns
 
 
-class Unseen:
+class HeldOutDrive:
     """The whole drive, judged where the diagnosis did not look."""
 
     def __init__(self, columns: Columns, seconds: float) -> None:
@@ -150,13 +150,13 @@ class Unseen:
         return np.asarray(self.features.measured - self.features.simulated(simulated)[0], float)
 
 
-def gain(blind: Blind, said: Diagnosis, seconds: float) -> dict[str, float]:
+def held_out_gain(blind: Blind, said: Diagnosis, seconds: float) -> dict[str, float]:
     """Error on unseen driving: nominal and diagnosed, over that of the true parameters.
 
     before, after: root mean square. usual_before, usual_after: the same of the median half second; a wheel
     that breaks loose a moment early or late, which chance decides, rules the root mean square and not this.
     """
-    unseen = Unseen(blind.columns, seconds)
+    unseen = HeldOutDrive(blind.columns, seconds)
     nominal, true = unseen.of_settings([neutral_settings(RobotConfig()), true_settings(blind.robot)])
     assert said.model is not None
     found = unseen.of_model(said.model)
@@ -188,7 +188,7 @@ def contributions(
     Base numbers absorb what they can within robot.toml's bounds. Simulated by the package with the true
     parameters, with and without the cause.
     """
-    unseen = Unseen(cut(blind.columns, seconds), 0.0)
+    unseen = HeldOutDrive(first_part(blind.columns, seconds), 0.0)
     full = true_settings(blind.robot)
     base = base_coordinates(RobotConfig())
     variants = [full]
@@ -199,7 +199,7 @@ def contributions(
     for gone in [*([each] for each in blind.hidden), *classes.values()]:
         robot = blind.robot
         for each in gone:
-            robot = _without(robot, each)
+            robot = _without_hidden(robot, each)
         variants.append(true_settings(robot))
     residual = unseen.of_settings(variants)
     floor = np.sqrt((residual[0] ** 2).mean(axis=0))
@@ -209,12 +209,17 @@ def contributions(
     none = np.zeros((columns.shape[0], 0))
     names = [each.name for each in blind.hidden]
     return {
-        "alone": {name: _left(change, columns, none) for name, change in zip(names, each_alone, strict=True)},
+        "alone": {
+            name: _unabsorbed_rms(change, columns, none)
+            for name, change in zip(names, each_alone, strict=True)
+        },
         "beside": {
-            name: _left(each_alone[index], columns, np.delete(each_alone, index, axis=0).T)
+            name: _unabsorbed_rms(each_alone[index], columns, np.delete(each_alone, index, axis=0).T)
             for index, name in enumerate(names)
         },
-        "together": {name: _left(change, columns, none) for name, change in zip(classes, whole, strict=True)},
+        "together": {
+            name: _unabsorbed_rms(change, columns, none) for name, change in zip(classes, whole, strict=True)
+        },
     }
 
 
@@ -228,7 +233,7 @@ def _classes(said: Diagnosis, blind: Blind) -> dict[str, list[Hidden]]:
     return found
 
 
-def _left(change: Array, base: Array, others: Array) -> float:
+def _unabsorbed_rms(change: Array, base: Array, others: Array) -> float:
     """Root mean square of what base numbers, inside their bounds, and others, at any size, do not absorb."""
     bounds = np.concatenate([np.full(base.shape[1], INSIDE), np.full(others.shape[1], np.inf)])
     columns = np.hstack([base, others])
@@ -236,7 +241,7 @@ def _left(change: Array, base: Array, others: Array) -> float:
     return float(np.sqrt(((change - absorbed) ** 2).mean()))
 
 
-def _without(robot: Mapping[str, float], hidden: Hidden) -> dict[str, float]:
+def _without_hidden(robot: Mapping[str, float], hidden: Hidden) -> dict[str, float]:
     less = dict(robot)
     for name, value in hidden.plant.items():
         if NEUTRAL[name] != 0.0 and name in robot and math.isfinite(value) and name not in _SET_OUTRIGHT:
@@ -249,7 +254,7 @@ def _without(robot: Mapping[str, float], hidden: Hidden) -> dict[str, float]:
 _SET_OUTRIGHT = {"heat_tau", "current_limit", "stiction_speed", "ecc_phase_l", "ecc_phase_r"}
 
 
-def size_of(hidden: Hidden) -> float:
+def hidden_size(hidden: Hidden) -> float:
     """How many usual deviations a hidden cause is."""
     parameter = effect(hidden.id).parameters[0]
     width = WIDTH_FACTOR * parameter.prior_width
@@ -264,7 +269,7 @@ def size_of(hidden: Hidden) -> float:
     return abs(value - NEUTRAL[plant]) / width
 
 
-def said_of(said: Diagnosis) -> dict[str, Any]:
+def diagnosis_summary(said: Diagnosis) -> dict[str, Any]:
     """What is kept of a diagnosis."""
     return {
         "verdict": str(said.verdict),
@@ -290,17 +295,17 @@ def said_of(said: Diagnosis) -> dict[str, Any]:
 def run(case: Case, seed: int) -> dict[str, Any]:
     """Make the recording, diagnose it, and set it against the truth."""
     rng, row = case.rng(seed), ROWS[case.row]
-    hidden = hidden_of(case, rng)
+    hidden = hidden_causes(case, rng)
     predicted = None
     if case.row == "advised":
-        advice = rank_manoeuvres(RobotConfig(), hidden[0].name, size=size_of(hidden[0]), seconds=row.seconds)[
-            0
-        ]
+        advice = rank_manoeuvres(
+            RobotConfig(), hidden[0].name, size=hidden_size(hidden[0]), seconds=row.seconds
+        )[0]
         predicted = advice.evidence
         blind = _advised(advice.manoeuvre, hidden, rng)
     else:
         blind = recording(case, hidden, rng)
-    columns = shown(case, blind)
+    columns = diagnosed_columns(case, blind)
     begin = time.process_time()
     said = diagnose(columns, RobotConfig())
     seconds = time.process_time() - begin
@@ -311,12 +316,12 @@ def run(case: Case, seed: int) -> dict[str, Any]:
         "key": case.key, "row": case.row, "cause": case.cause, "seed": blind.seed,
         "hidden": {each.name: dict(each.values) for each in blind.hidden},
         "true": _true(asked, blind.robot), "nominal": _true(asked, NEUTRAL),
-        "seconds": seconds, "predicted": predicted, **said_of(said),
+        "seconds": seconds, "predicted": predicted, **diagnosis_summary(said),
     }  # fmt: skip
     if case.row == "unknown":
         result |= {"patched": blind.patched, "sizes": [each.size.value for each in said.shapes]}
     if row.tail:
-        result["gain"] = gain(blind, said, row.seconds)
+        result["gain"] = held_out_gain(blind, said, row.seconds)
     if hidden and case.row != "unknown":
         result |= contributions(blind, row.seconds, _classes(said, blind))
     return result

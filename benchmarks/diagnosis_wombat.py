@@ -27,7 +27,7 @@ import numpy as np
 
 from blind.drives import exciting
 from blind.hidden import CAUSES, Hidden, draw
-from emulated_drives import recorded
+from emulated_drives import record_emulated_drive
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
@@ -75,7 +75,9 @@ def _arguments() -> argparse.Namespace:
 def _one(key: str, firmware: Firmware, kind: str, seed: int, seconds: float, as_csv: bool) -> dict[str, Any]:
     rng = np.random.default_rng([seed, zlib.crc32(key.encode())])
     hidden = None if kind == CLEAN else draw(kind, rng)
-    recording = recorded(firmware, _robot(hidden, rng), exciting(rng, seconds), int(rng.integers(2**31)))
+    recording = record_emulated_drive(
+        firmware, _robot(hidden, rng), exciting(rng, seconds), int(rng.integers(2**31))
+    )
     begin = time.process_time()
     said = diagnose_recording(
         recording.columns, RobotConfig(), device=SI_WORDS if as_csv else recording.device

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Collection
 
 
-def several(allowed: Collection[str]) -> Callable[[str], list[str]]:
+def comma_separated(allowed: Collection[str]) -> Callable[[str], list[str]]:
     """Reads names that are separated by commas, for `type` of an argparse option: others are refused."""
 
     def read(text: str) -> list[str]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def heeding(*numbers: signal.Signals) -> Iterator[None]:
+def default_signals(*numbers: signal.Signals) -> Iterator[None]:
     """This process, and children that are started meanwhile, heed these signals.
 
     nohup ignores SIGHUP and a shell's background job SIGINT, and their children inherit that: what a test

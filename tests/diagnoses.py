@@ -12,12 +12,14 @@ from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResul
 Numbers = Mapping[str, ParameterResult]
 
 
-def factor(value: float, std: float = 0.01) -> Numbers:
+def factor_parameters(value: float, std: float = 0.01) -> Numbers:
     """The number of a cause that is a factor."""
     return {"factor": ParameterResult(value, std, "", 1.0)}
 
 
-def cause(name: str, numbers: Numbers | None = None, said: str | None = None, **other: Any) -> CauseResult:
+def make_cause(
+    name: str, numbers: Numbers | None = None, said: str | None = None, **other: Any
+) -> CauseResult:
     """A cause that is sure and matters, by id or id@where. said: by default what a report says of it."""
     id_, _, where = name.partition("@")
     values = numbers or {}
@@ -27,7 +29,7 @@ def cause(name: str, numbers: Numbers | None = None, said: str | None = None, **
     return replace(plain, **other)
 
 
-def diagnosis(*causes: CauseResult, **other: Any) -> Diagnosis:
+def make_diagnosis(*causes: CauseResult, **other: Any) -> Diagnosis:
     """A diagnosis in which they explain everything, or nothing is wrong."""
     verdict = Verdict.EXPLAINED if causes else Verdict.ADEQUATE
     return replace(Diagnosis(verdict, (), causes, (), Unexplained(0.0), (), 0.1), **other)

@@ -16,7 +16,9 @@ from raccoon.trace.header import Header
 from raccoon.trace.recording import Recording
 
 
-def recorded(firmware: Firmware, robot: Parameters, duty: NDArray[np.float64], seed: int) -> Recording:
+def record_emulated_drive(
+    firmware: Firmware, robot: Parameters, duty: NDArray[np.float64], seed: int
+) -> Recording:
     """A robot of the usual robot.toml's ports, driven by duty (n, 2), a row a cycle."""
     ticks = []
     with open_emulated(RobotConfig(), firmware, seed=seed, robot=robot) as port:

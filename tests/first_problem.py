@@ -12,7 +12,7 @@ from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.coordinates import Cause
 
 
-def problem_of(log: Log, robot: RobotConfig, causes: Sequence[Cause]) -> Problem:
+def make_problem(log: Log, robot: RobotConfig, causes: Sequence[Cause]) -> Problem:
     """The problem of a log, with the changes of commands whose rows it lost."""
     restored, habits = find_habits(log, robot, causes, None)
     return drive_problem(restored, robot, causes, habits, None)

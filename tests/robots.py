@@ -26,7 +26,7 @@ CONFIG = RobotConfig(
 )
 
 
-def simulated(
+def simulated_port(
     seed: int = 1,
     world: World | None = None,
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -50,7 +50,7 @@ def tophat_calibration() -> TophatCalibration:
     return calibrate([level + i % 5 for level in (1270.0, 3800.0) for i in range(200)])
 
 
-class Between:
+class InterceptingPort:
     """A port before another one, by default the simulated robot's: `seen` changes what is read, `sent` what
     is commanded. It remembers every command and every remark."""
 
@@ -61,7 +61,7 @@ class Between:
         seen: Callable[[Inputs], Inputs] = lambda inputs: inputs,
         sent: Callable[[Outputs], Outputs] = lambda outputs: outputs,
     ) -> None:
-        self.port = simulated() if port is None else port
+        self.port = simulated_port() if port is None else port
         self.seen, self.sent = seen, sent
         self.written: list[Outputs] = []
         self.notes: list[str] = []
@@ -83,7 +83,7 @@ class Between:
         self.notes.append(text)
 
 
-def endless(ended: list[str], name: str, error: Exception | None = None) -> Action[None]:
+def endless_action(ended: list[str], name: str, error: Exception | None = None) -> Action[None]:
     """One that does nothing until it is ended; it notes its name then, and raises `error`."""
 
     def steps(_robot: Robot) -> Steps[None]:
@@ -102,7 +102,7 @@ def run(
     action: Action[Any], port: Port | None = None, config: RobotConfig = CONFIG
 ) -> tuple[Any, Truth, Robot]:
     """Result, true end pose and the robot, after half a second of standing still at first."""
-    with open_robot(config, port=port or simulated()) as robot:
+    with open_robot(config, port=port or simulated_port()) as robot:
         robot.run(wait(0.5))
         result = robot.run(action)
         robot.run(wait(0.3))

@@ -14,7 +14,7 @@ from raccoon.sim.rollout.rollout import rollout
 NOISE = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
 
 
-def recorded(
+def record_simulated_drive(
     robot: Parameters,
     seconds: float,
     seed: int = 3,

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from bench_robot import BenchRobot
-from children import heeding
+from children import default_signals
 from raccoon.core.clock import SteppedClock
 from raccoon.hal.wombat.emulator import Emulator, Firmware, Plant
 from socket_link import serve_one
@@ -71,7 +71,7 @@ class SupervisedBench:
 
     def start(self, *arguments: str, program: str = PROGRAM) -> subprocess.Popen[bytes]:
         """Start a program: PROGRAM with the number of its cycles, or ROBOT_PROGRAM."""
-        with heeding(signal.SIGHUP, signal.SIGINT):
+        with default_signals(signal.SIGHUP, signal.SIGINT):
             started = subprocess.Popen(
                 [sys.executable, "-c", program, self.path, *arguments],
                 stderr=subprocess.PIPE,

@@ -11,7 +11,7 @@ import pytest
 from blind.generator import Blind, make
 from blind.hidden import Hidden
 from blind.plant import NEUTRAL
-from csv_files import written
+from csv_files import write_csv_file
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
@@ -61,7 +61,9 @@ def test_drives_are_fitted_together_from_the_command_line(
     """Of a robot of which only motors are asked after: the way is the same, and shorter."""
     asked = [each for each in drive_causes() if each.id.startswith("motor.")]
     monkeypatch.setattr("raccoon.diagnose.recordings.drive.drive_causes", lambda: asked)
-    files = [written(tmp_path / f"{day}.csv", each.columns) for day, each in enumerate(drives(WEAK, 2, 5.0))]
+    files = [
+        write_csv_file(tmp_path / f"{day}.csv", each.columns) for day, each in enumerate(drives(WEAK, 2, 5.0))
+    ]
     out, model = tmp_path / "out.json", tmp_path / "model.toml"
     saved = ["--json", str(out), "--save-model", str(model)]
     assert main(["diagnose", "--together", *map(str, files), *saved]) == 0

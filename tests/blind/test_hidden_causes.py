@@ -7,7 +7,7 @@ import pytest
 
 from blind.generator import make
 from blind.hidden import Hidden, draw, draw_unknown
-from first_problem import problem_of
+from first_problem import make_problem
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
@@ -78,7 +78,7 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
     rng = np.random.default_rng(12)
     hidden = [draw(each, rng) for each in ("actuation.latency", "motor.armature_resistance")]
     log = log_from_columns(make(12, hidden, seconds=8.0).columns, RobotConfig())
-    problem = problem_of(log, RobotConfig(), drive_causes())
+    problem = make_problem(log, RobotConfig(), drive_causes())
     start = start_search(problem, make_probe_function(problem))
     wrong = start.fit.point.with_cause("bemf.filter_lag", np.array([0.5]))
     wrong = wrong.with_cause("drive.inertia", np.array([0.3]))
@@ -223,7 +223,7 @@ def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on() -> 
 def test_what_no_catalogue_has_is_shown_in_its_course(kind: str, covariate: str) -> None:
     hidden = draw_unknown(kind, np.random.default_rng(1))
     log = log_from_columns(make(1, [hidden], seconds=24.0).columns, RobotConfig())
-    problem = problem_of(log, RobotConfig(), drive_causes())
+    problem = make_problem(log, RobotConfig(), drive_causes())
     start = start_search(problem, make_probe_function(problem))
     probe = find_best_probe(start)
     assert probe.name == f"unknown: {covariate}"

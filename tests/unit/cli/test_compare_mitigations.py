@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from children import heeding
+from children import default_signals
 from raccoon.cli.compare_mitigations.claims import claims
 from raccoon.cli.compare_mitigations.measure import (
     MANOEUVRES,
@@ -220,16 +220,19 @@ from functools import partial
 
 from raccoon.cli.compare_mitigations import measure
 
-measure.ends_of = partial(measure.ends_of, methods=["none"])  # in every process, each of which reads this
+# In every process, each of which reads this.
+measure.measure_robot = partial(measure.measure_robot, methods=["none"])
 
 if __name__ == "__main__":
-    measure.measured({"battery 6.1-7.0 V": 2400}, 1, 2, done=lambda _robot, _ends: print("one", flush=True))
+    measure.measure_all(
+        {"battery 6.1-7.0 V": 2400}, 1, 2, done=lambda _robot, _ends: print("one", flush=True)
+    )
 """
 
 
 def test_no_process_outlives_one_that_is_interrupted(tmp_path: Path) -> None:
     (tmp_path / "table.py").write_text(INTERRUPTED)
-    with heeding(signal.SIGINT):
+    with default_signals(signal.SIGINT):
         command = [sys.executable, str(tmp_path / "table.py")]
         table = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     assert table.stdout is not None

@@ -18,7 +18,7 @@ import pytest
 import raccoon
 from blind.generator import make
 from blind.tophats import tophat
-from csv_files import written
+from csv_files import write_csv_file
 from raccoon.cli.diagnose.files import recordings
 from raccoon.cli.diagnose.known_values import without_known_values
 from raccoon.cli.main import main
@@ -45,7 +45,7 @@ def dark(seed: int) -> Columns:
 
 
 def test_one_motor_with_json_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = written(tmp_path / "motor.csv", motor(5, 0.008))
+    path = write_csv_file(tmp_path / "motor.csv", motor(5, 0.008))
     out, page, model = (tmp_path / each for each in ("out.json", "out.html", "model.toml"))
     command = ["diagnose", str(path), "--json", str(out), "--html", str(page), "--save-model", str(model)]
     assert main(command) == 0
@@ -61,7 +61,7 @@ def test_one_motor_with_json_and_page(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_workers_that_one_recording_leaves_idle_are_told_of(
     asked: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = written(tmp_path / "dark.csv", dark(1))
+    path = write_csv_file(tmp_path / "dark.csv", dark(1))
     assert main(["diagnose", str(path), *asked]) == 0
     told = capsys.readouterr().err
     assert told == (f"{' '.join(asked)}: not used, since this is one diagnosis, made here\n" if asked else "")
@@ -70,7 +70,11 @@ def test_workers_that_one_recording_leaves_idle_are_told_of(
 def test_the_model_says_what_it_was_made_from(
     drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path, model, out = written(tmp_path / "run.csv", drive), tmp_path / "model.toml", tmp_path / "out.json"
+    path, model, out = (
+        write_csv_file(tmp_path / "run.csv", drive),
+        tmp_path / "model.toml",
+        tmp_path / "out.json",
+    )
     save_model(Parameters.from_robot(RobotConfig()), model)  # a model replaces a model
     assert main(["diagnose", str(path), "--save-model", str(model), "--json", str(out)]) == 0
     table = tomllib.loads(model.read_text())
@@ -88,7 +92,7 @@ def test_a_model_leaves_wiring_and_sensors_to_robot_toml(
 ) -> None:
     """A tophat that robot.toml got after the model was written was not known."""
     columns = tophat(3, held=True, seconds=4.0, factor=0.9)
-    path = written(tmp_path / "run.csv", {**columns, "analog.5": columns["analog.2"]})
+    path = write_csv_file(tmp_path / "run.csv", {**columns, "analog.5": columns["analog.2"]})
     model, robot, out = (tmp_path / each for each in ("model.toml", "robot.toml", "out.json"))
     of_one = Parameters.from_robot(parse_robot({"tophat": {"front": {"analog": 2}}}))
     save_model(of_one.with_effect("tophat.gain", "2", factor=0.9), model)
@@ -99,13 +103,13 @@ def test_a_model_leaves_wiring_and_sensors_to_robot_toml(
     assert [each["name"] for each in found["channels"]] == ["analog.5", "analog.2"]
     assert [(each["id"], each["where"]) for each in found["causes"]] == [("tophat.gain", "5")]
     assert tomllib.loads((tmp_path / "new.toml").read_text())["name"] == "drumbot"
-    motors = written(tmp_path / "motor.csv", motor(5, 0.008))
+    motors = write_csv_file(tmp_path / "motor.csv", motor(5, 0.008))
     assert main(["diagnose", str(motors), "--model", str(model)]) == 0
     assert "Note: the effects of --model were not used" in capsys.readouterr().out
 
 
 def test_what_changes_nothing_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path, own = written(tmp_path / "motor.csv", motor(5, 0.008)), EXAMPLES / "own_causes.py"
+    path, own = write_csv_file(tmp_path / "motor.csv", motor(5, 0.008)), EXAMPLES / "own_causes.py"
     assert main(["diagnose", str(path), "--causes", str(own), "--truth-free"]) == 0
     said = capsys.readouterr().out
     assert "Note: the effects of --causes were not considered" in said
@@ -154,7 +158,7 @@ class ClosedPipe(io.StringIO):
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_closed_pipe_costs_no_file(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    paths = [written(tmp_path / f"run-{seed}.csv", dark(5 + seed)) for seed in range(count)]
+    paths = [write_csv_file(tmp_path / f"run-{seed}.csv", dark(5 + seed)) for seed in range(count)]
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     monkeypatch.setattr(sys, "stdout", ClosedPipe())
     monkeypatch.setattr(sys, "stderr", io.StringIO())
@@ -166,7 +170,7 @@ def test_a_closed_pipe_costs_no_file(count: int, tmp_path: Path, monkeypatch: py
 def test_what_was_found_is_said_where_the_page_cannot_be_made(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = written(tmp_path / "run.csv", dark(5))
+    path = write_csv_file(tmp_path / "run.csv", dark(5))
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     monkeypatch.setitem(sys.modules, "jinja2", None)
     load_template.cache_clear()  # of other tests
@@ -193,7 +197,7 @@ def test_a_bad_file_that_comes_first_stops_no_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "a.csv").write_text("")
-    written(tmp_path / "run.csv", dark(5))
+    write_csv_file(tmp_path / "run.csv", dark(5))
     assert main(["diagnose", str(tmp_path)]) == 0
     said = capsys.readouterr()
     assert re.search(r"^a\.csv: no diagnosis: (?!a\.csv)", said.out, re.MULTILINE)
@@ -228,7 +232,7 @@ def test_what_is_read_is_not_overwritten(
 
 @pytest.mark.parametrize("option", ["--json", "--html", "--save-model"])
 def test_a_result_replaces_no_work(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = written(tmp_path / "run.csv", {"t": np.zeros(1)})
+    path = write_csv_file(tmp_path / "run.csv", {"t": np.zeros(1)})
     for name in ("robot.toml", "other.csv", "program.py", "other.jsonl.gz"):
         work = tmp_path / name
         work.write_text("name = 'ours'\n")
@@ -239,9 +243,9 @@ def test_a_result_replaces_no_work(option: str, tmp_path: Path, capsys: pytest.C
 
 def test_a_recording_is_not_its_own_judge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It was said to agree on data that was not fitted, which was what had been fitted."""
-    path, link = written(tmp_path / "run.csv", {"t": np.zeros(1)}), tmp_path / "link.csv"
+    path, link = write_csv_file(tmp_path / "run.csv", {"t": np.zeros(1)}), tmp_path / "link.csv"
     link.symlink_to(path)
-    other = written(tmp_path / "other.csv", {"t": np.zeros(1)})
+    other = write_csv_file(tmp_path / "other.csv", {"t": np.zeros(1)})
     for recorded in ([path], [path, other]):
         assert main(["diagnose", *map(str, recorded), "--holdout", str(link)]) == 2
         assert f"--holdout {link}: it is diagnosed itself" in capsys.readouterr().err
@@ -250,10 +254,10 @@ def test_a_recording_is_not_its_own_judge(tmp_path: Path, capsys: pytest.Capture
 def test_an_error_of_the_recording_to_judge_on_names_that(
     drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path, folder = written(tmp_path / "run.csv", drive), tmp_path / "more"
+    path, folder = write_csv_file(tmp_path / "run.csv", drive), tmp_path / "more"
     (folder / "none").mkdir(parents=True)
     gyro = {**drive, "imu.gyro.z": 57.3 * drive["imu.gyro.z"], "t": drive["t"] + 0.01}
-    other = written(folder / "other.csv", gyro)
+    other = write_csv_file(folder / "other.csv", gyro)
     for named in (other, folder):  # a folder of one recording is that one
         assert main(["diagnose", str(path), "--holdout", str(named)]) == 2
         said = capsys.readouterr().err
@@ -299,7 +303,7 @@ def test_an_empty_name_is_not_the_folder_that_the_command_is_in(
 
 
 def test_many_files_one_of_them_bad(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    paths = [written(tmp_path / f"run-{seed}.csv", dark(seed)) for seed in (5, 6)]
+    paths = [write_csv_file(tmp_path / f"run-{seed}.csv", dark(seed)) for seed in (5, 6)]
     (tmp_path / "empty.csv").write_text("")
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     names = [str(each) for each in (*paths, tmp_path / "empty.csv")]
@@ -338,17 +342,19 @@ def test_what_cannot_be_read_is_one_clear_line(
         case "text":
             path.write_text("hello\nworld\n")
         case "two":
-            written(path, {key: each[:2] for key, each in drive.items()})
+            write_csv_file(path, {key: each[:2] for key, each in drive.items()})
         case "milliseconds":
-            written(path, {**drive, "t": 1000.0 * drive["t"]})
+            write_csv_file(path, {**drive, "t": 1000.0 * drive["t"]})
         case "percent":
-            written(path, {**drive, **{key: 100.0 * each for key, each in duties.items()}})
+            write_csv_file(path, {**drive, **{key: 100.0 * each for key, each in duties.items()}})
         case "reversed":
-            written(path, {**drive, "t": drive["t"][::-1].copy()})
+            write_csv_file(path, {**drive, "t": drive["t"][::-1].copy()})
         case "degrees":
-            written(path, {**drive, "imu.gyro.z": 57.3 * drive["imu.gyro.z"]})
+            write_csv_file(path, {**drive, "imu.gyro.z": 57.3 * drive["imu.gyro.z"]})
         case "nothing":
-            written(path, {**drive, **{key: np.full(len(each), np.nan) for key, each in duties.items()}})
+            write_csv_file(
+                path, {**drive, **{key: np.full(len(each), np.nan) for key, each in duties.items()}}
+            )
     assert main(["diagnose", str(path)]) == 2
     captured = capsys.readouterr().err
     assert said in captured
@@ -361,7 +367,7 @@ def test_a_time_that_comes_twice_costs_its_sample_only(
 ) -> None:
     columns = dark(5)
     again = np.insert(np.arange(len(columns["t"])), 500, 499)
-    path = written(tmp_path / "run.csv", {name: each[again] for name, each in columns.items()})
+    path = write_csv_file(tmp_path / "run.csv", {name: each[again] for name, each in columns.items()})
     assert main(["diagnose", str(path)]) == 0
     said = capsys.readouterr().out
     assert (
@@ -369,7 +375,7 @@ def test_a_time_that_comes_twice_costs_its_sample_only(
         in said
     )
     half = np.arange(len(columns["t"])) // 2 * 2  # new readings, of which nobody knows when they were
-    path = written(tmp_path / "run.csv", {**columns, "t": columns["t"][half]})
+    path = write_csv_file(tmp_path / "run.csv", {**columns, "t": columns["t"][half]})
     assert main(["diagnose", str(path)]) == 2
     assert f"{path}: t goes from" in capsys.readouterr().err
 
@@ -402,7 +408,14 @@ def test_what_cannot_be_told_is_a_verdict(
         case _:
             columns = {key: each for key, each in drive.items() if key not in duties}
     assert (
-        main(["diagnose", str(written(tmp_path / "run.csv", columns)), "--json", str(tmp_path / "out.json")])
+        main(
+            [
+                "diagnose",
+                str(write_csv_file(tmp_path / "run.csv", columns)),
+                "--json",
+                str(tmp_path / "out.json"),
+            ]
+        )
         == 0
     )
     assert json.loads((tmp_path / "out.json").read_text())["verdict"] == "not_identifiable"
@@ -416,7 +429,7 @@ def test_an_accelerometer_in_another_unit_is_said(
     monkeypatch.setattr("raccoon.diagnose.recordings.drive.diagnose", lambda *_, **__: sound)
     axes = {"x": 0.0, "y": 0.0, "z": 1.0}
     columns = drive | {f"imu.accel.{name}": np.full(len(drive["t"]), each) for name, each in axes.items()}
-    assert main(["diagnose", str(written(tmp_path / "run.csv", columns))]) == 0
+    assert main(["diagnose", str(write_csv_file(tmp_path / "run.csv", columns))]) == 0
     said = capsys.readouterr().out
     assert "Note: imu.accel shows 1 m/s2 of gravity, which is 9.8: it looks like g, not m/s2" in said
 
@@ -425,7 +438,7 @@ def test_another_robots_file_is_an_error(
     drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "robot.toml").write_text('name = "other"\n[drive]\nleft = 2\nright = 3\n')
-    path = written(tmp_path / "run.csv", drive)
+    path = write_csv_file(tmp_path / "run.csv", drive)
     assert main(["diagnose", str(path), "--robot", str(tmp_path / "robot.toml")]) == 2
     assert "is it this robot's?" in capsys.readouterr().err
 
@@ -441,7 +454,7 @@ def test_whoever_waits_at_a_terminal_is_told_what_it_is_doing(
 ) -> None:
     screen = Terminal()
     monkeypatch.setattr(sys, "stderr", screen)
-    path = written(tmp_path / "run.csv", drive)
+    path = write_csv_file(tmp_path / "run.csv", drive)
     if broken:
 
         def interrupted(*_: object) -> None:

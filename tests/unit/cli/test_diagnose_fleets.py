@@ -13,7 +13,7 @@ import pytest
 
 from blind.generator import make
 from blind.tophats import tophat
-from csv_files import written
+from csv_files import write_csv_file
 from raccoon.cli.diagnose.files import recordings, robot_names, short_names
 from raccoon.cli.diagnose.fleet import JobRunner, Progress, _without_duplicates
 from raccoon.cli.diagnose.job import Answer, Job, diagnose_job, resolve_robot
@@ -42,7 +42,7 @@ def test_recordings_of_one_name_are_told_apart_by_their_folders(
     paths = [tmp_path / robot / "monday" / "run.csv" for robot in ("red", "blue")]
     for seed, path in enumerate(paths):
         path.parent.mkdir(parents=True)
-        written(path, tophat(5 + seed, factor=0.9, seconds=4.0))
+        write_csv_file(path, tophat(5 + seed, factor=0.9, seconds=4.0))
     assert main(["diagnose", *map(str, paths), "--json", str(tmp_path / "out.json")]) == 0
     assert set(json.loads((tmp_path / "out.json").read_text())["recordings"]) == {
         "red/monday/run.csv",
@@ -72,7 +72,7 @@ def test_a_copy_of_a_recording_counts_once(tmp_path: Path, capsys: pytest.Captur
     """Also in another form: a folder with run.jsonl.gz and the run.csv that was made of it had two recordings
     with the same cause, which was common therefore."""
     for seed, name in enumerate(("a.csv", "b.csv")):
-        written(tmp_path / name, tophat(5 + seed, factor=0.9, seconds=4.0))
+        write_csv_file(tmp_path / name, tophat(5 + seed, factor=0.9, seconds=4.0))
     copy = tophat(5, factor=0.9, seconds=4.0)
     write_mcap(Recording({name: copy[name] for name in reversed(copy)}), tmp_path / "c.mcap")
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
@@ -149,7 +149,7 @@ def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(
     drive = {name: np.linspace(0.0, 0.04, 9) for name in columns}
     for place in ("red", "blue", "none"):
         (tmp_path / place).mkdir()
-        written(tmp_path / place / "run.csv", drive)
+        write_csv_file(tmp_path / place / "run.csv", drive)
     for place in ("red", "blue"):
         (tmp_path / place / "robot.toml").write_text(f'name = "{place}"\n')
     monkeypatch.chdir(tmp_path)
@@ -169,7 +169,7 @@ def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(
 
 
 def test_a_note_says_which_robot_it_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = written(tmp_path / "run.csv", tophat(3, seconds=4.0))
+    path = write_csv_file(tmp_path / "run.csv", tophat(3, seconds=4.0))
     (tmp_path / "robot.toml").write_text("[tophat.left]\nanalog = 2\n")
     assert main(["diagnose", str(path)]) == 0
     assert f"Note: {NOT_SAID} that of {tmp_path / 'robot.toml'}" in capsys.readouterr().out
@@ -182,11 +182,11 @@ def test_a_step_is_compared_with_no_robot(tmp_path: Path) -> None:
     time = 0.01 * np.arange(300.0)
     step = {"t": time, "motor.0.duty": np.full(300, 0.5), "motor.0.bemf": np.minimum(time, 1.0)}
     (tmp_path / "robot.toml").write_text('name = "red"\n')
-    assert resolve_robot(load_run(written(tmp_path / "run.csv", step)), None)[1:] == (None, ())
+    assert resolve_robot(load_run(write_csv_file(tmp_path / "run.csv", step)), None)[1:] == (None, ())
 
 
 def test_a_robot_toml_that_is_none_stops_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    paths = [written(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
+    paths = [write_csv_file(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
     assert main(["diagnose", *map(str, paths), "--robot", str(tmp_path / "none.toml")]) == 2
     assert (
         capsys.readouterr().err == f"raccoon diagnose: {tmp_path / 'none.toml'}: no such file or directory\n"
@@ -197,7 +197,7 @@ def test_an_empty_recording_that_comes_first_stops_no_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "a.csv").write_text("t,motor.0.duty\n")
-    written(tmp_path / "run.csv", tophat(5, factor=0.9, seconds=4.0))
+    write_csv_file(tmp_path / "run.csv", tophat(5, factor=0.9, seconds=4.0))
     assert main(["diagnose", str(tmp_path)]) == 0
     assert "a.csv: no diagnosis: the recording is empty" in capsys.readouterr().out
 
@@ -215,7 +215,7 @@ def test_a_mistake_that_one_recording_meets_stops_no_other(
 
     monkeypatch.setattr("raccoon.cli.diagnose.job.diagnose_job", mistaken)
     for name in ("a.csv", "b.csv"):
-        written(tmp_path / name, tophat(5, factor=0.9, seconds=4.0))
+        write_csv_file(tmp_path / name, tophat(5, factor=0.9, seconds=4.0))
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
     assert "a.csv: no diagnosis: LinAlgError: SVD did not converge" in capsys.readouterr().out
     assert json.loads((tmp_path / "out.json").read_text())["recordings"].keys() == {"b.csv"}
@@ -240,7 +240,7 @@ def test_robots_are_told_apart_by_their_robot_toml(
         (tmp_path / place).mkdir()
         (tmp_path / place / "robot.toml").write_text("[tophat.left]\nanalog = 2\n")
         for day in range(5):
-            written(tmp_path / place / f"{day}.csv", tophat(70 + day, factor=factor, seconds=6.0))
+            write_csv_file(tmp_path / place / f"{day}.csv", tophat(70 + day, factor=factor, seconds=6.0))
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
     said = capsys.readouterr().out
     assert "tophat.gain@2: 50 % (only robot blue), 0.89" in said
@@ -266,7 +266,7 @@ def test_many_recordings_give_the_model_that_they_have_in_common(
     )
     robot.write_text("[tophat.left]\nanalog = 2\n")
     for day, factor in enumerate((0.9, 0.91, 0.9, 1.0)):
-        written(tmp_path / f"{day}.csv", tophat(70 + day, factor=factor, seconds=6.0))
+        write_csv_file(tmp_path / f"{day}.csv", tophat(70 + day, factor=factor, seconds=6.0))
     results = ["--save-model", str(model), "--json", str(table), "--html", str(page)]
     assert main(["diagnose", str(tmp_path), *results]) == 0
     found = Parameters.from_model_file(model)
@@ -288,9 +288,9 @@ def test_a_model_is_of_one_robot(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (tmp_path / place).mkdir()
         if several:
             (tmp_path / place / "robot.toml").write_text("[tophat.left]\nanalog = 2\n")
-            written(tmp_path / place / "run.csv", tophat(70, factor=0.9, seconds=4.0))
+            write_csv_file(tmp_path / place / "run.csv", tophat(70, factor=0.9, seconds=4.0))
         else:
-            written(tmp_path / place / "run.csv", motor(5, 0.008))
+            write_csv_file(tmp_path / place / "run.csv", motor(5, 0.008))
     model = tmp_path / "model.toml"
     assert main(["diagnose", str(tmp_path), "--save-model", str(model)]) == 0
     why = (
@@ -306,10 +306,10 @@ def test_what_cannot_be_fitted_together_is_said_with_its_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive = make(1, seconds=3.0).columns
-    one = written(tmp_path / "one.csv", drive)
-    other = written(tmp_path / "other.csv", tophat(3, seconds=3.0))
-    same = written(tmp_path / "same.csv", drive)
-    short = written(
+    one = write_csv_file(tmp_path / "one.csv", drive)
+    other = write_csv_file(tmp_path / "other.csv", tophat(3, seconds=3.0))
+    same = write_csv_file(tmp_path / "same.csv", drive)
+    short = write_csv_file(
         tmp_path / "short.csv", {name: each[:60] for name, each in make(2, seconds=3.0).columns.items()}
     )
 
@@ -328,7 +328,7 @@ def test_what_cannot_be_fitted_together_is_said_with_its_name(
     for place in ("red", "blue"):
         (tmp_path / place).mkdir()
         (tmp_path / place / "robot.toml").write_text("")
-    two = [written(tmp_path / place / "run.csv", drive) for place in ("red", "blue")]
+    two = [write_csv_file(tmp_path / place / "run.csv", drive) for place in ("red", "blue")]
     assert refused(*two) == f"{begin}--together: the recordings are of 2 robots, red, blue"
 
 
@@ -337,7 +337,7 @@ def test_what_is_done_when_it_is_interrupted_is_reported(
 ) -> None:
     """After an hour of twenty recordings Ctrl-C lost nineteen."""
     for number in range(3):
-        written(tmp_path / f"run{number}.csv", tophat(number, held=True, seconds=4.0))
+        write_csv_file(tmp_path / f"run{number}.csv", tophat(number, held=True, seconds=4.0))
 
     def until_the_last(job: Job) -> Answer | str:
         if job.path.name == "run2.csv":
@@ -384,7 +384,7 @@ def test_what_was_interrupted_is_not_begun_again(monkeypatch: pytest.MonkeyPatch
 
 def test_nothing_is_reported_where_nothing_was_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for number in range(2):
-        written(tmp_path / f"run{number}.csv", tophat(number, held=True, seconds=4.0))
+        write_csv_file(tmp_path / f"run{number}.csv", tophat(number, held=True, seconds=4.0))
 
     def interrupted(job: Job) -> Answer | str:
         raise KeyboardInterrupt
@@ -398,7 +398,7 @@ def test_a_recording_to_judge_on_of_another_controller_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It was read as if of the first one's, without a word, and what its reader left out was not said."""
-    one = written(tmp_path / "one.csv", make(1, seconds=3.0).columns)
+    one = write_csv_file(tmp_path / "one.csv", make(1, seconds=3.0).columns)
     trace = tmp_path / "trace.jsonl.gz"
     record(trace)
     asked: list[str] = []

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from csv_files import written
+from csv_files import write_csv_file
 from raccoon.cli.main import main
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, manoeuvre
 from unit.diagnose.axes import motor
@@ -18,12 +18,12 @@ pytestmark = pytest.mark.usefixtures("without_numba")
 def drive(tmp_path: Path) -> Path:
     time = np.arange(0.0, 3.0, 0.01)
     columns = {"t": time, **dict.fromkeys(("motor.0.duty", "motor.1.duty"), np.full(len(time), 0.4))}
-    return written(tmp_path / "drive.csv", columns)
+    return write_csv_file(tmp_path / "drive.csv", columns)
 
 
 def test_a_drive_is_not_diagnosed(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for given in (drive, drive.parent):
-        written(drive.parent / "motor.csv", motor(5, 0.008))
+        write_csv_file(drive.parent / "motor.csv", motor(5, 0.008))
         assert main(["diagnose", str(given)]) == 2
         said = capsys.readouterr()
         assert said.out == ""
@@ -33,7 +33,7 @@ def test_a_drive_is_not_diagnosed(drive: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_of_motors_it_is_remarked_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = written(tmp_path / "motor.csv", motor(5, 0.008))
+    path = write_csv_file(tmp_path / "motor.csv", motor(5, 0.008))
     assert main(["diagnose", str(path)]) == 0
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("numba is not installed")

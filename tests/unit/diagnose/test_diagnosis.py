@@ -37,7 +37,7 @@ from raccoon.sim.effects.effect import all_effects, effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
-from simulated_drives import recorded
+from simulated_drives import record_simulated_drive
 
 ROBOT = RobotConfig()
 
@@ -235,7 +235,7 @@ def test_what_both_wheels_have_unlike_is_said_of_each() -> None:
     robot = Parameters.from_robot(ROBOT)
     for side, torque in names.items():
         robot = robot.with_effect("friction.coulomb", side, torque=torque)
-    found = diagnose(recorded(robot, 10.0, seed=9), ROBOT)
+    found = diagnose(record_simulated_drive(robot, 10.0, seed=9), ROBOT)
     assert {each.where: each.id for each in found.causes} == dict.fromkeys(names, "friction.coulomb")
     for each in found.causes:
         assert each.where is not None

@@ -30,7 +30,7 @@ from raccoon.model.motor import steady_speed
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import Box, Line, Ramp, World
-from robots import Between
+from robots import InterceptingPort
 
 TOPHATS = RobotConfig(tophats={"left": TophatConfig(0, 0.10, 0.035), "right": TophatConfig(1, 0.10, -0.035)})
 
@@ -257,7 +257,7 @@ def test_a_robot_that_rolls_on_behind_a_loose_plug_knows_its_place_less_well(por
         assert known < 0.01 < after < once == pytest.approx(robot.estimate.x_std, abs=0.002)
 
 
-class Restarted(Between):
+class Restarted(InterceptingPort):
     """The port of an emulated Wombat that restarts at `at` s."""
 
     def __init__(self, port: WombatPort, at: float) -> None:

@@ -6,12 +6,12 @@ import pytest
 
 from raccoon import open_robot, turn, wait
 from raccoon.core.config import RobotConfig
-from robots import simulated
+from robots import simulated_port
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1.02, True), (1.0, False)])
 def test_walls_that_show_another_scale_of_the_gyro_name_it(factor: float, said: bool) -> None:
-    port = simulated(config=RobotConfig(), effects={"imu.gyro_scale": {"factor": factor}})
+    port = simulated_port(config=RobotConfig(), effects={"imu.gyro_scale": {"factor": factor}})
     with open_robot(RobotConfig(), port=port) as robot:
         robot.run(wait(0.5))
         for _ in range(4):

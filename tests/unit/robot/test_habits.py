@@ -21,7 +21,7 @@ from raccoon import (
 )
 from raccoon.core.config import MechanismConfig, RobotConfig, ServoConfig, TophatConfig
 from raccoon.robot import robot_state
-from robots import Between, simulated
+from robots import InterceptingPort, simulated_port
 
 CONFIG = RobotConfig(
     tophats={"front": TophatConfig(0, 0.11, 0.0)},
@@ -59,7 +59,7 @@ CONFIG = RobotConfig(
     ],
 )
 def test_what_is_meant_is_said(asked: str, said: str) -> None:
-    with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+    with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
         robot.tick()
         names = {"robot": robot, "raccoon": raccoon, "straight": straight, "Robot": Robot}
         with pytest.raises((TypeError, AttributeError), match=said):
@@ -71,7 +71,7 @@ def noted(call: str) -> list[str]:
     names = {"wait_for": wait_for, "when": when, "straight": straight, "one": 1}
 
     def program() -> None:
-        with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+        with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
             robot.tick()
             eval(call, {**names, "robot": robot})
 
@@ -128,7 +128,7 @@ def test_a_limit_in_milliseconds_is_refused(make: Any) -> None:
 
 
 def test_a_loop_that_waits_and_never_reads_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
-    port = Between(simulated(config=CONFIG))
+    port = InterceptingPort(simulated_port(config=CONFIG))
     with open_robot(CONFIG, port=port) as robot:
         robot.tick()
         for _ in range(3000):  # while not robot.digital(0): pass
@@ -147,14 +147,14 @@ def test_a_loop_that_never_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
         while not robot.digital(0):
             pass
 
-    with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+    with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
         with pytest.raises(RuntimeError, match=r"for 5000 times and stay as they are: the robot reads"):
             robot.run(do(play))
         assert not any(robot.outputs.duty)
 
 
 def test_a_loop_that_ticks_may_ask_as_it_likes(caplog: pytest.LogCaptureFixture) -> None:
-    with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+    with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
         for _ in range(30):
             for _ in range(50):
                 assert robot.digital(0) is not True
@@ -164,7 +164,7 @@ def test_a_loop_that_ticks_may_ask_as_it_likes(caplog: pytest.LogCaptureFixture)
 
 
 def test_a_test_that_gives_a_function_does_not_hold() -> None:
-    with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+    with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
         digital: Any = when(lambda robot: robot.digital)  # type: ignore[arg-type, return-value]
         with pytest.raises(TypeError, match="condition 'when': its test gives digital and does not call it"):
             robot.run(drive(0.1).until(digital))

@@ -29,10 +29,10 @@ from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.match import mission, run_match, timed, wait_for_light
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, InterceptingPort, simulated_port
 
 
-class Lamp(Between):
+class Lamp(InterceptingPort):
     """The simulated robot with a start light on analog port 3 that goes on at `on` s."""
 
     def __init__(self, on: float = 1.0) -> None:
@@ -60,7 +60,7 @@ def test_servos_hold_until_the_end_and_are_off_then() -> None:
 
 
 def test_a_match_that_waits_for_nothing_begins_now_and_not_when_the_controller_did() -> None:
-    port = Between(seen=lambda inputs: replace(inputs, time=inputs.time + 5000.0))
+    port = InterceptingPort(seen=lambda inputs: replace(inputs, time=inputs.time + 5000.0))
     with open_robot(CONFIG, port=port) as robot:
         report = run_match(robot, wait(0.1), seconds=2.0)
     assert report.finished
@@ -68,7 +68,7 @@ def test_a_match_that_waits_for_nothing_begins_now_and_not_when_the_controller_d
 
 
 def test_what_is_strange_about_the_motors_is_in_the_report() -> None:
-    changed = simulated(effects={"motor.back_emf_constant@right": {"factor": 1.05}})
+    changed = simulated_port(effects={"motor.back_emf_constant@right": {"factor": 1.05}})
     with open_robot(CONFIG, port=changed) as robot:
         report = run_match(robot, straight(0.3), start=wait(0.5))
     assert len(report.remarks) == 1

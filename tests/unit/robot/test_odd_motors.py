@@ -40,14 +40,14 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Line, Wall, World
-from robots import CONFIG, Between, run, simulated
+from robots import CONFIG, InterceptingPort, run, simulated_port
 
 BARE = replace(CONFIG, motors={})
 
 
 def test_half_the_magnet_is_calibrated_away_and_reported() -> None:
     effects = {"motor.back_emf_constant@left": {"factor": 0.5}}
-    with Robot(simulated(config=BARE, effects=effects), BARE) as robot:
+    with Robot(simulated_port(config=BARE, effects=effects), BARE) as robot:
 
         def taped() -> float:
             assert robot.inputs is not None
@@ -55,7 +55,7 @@ def test_half_the_magnet_is_calibrated_away_and_reported() -> None:
             return robot.inputs.truth.x
 
         calibrated = calibrate_drive(robot, taped, distance=0.6)
-    result, end, robot = run(straight(0.5), simulated(seed=2, config=BARE, effects=effects), calibrated)
+    result, end, robot = run(straight(0.5), simulated_port(seed=2, config=BARE, effects=effects), calibrated)
     assert end.x == pytest.approx(0.5, abs=0.005)
     assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.5)
     assert any("left motor (port 0) has 0.5" in said for said in robot.drive.find_oddities())
@@ -67,7 +67,7 @@ def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
     load, and alike on both sides."""
     told: list[str] = []
     for seed in (1, 2, 3, 4):
-        port = simulated(seed=seed, effects={"motor.armature_resistance@left": {"factor": 1.5}})
+        port = simulated_port(seed=seed, effects={"motor.armature_resistance@left": {"factor": 1.5}})
         _, end, robot = run(straight(1.0), port)
         assert end.x == pytest.approx(1.0, abs=0.004)
         assert end.y == pytest.approx(0.0, abs=0.005)
@@ -78,7 +78,7 @@ def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
 
 @pytest.mark.parametrize(("factor", "config"), [(0.5, CONFIG), (2.0, BARE)])
 def test_a_gyro_of_another_full_scale_is_named_and_no_motor(factor: float, config: RobotConfig) -> None:
-    port = simulated(config=config, effects={"imu.gyro_scale": {"factor": factor}})
+    port = simulated_port(config=config, effects={"imu.gyro_scale": {"factor": factor}})
     turns = seq(*(turn(math.radians(angle)) for angle in (90.0, -90.0) * 3), straight(0.2))
     with open_robot(config, port=port) as robot:
         robot.run(wait(1.0))
@@ -99,11 +99,11 @@ def gives_up(port: Port, action: Action[Any], config: RobotConfig = CONFIG) -> s
 
 def test_only_a_battery_that_is_low_is_blamed() -> None:
     full = gives_up(
-        simulated(world=World(walls=(Wall((0.2, -1.0), (0.2, 1.0)),))), arc(0.25, math.radians(90.0))
+        simulated_port(world=World(walls=(Wall((0.2, -1.0), (0.2, 1.0)),))), arc(0.25, math.radians(90.0))
     )
     assert "battery is too weak" not in full
     assert "something holds the robot or a wheel" in full
-    flat = simulated(effects={"battery.open_circuit_voltage": {"voltage": 4.0}})
+    flat = simulated_port(effects={"battery.open_circuit_voltage": {"voltage": 4.0}})
     assert "the battery is too weak, 3." in gives_up(flat, drive(0.3).timeout(1.0))
 
 
@@ -113,7 +113,7 @@ def test_ticks_that_no_motor_has_are_named() -> None:
         replace(CONFIG, motors={port: MotorConfig(radians_per_tick=Measured(ticks)) for port in (0, 1)})
         for ticks in (0.0008, 0.35)
     )
-    said = gives_up(simulated(), straight(0.8, 0.2), odd)
+    said = gives_up(simulated_port(), straight(0.8, 0.2), odd)
     assert "battery is too weak" not in said
     assert "radians_per_tick of motor 0 makes its K_E 3.8 times that of [model]" in said
     with pytest.raises(
@@ -123,7 +123,9 @@ def test_ticks_that_no_motor_has_are_named() -> None:
 
 
 def test_a_wall_that_keeps_a_robot_from_turning_is_no_gyro() -> None:
-    with open_robot(CONFIG, port=simulated(world=World(walls=(Wall((0.12, -1.0), (0.12, 1.0)),)))) as robot:
+    with open_robot(
+        CONFIG, port=simulated_port(world=World(walls=(Wall((0.12, -1.0), (0.12, 1.0)),)))
+    ) as robot:
         robot.run(wait(1.0))
         for turn_rate in (0.8, -0.8):
             with pytest.raises(MotionTimeout):
@@ -139,7 +141,7 @@ def test_a_nominal_robot_is_not_complained_about() -> None:
 
 def test_a_wheel_that_was_changed_is_told_by_the_gyro_and_a_distance_is_unsure_by_half_of_it() -> None:
     """Which of the two it was nobody knows: one that is larger, or the other one smaller."""
-    result, _, _ = run(straight(1.0), simulated(effects={"drive.wheel_radius@right": {"factor": 1.06}}))
+    result, _, _ = run(straight(1.0), simulated_port(effects={"drive.wheel_radius@right": {"factor": 1.06}}))
     (said,) = result.remarks
     told = re.search(r"right wheel \(motor port 1\) turns ([\d.]+) times what its calibration says", said)
     assert told is not None
@@ -150,7 +152,7 @@ def test_a_wheel_that_was_changed_is_told_by_the_gyro_and_a_distance_is_unsure_b
 @pytest.mark.parametrize("chain", [None, Chain.firmware()], ids=["plain", "firmware"])
 def test_unequal_motors_as_the_paper_has_them_are_not_complained_about(chain: Chain | None) -> None:
     factors = {"motor.armature_resistance@left": {"factor": 2.0 / 1.7}}
-    results, _, _ = run(seq(straight(0.3), turn(deg(90))), simulated(effects=factors, chain=chain))
+    results, _, _ = run(seq(straight(0.3), turn(deg(90))), simulated_port(effects=factors, chain=chain))
     assert [result.remarks for result in results] == [(), ()]
 
 
@@ -168,7 +170,7 @@ def test_a_motor_changed_after_the_calibration_is_said_once_everywhere(
     assert len(robot.drive.remarks) == 1
 
 
-class Held(Between):
+class Held(InterceptingPort):
     """An emulated Wombat whose right wheel somebody holds for `seconds` from `begin` s on."""
 
     def __init__(self, begin: float, seconds: float) -> None:
@@ -201,7 +203,7 @@ def test_a_wheel_that_was_held_for_a_moment_is_no_odd_motor(
 def test_wheels_that_spin_at_a_wall_are_no_odd_motors(caplog: pytest.LogCaptureFixture) -> None:
     """On a long way at one speed the fit forgets, and the quarter second until the wall is known sufficed to
     say 0.7 times the voltage. So did the time after it, when the wall is taken for carpet."""
-    port = simulated(world=World.default(), config=RobotConfig())
+    port = simulated_port(world=World.default(), config=RobotConfig())
     with open_robot(RobotConfig(), port=port) as robot:
         robot.run(wait(1.0))
         remarks = robot.run(straight(2.4)).remarks
@@ -216,7 +218,7 @@ def without_right(outputs: Outputs) -> Outputs:
 
 
 def test_an_unplugged_motor_ends_the_motion_early_and_is_named() -> None:
-    port: Port = Between(sent=without_right)
+    port: Port = InterceptingPort(sent=without_right)
     with Robot(port, CONFIG) as robot:
         robot.run(wait(0.5))
         begin = robot.time
@@ -235,18 +237,18 @@ def test_an_unplugged_motor_ends_the_motion_early_and_is_named() -> None:
     ids=["dead band", "stiction"],
 )
 def test_a_small_move_settles_in_a_second(distance: float, effect: dict[str, dict[str, float]]) -> None:
-    result, end, _ = run(straight(distance), simulated(effects=effect))
+    result, end, _ = run(straight(distance), simulated_port(effects=effect))
     assert result.duration <= 1.0
     assert end.x == pytest.approx(distance, abs=0.0015)
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0])
 def test_a_speed_beyond_the_weakest_battery_is_planned_down_and_said(speed: float) -> None:
-    strong = simulated(effects={"battery.open_circuit_voltage": {"voltage": 7.2}})
+    strong = simulated_port(effects={"battery.open_circuit_voltage": {"voltage": 7.2}})
     result, _, robot = run(straight(0.4, speed=speed), strong)
     assert result.planned < 0.25 / speed
     assert not result.saturated
-    weak = simulated(effects={"battery.open_circuit_voltage": {"voltage": robot.config.battery.weakest}})
+    weak = simulated_port(effects={"battery.open_circuit_voltage": {"voltage": robot.config.battery.weakest}})
     again, _, _ = run(straight(0.4, speed=speed), weak)
     assert not again.saturated
     assert again.duration == pytest.approx(result.duration, abs=0.05)
@@ -273,8 +275,10 @@ def test_more_acceleration_makes_no_motion_slower(speed: float) -> None:
         assert quick.duration <= usual.duration + 0.05
 
 
-def on_battery(volts: float, **effects: Mapping[str, float]) -> Between:
-    return Between(simulated(effects={"battery.open_circuit_voltage": {"voltage": volts}, **effects}))
+def on_battery(volts: float, **effects: Mapping[str, float]) -> InterceptingPort:
+    return InterceptingPort(
+        simulated_port(effects={"battery.open_circuit_voltage": {"voltage": volts}, **effects})
+    )
 
 
 def test_scaled_duties_drive_alike_at_80_percent_and_say_what_is_missing_at_100() -> None:
@@ -319,7 +323,7 @@ def test_a_loop_that_follows_a_line_to_and_fro_makes_no_motor_odd(caplog: pytest
 
 
 def test_wheels_that_spin_at_a_wall_say_nothing_of_their_motors() -> None:
-    port = simulated(config=BARE, world=World(walls=(Wall((0.3, -1.0), (0.3, 1.0)),)))
+    port = simulated_port(config=BARE, world=World(walls=(Wall((0.3, -1.0), (0.3, 1.0)),)))
     with open_robot(BARE, port=port) as robot:
         robot.run(seq(wait(0.5), straight(0.1), straight(-0.1)))
         with pytest.raises(MotionTimeout):
@@ -350,6 +354,6 @@ def test_what_scrubs_in_turns_makes_no_motor_odd(side: str) -> None:
 def test_a_motor_is_found_odd_between_turns_too() -> None:
     effects = {"motor.armature_resistance@left": {"factor": 1.6}}
     parts = [part for _ in range(3) for part in (straight(0.4), turn(deg(90)))]
-    _, _, robot = run(seq(*parts), simulated(effects=effects))
+    _, _, robot = run(seq(*parts), simulated_port(effects=effects))
     (said,) = robot.drive.find_oddities()
     assert said.startswith("the left motor (port 0) takes 1.")

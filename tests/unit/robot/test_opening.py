@@ -16,7 +16,7 @@ from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Inputs
 from raccoon.robot.opening import open_port
 from raccoon.trace.format import read_trace
-from robots import Between, simulated
+from robots import InterceptingPort, simulated_port
 from unit.trace.recordings import ScriptedPort
 
 MISSION = seq(wait(0.5), straight(0.10), turn(deg(45)))
@@ -198,17 +198,17 @@ def test_the_ports_of_the_tophats_are_watched_for_the_ends_of_their_range(
 
 
 def test_a_port_of_a_programs_own_that_gives_no_readings_or_no_time_is_told() -> None:
-    nothing: Any = Between(simulated(), seen=lambda _: cast(Inputs, None))
+    nothing: Any = InterceptingPort(simulated_port(), seen=lambda _: cast(Inputs, None))
     no_readings = pytest.raises(TypeError, match=r"read\(\) of Between gives None: it must give Inputs")
     with open_robot(RobotConfig(), port=nothing) as robot, no_readings:
         robot.tick()
-    short = Between(simulated(), seen=lambda inputs: replace(inputs, bemf=(1.0,)))
+    short = InterceptingPort(simulated_port(), seen=lambda inputs: replace(inputs, bemf=(1.0,)))
     too_few = pytest.raises(
         ValueError, match=r"bemf of the port's Inputs is \(1.0,\): it must be a tuple of 4"
     )
     with open_robot(RobotConfig(), port=short) as robot, too_few:
         robot.tick()
-    stopped = Between(simulated(), seen=lambda inputs: replace(inputs, time=5.0))
+    stopped = InterceptingPort(simulated_port(), seen=lambda inputs: replace(inputs, time=5.0))
     no_time = pytest.raises(HardwareError, match=r"time stands at 5.0 s for 1000 readings")
     with open_robot(RobotConfig(), port=stopped) as robot, no_time:
         robot.run(wait(1.0))
@@ -223,7 +223,7 @@ def test_what_is_no_name_of_a_recording_is_refused_by_its_name() -> None:
         ):
             open_robot(record=nameless)
     with pytest.raises(TypeError, match=r"record is <Action straight 0.1 m>: it must be the name of a rec"):
-        open_robot(RobotConfig(), port=simulated(), record=anything)
+        open_robot(RobotConfig(), port=simulated_port(), record=anything)
     with pytest.raises(TypeError, match=r"trace is <Action straight 0.1 m>: it must be the name of a recor"):
         replay(anything, straight(0.1))
     with pytest.raises(TypeError, match=r"tolerance is <Action straight 0.1 m>: it must be a number, from 0"):

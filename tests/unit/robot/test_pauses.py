@@ -39,16 +39,16 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import World
-from robots import CONFIG, Between, simulated, tophat_calibration
+from robots import CONFIG, InterceptingPort, simulated_port, tophat_calibration
 
 ARM = RobotConfig(motors=CONFIG.motors, tophats=CONFIG.tophats, mechanisms={"arm": MechanismConfig(motor=2)})
 
 
-class Pausing(Between):
+class Pausing(InterceptingPort):
     """The simulated robot, which a test can let go on by itself."""
 
     def __init__(self, config: RobotConfig = ARM) -> None:
-        super().__init__(simulated(config=config))
+        super().__init__(simulated_port(config=config))
 
     def pause(self, seconds: float, *, stopped: bool = False) -> None:
         """Nobody reads. stopped: as the supervisor does it, the motors are stopped meanwhile."""
@@ -224,7 +224,7 @@ def test_time_that_runs_back_makes_no_jerk() -> None:
     def jump(inputs: Inputs) -> Inputs:
         return replace(inputs, time=inputs.time - 3.0) if inputs.time > 1.5 else inputs
 
-    port = Between(simulated(config=CONFIG), seen=jump)
+    port = InterceptingPort(simulated_port(config=CONFIG), seen=jump)
     with open_robot(CONFIG, port=port) as robot:
         robot.run(wait(0.5))
         before = len(port.written)

@@ -3,11 +3,11 @@
 import re
 
 from raccoon import open_robot, run_match, wait
-from robots import CONFIG, simulated
+from robots import CONFIG, simulated_port
 
 
 def test_what_a_robot_gives_says_itself() -> None:
-    opening = open_robot(CONFIG, port=simulated())
+    opening = open_robot(CONFIG, port=simulated_port())
     assert "with open_robot(...) as robot" in repr(opening)
     with opening as robot:
         robot.run(wait(0.5))

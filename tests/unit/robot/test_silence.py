@@ -24,7 +24,7 @@ from raccoon import (
 )
 from raccoon.core.config import MechanismConfig
 from raccoon.core.readings import MOTOR_PORTS, NO_ANALOG, NO_DIGITAL, Fault, Inputs, Outputs, Words
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, InterceptingPort, simulated_port
 
 BEGIN = 1.5
 ARM = RobotConfig(motors=CONFIG.motors, mechanisms={"arm": MechanismConfig(motor=2)})
@@ -53,7 +53,7 @@ def encoders(inputs: Inputs) -> Inputs:
     return replace(inputs, bemf=NOTHING, gyro=None, accel=None)
 
 
-class Silent(Between):
+class Silent(InterceptingPort):
     """The simulated robot, of which `silence` hides something from BEGIN on."""
 
     def __init__(
@@ -62,7 +62,7 @@ class Silent(Between):
         seconds: float,
         base: Callable[[Inputs], Inputs] = lambda inputs: inputs,
     ) -> None:
-        super().__init__(simulated(config=ARM), seen=self._heard)
+        super().__init__(simulated_port(config=ARM), seen=self._heard)
         self._base, self._silence, self._end = base, silence, BEGIN + seconds
         self._time = 0.0
         self.power: list[tuple[float, float]] = []

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from children import heeding
+from children import default_signals
 from raccoon import (
     Action,
     Robot,
@@ -34,7 +34,7 @@ from raccoon.core.errors import HardwareError
 from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
 from raccoon.robot.actions.actions import Steps
 from raccoon.robot.loop import punctual
-from robots import CONFIG, Between
+from robots import CONFIG, InterceptingPort
 
 CHILD = """
 from raccoon import RobotConfig, drive, open_robot
@@ -168,7 +168,7 @@ def test_an_action_that_is_forgotten_does_not_keep_the_motors_running() -> None:
     ids=["SIGTERM", "Ctrl-C"],
 )
 def test_signals_unwind_and_close(number: signal.Signals, status: int) -> None:
-    with heeding(number):
+    with default_signals(number):
         child = subprocess.Popen([sys.executable, "-c", CHILD], stdout=subprocess.PIPE, text=True)
     with child:
         try:
@@ -205,7 +205,7 @@ def test_other_ways_out_close_as_well(way: Callable[[], None]) -> None:
 
     port = Ended()
     ended = pytest.raises((SystemExit, MemoryError))
-    with heeding(signal.SIGHUP), ended, open_robot(RobotConfig(), port=port) as robot:
+    with default_signals(signal.SIGHUP), ended, open_robot(RobotConfig(), port=port) as robot:
         robot.run(drive(0.1))
     assert port.commands[99].duty[0] > 0.0
     assert port.commands[-1] == STOP
@@ -423,7 +423,7 @@ def test_a_match_that_is_stopped_is_over() -> None:
 @pytest.mark.parametrize("inside", [True, False], ids=["opened in the coroutine", "opened around it"])
 def test_ctrl_c_ends_a_run_in_a_coroutine_at_once(inside: bool) -> None:
     """asyncio's own handler waits until the coroutine does, and a run does not."""
-    port = Between()
+    port = InterceptingPort()
     beats: list[float] = []
 
     def press(robot: Robot) -> bool:

@@ -23,7 +23,7 @@ from raccoon.estimate.tophat import calibrate
 from raccoon.robot.emulated import open_emulated
 from raccoon.robot.motions.goals import MotionResult
 from raccoon.sim.world.table import World
-from robots import CONFIG, simulated
+from robots import CONFIG, simulated_port
 
 TURNED = MotorConfig(inverted=True)
 LEFT = "as if the left motor (port 0) were plugged in the other way round: turn its plug, or write inverted ="
@@ -34,7 +34,7 @@ STUCK = "the wheels turn, and the robot does not: one motor is plugged in the ot
 def wired(config: RobotConfig, behind: str) -> Port:
     """A robot whose cables are as this robot.toml has them."""
     if behind == "simulator":
-        return simulated(config=config, world=World.empty())
+        return simulated_port(config=config, world=World.empty())
     return open_emulated(config, "stock" if behind == "stock" else 21, world=World.empty())
 
 

@@ -65,7 +65,7 @@ from raccoon import (
     zero,
 )
 from raccoon.core.config import MechanismConfig, ServoConfig
-from robots import CONFIG, SCALE, run, simulated
+from robots import CONFIG, SCALE, run, simulated_port
 
 NAN = float("nan")
 ANY: Any = straight
@@ -271,7 +271,10 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: rehearse_light(0, seconds=loose("9")), "seconds is '9': it must be a number"),
         (lambda: Condition("mine", ANY(0.1)), "condition 'mine': start is <Action .* a function.robot. of a"),
         (lambda: follow_path(loose({(0.1, 0.0), (0.3, 0.2)})), r"points is {.*}: it must be a list of \(x"),
-        (lambda: Robot(simulated(), loose("robot.toml")), "config takes a RobotConfig, not 'robot.toml'; l"),
+        (
+            lambda: Robot(simulated_port(), loose("robot.toml")),
+            "config takes a RobotConfig, not 'robot.toml'; l",
+        ),
         (lambda: check_battery(loose(None)), "tolerance is None: it must be a number, above 0"),
         (lambda: after_time(loose([1.0])), r"seconds is \[1\.0\]: it must be a number, from 0"),
         (lambda: analog_above(0, loose("3")), "counts is '3': it must be a number, from 0, below 4095"),
@@ -309,7 +312,7 @@ def test_a_wrong_kind_is_refused_when_it_is_written(make: Callable[[], object], 
 
 
 def test_reading_a_port_that_is_not_there_is_refused() -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         for port in (-1, 6, loose("0")):
             with pytest.raises(ValueError, match=f"analog port {port!r}: there are 0 to 5"):
                 robot.analog(port)
@@ -326,7 +329,7 @@ def test_reading_a_port_that_is_not_there_is_refused() -> None:
 )
 def test_a_loop_that_asks_for_no_number_is_refused(asked: tuple[float, float]) -> None:
     """It drove ahead at full power, also where -inf was asked for."""
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(wait(0.5))
         robot.drive.velocity(0.1)
         robot.tick()
@@ -349,7 +352,7 @@ def test_a_loop_that_asks_for_no_number_is_refused(asked: tuple[float, float]) -
     ],
 )
 def test_a_loop_is_asked_for_its_units_as_a_motion_is(asked: tuple[Any, ...], said: str) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         with pytest.raises((TypeError, ValueError), match=said):
             robot.drive.velocity(*asked)
         with pytest.raises(TypeError, match="left duty is True"):
@@ -363,7 +366,7 @@ def test_a_loop_is_asked_for_its_units_as_a_motion_is(asked: tuple[Any, ...], sa
 
 def test_a_motion_after_a_loop_that_ended_before_its_tick_is_no_second_one() -> None:
     """It was said to drive at the same time as another action, of which there was none."""
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(wait(0.5))
         robot.drive.velocity(0.1)
         assert robot.run(straight(0.05)).along == pytest.approx(0.0, abs=0.002)
@@ -371,7 +374,7 @@ def test_a_motion_after_a_loop_that_ended_before_its_tick_is_no_second_one() -> 
 
 def test_speeds_that_no_tick_follows_are_said_to_drive_nothing() -> None:
     """The robot stood, without a word: as `mav(); msleep(100);` in C looks like here."""
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         for _ in range(3):  # loops that are left before their tick
             robot.drive.velocity(0.1)
             robot.tick()
@@ -391,7 +394,7 @@ def test_what_opens_no_robot_is_refused_by_its_name() -> None:
     for seed in (-1, 1.5, "a"):
         with pytest.raises(ValueError, match=f"seed is {seed!r}: it must be a whole number from 0"):
             open_robot(CONFIG, seed=loose(seed))
-    with open_robot(replace(CONFIG, name="drumbot"), port=simulated(), seed=loose(np.int64(3))) as robot:
+    with open_robot(replace(CONFIG, name="drumbot"), port=simulated_port(), seed=loose(np.int64(3))) as robot:
         robot.tick()
         assert repr(robot) == "<Robot drumbot: x 0.000 m, y 0.000 m, heading 0.0 deg, ok>"
 
@@ -418,7 +421,7 @@ def test_a_robot_that_was_left_out_is_asked_for(make: Callable[[], object], said
 
 def test_a_robot_that_is_not_open_yet_says_so_wherever_it_is_handed_in() -> None:
     with pytest.raises(AttributeError, match="there is no robot yet"):
-        run_match(loose(open_robot(CONFIG, port=simulated())), straight(0.1))
+        run_match(loose(open_robot(CONFIG, port=simulated_port())), straight(0.1))
 
 
 @pytest.mark.parametrize(
@@ -437,21 +440,21 @@ def test_what_runs_actions_by_itself_is_no_step(drives: Callable[[Robot], Any]) 
     def calibrate(robot: Robot) -> None:
         drives(robot)
 
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         why = r"^(calibrate_\w+|run_match)\(\) inside run\(seq\(wait 0 s, do calibrate\)\): call it between"
         with pytest.raises(RuntimeError, match=why):
             robot.run(seq(wait(0.0), do(calibrate)))
 
 
 def test_a_long_thing_in_place_of_an_action_does_not_bury_the_message() -> None:
-    with open_robot(CONFIG, port=simulated()) as robot, pytest.raises(TypeError) as caught:
+    with open_robot(CONFIG, port=simulated_port()) as robot, pytest.raises(TypeError) as caught:
         robot.run(loose({"front": "many numbers " * 50}))
     assert len(str(caught.value)) < 120
 
 
 def test_a_cycle_within_a_cycle_is_refused() -> None:
     """It took the drive's command away: the wheels stopped for a tick."""
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         ticks = do(lambda robot: robot.tick(), "ticks")
         with pytest.raises(RuntimeError, match=r"tick\(\) inside run\(parallel.*let time pass with wait\(\)"):
             robot.run(parallel(drive(0.1), seq(wait(0.2), ticks)))
@@ -463,7 +466,7 @@ def test_a_cycle_within_a_cycle_is_refused() -> None:
 
 @pytest.mark.parametrize("taped", [0.601, lambda metres: metres], ids=["a number", "a function of something"])
 def test_a_calibration_that_cannot_ask_is_refused_before_it_drives(taped: object) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         said = r"calibrate_drive\(\) takes a function without arguments, not (0\.601|<lambda>\(metres\))"
         with pytest.raises(TypeError, match=said):
             calibrate_drive(robot, loose(taped))
@@ -491,7 +494,7 @@ def test_a_second_thread_is_told_that_there_is_one() -> None:
         thread.start()
         thread.join()
 
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(do(meanwhile, "threads"))
     said = "while another thread is in run(threads): a robot has one thread; "
     assert [text.partition("what")[0] for text in refused] == [
@@ -523,7 +526,7 @@ def test_a_second_thread_is_told_that_there_is_one() -> None:
 def test_numbers_of_numpy_are_numbers(make: Callable[[Any], Action[Any]], kind: Any) -> None:
     """np.radians(90) made every motion fail in the middle, with the robot on its way."""
     config = replace(CONFIG, servos={"claw": ServoConfig()}, mechanisms={"arm": MechanismConfig()})
-    result, _, robot = run(make(kind), simulated(config=config), config)
+    result, _, robot = run(make(kind), simulated_port(config=config), config)
     numbers = [*robot.outputs.duty, *robot.outputs.servo_us, robot.plan.x, robot.plan.y, robot.plan.heading]
     if isinstance(result, MotionResult):
         numbers += [value for value in astuple(result) if not isinstance(value, tuple)]
@@ -538,14 +541,17 @@ def test_numbers_of_numpy_are_numbers(make: Callable[[Any], Action[Any]], kind: 
     ],
 )
 def test_a_wrong_answer_of_the_tape_is_named(answer: object, said: str) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot, pytest.raises((TypeError, ValueError), match=said):
+    with (
+        open_robot(CONFIG, port=simulated_port()) as robot,
+        pytest.raises((TypeError, ValueError), match=said),
+    ):
         calibrate_drive(robot, loose(lambda: answer), distance=0.05)
 
 
 def test_who_mistypes_the_tape_is_asked_again(caplog: pytest.LogCaptureFixture) -> None:
     """Otherwise the robot would have to drive again. What `input` gives is a text, somewhere with a comma."""
     answers = iter(["abc", 60, "0,301"])
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         found = calibrate_drive(robot, loose(lambda: next(answers)), distance=0.30)
     ticks = found.motor(0).radians_per_tick
     assert ticks is not None
@@ -555,7 +561,7 @@ def test_who_mistypes_the_tape_is_asked_again(caplog: pytest.LogCaptureFixture) 
 
 
 def test_a_robot_that_was_not_opened_by_a_block_says_how() -> None:
-    opened = open_robot(CONFIG, port=simulated())
+    opened = open_robot(CONFIG, port=simulated_port())
     with pytest.raises(AttributeError, match="no run: write `with open_robot"):
         loose(opened).run(wait(0.1))
     with opened as robot:
@@ -563,7 +569,7 @@ def test_a_robot_that_was_not_opened_by_a_block_says_how() -> None:
 
 
 def test_running_what_is_no_action_is_refused() -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         with pytest.raises(TypeError, match=r"run\(\) takes an Action, not the function straight: call it"):
             robot.run(ANY)
         with pytest.raises(TypeError, match=r"not \[<Action wait 1 s>\]: write seq\(\*actions\) for a list"):
@@ -594,7 +600,7 @@ def test_running_what_is_no_action_is_refused() -> None:
     ids=["in parallel", "at a wall", "in the background", "by hand"],
 )
 def test_two_that_drive_at_once_are_refused(both: Callable[[], Action[Any]]) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(wait(0.5))
         with pytest.raises(RuntimeError, match="two actions drive the wheels at the same time"):
             robot.run(both())
@@ -603,7 +609,7 @@ def test_two_that_drive_at_once_are_refused(both: Callable[[], Action[Any]]) -> 
 
 
 def test_a_loop_that_forgets_its_tick_is_told_of_it() -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.drive.velocity(0.15)
         with pytest.raises(RuntimeError, match=r"robot\.tick\(\) comes after each"):
             robot.drive.velocity(0.15)
@@ -619,7 +625,7 @@ def test_what_beginners_write_is_answered_with_what_they_meant() -> None:
     def steps(robot: Robot) -> Any:
         yield from loose(straight(0.1))
 
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         for name, said in (
             ("straight", r"write robot\.run\(straight\("),
             ("heading", r"write robot\.pose\.heading"),
@@ -652,7 +658,7 @@ def test_a_property_of_the_robot_that_fails_fails_with_its_own_error() -> None:
         def broken(self) -> float:
             return float(loose(None).nothing_like_it)
 
-    with Broken(simulated(), CONFIG) as robot, pytest.raises(AttributeError, match="nothing_like_it"):
+    with Broken(simulated_port(), CONFIG) as robot, pytest.raises(AttributeError, match="nothing_like_it"):
         robot.broken  # noqa: B018
 
 
@@ -697,7 +703,7 @@ def test_what_robot_toml_lacks_is_said_before_anything_moves(
     wrong: Action[Any], said: str, within: Callable[[Action[Any]], Action[Any]]
 ) -> None:
     """It drove for five seconds, and then there was no such place of the claw."""
-    with open_robot(NAMES, port=simulated(config=NAMES)) as robot:
+    with open_robot(NAMES, port=simulated_port(config=NAMES)) as robot:
         with pytest.raises(ValueError, match=said):
             robot.run(within(wrong))
         with pytest.raises(ValueError, match=said):
@@ -712,7 +718,7 @@ def test_the_check_of_an_action_of_ones_own_is_asked_too() -> None:
     def refuse(_robot: Robot) -> None:
         raise ValueError("not on this table")
 
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         with pytest.raises(ValueError, match="not on this table"):
             robot.run(seq(straight(0.1), Action("mine", wait(1.0).start, refuse)))
         assert robot.ticks == 0
@@ -728,7 +734,7 @@ async def waits(_robot: Robot) -> None:
 
 def test_a_function_whose_steps_nobody_would_go_through_is_refused() -> None:
     """It was left undone without a word, and the match had finished."""
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         for function in (its_steps, waits):
             name = function.__name__
             for refused in (

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from blind.drives import exciting
-from diagnoses import cause, diagnosis
+from diagnoses import make_cause, make_diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.diagnosis import Diagnoser, diagnose
@@ -105,9 +105,9 @@ def test_the_longest_part_has_all_rows_between_two_gaps(whole: dict[str, Array])
 
 
 def found(*ids: str, depends_on: str = "") -> Diagnosis:
-    causes = (cause(each, said="wrong: do.", change=math.nan) for each in ids)
+    causes = (make_cause(each, said="wrong: do.", change=math.nan) for each in ids)
     unexplained = Unexplained(0.5, (depends_on,) if depends_on else ())
-    return diagnosis(*causes, verdict=Verdict.EXPLAINED, unexplained=unexplained)
+    return make_diagnosis(*causes, verdict=Verdict.EXPLAINED, unexplained=unexplained)
 
 
 def judged_parts(

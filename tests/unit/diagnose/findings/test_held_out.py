@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blind.generator import make
-from first_problem import problem_of
+from first_problem import make_problem
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import BIN_S, bins_per_event
 from raccoon.diagnose.drives.log import log_from_columns
@@ -117,7 +117,7 @@ def test_the_size_of_an_error_is_its_root_mean_square_where_no_moment_stands_out
 def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
     """A change of inertia within robot.toml's deviations is theirs; a latency is next to nobody else's."""
     log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
-    real = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    real = make_problem(log, ROBOT, tuple(CAUSES.values()))
     search = start_search(real, make_probe_function(real))
     both = {"drive.inertia": np.array([0.05]), "actuation.latency": np.array([1.0])}
     point = Point(np.zeros(len(real.base)), both)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnoses import cause, diagnosis
+from diagnoses import make_cause, make_diagnosis
 from raccoon.diagnose.drives.log import Log, Run
 from raccoon.diagnose.findings.path_dependence import restricted_to_shareable
 from raccoon.diagnose.findings.separate_batteries import (
@@ -32,7 +32,7 @@ from raccoon.diagnose.result import Verdict
 LOG = Log(np.zeros(2), np.zeros((2, 2)), (), runs=(Run(0.0, (None, None)), Run(9.0, (None, None))))
 
 
-OF_RESISTANCE = cause(RESISTANCE[0], said="")
+OF_RESISTANCE = make_cause(RESISTANCE[0], said="")
 
 
 def settings(*ohm: float) -> Settings:
@@ -59,16 +59,16 @@ def test_batteries_that_differ_are_said_with_the_resistance_of_each(
 
 
 def test_it_is_asked_for_where_a_battery_is_named_or_something_is_left() -> None:
-    assert batteries_may_differ(diagnosis(OF_RESISTANCE))
-    assert batteries_may_differ(diagnosis(verdict=Verdict.UNKNOWN))
-    assert batteries_may_differ(diagnosis(verdict=Verdict.PARTLY))
-    assert not batteries_may_differ(diagnosis(verdict=Verdict.EXPLAINED))
-    assert not batteries_may_differ(diagnosis())
+    assert batteries_may_differ(make_diagnosis(OF_RESISTANCE))
+    assert batteries_may_differ(make_diagnosis(verdict=Verdict.UNKNOWN))
+    assert batteries_may_differ(make_diagnosis(verdict=Verdict.PARTLY))
+    assert not batteries_may_differ(make_diagnosis(verdict=Verdict.EXPLAINED))
+    assert not batteries_may_differ(make_diagnosis())
 
 
 def test_a_battery_for_each_is_taken_where_they_differ_and_is_no_cause() -> None:
-    assert not has_separate_batteries(diagnosis())
-    own = diagnosis(notes=(f"{SEPARATE_BATTERIES_NOTE}...",))
+    assert not has_separate_batteries(make_diagnosis())
+    own = make_diagnosis(notes=(f"{SEPARATE_BATTERIES_NOTE}...",))
     assert has_separate_batteries(own)
     assert [(each.id, each.reason) for each in with_resistance_not_judged(own).rejected] == [
         (RESISTANCE[0], NOT_SHARED_REASON)
@@ -92,6 +92,6 @@ def test_an_own_resistance_is_never_below_none() -> None:
 
 def test_friction_of_a_direction_may_be_a_slope_that_several_are_not_asked_for() -> None:
     of_direction = replace(OF_RESISTANCE, id="friction.direction_dependent", confounded_with=("bemf.offset",))
-    said = restricted_to_shareable(diagnosis(of_direction, OF_RESISTANCE))
+    said = restricted_to_shareable(make_diagnosis(of_direction, OF_RESISTANCE))
     assert said.causes[0].confounded_with == ("bemf.offset", "drive.slope")
     assert (said.causes[0].probability, said.causes[1]) == (0.5, OF_RESISTANCE)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnoses import cause, diagnosis
+from diagnoses import make_cause, make_diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fleet.common_model import CrossCheck, _ModelPool, common_model, make_cross_check
 from raccoon.diagnose.fleet.summary import Fleet, fleet_of
@@ -44,10 +44,12 @@ def drive(friction: float = 0.2, rmse: float = 3.0, **causes: float) -> Diagnosi
         model = model.with_effect(id_, where or None, **{FIRST[id_]: value})
         model = model.with_origin(id_, where or None, Origin({FIRST[id_]: 0.004}, "named: it is so", 0.9))
         numbers = {FIRST[id_]: ParameterResult(value, 0.004, "", 1.0)}
-        named.append(cause(name, numbers, "It is so.", probability=0.9))
+        named.append(make_cause(name, numbers, "It is so.", probability=0.9))
     rejected = tuple(Rejected(each, "it is as assumed") for each in NAMES)
     channel = ChannelResult("imu.gyro.z", "rad/s", rmse, 1.0, 1.0, 0.5)
-    return diagnosis(*named, verdict=Verdict.EXPLAINED, channels=(channel,), rejected=rejected, model=model)
+    return make_diagnosis(
+        *named, verdict=Verdict.EXPLAINED, channels=(channel,), rejected=rejected, model=model
+    )
 
 
 def of(drives: Sequence[Diagnosis]) -> Fleet:
@@ -85,7 +87,7 @@ def test_of_two_causes_that_are_not_told_apart_one_is_in_it() -> None:
     motor, wheel = NAMES[1], "drive.wheel_radius@left"
     weak = drive(motor=0.94)
     weak = replace(weak, causes=(replace(weak.causes[0], confounded_with=("drive.wheel_radius",)),))
-    named = cause(wheel, {"factor": ParameterResult(0.94, 0.004, "", 1.0)}, confounded_with=(motor,))
+    named = make_cause(wheel, {"factor": ParameterResult(0.94, 0.004, "", 1.0)}, confounded_with=(motor,))
     model = Parameters().with_effect("drive.wheel_radius", "left", factor=0.94)
     small = replace(
         drive(), causes=(named,), model=model.with_origin("drive.wheel_radius", "left", Origin({}, "named"))
@@ -150,7 +152,7 @@ def test_the_one_to_foresee_has_no_say() -> None:
     fleet = of([drive(motor=each) for each in (0.95, 0.95, 0.95, 0.7)])
     assert effects(fleet, "day3")[("motor.back_emf_constant", "left")]["factor"] == 0.95
     assert common_model(of([drive()]), "day0") is None
-    assert common_model(fleet_of({"tophat": diagnosis()})) is None
+    assert common_model(fleet_of({"tophat": make_diagnosis()})) is None
 
 
 def test_a_model_can_be_written_and_read(tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -34,11 +34,11 @@ JUDGED = tuple(
 
 def cause(name: str, value: float, unit: str = "ohm", said: str = "It sags: charge it.") -> CauseResult:
     numbers = {"resistance": ParameterResult(value, 0.004, unit, 0.05)}
-    return diagnoses.cause(name, numbers, said, probability=0.99, change=math.nan)
+    return diagnoses.make_cause(name, numbers, said, probability=0.99, change=math.nan)
 
 
 def diagnosis(*causes: CauseResult, back_emf: float = 1.08, broken: bool = False) -> Diagnosis:
-    return diagnoses.diagnosis(
+    return diagnoses.make_diagnosis(
         *causes,
         rejected=JUDGED,
         identified={"motor.0.back_emf": ParameterResult(back_emf, 0.003, "V s/rad", float("nan"))},
@@ -142,7 +142,11 @@ def test_what_differs_from_run_to_run_either_way_is_no_robots(
     name = "battery.open_circuit_voltage"
     charged = {
         f"run{run}": diagnosis(
-            *[diagnoses.cause(name, {"voltage": ParameterResult(each, 0.02, "V", 6.8)}, f"It is {each} V.")]
+            *[
+                diagnoses.make_cause(
+                    name, {"voltage": ParameterResult(each, 0.02, "V", 6.8)}, f"It is {each} V."
+                )
+            ]
             * (each != 6.8)
         )
         for run, each in enumerate(volts)
@@ -166,7 +170,7 @@ def test_a_number_that_is_not_named_is_as_it_was_refitted() -> None:
     key = ("motor.back_emf_constant", "left")
     model = Parameters().with_effect(*key, factor=1.02)
     model = model.with_origin(*key, Origin({"factor": 0.004}, "refitted"))
-    weak = diagnoses.cause("motor.back_emf_constant@left", diagnoses.factor(0.94, 0.004))
+    weak = diagnoses.make_cause("motor.back_emf_constant@left", diagnoses.factor_parameters(0.94, 0.004))
     found = {
         f"run{run}": diagnosis(weak) if run < 4 else replace(diagnosis(), model=model) for run in range(8)
     }

@@ -55,7 +55,7 @@ from raccoon.diagnose.select.state import Search, linearise_search
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import median_step
-from simulated_drives import recorded
+from simulated_drives import record_simulated_drive
 from unit.diagnose.searches import search_at, standing
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     robot = Parameters(
         ROBOT, {("friction.stiction", "left"): sticky, ("friction.stiction", "right"): sticky}, chain
     )
-    _, habits = find_habits(log_from_columns(recorded(robot, 10.0), ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(log_from_columns(record_simulated_drive(robot, 10.0), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
@@ -94,7 +94,9 @@ def test_the_filter_of_a_gentle_drive_is_the_one_under_which_robot_toml_is_right
     """Commands that go up and down within 0.4 s, and 20 counts of noise: the plain filter saves less than is
     asked of it, but the firmware's would need another time constant, which was named."""
     robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], chain)
-    columns = recorded(robot, 8.0, softened=80, noise={"motor.0.bemf": 20.0, "motor.1.bemf": 20.0})
+    columns = record_simulated_drive(
+        robot, 8.0, softened=80, noise={"motor.0.bemf": 20.0, "motor.1.bemf": 20.0}
+    )
     _, habits = find_habits(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
@@ -104,14 +106,14 @@ def test_a_slow_filter_of_the_battery_is_seen_before_any_cause_is_known(seconds:
     """Beside a deadband one of 0.1 s was taken for 0.05, once a wrong scale and friction were named."""
     chain = replace(Chain.firmware(), battery_time_constant=seconds)
     robot = Parameters(ROBOT, SLIDING[Wheels.GIVING] | {("actuation.deadband", None): {"duty": 0.05}}, chain)
-    _, habits = find_habits(log_from_columns(recorded(robot, 8.0), ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(log_from_columns(record_simulated_drive(robot, 8.0), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
 def test_a_battery_that_creeps_after_its_current_is_nothing_unknown() -> None:
     """By 10 mohm more after 8 s."""
     robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain.firmware())
-    columns = dict(recorded(robot, 20.0))
+    columns = dict(record_simulated_drive(robot, 20.0))
     sag = ROBOT.model.battery.open_circuit_voltage.value - columns["battery.voltage"]
     late, stays = np.zeros_like(sag), math.exp(-0.005 / 8.0)
     for row in range(1, len(sag)):
@@ -134,7 +136,9 @@ def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str)
     wrong = Parameters.from_robot(ROBOT).with_effect(
         id_, "left" if id_ == "bemf.scale" else None, **HIDING[id_]
     )
-    _, habits = find_habits(log_from_columns(recorded(wrong, 20.0, seed=1), ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(
+        log_from_columns(record_simulated_drive(wrong, 20.0, seed=1), ROBOT), ROBOT, CAUSES, None
+    )
     assert habits.chain == Chain()
 
 
@@ -145,7 +149,7 @@ def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
         Parameters(ROBOT, SLIDING[Wheels.GIVING] | lower, Chain.firmware()),
         Parameters(ROBOT, SLIDING[Wheels.GIVING], replace(Chain.firmware(), coast_share=0.0)),
     ):
-        said = diagnose(recorded(robot, 6.0), ROBOT)
+        said = diagnose(record_simulated_drive(robot, 6.0), ROBOT)
         assert [each.name for each in said.causes] == ["motor.armature_resistance"]
         assert any("does not pause for its samples" in each for each in said.notes)
 
@@ -163,7 +167,9 @@ NOTHING_FITTED = FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
 def test_the_filter_is_asked_again_once_a_cause_is_known() -> None:
     """Where the habits were taken for the firmware's all the same."""
     dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
-    search, trials = standing(recorded(dead, 6.0, seed=1), FIRMWARE, {"actuation.deadband": 1.0})
+    search, trials = standing(
+        record_simulated_drive(dead, 6.0, seed=1), FIRMWARE, {"actuation.deadband": 1.0}
+    )
     search, habits = try_sensor_chains(search, FIRMWARE, trials)
     assert set(search.fit.point.active) == {"actuation.deadband"}
     assert habits.chain == Chain()
@@ -176,7 +182,9 @@ def test_where_nothing_is_named_no_other_filter_is_asked_for() -> None:
     def ask(habits: Habits) -> Problem:
         raise AssertionError(habits)
 
-    search, _ = standing(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain()), 3.0), FIRMWARE, {})
+    search, _ = standing(
+        record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain()), 3.0), FIRMWARE, {}
+    )
     assert try_sensor_chains(search, FIRMWARE, HabitTrials(ask)) == (search, FIRMWARE)
 
 
@@ -195,7 +203,7 @@ def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
     named: dict[str, float], ahead: float, other: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A sound robot whose friction creeps had something unknown over the speed, which is 8 behind."""
-    columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING]), 3.0)
+    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING]), 3.0)
     creeps = replace(FIRMWARE, wheels=Wheels.CREEPING)
     search, trials = standing(columns, FIRMWARE, {"friction.viscous": 0.5})
     second, _ = standing(columns, creeps, named)
@@ -218,7 +226,9 @@ def test_habits_are_asked_for_before_a_search_takes_longest(
     run_search: RunSearch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its rest was done under each that was replaced: of a drive with five causes three times."""
-    search, trials = standing(recorded(Parameters(ROBOT, {}), 3.0), FIRMWARE, {"friction.viscous": 0.5})
+    search, trials = standing(
+        record_simulated_drive(Parameters(ROBOT, {}), 3.0), FIRMWARE, {"friction.viscous": 0.5}
+    )
     creeps, rests = replace(FIRMWARE, wheels=Wheels.CREEPING), []
 
     def rest(search: Search) -> Search:
@@ -270,7 +280,7 @@ def test_beside_several_causes_habits_are_asked_for_once_more(
 def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median() -> None:
     """The median delays the wheels' readings by nearly as much as the commands are late."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
-    search, trials = standing(recorded(late, 6.0, seed=1), FIRMWARE, {"imu.latency": 0.3})
+    search, trials = standing(record_simulated_drive(late, 6.0, seed=1), FIRMWARE, {"imu.latency": 0.3})
     search, habits = try_sensor_chains(search, FIRMWARE, trials)
     assert set(search.fit.point.active) == {"actuation.latency"}
     settings = search.problem.settings(search.fit.point)
@@ -281,7 +291,7 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median() -> None
 def test_a_median_and_a_filtered_gyro_are_no_late_commands() -> None:
     """Both delay by a sample of 5 ms: as if all commands were late under the plain filter, which the wheels
     alone hardly tell from it."""
-    columns = dict(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 5.0))
+    columns = dict(record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 5.0))
     lag = 1.0 / (2.0 * math.pi * 41.0)
     rate, follows = columns["imu.gyro.z"], 0.005 / (0.005 + lag)
     filtered = [rate[0]]
@@ -298,7 +308,7 @@ def test_a_median_and_a_filtered_gyro_are_no_late_commands() -> None:
 def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    columns = recorded(Parameters.from_robot(ROBOT), 12.0, seed=1, brake=True)
+    columns = record_simulated_drive(Parameters.from_robot(ROBOT), 12.0, seed=1, brake=True)
     taken_for(Habits(Chain(), False), monkeypatch)
     search, habits, _ = search_with_habits(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits == Habits(Chain(), True)
@@ -337,7 +347,7 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
 @pytest.mark.parametrize("wheels", [Wheels.RIGID, Wheels.GIVING])
 def test_whether_wheels_give_before_they_slide_is_found_out(wheels: Wheels) -> None:
     robot = Parameters(ROBOT, SLIDING[wheels], Chain.firmware())
-    _, habits = find_habits(log_from_columns(recorded(robot, 12.0), ROBOT), ROBOT, CAUSES, None)
+    _, habits = find_habits(log_from_columns(record_simulated_drive(robot, 12.0), ROBOT), ROBOT, CAUSES, None)
     assert habits == Habits(Chain.firmware(), False, wheels=wheels)
 
 
@@ -349,7 +359,7 @@ def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(wheels: Wheels, t
     """Where it was taken for the other all the same. Rigid wheels, taken for ones that give, had a fifth of
     their inertia and five times their resistance; friction that is a curve over the speed was viscous."""
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
-    columns = recorded(Parameters(ROBOT, heavy | SLIDING[wheels], Chain.firmware()), 14.0)
+    columns = record_simulated_drive(Parameters(ROBOT, heavy | SLIDING[wheels], Chain.firmware()), 14.0)
     first = replace(FIRMWARE, wheels=taken)
     search, trials = standing(columns, first, {"drive.inertia": 0.5})
     search, habits = try_friction_forms(search, first, trials)
@@ -428,7 +438,9 @@ def test_beside_a_crowd_what_explains_less_under_other_habits_is_not_gone_on_wit
 
 def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() -> None:
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
-    log = log_from_columns(recorded(Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING]), 10.0), ROBOT)
+    log = log_from_columns(
+        record_simulated_drive(Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING]), 10.0), ROBOT
+    )
     gives, slides = (
         drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, wheels=wheels), None)
         for wheels in (Wheels.GIVING, Wheels.RIGID)
@@ -454,7 +466,7 @@ def test_habits_that_are_far_behind_are_given_up_with_the_columns_that_are_known
     for."""
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
     robot = Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING], Chain.firmware())
-    log = log_from_columns(recorded(robot, 20.0), ROBOT)
+    log = log_from_columns(record_simulated_drive(robot, 20.0), ROBOT)
     right, wrong = (
         drive_problem(log, ROBOT, CAUSES, Habits(chain, False), None) for chain in (Chain.firmware(), Chain())
     )
@@ -556,7 +568,9 @@ def test_a_csv_may_filter_the_battery_more_than_the_firmware_that_robot_toml_nam
     """A sound robot had a battery of a third of its resistance, with a probability of 1."""
     firmware = replace(FIRMWARES["wombat-raccoon-17"], units=itself)
     chain = replace(firmware.chain, battery_time_constant=0.1)
-    log = log_from_columns(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0), ROBOT)
+    log = log_from_columns(
+        record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0), ROBOT
+    )
     _, habits = find_habits(log, ROBOT, CAUSES, None, firmware)
     assert habits.chain == (firmware.chain if itself else chain)
 
@@ -565,7 +579,7 @@ def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_
     chain = Chain(median=True, battery_time_constant=0.02)
     weak: Effects = {("motor.armature_resistance", "left"): {"factor": 1.2}}
     slow = Habits(replace(chain, battery_time_constant=0.05), brake=False)
-    columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING] | weak, chain), 8.0)
+    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING] | weak, chain), 8.0)
     search, trials = standing(columns, slow, {"motor.armature_resistance@left": 0.8})
     search, habits = try_battery_filters(search, slow, trials)
     assert habits.chain == chain
@@ -575,7 +589,7 @@ def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_
 def test_a_clock_is_asked_for_behind_a_quick_filter_of_the_battery() -> None:
     """Between none and the firmware's neither fits, and a pause at the end of a row with a latency did."""
     chain = replace(FREE_RUNNING, battery_time_constant=0.005)
-    columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0)
+    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0)
     seen = Habits(PAUSING_AT_CYCLE_END, brake=False)
     search, trials = standing(columns, seen, {"actuation.latency": 0.25})
     search, habits = try_lagging_readings(search, seen, trials)
@@ -604,13 +618,15 @@ def test_wheels_that_are_filtered_once_a_row_have_no_other_filter() -> None:
     """A filter two thirds as slow was named of a simulation in rows of 20 ms, and the rest called unknown."""
     row = 0.02
     robot = replace(ROBOT, controller=replace(ROBOT.controller, rate_hz=1.0 / row))
-    said = diagnose(recorded(Parameters(robot, {}, Chain(cycle=row)), 16.0, row=row), robot)
+    said = diagnose(record_simulated_drive(Parameters(robot, {}, Chain(cycle=row)), 16.0, row=row), robot)
     assert said.verdict is Verdict.ADEQUATE
     assert said.causes == ()
 
 
 def test_rows_of_several_cycles_are_taken_for_that() -> None:
     """As a program logs that reads a firmware's filter at 100 Hz."""
-    columns = {name: each[::2] for name, each in recorded(Parameters(ROBOT, {}, Chain()), 16.0).items()}
+    columns = {
+        name: each[::2] for name, each in record_simulated_drive(Parameters(ROBOT, {}, Chain()), 16.0).items()
+    }
     _, habits = find_habits(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)
     assert habits.chain.cycle == 0.005

@@ -17,7 +17,7 @@ from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.search import start_selection
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
-from simulated_drives import recorded
+from simulated_drives import record_simulated_drive
 from unit.diagnose.searches import standing
 
 ROBOT = RobotConfig()
@@ -31,7 +31,7 @@ USUAL = Habits(Chain.firmware(), brake=False)
 def test_what_the_battery_carries_is_asked_for_where_something_is_named(whole: bool) -> None:
     """Half the sag of a slow drive was taken for another resistance, beside six other causes."""
     chain = replace(Chain.firmware(), whole=whole)
-    columns = recorded(Parameters(ROBOT, GIVING, chain), 6.0)
+    columns = record_simulated_drive(Parameters(ROBOT, GIVING, chain), 6.0)
     search, trials = standing(columns, USUAL, {"battery.internal_resistance": 0.3})
     search, habits = try_whole_currents(search, USUAL, trials.running(start_selection))
     assert habits == replace(USUAL, chain=chain)
@@ -43,14 +43,16 @@ def test_how_a_deadband_ends_is_asked_for_beside_what_is_like_one(end: str) -> N
     """One of 0.1 that ends at once was one of 0.015, beside three frictions."""
     chain = replace(Chain.firmware(), threshold=end == "threshold", cut=end == "cut")
     robot = Parameters(ROBOT, GIVING | {("actuation.deadband", None): {"duty": 0.14}}, chain)
-    search, trials = standing(recorded(robot, 8.0), USUAL, {"friction.coulomb": 0.3})
+    search, trials = standing(record_simulated_drive(robot, 8.0), USUAL, {"friction.coulomb": 0.3})
     search, habits = try_deadband_shapes(search, USUAL, trials.running(start_selection))
     assert habits == replace(USUAL, chain=chain)
     assert list(search.fit.point.active) == ["actuation.deadband"]
 
 
 def test_a_deadband_that_is_none_is_not_asked_for() -> None:
-    search, trials = standing(recorded(Parameters(ROBOT, GIVING), 3.0), USUAL, {"imu.gyro_bias": 0.3})
+    search, trials = standing(
+        record_simulated_drive(Parameters(ROBOT, GIVING), 3.0), USUAL, {"imu.gyro_bias": 0.3}
+    )
     assert try_deadband_shapes(search, USUAL, trials.running(start_selection)) == (search, USUAL)
     assert trials.rejected == set()
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from diagnoses import cause
+from diagnoses import make_cause
 from raccoon.diagnose.habits.notes import MAY_BE_READ_TIME, with_habit_uncertainty
 from raccoon.diagnose.reports.cause_text import describe_cause
 from raccoon.diagnose.result import ParameterResult
@@ -22,7 +22,7 @@ from raccoon.sim.effects.chain import Chain
 def test_when_a_battery_is_read_leaves_its_resistance_open(firmware: str | None, std: float) -> None:
     """0.17 ohm was 0.184 or 0.197, each +- 0.003, by when in a row the reading was taken."""
     number = {"resistance": ParameterResult(0.184, 0.003, "ohm", 0.05)}
-    found = cause("battery.internal_resistance", number, "")
+    found = make_cause("battery.internal_resistance", number, "")
     other = replace(found, id="friction.coulomb")
     known = None if firmware is None else FIRMWARES[firmware]
     (wider, same) = with_habit_uncertainty((found, other), Habits(Chain(), False, firmware=known))
@@ -47,7 +47,7 @@ def test_when_samples_are_taken_leaves_a_latency_open(
     """Of a controller whose samples were 4.3 ms old in each row a latency of 14.7 ms was said to be
     17.3 +- 0.12, and a gyro 20.6 ms late, whose chip smooths, 26.0 +- 0.2; and one of 1.2 ms, which is none,
     had a probability of 1."""
-    found = cause(name, {"seconds": ParameterResult(0.0012, 0.0001, "s", 0.0)}, "")
+    found = make_cause(name, {"seconds": ParameterResult(0.0012, 0.0001, "s", 0.0)}, "")
     known = None if firmware is None else FIRMWARES[firmware]
     (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False, low_pass=smooths, firmware=known))
     assert wider.parameters["seconds"].std == pytest.approx(std, abs=0.00005)
@@ -57,7 +57,7 @@ def test_when_samples_are_taken_leaves_a_latency_open(
 
 def test_of_what_has_rivals_a_number_says_nothing_of_its_probability() -> None:
     found = replace(
-        cause("imu.latency", {"seconds": ParameterResult(0.0012, 0.0001, "s", 0.0)}, ""),
+        make_cause("imu.latency", {"seconds": ParameterResult(0.0012, 0.0001, "s", 0.0)}, ""),
         confounded_with=("drive.wheel_slip",),
     )
     (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False))
@@ -68,7 +68,7 @@ def test_of_what_has_rivals_a_number_says_nothing_of_its_probability() -> None:
 def test_what_may_be_the_moment_of_a_reading_alone_is_said_to_be(late: float, may_be_nothing: bool) -> None:
     """What is within 1.75 of its deviations of what was assumed is not named, but these are widened when it
     has been."""
-    found = cause("actuation.latency", {"seconds": ParameterResult(late, 0.0001, "s", 0.0)})
+    found = make_cause("actuation.latency", {"seconds": ParameterResult(late, 0.0001, "s", 0.0)})
     (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False))
     assert (wider.explanation != found.explanation) == may_be_nothing
     assert describe_cause(wider).more == (MAY_BE_READ_TIME if may_be_nothing else "")
@@ -76,7 +76,7 @@ def test_what_may_be_the_moment_of_a_reading_alone_is_said_to_be(late: float, ma
 
 
 def test_what_is_less_sure_is_said_with_fewer_places() -> None:
-    found = cause("imu.latency", {"seconds": ParameterResult(0.00618, 0.0001, "s", 0.0)})
+    found = make_cause("imu.latency", {"seconds": ParameterResult(0.00618, 0.0001, "s", 0.0)})
     (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False))
     assert (describe_cause(found).what, describe_cause(wider).what) == tuple(
         f"Gyro readings come {number} ms late" for number in ("6.18", "6.2")

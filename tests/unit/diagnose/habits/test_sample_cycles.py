@@ -31,7 +31,7 @@ from raccoon.diagnose.select.search import start_selection
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
-from simulated_drives import recorded
+from simulated_drives import record_simulated_drive
 from unit.diagnose.searches import standing
 
 ROBOT = RobotConfig()
@@ -42,7 +42,7 @@ PLAIN = Habits(Chain(), False, wheels=Wheels.RIGID)
 
 def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
     """As whoever writes dy/dt = (x - y) / T has it: 2 ms later than T of the firmware's samples."""
-    columns = recorded(Parameters(ROBOT, {}, Chain(cycle=0.001)), 3.0)
+    columns = record_simulated_drive(Parameters(ROBOT, {}, Chain(cycle=0.001)), 3.0)
     search, trials = standing(columns, PLAIN, {"actuation.latency": 0.08})
     search, habits = try_continuous_filter(search, PLAIN, trials.running(start_selection))
     assert found_nothing(search)
@@ -53,7 +53,7 @@ def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
 def test_a_later_command_is_no_filter_that_runs_all_the_time() -> None:
     """Gyro and battery are late as well."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.002}}, Chain())
-    search, trials = standing(recorded(late, 3.0), PLAIN, {"actuation.latency": 0.08})
+    search, trials = standing(record_simulated_drive(late, 3.0), PLAIN, {"actuation.latency": 0.08})
     search, habits = try_continuous_filter(search, PLAIN, trials.running(start_selection))
     assert habits == PLAIN
     assert not found_nothing(search)
@@ -75,7 +75,7 @@ def test_what_led_with_the_same_causes_leads(
 ) -> None:
     """A point that was fitted under the noise of its own search is no best one under that of another: a sound
     robot was unknown over the speed, since what led by 75 as fitted there lacked 46 as it was."""
-    columns = recorded(Parameters(ROBOT, {}, Chain()), 3.0)
+    columns = record_simulated_drive(Parameters(ROBOT, {}, Chain()), 3.0)
     fine = with_sample_cycle(PLAIN, CONTINUOUS_CYCLE_S)
     search, trials = standing(columns, PLAIN, {})
     trials.started[fine], _ = standing(columns, fine, causes)
@@ -95,7 +95,9 @@ PAUSED = replace(BEHIND, chain=replace(Chain.firmware(), pause=0.0005))
 
 def test_wheels_that_a_pause_slows_down_have_no_deadband() -> None:
     """A motor that coasts before its sample is a count slower then, whichever way it turns."""
-    search, trials = standing(recorded(Parameters(ROBOT, {}, PAUSED.chain), 3.0), BEHIND, {DEADBAND: 0.05})
+    search, trials = standing(
+        record_simulated_drive(Parameters(ROBOT, {}, PAUSED.chain), 3.0), BEHIND, {DEADBAND: 0.05}
+    )
     search, habits = try_pause_slowdown(search, BEHIND, trials.running(start_selection))
     assert found_nothing(search)
     assert habits.chain.pause == pytest.approx(0.0005)
@@ -104,14 +106,16 @@ def test_wheels_that_a_pause_slows_down_have_no_deadband() -> None:
 
 def test_a_deadband_is_no_wheel_that_a_pause_slows_down() -> None:
     narrow = Parameters(ROBOT, {(DEADBAND, None): {"duty": 0.01}}, Chain.firmware())
-    search, trials = standing(recorded(narrow, 3.0), BEHIND, {DEADBAND: 0.1})
+    search, trials = standing(record_simulated_drive(narrow, 3.0), BEHIND, {DEADBAND: 0.1})
     search, habits = try_pause_slowdown(search, BEHIND, trials.running(start_selection))
     assert habits == BEHIND
     assert not found_nothing(search)
 
 
 def test_motors_that_never_coast_are_slowed_down_by_no_pause() -> None:
-    search, trials = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05})
+    search, trials = standing(
+        record_simulated_drive(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05}
+    )
     assert try_pause_slowdown(search, PLAIN, trials.running(start_selection)) == (search, PLAIN)
 
 
@@ -143,6 +147,6 @@ def test_beside_several_causes_a_search_goes_on_with_pauses_from_where_it_is(
 
 @pytest.mark.parametrize("chain", [PAUSED.chain, BEHIND.chain])
 def test_whether_a_pause_slows_the_wheels_down_is_found_out_before_any_cause(chain: Chain) -> None:
-    log = log_from_columns(recorded(Parameters(ROBOT, {}, chain), 12.0), ROBOT)
+    log = log_from_columns(record_simulated_drive(Parameters(ROBOT, {}, chain), 12.0), ROBOT)
     _, habits = find_habits(log, ROBOT, drive_causes(), None)
     assert habits.chain.pause == chain.pause

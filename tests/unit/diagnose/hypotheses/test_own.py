@@ -15,7 +15,7 @@ import pytest
 from blind import drives
 from blind.generator import make
 from blind.hidden import draw, draw_unknown
-from csv_files import written
+from csv_files import write_csv_file
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
@@ -48,7 +48,7 @@ def test_what_was_unknown_is_named_with_its_number_once_somebody_has_an_idea(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     hidden = draw_unknown("gyro_speed", np.random.default_rng(1))
-    path = written(tmp_path / "run.csv", dict(make(1, [hidden], seconds=8.0).columns))
+    path = write_csv_file(tmp_path / "run.csv", dict(make(1, [hidden], seconds=8.0).columns))
     out, model = tmp_path / "out.json", tmp_path / "model.toml"
     command = ["diagnose", str(path), "--causes", str(EXAMPLE), "--json", str(out)]
     assert main([*command, "--save-model", str(model)]) == 0
@@ -245,7 +245,7 @@ def test_a_mistake_in_an_effect_is_named(readings: Callable[..., Any], message: 
 def test_a_file_of_causes_that_is_none_is_refused(
     text: str | None, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = written(tmp_path / "run.csv", dict(make(4, seconds=4.0).columns))
+    run = write_csv_file(tmp_path / "run.csv", dict(make(4, seconds=4.0).columns))
     path = tmp_path / "mine.py"
     if text is not None:
         path.write_text(text)

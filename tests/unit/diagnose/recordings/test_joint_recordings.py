@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blind.generator import make
-from diagnoses import diagnosis
+from diagnoses import make_diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
@@ -62,7 +62,7 @@ def test_truth_free_uses_no_reference_of_any_recording(which: str, monkeypatch: 
     def driven(drive: Drive) -> Diagnosis:
         assert drive.holdout is not None
         asked.extend((drive.columns, drive.holdout, *drive.more))
-        return diagnosis()
+        return make_diagnosis()
 
     monkeypatch.setattr(recordings, "diagnose_drive", driven)
     drives = {

@@ -10,7 +10,7 @@ import pytest
 
 from blind.generator import make
 from blind.tophats import tophat
-from diagnoses import diagnosis
+from diagnoses import make_diagnosis
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.fleet.common_model import common_model
 from raccoon.diagnose.fleet.summary import fleet_of
@@ -159,6 +159,6 @@ def test_what_is_wrong_with_a_channel_is_said_beside_its_name_once() -> None:
         SensorFault("motor.1.speed", "stale", "old"),
         SensorFault("motor.0.speed", "repeats", "too fast"),
     )
-    assert findings_text(replace(diagnosis(), sensor_faults=faults)) == (
+    assert findings_text(replace(make_diagnosis(), sensor_faults=faults)) == (
         "-; motor.0.speed: filtered, repeats; motor.1.speed: stale"
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnoses import diagnosis
+from diagnoses import make_diagnosis
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.reports import html
@@ -346,7 +346,7 @@ def test_on_a_phone_a_number_keeps_its_deviation_and_a_reason_stands_under_its_c
 
 
 def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
-    empty = diagnosis()
+    empty = make_diagnosis()
     text = render_page(empty, "run")
     shown, _, as_text = text.partition("<pre")
     assert shown.count("nothing that matters is wrong") == 1

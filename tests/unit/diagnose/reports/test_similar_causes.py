@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from diagnoses import cause, diagnosis, factor
+from diagnoses import factor_parameters, make_cause, make_diagnosis
 from raccoon.diagnose.reports.similar_causes import causes_of_similar_size
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import CauseResult, ParameterResult
@@ -19,10 +19,14 @@ def _two(size: float, other: float, std: float = 0.001, **more: Any) -> list[Cau
     """One cause said to change `size` with a number of 0.01 +- std, and behind it one said to change `other`,
     whose number is sure."""
     numbers = {"torque": ParameterResult(0.01, std, "N m", 0.0)}
-    first = cause(FIRST, numbers, unabsorbed=size)
+    first = make_cause(FIRST, numbers, unabsorbed=size)
     return [
         first,
-        cause("motor.back_emf_constant@right", factor(0.9, 0.001), **{"unabsorbed": other, "rank": 2} | more),
+        make_cause(
+            "motor.back_emf_constant@right",
+            factor_parameters(0.9, 0.001),
+            **{"unabsorbed": other, "rank": 2} | more,
+        ),
     ]
 
 
@@ -45,7 +49,7 @@ def test_causes_change_as_much_where_their_numbers_allow_for_it(
 
 
 def test_the_surer_number_of_a_pair_says_how_sure_its_change_is() -> None:
-    first = cause(
+    first = make_cause(
         "drive.slope",
         {
             "along_x": ParameterResult(0.0001, 0.001, "N m", 0.0),
@@ -53,19 +57,19 @@ def test_the_surer_number_of_a_pair_says_how_sure_its_change_is() -> None:
         },
         unabsorbed=1.0,
     )
-    assert causes_of_similar_size([first, cause(FIRST, factor(1.1), unabsorbed=0.7)]) == ()
+    assert causes_of_similar_size([first, make_cause(FIRST, factor_parameters(1.1), unabsorbed=0.7)]) == ()
 
 
 def test_nothing_is_as_much_as_none_or_one() -> None:
     assert causes_of_similar_size([]) == ()
-    assert causes_of_similar_size([cause(FIRST, factor(1.1))]) == ()
+    assert causes_of_similar_size([make_cause(FIRST, factor_parameters(1.1))]) == ()
 
 
 def test_a_report_says_it_of_the_first_alone() -> None:
-    text = terminal_report(diagnosis(*_two(0.95, 0.92)))
+    text = terminal_report(make_diagnosis(*_two(0.95, 0.92)))
     assert text.count("about as much as") == 1
     assert (
         "all readings by 0.95 times beyond the tolerances in robot.toml, about as much as motor.back_emf"
         in text
     )
-    assert "about as much" not in terminal_report(diagnosis(*_two(0.95, 0.5)))
+    assert "about as much" not in terminal_report(make_diagnosis(*_two(0.95, 0.5)))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blind.drives import exciting
-from emulated_drives import recorded
+from emulated_drives import record_emulated_drive
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, BEMF_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR
@@ -40,7 +40,7 @@ def diagnosed(firmware: Firmware, seconds: float, **factor: float) -> Diagnosis:
     robot = Parameters.from_robot(ROBOT)
     if factor:
         robot = robot.with_effect("motor.back_emf_constant", "left", **factor)
-    recording = recorded(firmware, robot, exciting(np.random.default_rng(1), seconds), seed=1)
+    recording = record_emulated_drive(firmware, robot, exciting(np.random.default_rng(1), seconds), seed=1)
     return diagnose_recording(recording.columns, ROBOT, device=recording.device)
 
 
@@ -73,7 +73,7 @@ def understood(request: pytest.FixtureRequest) -> tuple[Firmware, Log, Log]:
     """A drive as it was recorded, and as its firmware is known to have made it."""
     firmware: Firmware = request.param
     duty = exciting(np.random.default_rng(5), 8.0)
-    recording = recorded(firmware, Parameters.from_robot(ROBOT), duty, seed=5)
+    recording = record_emulated_drive(firmware, Parameters.from_robot(ROBOT), duty, seed=5)
     log, known = log_from_columns(recording.columns, ROBOT), firmware_of(recording.device)
     assert known is not None
     return firmware, log, known.understood(log, recording.columns, ROBOT)
@@ -108,7 +108,7 @@ def test_a_wheel_that_is_faster_than_can_be_read_has_no_reading(firmware: Firmwa
     """RaccoonOS keeps the last one below 2000 counts, and its counter, until that is noticed."""
     fast = Parameters.from_robot(ROBOT).with_effect("battery.open_circuit_voltage", voltage=8.4)
     duty = np.repeat([[0.5, 0.5], [1.0, 1.0], [0.5, 0.5]], 200, axis=0)
-    recording = recorded(firmware, fast, duty, seed=2)
+    recording = record_emulated_drive(firmware, fast, duty, seed=2)
     known = firmware_of(recording.device)
     assert known is not None
     log = known.understood(log_from_columns(recording.columns, ROBOT), recording.columns, ROBOT)

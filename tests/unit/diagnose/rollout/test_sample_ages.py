@@ -20,7 +20,7 @@ from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.sample_ages import AGE, age_coordinates, aged
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
-from simulated_drives import recorded
+from simulated_drives import record_simulated_drive
 
 ROBOT = RobotConfig()
 TIME = np.arange(0.0, 1.0, 0.005)
@@ -61,7 +61,7 @@ def test_of_a_firmware_that_is_named_nothing_of_it_is_open() -> None:
 def test_samples_of_another_moment_are_no_other_filter() -> None:
     """Of a controller in step with its rows, which samples 1.8 and 1.2 ms before each: a plain filter and a
     latency of 5 ms were found, and then a gear that loses torque, or a slip, of sound robots."""
-    columns = recorded(
+    columns = record_simulated_drive(
         Parameters(ROBOT, {}, Chain.firmware()),
         7.0,
         noise=dict.fromkeys(("motor.0.bemf", "motor.1.bemf"), 0.0),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from blind.generator import make
-from first_problem import problem_of
+from first_problem import make_problem
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.drives.log import log_from_columns
@@ -309,7 +309,7 @@ def test_no_size_is_said_that_no_robot_has() -> None:
 
 def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
-    real = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    real = make_problem(log, ROBOT, tuple(CAUSES.values()))
     search = start_search(real, make_probe_function(real))
     last = refit_with_final_noise(search)
     every, less = search.whitener.wandering[0], last.whitener.wandering[0]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnoses import cause, diagnosis
+from diagnoses import make_cause, make_diagnosis
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.linear_model import coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
@@ -65,5 +65,8 @@ def test_where_no_motor_is_hot_friction_may_have_changed(problem: Problem) -> No
 )
 def test_beside_a_crowd_of_causes_no_change_of_friction_is_asked_for(others: int, asked: bool) -> None:
     """Beside twelve, on 36 s, the question took longer than all before it."""
-    beside = [cause(f"own.{number}", said="") for number in range(others)]
-    assert friction_may_have_changed(diagnosis(cause(HEATING, said=""), *beside), lambda: False) is asked
+    beside = [make_cause(f"own.{number}", said="") for number in range(others)]
+    assert (
+        friction_may_have_changed(make_diagnosis(make_cause(HEATING, said=""), *beside), lambda: False)
+        is asked
+    )

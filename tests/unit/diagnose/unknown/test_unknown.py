@@ -9,7 +9,7 @@ import pytest
 
 from blind.generator import make
 from blind.hidden import Hidden, draw
-from first_problem import problem_of
+from first_problem import make_problem
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import BIN_S
@@ -39,7 +39,7 @@ def test_what_was_called_unknown_is_not_where_a_cause_explains_it_after_all() ->
     """Once it is, a small cause beside it need not have a third of what the unknown seemed to be."""
     hidden = draw("actuation.latency", np.random.default_rng(5))
     log = log_from_columns(make(5, [hidden], seconds=10.0).columns, ROBOT)
-    real = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    real = make_problem(log, ROBOT, tuple(CAUSES.values()))
     start = start_search(real, make_probe_function(real))
     seemed = {"unknown: time (inertia)": 300.0}
     empty = linearise_search(real, start.probes, start.fit.point, start.whitener, seemed)
@@ -57,7 +57,7 @@ def test_what_was_called_unknown_is_not_where_a_cause_explains_it_after_all() ->
 
 def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
     columns = make(2, seconds=6.0).columns
-    real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    real = make_problem(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     linear = linearise(real, real.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
     group = next(each for each in make_probe_function(real)(linear) if each.name.endswith("gyro over time"))
     channel = real.features.roles.index("gyro")
@@ -164,7 +164,7 @@ def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong() 
     noise."""
     hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
     columns = make(10, [hidden], seconds=40.0).columns
-    real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    real = make_problem(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = find_best_probe(start_search(real, make_probe_function(real)))
     assert found.name == "unknown: wheel angle left"
     assert found.lead > 10.0 * LONE_PROBE_GATE
@@ -176,7 +176,7 @@ def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has(size: float, 
     does as well, and to nobody's harm."""
     hidden = Hidden("unknown", None, {}, {"cogging_l": size})
     columns = make(12, [hidden], seconds=25.0).columns
-    real = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    real = make_problem(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = find_best_probe(start_search(real, make_probe_function(real)))
     assert found.name == "unknown: wheel angle left"
     assert found.lead > LONE_PROBE_GATE

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from blind.generator import Noise, make
 from blind.hidden import Hidden
-from first_problem import problem_of
+from first_problem import make_problem
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.linear_model import linearise
@@ -121,14 +121,14 @@ def test_waves_answer_as_the_robot_that_was_found(problem: Problem) -> None:
 def _quiet(hidden: Hidden) -> tuple[Problem, np.ndarray]:
     """The problem of a robot that nothing disturbs, and its readings by bins."""
     log = log_from_columns(make(3, [hidden], seconds=20.0, noise=QUIET).columns, ROBOT)
-    real = problem_of(log, ROBOT, drive_causes())
+    real = make_problem(log, ROBOT, drive_causes())
     return real, real.features.measured
 
 
 def test_how_much_a_motor_cogs_is_said_with_its_size() -> None:
     size = 0.06
     columns = make(21, [Hidden("unknown", None, {}, {"cogging_r": size})], seconds=20.0).columns
-    real = problem_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes())
+    real = make_problem(log_from_columns(columns, ROBOT), ROBOT, drive_causes())
     start = start_search(real, make_probe_function(real))
     (shape,) = fit_shapes(refit_with_final_noise(_restart_beside_probe(start, find_best_probe(start))))
     assert shape.depends_on == "wheel angle right"

@@ -27,7 +27,7 @@ from raccoon import (
 from raccoon.core.config import MechanismConfig
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Steps
-from robots import CONFIG, Between, endless, simulated
+from robots import CONFIG, InterceptingPort, endless_action, simulated_port
 
 ARM = RobotConfig(motors=CONFIG.motors, mechanisms={"arm": MechanismConfig(motor=2)})
 
@@ -43,7 +43,7 @@ def counting(counts: list[float]) -> Action[None]:
     ids=repr,
 )
 def test_what_moves_in_the_background_stands_between_two_runs(moving: Action[object], port: int) -> None:
-    with open_robot(ARM, port=simulated(config=ARM)) as robot:
+    with open_robot(ARM, port=simulated_port(config=ARM)) as robot:
         robot.run(seq(background(moving), wait(0.5)))
         assert robot.outputs.duty == (0.0,) * 4
         assert robot.outputs.brake[port]
@@ -59,14 +59,14 @@ def test_an_action_that_ends_with_a_command_leaves_nothing_driving() -> None:
         yield
         robot.drive.duties(0.5, 0.5)
 
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(Action("hasty", hasty))
         assert robot.outputs.duty == (0.0,) * 4
 
 
 def test_the_background_goes_on_after_a_timeout_that_the_program_catches() -> None:
     counts: list[float] = []
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(background(counting(counts)))
         with pytest.raises(MotionTimeout, match=r"not done after 0\.5 s \(the wheels are not driven\)"):
             robot.run(wait(5.0).timeout(0.5))
@@ -77,7 +77,7 @@ def test_the_background_goes_on_after_a_timeout_that_the_program_catches() -> No
 
 def test_one_that_fails_does_not_end_the_others() -> None:
     counts: list[float] = []
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(seq(background(wait(0.2).timeout(0.1)), background(counting(counts))))
         with pytest.raises(MotionTimeout):
             robot.run(wait(1.0))
@@ -96,7 +96,7 @@ def raise_interrupt(_robot: Robot) -> None:
 
 def test_the_background_ends_with_the_program() -> None:
     counts: list[float] = []
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(background(counting(counts)))
         with pytest.raises(KeyboardInterrupt):
             robot.run(seq(wait(0.2), do(raise_interrupt)))
@@ -109,13 +109,13 @@ def test_the_background_ends_with_the_program() -> None:
 def test_the_background_ends_with_the_match(program: Action[object]) -> None:
     ended: list[str] = []
 
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         with suppress(KeyError):
-            run_match(robot, seq(background(endless(ended, "ended")), wait(0.1), program), seconds=1.0)
+            run_match(robot, seq(background(endless_action(ended, "ended")), wait(0.1), program), seconds=1.0)
         assert ended == ["ended"]
 
 
-class Unreliable(Between):
+class Unreliable(InterceptingPort):
     """The simulated robot, whose cable falls out when a test says so."""
 
     broken = False
@@ -147,7 +147,7 @@ def test_one_that_cannot_be_ended_keeps_no_motor_on() -> None:
     port = Unreliable()
     with open_robot(CONFIG, port=port) as robot:
         for _ in range(2):
-            robot.add_background(endless(ended, "bad", KeyError("while it was ended")))
+            robot.add_background(endless_action(ended, "bad", KeyError("while it was ended")))
         with pytest.raises(KeyError, match="while it was ended"):
             robot.run(seq(drive(0.2).until(after_time(0.3)), do(raise_interrupt)))
         assert ended == ["bad", "bad"]

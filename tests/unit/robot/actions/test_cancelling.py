@@ -27,7 +27,7 @@ from raccoon import (
     turn,
     wait,
 )
-from robots import CONFIG, endless, run, simulated
+from robots import CONFIG, endless_action, run, simulated_port
 
 
 def raises(error: BaseException, after: float = 0.3) -> Action[None]:
@@ -58,7 +58,7 @@ class Told(Exception):
 def test_an_error_anywhere_stops_the_motors_and_the_rest(
     program: Callable[[BaseException], Action[object]], error: BaseException
 ) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(wait(0.5))
         with pytest.raises(type(error)):
             robot.run(program(error))
@@ -108,7 +108,7 @@ def test_a_limit_holds_for_all_that_is_inside() -> None:
 def test_what_was_started_is_ended_also_where_ending_one_of_them_fails() -> None:
     ended: list[str] = []
 
-    bad, good = endless(ended, "bad", Told("while it was ended")), endless(ended, "good")
+    bad, good = endless_action(ended, "bad", Told("while it was ended")), endless_action(ended, "good")
     for together in (race, parallel):
         with pytest.raises(Told, match="while it was ended"):
             run(together(bad, good, wait(0.1)).timeout_or(0.2, wait(0.0)))

@@ -29,7 +29,7 @@ from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Wall, World
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, InterceptingPort, simulated_port
 
 WALL = World(walls=(Wall((0.29, -1.0), (0.29, 1.0)),))
 """Met after 0.2 m."""
@@ -37,10 +37,10 @@ WALL = World(walls=(Wall((0.29, -1.0), (0.29, 1.0)),))
 
 def walled() -> SimPort:
     """The simulated robot before a wall, with drivers that give 0.5 A: a push that its tyres hold."""
-    return simulated(world=WALL, effects={"motor.current_limit": {"limit": 0.5}})
+    return simulated_port(world=WALL, effects={"motor.current_limit": {"limit": 0.5}})
 
 
-class Struck(Between):
+class Struck(InterceptingPort):
     """The simulated robot, which is struck once on its way, from the front."""
 
     def __init__(self) -> None:
@@ -67,7 +67,7 @@ def test_a_robot_backs_off_from_what_stalls_it() -> None:
 
 
 def test_wheels_that_spin_at_a_wall_are_not_stalled() -> None:
-    with open_robot(CONFIG, port=simulated(world=WALL)) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=WALL)) as robot:
         robot.run(wait(0.5))
         with pytest.raises(MotionTimeout):
             robot.run(drive(0.15).until(stalled()).timeout(4.0))
@@ -99,7 +99,7 @@ def test_what_still_holds_is_not_its_opposite() -> None:
 def test_what_holds_at_the_start_is_turned_round_in_a_composition_as_alone() -> None:
     """Of a wheel that stalls already: not anew, but it does."""
     stalls = Condition("stalls", lambda _: lambda: False, opposed=lambda _: lambda: True)
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.tick()
         for inverted in (~stalls, ~(stalls | stalls), ~(stalls & stalls), ~stalls & ~stalls, ~(~~stalls)):
             assert inverted.start(robot)() is False, inverted
@@ -124,7 +124,7 @@ def test_the_controllers_own_button_ends_a_wait_on_both_firmwares(firmware: Firm
 
 
 def test_a_simulated_button_is_pressed_for_who_waits_for_it_alone_or_by_who_says_so() -> None:
-    port = simulated()
+    port = simulated_port()
     with open_robot(CONFIG, port=port) as robot:
         robot.run(wait_for(button_pressed()).timeout(1.0))
         assert robot.time == pytest.approx(0.5, abs=0.02)
@@ -141,7 +141,7 @@ def test_a_simulated_button_is_pressed_for_who_waits_for_it_alone_or_by_who_says
 
 def test_a_controller_without_a_button_says_so_before_anything_moves() -> None:
     config = replace(CONFIG, controller=ControllerConfig(port="create"))
-    with open_robot(config, port=simulated()) as robot:
+    with open_robot(config, port=simulated_port()) as robot:
         with pytest.raises(ConfigError, match=r"a Create has no such button: .*pressed\(8\)"):
             robot.run(seq(drive(0.1), wait_for(button_pressed())))
         assert robot.ticks == 0

@@ -7,7 +7,7 @@ import pytest
 
 from raccoon import Action, Condition, Robot, drive, open_robot, parallel, race, seq, straight, wait
 from raccoon.robot.actions.steps import Steps
-from robots import CONFIG, simulated
+from robots import CONFIG, simulated_port
 
 
 def _no_steps(robot: Robot) -> None:
@@ -39,7 +39,7 @@ def _actions(robot: Robot) -> Any:
 )
 @pytest.mark.parametrize("around", [seq, parallel, race, lambda action: action.timeout(1.0)])
 def test_what_is_no_step_is_refused(start: Any, said: str, around: Any) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         with pytest.raises(TypeError, match=said):
             robot.run(around(Action("mine", start)))
         assert not any(robot.outputs.duty)
@@ -65,7 +65,7 @@ class _Late(Condition):
 
 
 def test_classes_of_a_programs_own_need_nothing_but_start() -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         assert robot.run(seq(_Ten(), wait(0.01)))[0] == 10
         robot.run(drive(0.1).until(_Late(0.2)))
         robot.run(drive(0.1).until(~_Late(0.9) & _Late(0.1)))
@@ -75,7 +75,7 @@ def test_classes_of_a_programs_own_need_nothing_but_start() -> None:
 def test_a_start_that_gives_no_test_is_refused() -> None:
     wrong: Any = Condition("late", lambda robot: robot.time > 0.5)  # type: ignore[arg-type, return-value]
     with (
-        open_robot(CONFIG, port=simulated()) as robot,
+        open_robot(CONFIG, port=simulated_port()) as robot,
         pytest.raises(TypeError, match="condition 'late': its start gives False: it must give a test"),
     ):
         robot.run(drive(0.1).until(wrong))

@@ -6,7 +6,7 @@ import logging
 import pytest
 
 from raccoon import after_time, deg, do, open_robot, race, repeat, seq, straight, turn, wait
-from robots import CONFIG, simulated
+from robots import CONFIG, simulated_port
 
 
 @pytest.fixture(autouse=True)
@@ -29,7 +29,7 @@ def test_an_action_that_a_line_makes_and_nothing_does_is_said_once(caplog: pytes
 
 
 def test_what_is_done_or_kept_or_never_comes_to_its_turn_is_not(caplog: pytest.LogCaptureFixture) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot, caplog.at_level(logging.WARNING):
+    with open_robot(CONFIG, port=simulated_port()) as robot, caplog.at_level(logging.WARNING):
         kept = {"there": straight(0.02), "back": straight(-0.02)}
         robot.run(kept["there"])
         robot.run(race(wait(0.02), seq(wait(1.0), turn(1.0))))

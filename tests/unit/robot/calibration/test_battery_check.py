@@ -8,7 +8,7 @@ from raccoon import CalibrationError, open_robot, repeat, seq, straight, wait
 from raccoon.core.config import BatteryConfig, Measured, RobotConfig
 from raccoon.core.readings import Inputs
 from raccoon.robot.calibration.battery_check import check_battery, judge_voltage, tuned_voltage
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, InterceptingPort, simulated_port
 
 TUNED = replace(CONFIG, battery=BatteryConfig(tuned_at=Measured(7.0)))
 
@@ -21,7 +21,7 @@ def test_the_paper_s_swap_of_batteries_is_seen_and_its_size_said() -> None:
 
 
 def test_on_the_robot_it_warns_or_refuses() -> None:
-    port = simulated(effects={"battery.open_circuit_voltage": {"voltage": 6.4}})
+    port = simulated_port(effects={"battery.open_circuit_voltage": {"voltage": 6.4}})
     with open_robot(TUNED, port=port) as robot:
         check = robot.run(check_battery())
         assert check.voltage == pytest.approx(6.4, abs=0.02)
@@ -61,7 +61,7 @@ def test_the_pack_s_resistance_is_learnt_while_driving() -> None:
         "battery.internal_resistance": {"resistance": 0.12},
         "battery.open_circuit_voltage": {"voltage": 6.6},
     }
-    with open_robot(CONFIG, port=simulated(effects=effects)) as robot:
+    with open_robot(CONFIG, port=simulated_port(effects=effects)) as robot:
         robot.run(wait(1.0))
         robot.run(repeat(seq(straight(0.2), wait(0.6), straight(-0.2), wait(0.6)), 2))
         pack = robot.pack.estimate
@@ -76,7 +76,7 @@ def dying(inputs: Inputs) -> Inputs:
 
 
 def test_a_battery_reading_that_dies_on_the_way_changes_nothing() -> None:
-    with open_robot(CONFIG, port=Between(seen=dying)) as robot:
+    with open_robot(CONFIG, port=InterceptingPort(seen=dying)) as robot:
         robot.run(wait(0.5))
         result = robot.run(straight(0.6, 0.25))
         assert not result.saturated

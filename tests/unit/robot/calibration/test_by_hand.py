@@ -12,7 +12,7 @@ from raccoon.core.readings import Inputs
 from raccoon.core.sections import ControllerConfig
 from raccoon.model.reflectance import fit
 from raccoon.robot.robot import Robot
-from robots import CONFIG, Between
+from robots import CONFIG, InterceptingPort
 from standing_port import StandingPort
 
 WHITE, BLACK = 180.0, 2930.0
@@ -20,7 +20,7 @@ Where = Mapping[str, float] | Callable[[float], Mapping[str, float]]
 RIGHTLY = EVERYWHERE_WHITE, EVERYWHERE_BLACK = tuple({"left": each, "right": each} for each in (WHITE, BLACK))
 
 
-class Hands(Between):
+class Hands(InterceptingPort):
     """A robot that is put from place to place: counts of each tophat there, or of the time there (s)."""
 
     def __init__(self, *places: Where) -> None:

@@ -11,7 +11,7 @@ from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Outputs
 from raccoon.robot.calibration.identification import Excitation, WheelFit, excite, fit_wheels, power_factors
 from raccoon.robot.parts.drive import Drive, dead_time
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, InterceptingPort, simulated_port
 
 
 def seen_on(port: Port) -> Excitation:
@@ -21,7 +21,7 @@ def seen_on(port: Port) -> Excitation:
 
 
 def test_unequal_motors_are_found_and_their_factors_make_them_alike() -> None:
-    port = simulated(
+    port = simulated_port(
         effects={
             "motor.back_emf_constant@left": {"factor": 1.0},
             "friction.coulomb@right": {"torque": 0.24},
@@ -41,7 +41,7 @@ def test_unequal_motors_are_found_and_their_factors_make_them_alike() -> None:
 
 
 def test_a_drive_tuned_so_takes_each_wheel_s_own_voltages() -> None:
-    fits = fit_wheels(seen_on(simulated()), CONFIG, SIMULATOR)
+    fits = fit_wheels(seen_on(simulated_port()), CONFIG, SIMULATOR)
     motors = dict(CONFIG.motors)
     for fit in fits:
         values = {key.rsplit(".", 1)[1]: value for key, value in fit.entries(6.8).items()}
@@ -58,7 +58,7 @@ def test_a_drive_tuned_so_takes_each_wheel_s_own_voltages() -> None:
 
 def test_commands_that_act_as_late_as_the_loop_takes_them_to_are_no_inertia() -> None:
     """Of such inertia the gains would be a quarter larger, and the margins not what is said of them."""
-    port = simulated(effects={"actuation.latency": {"seconds": dead_time(CONFIG)}})
+    port = simulated_port(effects={"actuation.latency": {"seconds": dead_time(CONFIG)}})
     for fit in fit_wheels(seen_on(port), CONFIG, SIMULATOR):
         assert fit.voltages.acceleration == pytest.approx(1.8 * 0.02 / 1.08, rel=0.08)
 
@@ -66,7 +66,7 @@ def test_commands_that_act_as_late_as_the_loop_takes_them_to_are_no_inertia() ->
 @pytest.mark.parametrize("seconds", [0.0, 0.008])
 def test_an_inertia_says_how_unsure_it_is_for_a_delay_that_nobody_knows(seconds: float) -> None:
     """It was a fifth off, 26 of the deviations that it gave."""
-    port = simulated(effects={"actuation.latency": {"seconds": seconds}})
+    port = simulated_port(effects={"actuation.latency": {"seconds": seconds}})
     for fit in fit_wheels(seen_on(port), CONFIG, SIMULATOR):
         off = fit.voltages.acceleration - 1.8 * 0.02 / 1.08
         assert abs(off) < 2.0 * fit.voltages.acceleration_std < 0.5 * fit.voltages.acceleration
@@ -90,7 +90,7 @@ def without_left(outputs: Outputs) -> Outputs:
 
 
 def test_a_motor_that_does_not_turn_is_named() -> None:
-    seen = seen_on(Between(sent=without_left))
+    seen = seen_on(InterceptingPort(sent=without_left))
     with pytest.raises(CalibrationError, match=r"left wheel \(motor port 0\): \d+ windows.*plugged in"):
         fit_wheels(seen, CONFIG, SIMULATOR)
 
@@ -98,7 +98,7 @@ def test_a_motor_that_does_not_turn_is_named() -> None:
 def test_a_robot_that_spins_instead_is_not_measured() -> None:
     """With its left motor plugged in the other way round it would feel its inertia of turning."""
     turned = replace(CONFIG, motors={**CONFIG.motors, 0: replace(CONFIG.motor(0), inverted=True)})
-    with open_robot(CONFIG, port=simulated(config=turned)) as robot:
+    with open_robot(CONFIG, port=simulated_port(config=turned)) as robot:
         robot.run(wait(0.5))
         with pytest.raises(MotionTimeout, match=r"left motor \(port 0\) were plugged in the other way round"):
             robot.run(excite())
@@ -106,7 +106,7 @@ def test_a_robot_that_spins_instead_is_not_measured() -> None:
 
 
 def test_a_motion_that_is_no_motor_s_is_refused() -> None:
-    seen = seen_on(simulated())
+    seen = seen_on(simulated_port())
     odd = [
         ((row[0], row[1], row[2]), volts + (1.0 if n % 2 else -1.0))
         for n, (row, volts) in enumerate(seen.left)
@@ -116,7 +116,7 @@ def test_a_motion_that_is_no_motor_s_is_refused() -> None:
 
 
 def test_without_a_battery_reading_nobody_knows_the_volts() -> None:
-    port = Between(seen=lambda inputs: replace(inputs, battery=None))
+    port = InterceptingPort(seen=lambda inputs: replace(inputs, battery=None))
     with Robot(port, CONFIG) as robot, pytest.raises(CalibrationError, match="no battery reading"):
         robot.run(excite((0.3,), seconds=0.1))
     assert port.written[-1].duty[:2] == (0.0, 0.0)
@@ -128,7 +128,7 @@ def test_levels_that_are_no_duties_are_refused() -> None:
 
 
 def test_entries_carry_the_battery() -> None:
-    left, _ = fit_wheels(seen_on(simulated()), CONFIG, SIMULATOR)
+    left, _ = fit_wheels(seen_on(simulated_port()), CONFIG, SIMULATOR)
     assert isinstance(left, WheelFit)
     assert isinstance(left.voltages, WheelVoltages)
     assert all(value.battery_voltage == 6.5 for value in left.entries(6.5).values())

@@ -25,12 +25,12 @@ from raccoon.core.sections import ControllerConfig
 from raccoon.estimate.start_light import StartLightCalibration
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from robots import CONFIG, Between
+from robots import CONFIG, InterceptingPort
 
 PORT = 5
 
 
-class Lamp(Between):
+class Lamp(InterceptingPort):
     """A port with a light sensor on an analog input: counts by time."""
 
     def __init__(self, counts: Callable[[float], float | None], port: Port | None = None) -> None:

@@ -34,7 +34,7 @@ from raccoon.robot.motions.line_search import SEARCH_TIME, LineSearch
 from raccoon.robot.motions.line_sight import OneEdge
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Box, Light, Line, World
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, InterceptingPort, simulated_port
 
 HALF = 0.025
 """m, half of the width of a line."""
@@ -62,7 +62,7 @@ def follow(
 ) -> tuple[Robot, SimPort]:
     """Follow with the left tophat, 3 cm left of the middle, that starts `beside` m left of the edge."""
     edge = HALF if side == "left" else -HALF
-    port = simulated(world=world, start=(0.0, edge - 0.03 + beside, heading))
+    port = simulated_port(world=world, start=(0.0, edge - 0.03 + beside, heading))
     with open_robot(CONFIG, port=port) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(calibration(ambient))
@@ -96,7 +96,7 @@ def test_a_tight_bend_is_followed_without_losing_it(way: float, most: float) -> 
     bend = [(0.3 + 0.13 * math.sin(0.05 * k), way * 0.13 * (1.0 - math.cos(0.05 * k))) for k in range(64)]
     world = World(lines=(Line(((-0.5, 0.0), *bend, (-0.3, way * 0.26))),))
     side = 1.0 if way > 0.0 else -1.0
-    port = simulated(world=world, start=(0.0, side * HALF - 0.03, 0.0))
+    port = simulated_port(world=world, start=(0.0, side * HALF - 0.03, 0.0))
     beside: list[float] = []
 
     def see(_: Robot) -> bool:
@@ -213,7 +213,7 @@ def test_a_robot_that_stands_drives_on_into_another_light_too() -> None:
         sensor.follow_light(False)
         yield from LineSearch(robot, OneEdge(sensor, 1.0), LastEdge(robot), 0.0).learn_light()
 
-    with open_robot(CONFIG, port=simulated(world=world, start=(0.0, HALF - 0.03, 0.0))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=world, start=(0.0, HALF - 0.03, 0.0))) as robot:
         robot.tophat("left").calibrate(calibration(0.0))
         robot.run(wait(0.2))
         robot.run(Action("learn the light", learns))
@@ -277,8 +277,10 @@ def test_exchanged_plugs_are_said_where_the_other_tophat_is_on_the_edge(exchange
         left, right, *rest = inputs.analog
         return replace(inputs, analog=(right, left, *rest)) if exchanged else inputs
 
-    port = simulated(world=World(lines=(STRAIGHT,)), start=(0.0, HALF - (0.03 if exchanged else -0.04), 0.0))
-    with open_robot(CONFIG, port=Between(port, seen=seen)) as robot:
+    port = simulated_port(
+        world=World(lines=(STRAIGHT,)), start=(0.0, HALF - (0.03 if exchanged else -0.04), 0.0)
+    )
+    with open_robot(CONFIG, port=InterceptingPort(port, seen=seen)) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(calibration(0.0))
         robot.run(wait(0.3))
@@ -296,8 +298,8 @@ def test_no_line_is_looked_for_with_a_tophat_that_sees_none(until: float) -> Non
         out = 1.0 < inputs.time < until
         return replace(inputs, analog=(4095.0, *inputs.analog[1:])) if out else inputs
 
-    port = simulated(world=World(lines=(STRAIGHT,)), start=(0.0, HALF - 0.03, 0.0))
-    with open_robot(CONFIG, port=Between(port, seen=seen)) as robot:
+    port = simulated_port(world=World(lines=(STRAIGHT,)), start=(0.0, HALF - 0.03, 0.0))
+    with open_robot(CONFIG, port=InterceptingPort(port, seen=seen)) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(calibration(0.0))
         robot.run(wait(0.3))
@@ -314,7 +316,7 @@ def test_no_line_is_looked_for_with_a_tophat_that_sees_none(until: float) -> Non
 
 def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
     world = World(lines=(Line(((-0.5, 0.0), (0.25, 0.0))),))
-    port = simulated(world=world, start=(0.0, -0.005, 0.0))
+    port = simulated_port(world=world, start=(0.0, -0.005, 0.0))
     with open_robot(CONFIG, port=port) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(calibration(0.0))
@@ -338,7 +340,7 @@ def between(lines: tuple[Line, ...], until: Condition, apart: float) -> tuple[Ro
     """Follow with two tophats around the first line; also m that their middle was off it, at the most."""
     sides = (("left", 0, 0.5), ("right", 1, -0.5))
     config = replace(CONFIG, tophats={name: TophatConfig(port, 0.11, at * apart) for name, port, at in sides})
-    port = simulated(world=World(lines=lines), config=config)
+    port = simulated_port(world=World(lines=lines), config=config)
     first, off = World(lines=lines[:1]), [0.0]
 
     def see(_: Robot) -> bool:
@@ -398,7 +400,7 @@ def test_two_tophats_that_are_no_pair_are_refused(
     left: tuple[float, float], right: tuple[float, float], said: str
 ) -> None:
     tophats = {"left": TophatConfig(0, *left), "right": TophatConfig(1, *right)}
-    with open_robot(replace(CONFIG, tophats=tophats), port=simulated()) as robot:
+    with open_robot(replace(CONFIG, tophats=tophats), port=simulated_port()) as robot:
         for action in (follow_line(left="left", right="right"), wait_for(at_crossing("left", "right"))):
             with pytest.raises(ConfigError, match=said):
                 robot.run(action)
@@ -407,7 +409,7 @@ def test_two_tophats_that_are_no_pair_are_refused(
 def test_two_tophats_that_fit_on_the_line_see_no_crossing() -> None:
     tophats = {"left": TophatConfig(0, 0.11, 0.02), "right": TophatConfig(1, 0.11, -0.02)}
     with (
-        open_robot(replace(CONFIG, tophats=tophats), port=simulated()) as robot,
+        open_robot(replace(CONFIG, tophats=tophats), port=simulated_port()) as robot,
         pytest.raises(ConfigError, match=r"0\.04 m apart .* see no crossing"),
     ):
         robot.run(wait_for(at_crossing("left", "right")))

@@ -42,7 +42,7 @@ from raccoon.robot.emulated import open_emulated
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
-from robots import CONFIG, Between, run, simulated
+from robots import CONFIG, InterceptingPort, run, simulated_port
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -76,7 +76,7 @@ def test_a_tight_arc_keeps_its_speed_and_ends_with_its_outer_wheel_on_the_mark(
 
 def test_the_wheel_that_stands_in_a_pivot_may_be_held_by_friction() -> None:
     """In a dead band of 20 % it takes more than a stalled wheel's spare volts to turn it by a hair."""
-    port = simulated(seed=2, effects={"actuation.deadband": {"duty": 0.2}})
+    port = simulated_port(seed=2, effects={"actuation.deadband": {"duty": 0.2}})
     _, end, robot = run(pivot(deg(-90), "left"), port)
     assert math.degrees(end.heading) == pytest.approx(-90.0, abs=0.75)
     assert robot.drive.remarks == {}
@@ -154,7 +154,7 @@ def test_arc_ends_where_the_circle_does(angle_deg: float) -> None:
 
 @pytest.mark.parametrize("battery", [6.1, 7.0])
 def test_the_battery_does_not_matter(battery: float) -> None:
-    port = simulated(effects={"battery.open_circuit_voltage": {"voltage": battery}})
+    port = simulated_port(effects={"battery.open_circuit_voltage": {"voltage": battery}})
     _, end, _ = run(straight(0.5), port)
     assert end.x == pytest.approx(0.5, abs=0.003)
 
@@ -179,11 +179,11 @@ def test_errors_of_one_motion_are_made_good_by_the_next() -> None:
 
 def test_a_blocked_robot_gives_up_and_says_why() -> None:
     with pytest.raises(MotionTimeout, match=r"no motion at left \(motor port 0\) and right"):
-        run(straight(0.2), Between(sent=lambda _: STOP))
+        run(straight(0.2), InterceptingPort(sent=lambda _: STOP))
 
 
 def test_a_robot_that_was_moved_does_not_drive_back() -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(wait(0.5))
         robot.odometry.reset(1.0, 2.0, 0.5)
         assert robot.plan.x == pytest.approx(1.0, abs=1e-3)
@@ -229,7 +229,7 @@ def test_a_slow_loop_drives_as_steadily(rate_hz: float) -> None:
 
 def test_a_pose_that_was_set_anew_is_where_the_next_motion_starts() -> None:
     """The plan is of the old frame: within its reach it was kept, and 40 mm were driven twice."""
-    port = simulated()
+    port = simulated_port()
     with open_robot(CONFIG, port=port) as robot:
         robot.run(seq(wait(0.5), straight(0.04), wait(0.2)))
         assert robot.inputs is not None
@@ -255,7 +255,7 @@ def test_a_wide_arc_ends_on_its_mark(radius: float, angle_deg: float) -> None:
 
 def test_after_a_loop_of_its_own_a_motion_starts_from_where_that_came_to() -> None:
     """It was within the reach of the plan before it: the loop's way was taken off the next motion."""
-    port = simulated()
+    port = simulated_port()
     with open_robot(CONFIG, port=port) as robot:
         robot.run(seq(wait(0.5), straight(0.1)))
         for _ in range(60):
@@ -274,7 +274,7 @@ def test_after_a_loop_of_its_own_a_motion_starts_from_where_that_came_to() -> No
 
 @pytest.mark.parametrize(("seconds", "told"), [(0.01, True), (0.05, True), (0.2, False)])
 def test_drives_that_are_too_short_to_come_to_their_speed_are_told(seconds: float, told: bool) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(wait(0.5))
         for _ in range(20):
             robot.run(drive(0.1).until(after_time(seconds)))
@@ -297,7 +297,7 @@ def test_a_motion_that_nothing_ends_is_said_once(
 ) -> None:
     monkeypatch.setattr(remarks, "ENDLESS_AFTER_S", 0.3)
     config = replace(CONFIG, controller=ControllerConfig(port="sim"))
-    with open_robot(config, port=simulated()) as robot:
+    with open_robot(config, port=simulated_port()) as robot:
         robot.run(action.until(after_time(0.2)))
         assert not robot.drive.remarks
         robot.run(action.until(after_time(0.4)))

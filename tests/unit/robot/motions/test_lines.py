@@ -35,13 +35,13 @@ from raccoon.robot.motions.walls import align_on_wall
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Line, Wall, World
-from robots import CONFIG, Between, simulated, tophat_calibration
+from robots import CONFIG, InterceptingPort, simulated_port, tophat_calibration
 
 
 def on_table(
     world: World, start: tuple[float, float, float], action: Action[Any]
 ) -> tuple[Any, Robot, SimPort]:
-    port = simulated(world=world, start=start)
+    port = simulated_port(world=world, start=start)
     with open_robot(CONFIG, port=port) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(tophat_calibration())
@@ -79,7 +79,7 @@ def test_sensors_in_each_others_port_are_said_where_the_line_lies_oddly_by_them(
         return replace(inputs, analog=(right, left, *others) if exchanged else inputs.analog)
 
     world = World(lines=(Line(((0.2, -0.5), (0.2, 0.5))),))
-    with open_robot(CONFIG, port=Between(simulated(world=world), seen=plugged)) as robot:
+    with open_robot(CONFIG, port=InterceptingPort(simulated_port(world=world), seen=plugged)) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(tophat_calibration())
         result = robot.run(seq(wait(0.5), turn(deg(8)), align_on_line("left", "right")))[-1]
@@ -129,7 +129,7 @@ def test_no_line_within_reach_is_said() -> None:
     ],
 )
 def test_a_tophat_that_was_unplugged_is_named_where_no_line_is_found(motion: Action[Any]) -> None:
-    full = Between(simulated(), seen=lambda inputs: replace(inputs, analog=(4095,) * 6))
+    full = InterceptingPort(simulated_port(), seen=lambda inputs: replace(inputs, analog=(4095,) * 6))
     with open_robot(CONFIG, port=full) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(tophat_calibration())
@@ -141,14 +141,14 @@ def test_a_tophat_that_was_unplugged_is_named_where_no_line_is_found(motion: Act
 
 def test_a_tophat_without_calibration_is_said() -> None:
     with (
-        open_robot(CONFIG, port=simulated()) as robot,
+        open_robot(CONFIG, port=simulated_port()) as robot,
         pytest.raises(CalibrationError, match="not calibrated"),
     ):
         robot.run(follow_line("left"))
 
 
 def test_a_robot_that_cannot_move_gives_up_looking_for_a_line() -> None:
-    with open_robot(CONFIG, port=Between(sent=lambda _: STOP)) as robot:
+    with open_robot(CONFIG, port=InterceptingPort(sent=lambda _: STOP)) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(tophat_calibration())
         robot.run(wait(0.5))
@@ -160,7 +160,7 @@ def test_a_robot_that_cannot_move_gives_up_looking_for_a_line() -> None:
 
 
 def test_a_robot_that_cannot_move_gives_up_calibrating() -> None:
-    with open_robot(CONFIG, port=Between(sent=lambda _: STOP)) as robot:
+    with open_robot(CONFIG, port=InterceptingPort(sent=lambda _: STOP)) as robot:
         for calibration in (calibrate_tophats, lambda each: calibrate_drive(each, lambda: 0.6)):
             begin = robot.time
             with pytest.raises(
@@ -171,7 +171,7 @@ def test_a_robot_that_cannot_move_gives_up_calibrating() -> None:
 
 
 def test_a_robot_that_is_far_too_slow_gives_up_as_well() -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(wait(0.5))
         begin = robot.time
         hindered = race(drive_until_stopped(0.15, 0.5), repeat(do(lambda each: each.drive.stop())))
@@ -198,7 +198,7 @@ def _wall(askew: float, distance: float) -> World:
 @pytest.mark.parametrize("speed", [0.06, -0.06, 0.15])
 @pytest.mark.parametrize("askew_deg", [8.0, -8.0, 20.0])
 def test_the_robot_squares_up_to_a_wall(askew_deg: float, speed: float) -> None:
-    port = simulated(world=_wall(deg(askew_deg), math.copysign(0.2, speed)))
+    port = simulated_port(world=_wall(deg(askew_deg), math.copysign(0.2, speed)))
     with open_robot(CONFIG, port=port) as robot:
         robot.run(wait(0.5))
         result = robot.run(align_on_wall(speed, heading=deg(askew_deg), heading_std=0.01))
@@ -214,7 +214,7 @@ def test_the_robot_squares_up_to_a_wall(askew_deg: float, speed: float) -> None:
 
 
 def test_a_heading_of_a_wall_that_is_not_believed_is_said() -> None:
-    with open_robot(CONFIG, port=simulated(world=_wall(0.0, 0.2))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=_wall(0.0, 0.2))) as robot:
         robot.run(wait(0.5))
         result = robot.run(align_on_wall(heading=deg(30.0)))
         assert robot.estimate.heading == pytest.approx(0.0, abs=deg(1.0))
@@ -238,7 +238,7 @@ def test_a_wheel_that_slips_at_a_wall_is_no_wheel_of_another_size(askew_deg: flo
 
 def test_wheels_that_spin_at_a_wall_are_said_as_well() -> None:
     slippery = replace(CONFIG, body=BodyConfig(mass=1.0, grip=0.5))
-    port = simulated(world=_wall(0.0, 0.12), config=slippery)
+    port = simulated_port(world=_wall(0.0, 0.12), config=slippery)
     with (
         open_robot(slippery, port=port) as robot,
         pytest.raises(MotionTimeout, match=r"no wall after 2 s: .* or spinning at it"),

@@ -10,7 +10,7 @@ from raccoon.control.profile import profile
 from raccoon.core.readings import Fault, Inputs
 from raccoon.robot.motions.pacing import LAG_LIMIT, Pace
 from raccoon.sim.port import SimPort
-from robots import CONFIG, simulated
+from robots import CONFIG, simulated_port
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ def test_a_robot_that_rests_beside_its_goal_is_let_go(
     off: float, tolerance: float | None, ends: float | None
 ) -> None:
     walk = profile(0.1, 0.2, 0.5, 0.0)
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.tick()
         pace, ended = Pace(robot, walk, LAG_LIMIT), None
         states = pace.states(lambda: 0.1 - off, lambda _: Pose(0.0, 0.0, 0.0))
@@ -44,7 +44,7 @@ def test_a_motion_that_gives_up_says_what_was_strange_on_its_way(monkeypatch: py
 
     monkeypatch.setattr(SimPort, "read", restarted)
     with (
-        open_robot(CONFIG, port=simulated()) as robot,
+        open_robot(CONFIG, port=simulated_port()) as robot,
         pytest.raises(MotionTimeout, match=r"the wheels follow; on the way: port: stale$"),
     ):
         robot.run(straight(0.5, timeout=1.0))

@@ -4,7 +4,7 @@ import pytest
 
 from raccoon import Action, ConfigError, move, move_by, open_robot, release, seq, servo, servo_off, spin, zero
 from raccoon.core.config import ControllerConfig, MechanismConfig, RobotConfig, ServoConfig
-from robots import simulated
+from robots import simulated_port
 
 CONFIG = RobotConfig(
     controller=ControllerConfig(port="create"),
@@ -29,7 +29,7 @@ CONFIG = RobotConfig(
 def test_a_part_that_a_create_has_no_port_for_is_refused_before_anything_moves(
     action: Action[object], part: str
 ) -> None:
-    with open_robot(CONFIG, port=simulated()) as robot:
+    with open_robot(CONFIG, port=simulated_port()) as robot:
         with pytest.raises(ConfigError, match=f"{part}: a Create has no port for a .*; a Wombat has some"):
             robot.run(seq(action))
         assert robot.ticks == 0

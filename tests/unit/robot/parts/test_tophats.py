@@ -33,7 +33,7 @@ from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verd
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
-from robots import CONFIG, Between, simulated, tophat_calibration
+from robots import CONFIG, InterceptingPort, simulated_port, tophat_calibration
 from standing_port import StandingPort
 
 LINES = "".join(
@@ -74,7 +74,7 @@ def compared(action: Action[object], seen: list[tuple[float, bool, bool]]) -> Ac
 )
 def test_lines_are_told_in_a_light_that_changes(tmp_path: Path, light: str) -> None:
     seen: list[tuple[float, bool, bool]] = []
-    with open_robot(CONFIG, port=simulated(world=table(tmp_path, light))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=table(tmp_path, light))) as robot:
         robot.run(wait(0.3))
         calibrate_tophats(robot, 0.9)
         robot.run(compared(drive(0.24).until(after_distance(2.0)), seen))
@@ -87,7 +87,7 @@ def test_lines_are_told_in_a_light_that_changes(tmp_path: Path, light: str) -> N
 
 @pytest.mark.parametrize(("distance", "speed"), [(-0.5, None), (0.5, -0.2), (-0.5, -0.2), (-0.5, 0.2)])
 def test_a_negative_way_is_driven_backwards(distance: float, speed: float | None) -> None:
-    port = simulated(world=World(lines=(Line(((-0.2, -1.0), (-0.2, 1.0))),)))
+    port = simulated_port(world=World(lines=(Line(((-0.2, -1.0), (-0.2, 1.0))),)))
     with open_robot(CONFIG, port=port) as robot:
         calibrate_tophats(robot, distance, speed)
         assert robot.pose.x == pytest.approx(-0.5, abs=0.05)
@@ -95,17 +95,17 @@ def test_a_negative_way_is_driven_backwards(distance: float, speed: float | None
 
 def test_a_stored_set_that_does_not_fit_is_said_within_a_second_of_driving(tmp_path: Path) -> None:
     store = tmp_path / "tophats.json"
-    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=table(tmp_path))) as robot:
         robot.run(wait(0.3))
         calibrate_tophats(robot, 0.9, store=store, set_name="hall")
     light = "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.2\n"
-    with open_robot(CONFIG, port=simulated(world=table(tmp_path, light))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=table(tmp_path, light))) as robot:
         load_tophats(robot, store, "hall")
         robot.run(wait(0.3))
         robot.run(drive(0.2).until(after_distance(0.2)))
         assert any("left does not read" in said for said in robot.drive.remarks.values())
         assert robot.tophat("left").status is Status.UNCERTAIN
-    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=table(tmp_path))) as robot:
         load_tophats(robot, store, "hall")
         robot.run(wait(0.3))
         robot.run(drive(0.2).until(after_distance(0.8)))
@@ -121,7 +121,7 @@ def test_a_set_may_lie_beside_a_program_that_is_started_from_elsewhere(
     for folder in (team, other):
         folder.mkdir()
     monkeypatch.setattr(sys.modules["__main__"], "__file__", str(team / "program.py"), raising=False)
-    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=table(tmp_path))) as robot:
         robot.run(wait(0.3))
         monkeypatch.chdir(team)
         calibrate_tophats(robot, 0.9, store="tophats.json")
@@ -162,7 +162,7 @@ def test_no_real_robot_goes_by_what_a_simulated_one_read(tmp_path: Path) -> None
         name: [StoredCalibration(sensor, "hall", "", each, name) for sensor in ("left", "right")]
         for name, each in found.items()
     }
-    real, virtual = Robot(StandingPort(), CONFIG), Robot(simulated(), CONFIG)
+    real, virtual = Robot(StandingPort(), CONFIG), Robot(simulated_port(), CONFIG)
     mine, its, both = (TophatStore(tmp_path / f"{name}.json") for name in ("mine", "its", "both"))
     for store, names in ((mine, [CONFIG.name]), (its, [*found][1:]), (both, [*found])):
         store.add(*(each for name in names for each in stored[name]))
@@ -176,7 +176,7 @@ def test_no_real_robot_goes_by_what_a_simulated_one_read(tmp_path: Path) -> None
 
 def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
     with (
-        open_robot(CONFIG, port=simulated()) as robot,
+        open_robot(CONFIG, port=simulated_port()) as robot,
         pytest.raises(
             CalibrationError,
             match=r"no calibration of left, right in the set 'default'; there is no such file",
@@ -187,7 +187,7 @@ def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
 
 def test_what_is_there_instead_of_a_set_is_said(tmp_path: Path) -> None:
     store = tmp_path / "tophats.json"
-    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=table(tmp_path))) as robot:
         with pytest.raises(
             CalibrationError, match=r"there is none at all: calibrate_tophats\(\.\.\., store=\)"
         ):
@@ -219,7 +219,7 @@ def in_a_file(folder: Path) -> Path:
 def test_a_store_that_cannot_keep_it_is_said_before_the_drive(
     tmp_path: Path, make: Callable[[Path], Path]
 ) -> None:
-    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=table(tmp_path))) as robot:
         store = make(tmp_path)
         with pytest.raises(ConfigError, match=store.name):
             calibrate_tophats(robot, 0.9, store=store)
@@ -237,7 +237,7 @@ def test_a_calibration_that_the_card_does_not_take_is_used_and_that_is_said(
     if before:
         monkeypatch.setattr("tempfile.mkstemp", full)
     store = tmp_path / "new" / "tophats.json"
-    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+    with open_robot(CONFIG, port=simulated_port(world=table(tmp_path))) as robot:
         robot.run(wait(0.3))
         found = calibrate_tophats(robot, 0.9, store=store)
         assert robot.tophat("left").calibration == found["left"]
@@ -282,8 +282,10 @@ def swap(counts: list[float | None]) -> None:
 def test_what_is_wrong_with_a_sensor_is_said(
     tmp_path: Path, change: Callable[[list[float | None]], None], said: str, status: Status
 ) -> None:
-    port = simulated(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.015}})
-    with open_robot(CONFIG, port=Between(port, seen=lambda inputs: rewired(inputs, change))) as robot:
+    port = simulated_port(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.015}})
+    with open_robot(
+        CONFIG, port=InterceptingPort(port, seen=lambda inputs: rewired(inputs, change))
+    ) as robot:
         robot.run(wait(0.3))
         calibrate_tophats(robot, 0.9)
         robot.run(drive(0.24).until(after_distance(0.9)))
@@ -303,7 +305,9 @@ def test_a_port_without_a_tophat_is_named_by_a_calibration(tmp_path: Path, count
     def other(words: list[float | None]) -> None:
         words[0] = counts
 
-    port = Between(simulated(world=table(tmp_path)), seen=lambda inputs: rewired(inputs, other, 0.0))
+    port = InterceptingPort(
+        simulated_port(world=table(tmp_path)), seen=lambda inputs: rewired(inputs, other, 0.0)
+    )
     with (
         open_robot(CONFIG, port=port) as robot,
         pytest.raises(CalibrationError, match=rf"^after 0.4 m: left: .*{said}"),
@@ -321,7 +325,9 @@ def test_an_open_port_sees_no_line_and_is_said_while_the_robot_stands() -> None:
         counts[0] = level
 
     is_open = False
-    port = Between(simulated(), seen=lambda each: rewired(each, wander, 0.0) if is_open else each)
+    port = InterceptingPort(
+        simulated_port(), seen=lambda each: rewired(each, wander, 0.0) if is_open else each
+    )
     with open_robot(CONFIG, port=port) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(tophat_calibration())
@@ -348,7 +354,7 @@ def test_a_sensor_that_an_arm_shakes_over_an_edge_is_plugged_in() -> None:
         counts[0] = 2500.0 + noise.gauss(0.0, 60.0)
 
     config = replace(CONFIG, mechanisms={"arm": MechanismConfig(2)}, servos={"claw": ServoConfig(0)})
-    port = Between(simulated(config=config), seen=lambda each: rewired(each, shake, 0.5))
+    port = InterceptingPort(simulated_port(config=config), seen=lambda each: rewired(each, shake, 0.5))
     with open_robot(config, port=port) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(tophat_calibration())
@@ -360,8 +366,8 @@ def test_a_sensor_that_an_arm_shakes_over_an_edge_is_plugged_in() -> None:
 
 def test_sensors_that_were_exchanged_since_they_were_calibrated_are_said(tmp_path: Path) -> None:
     exchanged = False
-    sim = simulated(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.015}})
-    port = Between(sim, seen=lambda each: rewired(each, swap, 0.0) if exchanged else each)
+    sim = simulated_port(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.015}})
+    port = InterceptingPort(sim, seen=lambda each: rewired(each, swap, 0.0) if exchanged else each)
     with open_robot(CONFIG, port=port) as robot:
         calibrate_tophats(robot, 0.4, 0.3)
         exchanged = True
@@ -384,7 +390,7 @@ def test_who_waits_for_a_line_in_vain_is_told_that_the_sensor_sees_nothing(
 
     surfaces = Surface(1270.0, 10.0, 300), Surface(3800.0, 10.0, 100)
     known = TophatCalibration(Verdict.OK, "", *surfaces, threshold=1900.0, low=1850.0, high=2000.0)
-    with open_robot(CONFIG, port=Between(simulated(world=World.empty()), seen=rewire)) as robot:
+    with open_robot(CONFIG, port=InterceptingPort(simulated_port(world=World.empty()), seen=rewire)) as robot:
         robot.tophat("left").calibrate(known)
         with pytest.raises(MotionTimeout, match=f"the wheels follow; tophat left {said}"):
             robot.run(drive(0.1).until(on_black("left")).timeout(1.5))
@@ -397,7 +403,9 @@ def test_a_sensor_that_comes_loose_while_it_is_calibrated_is_said(tmp_path: Path
             unplug(counts)
         return replace(inputs, analog=tuple(counts))
 
-    with open_robot(CONFIG, port=Between(simulated(world=table(tmp_path)), seen=rewire)) as robot:
+    with open_robot(
+        CONFIG, port=InterceptingPort(simulated_port(world=table(tmp_path)), seen=rewire)
+    ) as robot:
         calibrate_tophats(robot, 0.5)
         said = [each for each in robot.drive.remarks.values() if "with care" in each]
     assert [each[:11] for each in said] == ["tophat left"]
@@ -407,7 +415,7 @@ def test_a_sensor_that_comes_loose_while_it_is_calibrated_is_said(tmp_path: Path
 def test_a_sensor_that_was_moved_is_said_at_the_next_calibration(tmp_path: Path) -> None:
     store = tmp_path / "tophats.json"
     for effects in ({}, {"tophat.height@0": {"height": 0.023}}):
-        port = simulated(world=table(tmp_path), effects=effects)
+        port = simulated_port(world=table(tmp_path), effects=effects)
         with open_robot(CONFIG, port=port) as robot:
             robot.run(wait(0.3))
             calibrate_tophats(robot, 0.9, store=store)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnoses import cause, diagnosis, factor
+from diagnoses import factor_parameters, make_cause, make_diagnosis
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.deviations import MEASURE_ADVICE
 from raccoon.diagnose.recordings.channels.battery_sag import missing_sag_fault
@@ -124,8 +124,8 @@ def test_uneven_time_is_noted() -> None:
 
 def found(error: float, constant: float) -> Diagnosis:
     channel = ChannelResult("motor.0.bemf", "counts", 2.0 * error, error, 4.0, 0.5)
-    named = cause("motor.back_emf_constant", factor(constant), "wrong: do.", change=math.nan)
-    return diagnosis(named, channels=(channel,))
+    named = make_cause("motor.back_emf_constant", factor_parameters(constant), "wrong: do.", change=math.nan)
+    return make_diagnosis(named, channels=(channel,))
 
 
 def test_nothing_is_named_where_motion_does_not_follow_commands() -> None:

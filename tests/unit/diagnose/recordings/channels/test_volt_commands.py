@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from blind.generator import make
 from blind.hidden import draw
-from diagnoses import cause, diagnosis
+from diagnoses import make_cause, make_diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings import drive as drive_diagnosis
 from raccoon.diagnose.recordings.channels.volt_commands import (
@@ -99,7 +99,9 @@ def test_a_model_that_volts_leave_unused_is_said(monkeypatch: pytest.MonkeyPatch
 def told(verdict: Verdict, error: float, *names: str) -> Diagnosis:
     """A diagnosis that leaves so much of a wheel's reading beside these causes."""
     channel = ChannelResult("motor.0.bemf", "counts", 100.0, error, 4.0)
-    return diagnosis(*(cause(each, said="") for each in names), verdict=verdict, channels=(channel,))
+    return make_diagnosis(
+        *(make_cause(each, said="") for each in names), verdict=verdict, channels=(channel,)
+    )
 
 
 RESISTANCE, LATENCY, SLIP = "battery.internal_resistance", "actuation.latency", "drive.wheel_slip"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from blind.drives import exciting
 from blind.generator import make
 from blind.hidden import Hidden
-from emulated_drives import recorded
+from emulated_drives import record_emulated_drive
 from raccoon.cli.diagnose.job import Job, diagnose_job
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS
@@ -38,7 +38,7 @@ ROBOT = RobotConfig()
 def stock() -> Recording:
     """A sound robot behind the stock firmware, as a logger without a header has it."""
     duty = exciting(np.random.default_rng(5), 8.0)
-    made = recorded("stock", Parameters.from_robot(ROBOT), duty, seed=1)
+    made = record_emulated_drive("stock", Parameters.from_robot(ROBOT), duty, seed=1)
     return Recording(made.columns, [], SI_WORDS, [])
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from csv_files import written
+from csv_files import write_csv_file
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
@@ -255,7 +255,7 @@ def test_runs_of_two_robots_are_not_pooled(tmp_path: Path, capsys: pytest.Captur
     """They would have one track width."""
     for place, seed in (("red", 3), ("blue", 4)):
         (tmp_path / place).mkdir()
-        written(tmp_path / place / f"run{seed}.csv", driven(seed))
+        write_csv_file(tmp_path / place / f"run{seed}.csv", driven(seed))
     assert main(["diagnose", str(tmp_path)]) == 0
     assert "run3.csv" not in capsys.readouterr().out
     for place in ("red", "blue"):
@@ -370,7 +370,7 @@ def test_a_run_that_cannot_be_used_does_not_stop_the_pool(
         run = driven(seed, radius=0.98)
         if seed == 3:
             run["truth.heading"] = np.degrees(run["truth.heading"])
-        written(tmp_path / f"run{seed}.csv", run)
+        write_csv_file(tmp_path / f"run{seed}.csv", run)
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "robot.toml").write_text(
         "[motor.0]\nradians_per_tick = 0.002\n[motor.1]\nradians_per_tick = 0.002\n"
@@ -388,7 +388,7 @@ def test_a_copy_of_a_run_is_left_out_and_judges_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name, seed in (("a", 0), ("b", 1), ("c", 0)):
-        written(tmp_path / f"{name}.csv", driven(seed, track=1.02))
+        write_csv_file(tmp_path / f"{name}.csv", driven(seed, track=1.02))
     runs = [str(tmp_path / f"{name}.csv") for name in "abc"]
     (tmp_path / "robot.toml").write_text(ROBOT_TOML)
     assert main(["diagnose", *runs]) == 0

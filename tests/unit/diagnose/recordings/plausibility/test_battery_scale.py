@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from diagnoses import cause, diagnosis, factor
+from diagnoses import factor_parameters, make_cause, make_diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings.plausibility.battery_scale import SEE_BATTERY, explain_by_battery_scale
 from raccoon.diagnose.reports.cause_text import describe_cause
@@ -17,12 +17,12 @@ FULL = ROBOT.model.battery.open_circuit_voltage.value
 
 def three(voltage: float, scale: float, gyro: float = 0.962, channel: str = "battery.voltage") -> Diagnosis:
     causes = (
-        cause("battery.open_circuit_voltage", {"voltage": ParameterResult(voltage, 0.005, "", FULL)}),
-        cause("bemf.scale", factor(scale, 0.002), rank=2),
-        cause("imu.gyro_scale", factor(gyro, 0.008), rank=3),
+        make_cause("battery.open_circuit_voltage", {"voltage": ParameterResult(voltage, 0.005, "", FULL)}),
+        make_cause("bemf.scale", factor_parameters(scale, 0.002), rank=2),
+        make_cause("imu.gyro_scale", factor_parameters(gyro, 0.008), rank=3),
     )
     seen = (ChannelResult(channel, "V", 0.1, 0.004, 0.004, 0.5),)
-    return diagnosis(*causes, channels=seen)
+    return make_diagnosis(*causes, channels=seen)
 
 
 def test_three_names_of_one_fault_are_one_sentence() -> None:

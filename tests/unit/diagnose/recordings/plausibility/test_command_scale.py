@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from diagnoses import cause, diagnosis, factor
+from diagnoses import factor_parameters, make_cause, make_diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings.plausibility.command_scale import explain_by_command_scale
 from raccoon.diagnose.result import CauseResult, ParameterResult
@@ -13,14 +13,16 @@ ROBOT = RobotConfig()
 
 
 def told(*causes: CauseResult) -> list[str]:
-    return [each.explanation for each in explain_by_command_scale(diagnosis(*causes), ROBOT).causes]
+    return [each.explanation for each in explain_by_command_scale(make_diagnosis(*causes), ROBOT).causes]
 
 
 # What a sound robot was found to have whose full power was 100 of 127 in the recording.
-SCALE = cause("bemf.scale", factor(1.27, 0.007))
-TRACK = cause("drive.track_width", factor(0.788, 0.005))
-FRICTION = cause("friction.coulomb", {"torque": ParameterResult(0.1416, 0.0039, "N m", 0.18)})
-BATTERY = cause("battery.internal_resistance", {"resistance": ParameterResult(0.081, 0.011, "ohm", 0.05)})
+SCALE = make_cause("bemf.scale", factor_parameters(1.27, 0.007))
+TRACK = make_cause("drive.track_width", factor_parameters(0.788, 0.005))
+FRICTION = make_cause("friction.coulomb", {"torque": ParameterResult(0.1416, 0.0039, "N m", 0.18)})
+BATTERY = make_cause(
+    "battery.internal_resistance", {"resistance": ParameterResult(0.081, 0.011, "ohm", 0.05)}
+)
 
 
 def test_four_names_of_one_scale_are_one_sentence() -> None:
@@ -38,8 +40,8 @@ def test_four_names_of_one_scale_are_one_sentence() -> None:
     "causes",
     [
         (SCALE, TRACK),  # by chance, or the battery's reading
-        (SCALE, TRACK, cause(FRICTION.id, {"torque": ParameterResult(0.22, 0.004, "N m", 0.18)})),
-        (cause("bemf.scale@left", factor(1.27, 0.007)), TRACK, FRICTION),
+        (SCALE, TRACK, make_cause(FRICTION.id, {"torque": ParameterResult(0.22, 0.004, "N m", 0.18)})),
+        (make_cause("bemf.scale@left", factor_parameters(1.27, 0.007)), TRACK, FRICTION),
         (TRACK, FRICTION, BATTERY),
     ],
     ids=["one beside it", "another size", "one wheel's", "no scale"],

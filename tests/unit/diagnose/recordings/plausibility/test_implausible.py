@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from diagnoses import cause, diagnosis, factor
+from diagnoses import factor_parameters, make_cause, make_diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import log_from_columns
@@ -69,7 +69,9 @@ def test_a_duty_of_a_robot_that_rubs_less_is_no_speed() -> None:
     less = driven(0.09, per_duty=6.65)
     assert find_speed_loop(log_from_columns(less, ROBOT), ROBOT) is None
     assert find_speed_loop(log_from_columns(driven(0.01, per_duty=6.65), ROBOT), ROBOT) is not None
-    found = with_plausibility_hints(diagnosis(cause(RESISTANCE, factor(0.3))), less, ROBOT)
+    found = with_plausibility_hints(
+        make_diagnosis(make_cause(RESISTANCE, factor_parameters(0.3))), less, ROBOT
+    )
     assert "is it this robot's?" in found.causes[0].explanation
 
 
@@ -88,7 +90,11 @@ def test_commands_that_are_clearly_speeds_are_told_before_a_search(monkeypatch: 
 def test_commands_that_are_speeds_are_no_winding_of_a_fifth(id_: str) -> None:
     """It was "explained", by a winding resistance 82 % lower than assumed."""
     found = with_plausibility_hints(
-        diagnosis(cause(id_, factor(0.18)), cause("bemf.scale", factor(0.74))), driven(0.02), ROBOT
+        make_diagnosis(
+            make_cause(id_, factor_parameters(0.18)), make_cause("bemf.scale", factor_parameters(0.74))
+        ),
+        driven(0.02),
+        ROBOT,
     )
     assert (found.verdict, found.causes, found.model) == (Verdict.NOT_IDENTIFIABLE, (), None)
     assert "Commands: the columns motor.0.duty and motor.1.duty hold a speed, not a duty" in terminal_report(
@@ -98,7 +104,9 @@ def test_commands_that_are_speeds_are_no_winding_of_a_fifth(id_: str) -> None:
 
 
 def test_a_number_that_no_motor_has_is_doubted() -> None:
-    found = with_plausibility_hints(diagnosis(cause(RESISTANCE, factor(0.2))), driven(0.3), ROBOT)
+    found = with_plausibility_hints(
+        make_diagnosis(make_cause(RESISTANCE, factor_parameters(0.2))), driven(0.3), ROBOT
+    )
     assert found.verdict is Verdict.PARTLY
     (doubted,) = found.causes
     assert "No motor's winding is that far off" in doubted.explanation
@@ -110,12 +118,12 @@ def test_a_number_that_no_motor_has_is_doubted() -> None:
     ("id_", "value"), [(RESISTANCE, 1.9), ("drive.inertia", 0.2), ("drive.track_width", 1.75)]
 )
 def test_what_a_robot_may_have_is_not(id_: str, value: float) -> None:
-    found = diagnosis(cause(id_, factor(value)))
+    found = make_diagnosis(make_cause(id_, factor_parameters(value)))
     assert with_plausibility_hints(found, driven(0.3), ROBOT) is found
 
 
 def test_where_nothing_is_named_a_loop_is_a_guess() -> None:
-    unknown = replace(diagnosis(), verdict=Verdict.UNKNOWN)
+    unknown = replace(make_diagnosis(), verdict=Verdict.UNKNOWN)
     found = with_plausibility_hints(unknown, driven(0.05), ROBOT)
     assert found.verdict is Verdict.UNKNOWN
     assert "seem to hold a speed" in found.sensor_faults[0].text
@@ -137,7 +145,7 @@ def test_numbers_that_a_bent_command_makes_are_doubted(
 
     def found(value: float) -> Diagnosis:
         values = {parameter: ParameterResult(value, 0.001, "", nominal)}
-        return with_plausibility_hints(diagnosis(cause(id_, values)), driven(0.3), ROBOT)
+        return with_plausibility_hints(make_diagnosis(make_cause(id_, values)), driven(0.3), ROBOT)
 
     assert found(usual).verdict is Verdict.EXPLAINED
     assert found(strange).verdict is Verdict.PARTLY
@@ -146,7 +154,9 @@ def test_numbers_that_a_bent_command_makes_are_doubted(
 
 def both_slow(inertia: float, lag: float) -> Diagnosis:
     values = {"time_constant": ParameterResult(0.0225 * lag, 0.0002, "s", 0.0225)}
-    named = diagnosis(cause("drive.inertia", factor(inertia)), cause("bemf.filter_lag", values))
+    named = make_diagnosis(
+        make_cause("drive.inertia", factor_parameters(inertia)), make_cause("bemf.filter_lag", values)
+    )
     return with_plausibility_hints(named, driven(0.3), ROBOT)
 
 
@@ -171,7 +181,7 @@ def test_a_filter_that_is_off_as_rows_are_is_a_wrong_time(rows: float, lag: floa
     columns = driven(0.3)
     stretched = {**columns, "t": rows * columns["t"]}
     value = {"time_constant": ParameterResult(0.0225 * lag, 0.0002, "s", 0.0225)}
-    found = with_plausibility_hints(diagnosis(cause("bemf.filter_lag", value)), stretched, ROBOT)
+    found = with_plausibility_hints(make_diagnosis(make_cause("bemf.filter_lag", value)), stretched, ROBOT)
     assert found.verdict is (Verdict.PARTLY if said else Verdict.EXPLAINED)
     assert ("more likely t is wrong" in found.causes[0].explanation) is bool(said)
     assert said in found.causes[0].explanation
@@ -185,6 +195,6 @@ def test_so_is_an_inertia(factor: float, std: float, told: bool) -> None:
     columns = driven(0.3)
     value = {"factor": ParameterResult(factor, std, "", 1.0)}
     found = with_plausibility_hints(
-        diagnosis(cause("drive.inertia", value)), {**columns, "t": 1.1 * columns["t"]}, ROBOT
+        make_diagnosis(make_cause("drive.inertia", value)), {**columns, "t": 1.1 * columns["t"]}, ROBOT
     )
     assert ("more likely t is wrong" in found.causes[0].explanation) is told

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from blind.generator import make
-from diagnoses import cause, diagnosis
+from diagnoses import make_cause, make_diagnosis
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.diagnose.recordings import drive as drive_diagnosis
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
@@ -33,7 +33,7 @@ ROBOT = RobotConfig(
     ],
 )
 def test_only_what_is_calibrated_and_named(name: str, said: str) -> None:
-    notes = overridden_model_notes([cause(name, said="")], ROBOT)
+    notes = overridden_model_notes([make_cause(name, said="")], ROBOT)
     assert len(notes) == bool(said)
     assert said in "".join(notes)
 
@@ -42,12 +42,12 @@ def test_inertia_is_that_of_driving_straight() -> None:
     robot = RobotConfig(motors={0: MotorConfig(acceleration_voltage=Measured(0.03))})
     assert (
         "before model.drive.inertia_straight"
-        in overridden_model_notes([cause("drive.inertia", said="")], robot)[0]
+        in overridden_model_notes([make_cause("drive.inertia", said="")], robot)[0]
     )
 
 
 def test_a_diagnosis_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    named = diagnosis(cause("friction.coulomb", said=""))
+    named = make_diagnosis(make_cause("friction.coulomb", said=""))
     monkeypatch.setattr(drive_diagnosis, "diagnose", lambda *_, **__: named)
     robot = RobotConfig(motors={0: MotorConfig(static_voltage=Measured(0.3, 0.01))})
     found = diagnose_recording(dict(make(3, seconds=4.0).columns), robot)

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import pytest
 
-from diagnoses import cause, diagnosis, factor
+from diagnoses import factor_parameters, make_cause, make_diagnosis
 from raccoon.diagnose.recordings.plausibility.reference_scale import (
     TRACK_BY_REFERENCE,
     explain_by_reference_scale,
 )
 from raccoon.diagnose.result import CauseResult
 
-TRACK = cause("drive.track_width", factor(1.1, 0.001))
-RADIUS = cause("drive.wheel_radius", factor(1.102, 0.012))
+TRACK = make_cause("drive.track_width", factor_parameters(1.1, 0.001))
+RADIUS = make_cause("drive.wheel_radius", factor_parameters(1.102, 0.012))
 
 
 def told(*causes: CauseResult, reference: bool = True) -> list[str]:
-    identified = {TRACK_BY_REFERENCE: factor(1.1, 0.001)["factor"]} if reference else {}
+    identified = {TRACK_BY_REFERENCE: factor_parameters(1.1, 0.001)["factor"]} if reference else {}
     return [
         each.explanation
-        for each in explain_by_reference_scale(diagnosis(*causes, identified=identified)).causes
+        for each in explain_by_reference_scale(make_diagnosis(*causes, identified=identified)).causes
     ]
 
 
@@ -34,9 +34,9 @@ def test_both_lengths_that_are_off_alike_are_asked_after() -> None:
     "causes",
     [
         (TRACK,),
-        (TRACK, cause("drive.wheel_radius", factor(1.03, 0.012))),
-        (TRACK, cause("drive.wheel_radius@left", factor(1.1, 0.012))),
-        (TRACK, cause("motor.back_emf_constant", factor(1.1, 0.012))),
+        (TRACK, make_cause("drive.wheel_radius", factor_parameters(1.03, 0.012))),
+        (TRACK, make_cause("drive.wheel_radius@left", factor_parameters(1.1, 0.012))),
+        (TRACK, make_cause("motor.back_emf_constant", factor_parameters(1.1, 0.012))),
     ],
 )
 def test_others_are_causes_of_their_own(causes: tuple[CauseResult, ...]) -> None:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from blind import drives
-from diagnoses import cause, diagnosis, factor
+from diagnoses import factor_parameters, make_cause, make_diagnosis
 from raccoon.diagnose.recordings.plausibility.rounded_commands import with_rounding_doubt
 from raccoon.diagnose.result import ChannelResult, Verdict
 
 Drive = Callable[[np.random.Generator, float], np.ndarray]
-FOUND = diagnosis(cause("drive.inertia", factor(1.4)))
+FOUND = make_diagnosis(make_cause("drive.inertia", factor_parameters(1.4)))
 
 
 def columns(duty: np.ndarray) -> dict[str, np.ndarray]:
@@ -37,8 +37,10 @@ def test_of_commands_in_whole_percent_what_moves_a_wheel_by_less_is_doubted() ->
     """A sound robot whose turns were calculated had a scrub of 6 mN m, with a probability of 1."""
     duty = np.asarray(drives.contest(np.random.default_rng(32), 24.0))
     wheels = (ChannelResult("motor.0.bemf", "counts", 9.0, 6.0, 3.7, 0.0),)
-    scrub = cause("drive.turn_scrub", said="wrong: do.", change=0.55)
-    found = diagnosis(scrub, cause("drive.inertia", factor(1.4), change=8.0), channels=wheels)
+    scrub = make_cause("drive.turn_scrub", said="wrong: do.", change=0.55)
+    found = make_diagnosis(
+        scrub, make_cause("drive.inertia", factor_parameters(1.4), change=8.0), channels=wheels
+    )
     volts = {"battery.voltage": np.full(len(duty), 6.8)}
     told = with_rounding_doubt(found, columns(np.round(duty, 2)) | volts)
     assert "readings by 6 counts, more than drive.turn_scrub:" in told.notes[0]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnoses import cause, diagnosis, factor
+from diagnoses import factor_parameters, make_cause, make_diagnosis
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
@@ -322,7 +322,7 @@ def test_without_a_reference_nothing_changes() -> None:
     columns = {name: each for name, each in spinning(gyro=1.07).items() if "truth" not in name}
     start = search_start(columns, ROBOT)
     assert (start.robot, start.decided) == (ROBOT, ())
-    before = diagnosis()
+    before = make_diagnosis()
     assert with_reference_findings(before, start) is before
 
 
@@ -330,7 +330,7 @@ def test_a_reading_that_is_named_too_large_is_no_smaller_wheel() -> None:
     """By the reference the wheels go less far than they say, whatever it is that makes them say so."""
     columns = spinning()
     columns["motor.0.bemf"] = 1.05 * columns["motor.0.bemf"]
-    before = diagnosis(cause("bemf.scale@left", factor(1.05, 0.002), "reads too much."))
+    before = make_diagnosis(make_cause("bemf.scale@left", factor_parameters(1.05, 0.002), "reads too much."))
     start = search_start(columns, ROBOT)
     identified = with_reference_findings(before, start).identified
     for name in ("track width", "left wheel's radius", "right wheel's radius"):
@@ -349,7 +349,7 @@ def test_a_reading_that_the_model_has_too_large_is_no_smaller_wheel(id_: str, wh
     for port in (0,) if where else (0, 1):
         columns[f"motor.{port}.bemf"] = 1.05 * columns[f"motor.{port}.bemf"]
     model = Parameters.from_robot(ROBOT).with_effect(id_, where, factor=1.05)
-    before = diagnosis()
+    before = make_diagnosis()
     identified = with_reference_findings(before, search_start(columns, ROBOT, model), model).identified
     radii = {name: each.value for name, each in identified.items() if "radius" in name}
     assert radii
@@ -361,7 +361,9 @@ def test_no_radius_is_told_where_the_named_cause_may_be_one() -> None:
     columns, start = spinning(), search_start(spinning(), ROBOT)
     columns["motor.0.bemf"], columns["motor.1.bemf"] = (0.96 * columns[f"motor.{i}.bemf"] for i in (0, 1))
     alike = {"probability": 0.6, "confounded_with": ("drive.wheel_radius",)}
-    before = diagnosis(cause("motor.back_emf_constant", factor(0.96, 0.006), "reads too little.", **alike))
+    before = make_diagnosis(
+        make_cause("motor.back_emf_constant", factor_parameters(0.96, 0.006), "reads too little.", **alike)
+    )
     identified = with_reference_findings(before, search_start(columns, ROBOT)).identified
     assert "wheel radius by the reference" not in identified
     assert identified["wheel radius over K_E by the reference"].value == pytest.approx(1.0 / 0.96, abs=0.005)
@@ -381,7 +383,7 @@ def judged(factor: float) -> Diagnosis:
     channel = ChannelResult("imu.gyro.z", "rad/s", 0.01, 0.01, 0.01, 0.5)
     rejected = (Rejected("drive.wheel_radius", "explains nothing that is left"),)
     model = Parameters.from_robot(search_start(spinning(gyro=factor), ROBOT).robot)
-    return diagnosis(channels=(channel,), rejected=rejected, model=model, curves=(curve,))
+    return make_diagnosis(channels=(channel,), rejected=rejected, model=model, curves=(curve,))
 
 
 def test_what_the_reference_decides_is_a_cause_with_its_gain() -> None:
