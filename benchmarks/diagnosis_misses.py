@@ -41,7 +41,7 @@ from first_problem import make_problem
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_afresh, fit_point
+from raccoon.diagnose.fit.fitting import fit_point, fit_starts
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
@@ -106,7 +106,7 @@ def _why(key: str, seed: int) -> tuple[str, str]:
     starts = _true_points(
         problem, [each.name for each in blind.hidden], true_settings(blind.robot), said.point
     )
-    true = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
+    true = min(fit_starts(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
     ahead = net_lead(search, true, said)
     weakest, spare, _ = _weakest(search, true, ITERATIONS)
     why = "search" if ahead > MIN_NET_LEAD else "evidence" if spare < 0.0 else "form"
@@ -151,7 +151,7 @@ def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int, int]:
     ]
     bare = Point(search.fit.point.base)
     starts = _true_points(problem, acting, true_settings(blind.robot), bare)[:2]
-    near = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
+    near = min(fit_starts(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
     search = refit_with_final_noise(linearise_search(problem, search.probes, near.point, search.whitener))
     fit = search.fit
     while fit.point.active:

@@ -25,7 +25,7 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.experiment.advice import rank_manoeuvres
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
-from raccoon.diagnose.fit.noise_model import EVENT
+from raccoon.diagnose.fit.noise_model import EVENT_BINS
 from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Coordinate, Settings, neutral_settings
 from raccoon.diagnose.reports.similar_causes import causes_of_similar_size
@@ -167,7 +167,9 @@ def held_out_gain(blind: Blind, said: Diagnosis, seconds: float) -> dict[str, fl
 
     def usual(residual: Array) -> float:
         power = ((residual[unseen.late] / floor) ** 2).mean(axis=1)
-        return float(np.sqrt(np.median([part.mean() for part in np.array_split(power, len(power) // EVENT)])))
+        return float(
+            np.sqrt(np.median([part.mean() for part in np.array_split(power, len(power) // EVENT_BINS)]))
+        )
 
     return {
         "before": over(nominal),

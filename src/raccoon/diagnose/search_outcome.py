@@ -22,8 +22,8 @@ from raccoon.diagnose.findings.rejections import effect_visibility, explain_reje
 from raccoon.diagnose.findings.separate_batteries import separate_battery_notes
 from raccoon.diagnose.findings.suggestions import suggest_manoeuvres
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
-from raccoon.diagnose.fit.backlash_scan import play_of
-from raccoon.diagnose.fit.noise_model import whiteness
+from raccoon.diagnose.fit.backlash_scan import active_backlash
+from raccoon.diagnose.fit.noise_model import whiteness_p_values
 from raccoon.diagnose.habits.notes import habit_notes, with_habit_uncertainty
 from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
 from raccoon.diagnose.result import (
@@ -69,7 +69,7 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     uncertainty = FitUncertainty.of(search)
     causes = with_habit_uncertainty(make_cause_results(search, judged, uncertainty), habits)
     features, rest = search.problem.features, search.linear.residual
-    regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
+    regimes, play = search.whitener.noise.regimes, active_backlash(search.fit.point)
     bursts = find_bursts(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
     depends_on, unknown_notes = _unknown_dependence(search, bursts)
     left = judged.left if judged.is_model_wrong or depends_on else 0.0  # what chance makes is no part of it
@@ -80,7 +80,7 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     found = Diagnosis(
         verdict,
-        _channel_results(log, judged, whiteness(white)),
+        _channel_results(log, judged, whiteness_p_values(white)),
         causes,
         explain_rejections(search, log, seen),
         Unexplained(left, depends_on),

@@ -9,8 +9,8 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.fit.fitting import fit_at, fit_point
-from raccoon.diagnose.fit.linear_model import linearise, tabulate
+from raccoon.diagnose.fit.fitting import evaluate_fit, fit_point
+from raccoon.diagnose.fit.linear_model import gram_tables, linearise
 from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitener
@@ -57,8 +57,9 @@ def plain_whitener(problem: Problem) -> Whitener:
 def search_at(problem: Problem, point: Point) -> Search:
     whitener = plain_whitener(problem)
     linear = linearise(problem, point, [])
-    table, plain = tabulate(linear, [], whitener)
+    table, plain = gram_tables(linear, [], whitener)
     return Search(
-        problem, make_probe_function(problem), fit_at(problem, whitener, point), whitener, linear, table,
+        problem, make_probe_function(problem), evaluate_fit(problem, whitener, point), whitener, linear,
+        table,
         plain,
     )  # fmt: skip

@@ -28,11 +28,11 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE
 from raccoon.diagnose.findings.cause_results import INDISTINGUISHABLE_CLASSES
-from raccoon.diagnose.fit.linear_model import Group, linearise
-from raccoon.diagnose.fit.noise_estimation import faint_parts, regimes_of
-from raccoon.diagnose.fit.noise_model import CHANGING, EVENT, white_noise
+from raccoon.diagnose.fit.linear_model import ColumnGroup, linearise
+from raccoon.diagnose.fit.noise_estimation import classify_regimes, form_error_parts
+from raccoon.diagnose.fit.noise_model import CHANGING, EVENT_BINS, white_noise
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.fit.wander import slow_battery, slow_friction
+from raccoon.diagnose.fit.wander import creeping_battery_columns, wandering_friction_columns
 from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates, with_usual_stds
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
@@ -137,7 +137,7 @@ class DrivePlan:
     numbers; disturbances, of a floor that wanders, of its pushes and of a battery that creeps.
     """
 
-    columns: tuple[tuple[Group, Array], ...]
+    columns: tuple[tuple[ColumnGroup, Array], ...]
     base: Array
     disturbances: Array
 
@@ -152,11 +152,11 @@ class DrivePlan:
         problem = _planned_problem(robot, duty, every)
         linear = linearise(problem, problem.nominal(), list(every))
         white = _make_whitener(problem)
-        floor = FLOOR_SHARE * white(slow_friction(problem, linear))
-        pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
-        creep = white(slow_battery(problem, linear))
+        floor = FLOOR_SHARE * white(wandering_friction_columns(problem, linear))
+        pushes = PUSH_SHARE * white(wandering_friction_columns(problem, linear, PUSH_SECONDS))
+        creep = white(creeping_battery_columns(problem, linear))
         columns = tuple((group, white(group.columns)) for group in linear.groups)
-        return cls(columns, white(linear.own), np.vstack([floor, pushes, creep]))
+        return cls(columns, white(linear.jacobian), np.vstack([floor, pushes, creep]))
 
     def evidence(self, cause: str, rivals: Sequence[str] = (), size: float = 1.0) -> tuple[float, str]:
         """Evidence of a deviation of so many usual ones beside small deviations of everything else and that
@@ -167,7 +167,7 @@ class DrivePlan:
         asked_rivals = [each for group, each in self.columns if group.name in rivals and group.name != cause]
         small = np.vstack([self.base[:0], *(each for _, each in other_causes)])
         inexact = (
-            faint_parts([name for name, each in other_causes for _ in each], self.base, small)[:, None]
+            form_error_parts([name for name, each in other_causes for _ in each], self.base, small)[:, None]
             * small
         )
         project = _make_projector(np.vstack([self.base, self.disturbances, inexact, *asked_rivals]))
@@ -200,7 +200,7 @@ class DrivePlan:
         return found
 
 
-Columns = Sequence[tuple[Group, Array]]
+Columns = Sequence[tuple[ColumnGroup, Array]]
 
 
 def estimate_reach(robot: RobotConfig, duty: Array) -> float:
@@ -228,7 +228,7 @@ def _columns_of_cause(columns: Columns, cause: str, size: float) -> list[Array]:
     return [each[:parts] for away, each in own if away <= nearest]
 
 
-def _variant_size(group: Group) -> float:
+def _variant_size(group: ColumnGroup) -> float:
     """Size, in usual deviations, at which a cause's columns were taken; those of a linear one hold for
     any."""
     return group.start[0] if group.start else 1.0
@@ -253,10 +253,10 @@ def _make_whitener(problem: Problem) -> Callable[[Array], Array]:
     drives."""
     features = problem.features
     expected = replace(features, measured=problem.predict([problem.nominal()])[0])
-    noise = white_noise(features.floors, regimes_of(replace(problem, features=expected)))
-    unmix = noise.unmix.copy()
+    noise = white_noise(features.floors, classify_regimes(replace(problem, features=expected)))
+    unmix = noise.whitening_factors.copy()
     unmix[CHANGING] /= CHANGING_NOISE
-    noise = replace(noise, unmix=unmix)
+    noise = replace(noise, whitening_factors=unmix)
     return lambda columns: noise.whiten(columns).reshape(len(columns), -1)
 
 
@@ -288,5 +288,5 @@ def _least_evidence(left: Array, columns: Array) -> float:
 
 def _clipped_evidence(products: Array) -> float:
     """The sum of the products, to which no event may add more than the search lets it."""
-    events = np.add.reduceat(products, np.arange(0, len(products), EVENT * len(TYPICAL_NOISE)))
+    events = np.add.reduceat(products, np.arange(0, len(products), EVENT_BINS * len(TYPICAL_NOISE)))
     return max(float(np.clip(events, -2.0 * MAX_EVENT_LEAD, 2.0 * MAX_EVENT_LEAD).sum()), 0.0)

@@ -79,7 +79,7 @@ def _describe(
 
 def _has_number(problem: Problem, name: str) -> bool:
     """Whether robot.toml has a number, which it leaves open, of what a cause moves."""
-    return any(problem.neutral[problem.base[each].settings[0]] for each in problem.left_open(name))
+    return any(problem.neutral[problem.base[each].settings[0]] for each in problem.base_indices_of(name))
 
 
 def fitted_parameters(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.linear_model import speed_of
-from raccoon.diagnose.fit.noise_estimation import STANDSTILL
+from raccoon.diagnose.fit.linear_model import wheel_speed
+from raccoon.diagnose.fit.noise_estimation import STANDSTILL_SHARE
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.wander import FLOOR_SECONDS, summed
+from raccoon.diagnose.fit.wander import FLOOR_CORRELATION_S, covariance_of_sums
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ def without_floor_friction(problem: Problem, point: Point, wander: float) -> Poi
     for wheel, side in enumerate(SIDES):
         rows = slice(len(FRICTION_NUMBERS) * wheel, len(FRICTION_NUMBERS) * (wheel + 1))
         torque = wander * problem.neutral[("friction.coulomb", side, "torque")]
-        speed = speed_of(problem, measured, side)
+        speed = wheel_speed(problem, measured, side)
         speed = np.zeros(len(measured)) if speed is None else speed
         floor_covariance[rows, rows] = torque**2 * friction_line_covariance(problem.features.time, speed)
     base = point.base.copy()
@@ -52,9 +52,9 @@ def without_floor_friction(problem: Problem, point: Point, wander: float) -> Poi
 def friction_line_covariance(time: Array, speed: Array) -> Array:
     """Covariance (2, 2) of the numbers of the line over |speed|, rad/s, that least squares put through what a
     floor of size 1 adds while a wheel moves. Where the speed is not known, 0, it is the mean and no slope."""
-    moves = np.abs(speed) >= STANDSTILL * np.abs(speed).max()
+    moves = np.abs(speed) >= STANDSTILL_SHARE * np.abs(speed).max()
     line = np.stack([np.ones(int(moves.sum())), np.abs(speed[moves])], axis=1)
-    return summed(np.linalg.pinv(line), time[moves], FLOOR_SECONDS)
+    return covariance_of_sums(np.linalg.pinv(line), time[moves], FLOOR_CORRELATION_S)
 
 
 def _friction_line(problem: Problem, index: int) -> Array:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.features import EVENT_S, Features
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_many, fit_point
+from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.noise_model import event_means
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.wander import FLOOR_SECONDS
+from raccoon.diagnose.fit.wander import FLOOR_CORRELATION_S
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.select.state import Search, final_fit_whitener
 from raccoon.diagnose.select.transitions import jacobian_rows_without
@@ -100,7 +100,7 @@ class HeldOut:
         seconds."""
         chance = 1.0 + MAX_EXCESS_ERROR * np.sqrt(USUAL_HELD_OUT_S / self.seconds)
         slow_share = 1.0 - float(((self.floor / self.expected) ** 2).mean())
-        slow_values = len(SIDES) * max(self.seconds / FLOOR_SECONDS, 1.0)  # independent ones
+        slow_values = len(SIDES) * max(self.seconds / FLOOR_CORRELATION_S, 1.0)  # independent ones
         most = chance**2 + MAX_SLOW_STDS * slow_share * np.sqrt(2.0 / slow_values)
         return bool(self.error_ratio**2 > min(most, MAX_EVENT_SHARE * MAX_EVENT_RATIO))
 
@@ -156,7 +156,7 @@ def evaluate_held_out(search: Search, other: Problem | None) -> HeldOut:
     another recording."""
     problem = search.problem
     fitted = fitted_bins(problem.features) if other is None else np.ones(len(problem.features.time), bool)
-    seen = final_fit_whitener(search).of_bins(fitted)
+    seen = final_fit_whitener(search).restricted_to_bins(fitted)
     full, bare = (fit_point(problem, seen, start, 3) for start in (search.fit.point, problem.nominal()))
     names = list(search.fit.point.active)
     less = [_fit_without(problem, seen, full, search, name) for name in names]
@@ -166,7 +166,7 @@ def evaluate_held_out(search: Search, other: Problem | None) -> HeldOut:
     judging = own if other is None else np.ones(len(features.time), bool)
     kept = (features.measured - judged.predict(points))[:, judging]
     rms = np.sqrt((kept[:2] ** 2).mean(axis=1))
-    floor, event = _noise_floor(problem, search.whitener.rest[own]), features.event
+    floor, event = _noise_floor(problem, search.whitener.unexplained[own]), features.event
     sizes = [size_of(each, floor, event) for each in kept]
     return HeldOut(
         rms[0],
@@ -202,7 +202,7 @@ def contributions(search: Search) -> dict[str, Contribution]:
     outputs = problem.predict([point, *(point.without_cause(name) for name in names)])
     floor = _noise_floor(problem, search.linear.residual)
     count = len(problem.base)
-    base = (search.linear.own[:count] / floor).reshape(count, -1)
+    base = (search.linear.jacobian[:count] / floor).reshape(count, -1)
     low, high = (each - point.base for each in problem.limits(Point(point.base)))  # from where they are
     gram = base @ base.T + 1e-9 * np.eye(count)
     factor = np.linalg.cholesky(gram)
@@ -224,13 +224,13 @@ def _noise_floor(problem: Problem, rest: Array) -> Array:
 def _expected_variance(search: Search, fitted: NDArray[np.bool_]) -> Array:
     """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of a fit of
     some bins."""
-    own = search.linear.own
-    white = search.whitener.of_bins(fitted)(own)
+    own = search.linear.jacobian
+    white = search.whitener.restricted_to_bins(fitted)(own)
     covariance = np.linalg.inv(np.eye(len(own)) + white @ white.T)
     uncertain = np.einsum("ibc,ij,jbc->bc", own, covariance, own, optimize=True)
-    return np.asarray(search.whitener.spread + uncertain, float)
+    return np.asarray(search.whitener.held_out_variance + uncertain, float)
 
 
 def _fit_without(problem: Problem, seen: Whitener, full: Fit, search: Search, name: str) -> Fit:
     columns = full.jacobian[jacobian_rows_without(search, name)]
-    return fit_many(problem, seen, [full.point.without_cause(name)], columns, 3)[0]
+    return fit_with_frozen_columns(problem, seen, [full.point.without_cause(name)], columns, 3)[0]

@@ -54,7 +54,7 @@ class FitUncertainty:
     def of(cls, search: Search) -> FitUncertainty:
         """Of the fit with which a search ended."""
         problem = search.problem
-        point = without_floor_friction(problem, search.fit.point, search.whitener.wander)
+        point = without_floor_friction(problem, search.fit.point, search.whitener.wander_share)
         vector = point.vector()
         steps = COORDINATE_STEP * np.eye(len(vector))
         moved = tuple(problem.settings(point.moved(vector + step)) for step in steps)
@@ -109,7 +109,7 @@ def _unnamed_responses(search: Search) -> Array:
     """Whitened responses (directions, rows) to as much as may be wrong of what was not named, one standard
     deviation each; none where no more than one cause was: a robot with several things wrong has others wrong
     as well, below what shows, and they bend the numbers of those that are named."""
-    none, active = np.zeros((0, search.fit.white.size)), search.fit.point.active
+    none, active = np.zeros((0, search.fit.whitened_residual.size)), search.fit.point.active
     if len(active) < SEVERAL_CAUSES:
         return none
     named = {name.partition("@")[0] for name in active}

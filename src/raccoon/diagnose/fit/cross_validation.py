@@ -14,14 +14,14 @@ from raccoon.diagnose.fit.evidence import Gram
 
 Array = NDArray[np.float64]
 
-FEEBLE = 0.02
+MIN_DIRECTION_VARIANCE = 0.02
 """Variance, in units of the noise, below which a direction is left out: it would change nothing."""
-SHOWN = 0.003
+MIN_HELD_OUT_SHARE = 0.003
 """Part of a direction's variance that noise must make for other half seconds to foresee it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class RecordingPart:
     """A part of a recording: what may differ in all of it, and what wanders in this part alone.
 
     white (columns, rows), goal (rows,): whitened columns of what wanders, which are so many, then of what may
@@ -36,7 +36,7 @@ class Part:
     slow: int
 
     @classmethod
-    def of(cls, columns: Array, white: Array, target: Array, goal: Array, slow: int) -> Part:
+    def of(cls, columns: Array, white: Array, target: Array, goal: Array, slow: int) -> RecordingPart:
         """white, goal: columns and target whitened. The first `slow` columns are of what wanders."""
         rows, flat = white.reshape(len(white), -1), goal.reshape(-1)
         return cls(columns, rows, target, flat, Gram.of(rows.T, flat), slow)
@@ -46,14 +46,14 @@ class Part:
         return self.gram.scaled(np.repeat([wander, 1.0], [self.slow, len(self.columns) - self.slow]))
 
 
-def evidence_of(parts: Sequence[Part], wander: float) -> float:
+def log_evidence_of_wander(parts: Sequence[RecordingPart], wander: float) -> float:
     """Log evidence of all columns, of what wanders with that standard deviation and of the others with 1."""
     grams = [each.scaled(wander) for each in parts]
     alone = sum(gram.take(range(each.slow)).evidence() for gram, each in zip(grams, parts, strict=True))
     return alone + reduce(add, map(Gram.without, grams, (each.slow for each in parts))).evidence()
 
 
-def foreseen_error(parts: Sequence[Part], sizes: Array, wander: float, event: int) -> Array:
+def held_out_error(parts: Sequence[RecordingPart], sizes: Array, wander: float, event: int) -> Array:
     """What was measured less what columns fitted to all other half seconds make of each half second, (bins,
     channels).
 
@@ -72,18 +72,18 @@ def foreseen_error(parts: Sequence[Part], sizes: Array, wander: float, event: in
         prior[part.slow :, part.slow :] = np.linalg.cholesky(0.5 * (covariance + covariance.T))
         mean = np.zeros(len(prior))
         mean[part.slow :] = covariance @ pulled
-        errors.append(_foreseen_in(part, prior, mean, event))
+        errors.append(_held_out_error_of_part(part, prior, mean, event))
     return np.concatenate(errors)
 
 
-def _foreseen_in(part: Part, prior: Array, expected: Array, event: int) -> Array:
+def _held_out_error_of_part(part: RecordingPart, prior: Array, expected: Array, event: int) -> Array:
     """The same of a part, for a prior of that mean and of the covariance S = prior prior'.
 
     The fit's mean is m = C X' y, C = (S^-1 + X' X)^-1, y without what the prior's mean makes of it. Leaving
     rows b out moves it to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury).
     """
     powers, vectors = np.linalg.eigh(prior.T @ part.gram.matrix @ prior)
-    strong = powers > FEEBLE
+    strong = powers > MIN_DIRECTION_VARIANCE
     vectors = prior @ (vectors[:, strong] / np.sqrt(1.0 + powers[strong]))  # C = vectors vectors'
     turned = vectors.T @ part.white
     goal = part.goal - expected @ part.white
@@ -95,12 +95,12 @@ def _foreseen_in(part: Part, prior: Array, expected: Array, event: int) -> Array
     for start in range(0, len(error), event):
         rows = slice(start, start + event)
         share = turned[:, rows]
-        others = vectors @ (mean - _pulled(share, rest[rows]))
+        others = vectors @ (mean - _influence(share, rest[rows]))
         error[rows] -= others @ flat[:, rows]
     return np.asarray(error.reshape(part.target.shape), float)
 
 
-def _pulled(part: Array, rest: Array) -> Array:
+def _influence(part: Array, rest: Array) -> Array:
     """P (1 - P' P)^-1 times the rest of a half second, P (directions, rows) with P' P = X_b C X_b', where the
     other half seconds say anything: by as many equations as there are rows, or directions if these are fewer,
     since it is (1 - P P')^-1 P as well.
@@ -112,9 +112,9 @@ def _pulled(part: Array, rest: Array) -> Array:
     inner, goal = (part @ part.T, part @ rest) if few else (part.T @ part, rest)
     unforeseen = np.eye(len(inner)) - inner
     try:
-        np.linalg.cholesky(unforeseen - SHOWN * np.eye(len(inner)))
+        np.linalg.cholesky(unforeseen - MIN_HELD_OUT_SHARE * np.eye(len(inner)))
         pull = np.linalg.solve(unforeseen, goal)
     except np.linalg.LinAlgError:
         shares, vectors = np.linalg.eigh(unforeseen)
-        pull = vectors @ ((vectors.T @ goal) / np.maximum(shares, SHOWN))
+        pull = vectors @ ((vectors.T @ goal) / np.maximum(shares, MIN_HELD_OUT_SHARE))
     return np.asarray(pull if few else part @ pull, float)

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-BOUND_SWEEPS = 10
+MAX_ACTIVE_SET_SWEEPS = 10
 """Most times that it is asked anew which coordinates a bound holds."""
 
 
-def bounded_least(
+def minimise_in_bounds(
     matrix: Array, projection: Array, low: Array, high: Array, near: Array | None = None
 ) -> Array:
     """Where u' matrix u - 2 projection' u is least inside bounds around 0; matrix: positive definite.
@@ -39,8 +39,8 @@ def bounded_least(
     """
     found = np.zeros(len(projection)) if near is None else np.clip(near, low, high)
     free = np.ones(len(projection), bool) if near is None else (found > low) & (found < high)
-    _freed(matrix, projection, found, free)
-    for _ in range(BOUND_SWEEPS):
+    _solve_free(matrix, projection, found, free)
+    for _ in range(MAX_ACTIVE_SET_SWEEPS):
         out = free & ((found < low) | (found > high))
         if out.any():
             found[out] = np.clip(found, low, high)[out]
@@ -50,11 +50,11 @@ def bounded_least(
             if not back.any():
                 return found
             free |= back
-        _freed(matrix, projection, found, free)
-    return _bounded_slowly(matrix, projection, low, high)
+        _solve_free(matrix, projection, found, free)
+    return _minimise_by_bvls(matrix, projection, low, high)
 
 
-def _freed(matrix: Array, projection: Array, found: Array, free: NDArray[np.bool_]) -> None:
+def _solve_free(matrix: Array, projection: Array, found: Array, free: NDArray[np.bool_]) -> None:
     """Move what is free to where it is best beside the rest."""
     if free.all():
         found[:] = np.linalg.solve(matrix, projection)
@@ -65,7 +65,7 @@ def _freed(matrix: Array, projection: Array, found: Array, free: NDArray[np.bool
     found[inside] = np.linalg.solve(matrix[rows, inside], pull)
 
 
-def _bounded_slowly(matrix: Array, projection: Array, low: Array, high: Array) -> Array:
+def _minimise_by_bvls(matrix: Array, projection: Array, low: Array, high: Array) -> Array:
     """The same by bounded least squares, one coordinate after the other (Stark and Parker 1995)."""
     from scipy.optimize import lsq_linear
 
@@ -131,7 +131,7 @@ class Gram:
         projection = self.projection[always:] - cross @ inner @ self.projection[:always]
         return Gram(0.5 * (matrix + matrix.T), projection)
 
-    def beside_bounded(
+    def solve_beside_bounded(
         self, low: Array, high: Array, spans: Sequence[Sequence[int]]
     ) -> Iterator[tuple[Array, float]]:
         """Of each span of further columns, without bounds, the most likely coordinates beside the first ones,
@@ -155,19 +155,19 @@ class Gram:
 
     def _least(self, low: Array, high: Array, near: Array | None) -> tuple[Array, float]:
         """Most likely coordinates inside bounds, and what they cost, where the priors are in the matrix."""
-        mean = bounded_least(self.matrix, self.projection, low, high, near)
+        mean = minimise_in_bounds(self.matrix, self.projection, low, high, near)
         return mean, float(mean @ self.matrix @ mean - 2.0 * self.projection @ mean)
 
 
-def parts_of(rows: int, count: int) -> list[slice]:
+def split_rows(rows: int, count: int) -> list[slice]:
     """So many blocks of neighbouring rows."""
     return [slice(start, end) for start, end in pairwise(np.linspace(0, rows, count + 1).astype(int))]
 
 
-def foreseen(columns: Array, target: Array, blocks: int) -> Array:
+def held_out_residual(columns: Array, target: Array, blocks: int) -> Array:
     """What is left of each block of rows by a fit of all others, (n,). columns (m, n), target (n,)."""
     total, left = Gram.of(columns.T, target), target.copy()
-    for part in parts_of(len(target), blocks):
+    for part in split_rows(len(target), blocks):
         inside = columns[:, part]
         mean, _, _ = (total - Gram.of(inside.T, target[part])).solve()
         left[part] -= mean @ inside

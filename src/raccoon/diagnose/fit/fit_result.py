@@ -26,7 +26,7 @@ class Fit:
     held at a bound."""
 
     point: Point
-    white: Array
+    whitened_residual: Array
     jacobian: Array
     cost: float
     free: NDArray[np.bool_]
@@ -34,7 +34,7 @@ class Fit:
     @classmethod
     def of(cls, problem: Problem, point: Point, white: Array, jacobian: Array) -> Fit:
         """With its cost, and what is free."""
-        return cls(point, white, jacobian, cost_of(point, white), unbound(problem, point))
+        return cls(point, white, jacobian, cost_of(point, white), inside_bounds(problem, point))
 
     @cached_property
     def curvature(self) -> Array:
@@ -42,14 +42,14 @@ class Fit:
         return np.asarray(self.jacobian @ self.jacobian.T + np.eye(len(self.jacobian)), float)
 
     @property
-    def sound(self) -> bool:
+    def is_finite(self) -> bool:
         """Whether the simulation gave numbers, at the point and a step away from it."""
         return bool(np.isfinite(self.cost) and np.isfinite(np.diag(self.curvature)).all())
 
     @cached_property
     def evidence(self) -> float:
         """Log evidence, comparable between fits under the same whitener."""
-        if not self.sound:
+        if not self.is_finite:
             return -np.inf
         _, logdet = np.linalg.slogdet(self.curvature)
         return float(-0.5 * self.cost - 0.5 * logdet)
@@ -58,7 +58,7 @@ class Fit:
     def target(self) -> Array:
         """What the free columns must explain, counted from u = 0."""
         free = self.free
-        return np.asarray(self.white + self.point.vector()[free] @ self.jacobian[free], float)
+        return np.asarray(self.whitened_residual + self.point.vector()[free] @ self.jacobian[free], float)
 
 
 def cost_of(point: Point, white: Array) -> float:
@@ -69,7 +69,7 @@ def cost_of(point: Point, white: Array) -> float:
     return cost if np.isfinite(cost) else np.inf
 
 
-def unbound(problem: Problem, point: Point) -> NDArray[np.bool_]:
+def inside_bounds(problem: Problem, point: Point) -> NDArray[np.bool_]:
     """Which coordinates are inside their bounds."""
     vector = point.vector()
     low, high = problem.limits(point)

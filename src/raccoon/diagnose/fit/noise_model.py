@@ -27,13 +27,13 @@ Array = NDArray[np.float64]
 
 Regimes = NDArray[np.intp]
 STANDING, STEADY, CHANGING, CREEPING = range(4)
-EVENT = bins_per_event(BIN_S)
+EVENT_BINS = bins_per_event(BIN_S)
 """Bins, half a second where they are 20 ms."""
-LARGE_EVENT = 1.2
+OUTLIER_EVENT_SIZE = 1.2
 """Size of half a second, over its expected size, from which it counts less."""
-LAGS = 10
+LJUNG_BOX_LAGS = 10
 """Bins by which what is left is compared with itself, where it is asked whether it is white."""
-COMMON = 2.0
+OUTLIER_SIZE = 2.0
 """Size of an innovation, over its expected size, from which a bin counts less: breaking loose is no
 Gaussian affair."""
 
@@ -50,7 +50,7 @@ class NoiseModel:
     """
 
     coefficients: Array
-    unmix: Array
+    whitening_factors: Array
     regimes: Regimes
     weights: Array
 
@@ -85,9 +85,13 @@ class NoiseModel:
     @cached_property
     def _filters(self) -> Array:
         """What makes a white bin of a bin and its past, oldest first, (n - order, (order + 1) c, c)."""
-        lags = np.concatenate([*(-each.T for each in self.coefficients[::-1]), np.eye(self.unmix.shape[-1])])
+        lags = np.concatenate(
+            [*(-each.T for each in self.coefficients[::-1]), np.eye(self.whitening_factors.shape[-1])]
+        )
         regimes, weights = self.regimes[self.order :], self.weights[self.order :]
-        return np.asarray((lags @ self.unmix.transpose(0, 2, 1))[regimes] * weights[:, None, None], float)
+        return np.asarray(
+            (lags @ self.whitening_factors.transpose(0, 2, 1))[regimes] * weights[:, None, None], float
+        )
 
 
 def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:
@@ -100,7 +104,7 @@ def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:
     )
 
 
-def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes, event: int) -> NoiseModel:
+def fit_noise_model(residual: Array, order: int, floor: Array, regimes: Regimes, event: int) -> NoiseModel:
     """Least-squares VAR of a residual (n, c); its memory from the bins in motion where there are enough.
 
     floor: (c,), of each channel, what its residual is at least counted in (quantisation): a tenth of it, in
@@ -124,22 +128,26 @@ def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes, event
         innovation = innovation - past @ solution
         coefficients = solution.T.reshape(channels, order, channels).transpose(1, 0, 2)
     least = (floor / scale) ** 2 * 0.01
-    whole = _unmix(innovation[used], order * channels, least)
+    whole = _whitening_factor(innovation[used], order * channels, least)
     parts = [
-        _unmix(innovation[late == regime], 0, least) if (late == regime).sum() > 15 * channels else whole
+        _whitening_factor(innovation[late == regime], 0, least)
+        if (late == regime).sum() > 15 * channels
+        else whole
         for regime in range(4)
     ]
     coefficients = coefficients * scale[:, None] / scale[None, :]
     model = NoiseModel(coefficients, np.stack(parts) / scale, regimes, np.ones(n))
     size = np.sqrt((model.whiten(residual) ** 2).mean(axis=1))
-    model = replace(model, weights=np.minimum(1.0, COMMON / np.maximum(size, 1e-9)))
-    return replace(model, weights=model.weights * _calm((model.whiten(residual) ** 2).mean(axis=1), event))
+    model = replace(model, weights=np.minimum(1.0, OUTLIER_SIZE / np.maximum(size, 1e-9)))
+    return replace(
+        model, weights=model.weights * _event_weights((model.whiten(residual) ** 2).mean(axis=1), event)
+    )
 
 
-def _calm(power: Array, event: int) -> Array:
+def _event_weights(power: Array, event: int) -> Array:
     """Weights (n,) by which an event that is clearly larger than usual counts no more than a usual one."""
     means, lengths = event_means(power, event)
-    return np.repeat(np.minimum(1.0, LARGE_EVENT / np.maximum(np.sqrt(means), 1e-9)), lengths)
+    return np.repeat(np.minimum(1.0, OUTLIER_EVENT_SIZE / np.maximum(np.sqrt(means), 1e-9)), lengths)
 
 
 def event_means(values: Array, event: int) -> tuple[Array, NDArray[np.intp]]:
@@ -149,12 +157,12 @@ def event_means(values: Array, event: int) -> tuple[Array, NDArray[np.intp]]:
     return np.add.reduceat(values, starts) / lengths, lengths
 
 
-def _unmix(innovation: Array, parameters: int, least: Array) -> Array:
+def _whitening_factor(innovation: Array, parameters: int, least: Array) -> Array:
     covariance = innovation.T @ innovation / max(len(innovation) - parameters, 1) + np.diag(least)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), float)
 
 
-def whiteness(whitened: Array) -> Array:
+def whiteness_p_values(whitened: Array) -> Array:
     """Ljung-Box p-value per channel of a whitened residual (n, c): small means structure is left in time."""
     from scipy.special import chdtrc
 
@@ -163,7 +171,7 @@ def whiteness(whitened: Array) -> Array:
     power = (centred**2).sum(axis=0)
     power = np.where(power > 0.0, power, 1.0)
     statistic = np.zeros(whitened.shape[1])
-    for lag in range(1, LAGS + 1):
+    for lag in range(1, LJUNG_BOX_LAGS + 1):
         correlation = (centred[lag:] * centred[:-lag]).sum(axis=0) / power
         statistic += correlation**2 / max(n - lag, 1)
-    return np.asarray(chdtrc(LAGS, n * (n + 2) * statistic), float)
+    return np.asarray(chdtrc(LJUNG_BOX_LAGS, n * (n + 2) * statistic), float)

@@ -17,11 +17,11 @@ from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Setting, 
 from raccoon.diagnose.rollout.plant_rollout import Rollout
 
 Array = NDArray[np.float64]
-Key = tuple[float, ...]
+SettingsKey = tuple[float, ...]
 
-BASE_STEP = 0.005
+BASE_STEP_STDS = 0.005
 """Standard deviations over which a base number's column is taken."""
-REMEMBERED = 8e6
+CACHE_BYTES = 8e6
 """Bytes of the latest simulations that are kept: of some 120 robots on 40 s. Several problems keep theirs."""
 
 
@@ -53,7 +53,7 @@ class Point:
         """Also this cause."""
         return Point(self.base, {**self.active, name: np.asarray(u, float)})
 
-    def nearer(self, base: float, causes: float = 1.0) -> Point:
+    def shrunk(self, base: float, causes: float = 1.0) -> Point:
         """The same causes, with these parts of what base numbers and causes are off by."""
         return Point(base * self.base, {name: causes * u for name, u in self.active.items()})
 
@@ -63,7 +63,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Creep:
+class BatteryCreep:
     """By how many volts a battery's reading wanders, and the correlation time of that, s.
 
     As it is, a battery's voltage creeps after its current: in ten seconds through some hundredths of an ohm.
@@ -90,18 +90,22 @@ class Problem:
     neutral: Settings
     base: tuple[Coordinate, ...]
     causes: Mapping[str, Cause]
-    told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    creep: Creep = Creep()
-    coasts: float = 0.0
+    reading_evidence: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    creep: BatteryCreep = BatteryCreep()
+    coast_share: float = 0.0
     friction_may_change: bool = False
     change: StepChange | None = None
-    _latest: OrderedDict[Key, tuple[Array, float]] = field(
+    _latest: OrderedDict[SettingsKey, tuple[Array, float]] = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )
 
-    def told_of(self, point: Point) -> float:
+    def reading_evidence_at(self, point: Point) -> float:
         """Log evidence that the readings have of a point's causes apart from any simulation."""
-        present = ((*self.told[name], u[0]) for name, u in point.active.items() if name in self.told)
+        present = (
+            (*self.reading_evidence[name], u[0])
+            for name, u in point.active.items()
+            if name in self.reading_evidence
+        )
         return sum(evidence for evidence, least, u in present if u >= least)
 
     def settings(self, point: Point) -> Settings:
@@ -128,10 +132,10 @@ class Problem:
         keys = [tuple(each.values()) for each in settings]
         wanted, latest = dict(zip(keys, settings, strict=True)), self._latest
         known = {key: latest[key] for key in wanted if key in latest}
-        parts, step = self._missing([each for key, each in wanted.items() if key not in known])
+        parts, step = self._simulate_missing([each for key, each in wanted.items() if key not in known])
         if len({each for _, each in known.values()} | ({step} if step else set())) > 1:
             known = {}  # in steps of one length, or they cannot be compared
-            parts, step = self._missing(list(wanted.values()))
+            parts, step = self._simulate_missing(list(wanted.values()))
         for key in known:
             latest.move_to_end(key)
         left = Counter(keys)
@@ -139,30 +143,30 @@ class Problem:
             bins = known[key][0] if key in known else next(parts)
             left[key] -= 1
             if key not in known:
-                self._remember(key, bins, step)
+                self._cache(key, bins, step)
                 if left[key]:
                     known[key] = bins, step
             yield bins
 
-    def _missing(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
+    def _simulate_missing(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
         """Bins (bins, channels) of each, and s of the steps that make them, 0 where there are none."""
         if not variants:
             return iter(()), 0.0
         parts, step = self.rollout(variants)
         return chain.from_iterable(map(self.features.simulated, parts)), step
 
-    def _remember(self, key: Key, bins: Array, step: float) -> None:
+    def _cache(self, key: SettingsKey, bins: Array, step: float) -> None:
         """Keep what was simulated, and no more of the latest than is allowed."""
         self._latest[key] = bins.copy(), step  # not with all that was simulated beside it
         self._latest.move_to_end(key)
-        while len(self._latest) * bins.nbytes > REMEMBERED:
+        while len(self._latest) * bins.nbytes > CACHE_BYTES:
             self._latest.popitem(last=False)
 
     def nominal(self) -> Point:
         """Everything as robot.toml says."""
         return Point(np.zeros(len(self.base)))
 
-    def left_open(self, name: str) -> list[int]:
+    def base_indices_of(self, name: str) -> list[int]:
         """The base coordinates that move what a cause moves: what robot.toml leaves open of it."""
         moved = {key for each in self.causes[name].coordinates for key in each.settings}
         return [index for index, each in enumerate(self.base) if moved & set(each.settings)]
@@ -170,7 +174,7 @@ class Problem:
     def steps(self, point: Point) -> Array:
         """How far to move each coordinate of the point's vector for its column."""
         causes = [coordinate.step for name in point.active for coordinate in self.causes[name].coordinates]
-        return np.array([BASE_STEP] * len(self.base) + causes)
+        return np.array([BASE_STEP_STDS] * len(self.base) + causes)
 
     def limits(self, point: Point) -> tuple[Array, Array]:
         """Bounds of the point's vector: of what robot.toml leaves open as it says, of causes as far as the
@@ -205,7 +209,7 @@ class Problem:
         return min((bounds.low - left) / coordinate.value(1.0), 0.0)
 
 
-def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Point], Array]:
+def neighbouring_points(problem: Problem, point: Point, start: int = 0) -> tuple[list[Point], Array]:
     """The points one step away along each coordinate from `start` on, and the steps."""
     vector = point.vector()
     _, high = problem.limits(point)
@@ -222,7 +226,7 @@ def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Poi
     return points, np.array(steps)
 
 
-def carried(point: Point, here: Problem, there: Problem) -> Point:
+def transfer_point(point: Point, here: Problem, there: Problem) -> Point:
     """A point in another problem, whose base coordinates may be fewer or more, and of other widths: the same
     numbers, as near as its limits allow."""
     known = {each.settings: (each, u) for each, u in zip(here.base, point.base, strict=True)}
@@ -234,7 +238,7 @@ def carried(point: Point, here: Problem, there: Problem) -> Point:
     return there.inside(replace(point, base=base))
 
 
-def carried_columns(columns: Array, here: Problem, there: Problem) -> Array | None:
+def transfer_columns(columns: Array, here: Problem, there: Problem) -> Array | None:
     """Columns (coordinates, ...) of a problem as those of another, of which it knows all base coordinates,
     None where it does not. What comes after the base coordinates stays."""
     known = {each.settings: index for index, each in enumerate(here.base)}

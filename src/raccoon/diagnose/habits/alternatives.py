@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.doing import tell
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_at, fit_many, fit_point
-from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
+from raccoon.diagnose.fit.fitting import evaluate_fit, fit_point, fit_with_frozen_columns
+from raccoon.diagnose.fit.problem import Point, Problem, transfer_columns, transfer_point
 from raccoon.diagnose.habits.chains import KNOWN_CHAINS
 from raccoon.diagnose.habits.controller import (
     FAST_BATTERY_FILTERS_S,
@@ -51,7 +51,10 @@ def fit_best_start(search: Search, problem: Problem, starts: Sequence[Point]) ->
     Several starts are first fitted roughly, with the Jacobian's base columns at the first of them; a single
     one with the columns that it has in the search, for a while. A fit that falls far behind stops there.
     """
-    whitener, carried_starts = search.whitener, [carried(each, search.problem, problem) for each in starts]
+    whitener, carried_starts = (
+        search.whitener,
+        [transfer_point(each, search.problem, problem) for each in starts],
+    )
 
     def is_hopeless(fit: Fit, predicted_gain: float) -> bool:
         gained = 0.5 * PREDICTED_GAIN_FACTOR * predicted_gain
@@ -60,17 +63,17 @@ def fit_best_start(search: Search, problem: Problem, starts: Sequence[Point]) ->
 
     start = carried_starts[0]
     if len(carried_starts) > 1:
-        columns = fit_at(problem, whitener, start).jacobian[: len(problem.base)]
-        rough = fit_many(problem, whitener, carried_starts, columns, ROUGH_STEPS, is_hopeless)
+        columns = evaluate_fit(problem, whitener, start).jacobian[: len(problem.base)]
+        rough = fit_with_frozen_columns(problem, whitener, carried_starts, columns, ROUGH_STEPS, is_hopeless)
         start = max(rough, key=lambda each: net_lead(search, each, search.fit)).point
-    elif (known := carried_columns(search.fit.jacobian, search.problem, problem)) is not None:
+    elif (known := transfer_columns(search.fit.jacobian, search.problem, problem)) is not None:
         if list(start.active) != list(search.fit.point.active):
             known = known[: len(problem.base)]
-        (first,) = fit_many(problem, whitener, [start], known, ROUGH_STEPS, is_hopeless)
+        (first,) = fit_with_frozen_columns(problem, whitener, [start], known, ROUGH_STEPS, is_hopeless)
         if is_hopeless(first, 0.0):
             return first
         start = first.point
-    return fit_point(problem, whitener, start, lost=is_hopeless)
+    return fit_point(problem, whitener, start, give_up=is_hopeless)
 
 
 def log_evidence_lead(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
@@ -216,7 +219,7 @@ def with_least_battery_error(
 ) -> Habits:
     """Of habits, with their problems, those from which the battery's readings are least off."""
     carried_starts = {
-        habits: [carried(each, search.problem, problem) for each in starts]
+        habits: [transfer_point(each, search.problem, problem) for each in starts]
         for habits, problem in problems.items()
     }
     return min(problems, key=lambda each: battery_error(problems[each], carried_starts[each]))
@@ -250,6 +253,6 @@ def _starts_for_habits(search: Search) -> list[Point]:
 
 def _whitened_misfits(search: Search, problem: Problem) -> Array:
     """Of each start in a problem, (starts,): the sum of the sizes of its whitened residuals."""
-    starts = [carried(each, search.problem, problem) for each in _starts_for_habits(search)]
+    starts = [transfer_point(each, search.problem, problem) for each in _starts_for_habits(search)]
     white = search.whitener(problem.features.measured - problem.predict(starts))
     return np.asarray(np.abs(white).sum(axis=-1), float)

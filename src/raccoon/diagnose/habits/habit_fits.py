@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import WHEELS
-from raccoon.diagnose.fit.fitting import fit_many, fit_point
+from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.noise_model import white_noise
-from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
+from raccoon.diagnose.fit.problem import Point, Problem, transfer_columns, transfer_point
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, Wheels, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import added, multiplied
@@ -72,11 +72,11 @@ class HabitFit:
     def carried_to(self, problem: Problem) -> Point:
         """Where a fit in another problem, of these coordinates or fewer, arrives with the columns of this
         one: no further from the readings than `ROUGH_FIT_EXCESS` beyond a fit with columns of its own."""
-        columns = carried_columns(self.columns, self.problem, problem)
+        columns = transfer_columns(self.columns, self.problem, problem)
         assert columns is not None, "other habits have coordinates of their own"
-        start = carried(self.point, self.problem, problem)
+        start = transfer_point(self.point, self.problem, problem)
         whitener = _whitener(problem, start)
-        return fit_many(problem, whitener, [start], whitener(columns), ROUGH_STEPS)[0].point
+        return fit_with_frozen_columns(problem, whitener, [start], whitener(columns), ROUGH_STEPS)[0].point
 
 
 def with_all_base_free(problem: Problem, wheels: Wheels) -> Problem:
@@ -136,7 +136,10 @@ def fit_from(problem: Problem, start: Point, habits: Habits) -> HabitFit:
     """The fit from a start, under these habits, whose problem this is."""
     whitener = _whitener(problem, start)
     fit = fit_point(problem, whitener, start, 5)
-    columns = fit.jacobian.reshape(-1, *problem.features.measured.shape) / whitener.noise.unmix[0].diagonal()
+    columns = (
+        fit.jacobian.reshape(-1, *problem.features.measured.shape)
+        / whitener.noise.whitening_factors[0].diagonal()
+    )
     return HabitFit(log_misfit(problem, fit.point), fit.point, habits, problem, columns)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import costs_at, fit_point
-from raccoon.diagnose.fit.problem import Point, Problem, carried
+from raccoon.diagnose.fit.problem import Point, Problem, transfer_point
 from raccoon.diagnose.habits.alternatives import (
     MIN_LOG_EVIDENCE_LEAD,
     adopt_first_ahead,
@@ -99,7 +99,7 @@ def _fit_best_deadband(search: Search, problem: Problem, points: Sequence[Point]
         ]
         return tried[int(np.argmin(costs_at(problem, whitener, tried)))]
 
-    starts = [carried(each, search.problem, problem) for each in points]
+    starts = [transfer_point(each, search.problem, problem) for each in points]
     fit = fit_point(problem, whitener, cheapest(starts, DEADBAND_SIZES))
     for _ in range(REFINEMENT_ROUNDS):
         size = float(fit.point.active[DEADBAND][0]) * deadband.value(1.0)

@@ -9,7 +9,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import Features, bin_width
 from raccoon.diagnose.drives.log import Log
-from raccoon.diagnose.fit.problem import Creep, Point, Problem
+from raccoon.diagnose.fit.problem import BatteryCreep, Point, Problem
 from raccoon.diagnose.habits.habit_fits import with_all_base_free
 from raccoon.diagnose.habits.lost_commands import restore_lost_changes
 from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates
@@ -23,7 +23,7 @@ from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.sample_ages import age_coordinates, age_settings
 from raccoon.sim.effects.parameters import Parameters
 
-HELD_BATTERY_CREEP = Creep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)
+HELD_BATTERY_CREEP = BatteryCreep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)
 """A battery's reading that is held between two edges is off by a count or so, until its load changes: by 0.6
 to 1.1 counts beside a mean of 0.5 to 1.5, for a second, in six drives of sound robots behind the emulated
 stock firmware. Of a count for ten seconds, 9 s had a battery's resistance beside a scrub, a reading's scale
@@ -63,7 +63,7 @@ def drive_problem(
         tuple(each.beside(settings) for each in base),
         by_name,
         told(by_name, log),
-        HELD_BATTERY_CREEP if habits.chain.battery_held else Creep(),
+        HELD_BATTERY_CREEP if habits.chain.battery_held else BatteryCreep(),
         habits.chain.coast_share,
         log.friction_may_change,
         log.change,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.ramp import Ramp
-from raccoon.diagnose.fit.problem import Point, Problem, carried
+from raccoon.diagnose.fit.problem import Point, Problem, transfer_point
 from raccoon.diagnose.habits.habit_fits import HabitFit, choose_start, fit_from, log_misfit
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.rollout.plant_rollout import Habits
@@ -47,7 +47,7 @@ def with_ramp_if_clear(
 
     def misfits(ramp: Ramp | None) -> Array:
         problem = free_problem(replace(fit.habits, ramp=ramp))
-        return np.array([log_misfit(problem, carried(each, fit.problem, problem)) for each in starts])
+        return np.array([log_misfit(problem, transfer_point(each, fit.problem, problem)) for each in starts])
 
     def fit_ramp(ramp: Ramp, start: Point | None = None) -> HabitFit:
         habits = replace(fit.habits, ramp=ramp)

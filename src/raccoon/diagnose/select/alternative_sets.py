@@ -15,7 +15,7 @@ import numpy as np
 
 from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_afresh, fit_at, fit_many, fit_point
+from raccoon.diagnose.fit.fitting import evaluate_fit, fit_point, fit_starts, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.refits import CONFOUNDED_FAMILIES, both_signs, first_guess
@@ -59,13 +59,13 @@ def find_better_set(search: Search) -> Fit | None:
     starts = [*_propose_from_linear_fit(search), *_propose_from_working_point(search), *others]
     settled = fit_point(problem, whitener, search.fit, 2)
     base = search.fit.jacobian[: len(problem.base)]
-    fits = fit_many(problem, whitener, starts, base, 4)
+    fits = fit_with_frozen_columns(problem, whitener, starts, base, 4)
     fits += [fit for _, fit in fit_twins(search)]
     fits.sort(key=lambda fit: -net_lead(search, fit, settled))
     best = _select_distinct(fits, MAX_REFINED)
     best += _best_relatives(fits, best)
     hopeful = [each.point for each in best if net_lead(search, each, settled) > -MAX_DEFICIT_TO_REFINE]
-    polished = [_drop_unneeded(search, fit) for fit in fit_afresh(problem, whitener, hopeful, 4)]
+    polished = [_drop_unneeded(search, fit) for fit in fit_starts(problem, whitener, hopeful, 4)]
     first = max(polished, key=lambda fit: net_lead(search, fit, settled), default=None)
     return first if first is not None and net_lead(search, first, settled) > MIN_NET_LEAD else None
 
@@ -74,7 +74,10 @@ def _select_distinct(fits: Sequence[Fit], most: int) -> list[Fit]:
     """The first fits that do not predict what one before them does: twins would take every place."""
     found: list[Fit] = []
     for fit in fits:
-        if all(float(((fit.white - each.white) ** 2).sum()) > MAX_SAME_DISTANCE for each in found):
+        if all(
+            float(((fit.whitened_residual - each.whitened_residual) ** 2).sum()) > MAX_SAME_DISTANCE
+            for each in found
+        ):
             found.append(fit)
         if len(found) == most:
             break
@@ -98,7 +101,7 @@ def _best_relatives(fits: Sequence[Fit], best: Sequence[Fit]) -> list[Fit]:
 def lead_over_search(search: Search, other: Search) -> float:
     """Log evidence of what one search found over what another did, each less its gates, under the other's
     noise. Their simulators may differ."""
-    fit = fit_at(search.problem, other.whitener, search.fit.point)
+    fit = evaluate_fit(search.problem, other.whitener, search.fit.point)
     return net_lead(other, fit, other.fit)
 
 

@@ -39,7 +39,7 @@ def evidence_per_width(search: Search) -> dict[str, float]:
     """
     table = search.table
     count = table.base + sum(len(each) for each in table.active.values())
-    rest = table.whole.take([*range(count), *(i for _, span in table.off for i in span)]).without(count)
+    rest = table.gram.take([*range(count), *(i for _, span in table.off for i in span)]).without(count)
     found: dict[str, float] = {}
     for group, span in table.off:
         if group.name in search.problem.causes:

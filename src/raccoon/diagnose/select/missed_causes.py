@@ -7,8 +7,8 @@ from dataclasses import replace
 from raccoon.core.doing import tell
 from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.fit.fitting import fit_point
-from raccoon.diagnose.fit.linear_model import tabulate
-from raccoon.diagnose.fit.noise_estimation import acting, inexact
+from raccoon.diagnose.fit.linear_model import gram_tables
+from raccoon.diagnose.fit.noise_estimation import active_response_rms, form_error_rms
 from raccoon.diagnose.select.gates import MANY_CAUSES, WHEEL_GATE, gate
 from raccoon.diagnose.select.refits import refit_candidates, refit_relinearised
 from raccoon.diagnose.select.state import Search, nested_lead
@@ -34,7 +34,7 @@ def add_missed_cause(search: Search) -> Search | None:
     tell(f"asking what was missed beside {', '.join(search.fit.point.active)}")
     problem = search.problem
     extra = search.probes(search.linear)
-    table, plain = tabulate(search.linear, extra, search.whitener)
+    table, plain = gram_tables(search.linear, extra, search.whitener)
     seen = replace(search, table=table, table_without_wander=plain)
     settled = fit_point(problem, search.whitener, search.fit.point, MAX_LINEARISATIONS)
     refits = refit_relinearised(seen, refit_candidates(seen))
@@ -55,7 +55,7 @@ def _extra_lead_needed(search: Search) -> float:
     the form of what is named makes of any other. A limit of the current that did 9 times the noise had a gear
     that loses torque beside it with 39, and a filter with 16."""
     problem, named = search.problem, len(search.fit.point.active)
-    strength = acting(search.linear.acting, search.whitener.noise)
+    strength = active_response_rms(search.linear.cause_responses, search.whitener.noise)
     width = problem.features.width / BIN_S
     readings = problem.features.measured.size * width  # as many as there are in bins of 20 ms
-    return LEAD_PER_LACKING_CAUSE * max(FULL_SET - named, 0) + readings * inexact(strength, width) ** 2
+    return LEAD_PER_LACKING_CAUSE * max(FULL_SET - named, 0) + readings * form_error_rms(strength, width) ** 2

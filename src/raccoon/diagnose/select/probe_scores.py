@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.linear_model import Group
-from raccoon.diagnose.fit.noise_estimation import FLOOR_SHARES
-from raccoon.diagnose.fit.wander import slow_friction
+from raccoon.diagnose.fit.linear_model import ColumnGroup
+from raccoon.diagnose.fit.noise_estimation import WANDER_SHARES
+from raccoon.diagnose.fit.wander import wandering_friction_columns
 from raccoon.diagnose.select.state import MAX_EVENT_LEAD, Search, event_excess, screen_groups
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ MIN_PROBE_EVIDENCE = 10.0
 class ProbeScore:
     """A probe and the log evidence that it would add: all of it, and with no event counting for much.
 
-    least: see `Group`."""
+    least: see `ColumnGroup`."""
 
     name: str
     evidence: float
@@ -50,13 +50,13 @@ def find_best_probe(search: Search) -> ProbeScore:
     for gain, each in likeliest:
         columns = probes[each.name]
         group = replace(each, columns=columns[list(each.part)] if each.part else columns)
-        least = group.least
+        least = group.min_lead
         if group.over_place:
-            gain, limited = (each - group.paid for each in _evidence_beside_wander(search, group))
+            gain, limited = (each - group.choice_penalty for each in _evidence_beside_wander(search, group))
         else:
             *residuals, size = _residuals_with_and_without(search, group)
             limited = gain - event_excess(search.problem, *residuals)
-            least = least if size < group.usual else group.larger
+            least = least if size < group.usual else group.min_lead_if_larger
         found.append(ProbeScore(group.name, gain, min(limited, most_of_all), least))
     shown = [each for each in found if each.exceeds(0.0)] or found
     most = max(each.lead for each in shown)
@@ -65,13 +65,13 @@ def find_best_probe(search: Search) -> ProbeScore:
     )
 
 
-def _rank_probes(search: Search) -> list[tuple[float, Group]]:
+def _rank_probes(search: Search) -> list[tuple[float, ColumnGroup]]:
     """The probes that are worth a closer look, whole or that part which alone explains most, with the log
     evidence that is left of them once the choice is paid."""
     known = {*search.problem.causes, *search.unknown}
-    best: dict[str, tuple[float, Group]] = {}
-    for gain, group, _ in screen_groups(search, search.table.in_parts(), hold_bounds=True):
-        left = gain - group.paid
+    best: dict[str, tuple[float, ColumnGroup]] = {}
+    for gain, group, _ in screen_groups(search, search.table.with_parts(), hold_bounds=True):
+        left = gain - group.choice_penalty
         if group.name in known or left < MIN_PROBE_EVIDENCE:
             continue
         if group.name not in best or left > best[group.name][0]:
@@ -79,7 +79,7 @@ def _rank_probes(search: Search) -> list[tuple[float, Group]]:
     return sorted(best.values(), key=lambda each: -each[0])
 
 
-def _residuals_with_and_without(search: Search, group: Group) -> tuple[Array, Array, float]:
+def _residuals_with_and_without(search: Search, group: ColumnGroup) -> tuple[Array, Array, float]:
     """Whitened residuals of the linear model with a group and without it, and the size of its coordinates."""
     fit = search.fit
     own, target = fit.jacobian[fit.free], fit.target
@@ -89,7 +89,7 @@ def _residuals_with_and_without(search: Search, group: Group) -> tuple[Array, Ar
     return target - mean @ every, target - less @ own, float(np.linalg.norm(mean[len(own) :]))
 
 
-def _evidence_beside_wander(search: Search, group: Group) -> tuple[float, float]:
+def _evidence_beside_wander(search: Search, group: ColumnGroup) -> tuple[float, float]:
     """Evidence of a probe over the place, whole and limited, where friction may also wander: with the probe
     and without it as much as is likeliest.
 
@@ -97,12 +97,15 @@ def _evidence_beside_wander(search: Search, group: Group) -> tuple[float, float]
     Both were free when the noise was estimated, and chance decided which of them it was.
     """
     fit = search.fit
-    own, slow = fit.jacobian[fit.free], search.whitener(slow_friction(search.problem, search.linear))
+    own, slow = (
+        fit.jacobian[fit.free],
+        search.whitener(wandering_friction_columns(search.problem, search.linear)),
+    )
     residuals, evidence = [], []
     for columns in (np.vstack([own, search.whitener(group.columns)]), own):
         every = np.vstack([columns, slow])
         gram = Gram.of(every.T, fit.target)
-        wanders = [np.repeat([1.0, share], [len(columns), len(slow)]) for share in FLOOR_SHARES]
+        wanders = [np.repeat([1.0, share], [len(columns), len(slow)]) for share in WANDER_SHARES]
         sizes = max(wanders, key=lambda each: gram.scaled(each).evidence())
         mean, its, _ = gram.scaled(sizes).solve()
         residuals.append(fit.target - (mean * sizes) @ every)

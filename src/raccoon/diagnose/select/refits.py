@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.backlash_scan import STAIRS, places_of_play
+from raccoon.diagnose.fit.backlash_scan import BACKLASH, find_backlash_starts
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_afresh, fit_many
-from raccoon.diagnose.fit.linear_model import Group
+from raccoon.diagnose.fit.fitting import fit_starts, fit_with_frozen_columns
+from raccoon.diagnose.fit.linear_model import ColumnGroup
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.set_scoring import overlaps_none
@@ -95,7 +95,7 @@ def screen_candidates(search: Search) -> Screening:
     return chosen
 
 
-def first_guess(search: Search, group: Group, mean: Array) -> Array:
+def first_guess(search: Search, group: ColumnGroup, mean: Array) -> Array:
     """Coordinates at which to start a cause's refit: as far as the linear model says, within a width or
     two."""
     cause = search.problem.causes[group.name]
@@ -123,19 +123,19 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     if search.fit.point.active:  # before, everything is bent by the cause that is looked for
         named.extend(causes_of_strained_numbers(search.problem, search.fit.point, FAR_STRAINED_STDS))
     starts = [start for _, start in named]
-    fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian, 4)
+    fits = fit_with_frozen_columns(search.problem, search.whitener, starts, search.fit.jacobian, 4)
     play = _fit_backlash(search)
-    names = [*(name for name, _ in named), *(STAIRS for _ in play)]
+    names = [*(name for name, _ in named), *(BACKLASH for _ in play)]
     return _most_evidence_first(_refine_best(search, _best_by_cause(names, [*fits, *play])))
 
 
 def _fit_backlash(search: Search) -> list[Fit]:
     """Of play that is off, from where it already explains more."""
     problem = search.problem
-    if STAIRS not in problem.causes or not overlaps_none(STAIRS, search.fit.point.active):
+    if BACKLASH not in problem.causes or not overlaps_none(BACKLASH, search.fit.point.active):
         return []
-    places = places_of_play(problem, search.whitener, search.fit)
-    return fit_afresh(problem, search.whitener, places, BACKLASH_LINEARISATIONS)
+    places = find_backlash_starts(problem, search.whitener, search.fit)
+    return fit_starts(problem, search.whitener, places, BACKLASH_LINEARISATIONS)
 
 
 def _best_by_cause(names: Sequence[str], fits: Sequence[Fit]) -> dict[str, Fit]:
@@ -245,7 +245,7 @@ def refit_relinearised(search: Search, refits: Sequence[tuple[str, Fit]]) -> lis
         hopeless = fit.evidence + gained < search.fit.evidence - HOPELESS_DEFICIT
         return hopeless and log_evidence_lead(search.problem, fit, search.fit) + gained < -HOPELESS_DEFICIT
 
-    fits = fit_afresh(search.problem, search.whitener, [each for _, each in named], 4, lost)
+    fits = fit_starts(search.problem, search.whitener, [each for _, each in named], 4, lost)
     return _most_evidence_first(_best_by_cause([name for name, _ in named], fits))
 
 
@@ -258,7 +258,7 @@ def _visible_small_starts(search: Search, names: Sequence[str]) -> Iterator[tupl
         for name in names
         for each in _small_starts(point, name, search.problem.causes[name].size - 1)
     ]
-    seen = fit_many(search.problem, search.whitener, [each for _, each in starts], here, 1)
+    seen = fit_with_frozen_columns(search.problem, search.whitener, [each for _, each in starts], here, 1)
     yield from (
         (name, fit) for (name, _), fit in zip(starts, seen, strict=True) if fit.jacobian[len(here) :].any()
     )
@@ -286,6 +286,6 @@ def _refine_best(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
         worth.append(most)
     elif len(worth) < 2:
         return fits
-    refined = fit_afresh(search.problem, search.whitener, [fits[name].point for name in worth], 3)
+    refined = fit_starts(search.problem, search.whitener, [fits[name].point for name in worth], 3)
     better = {name: fit for name, fit in zip(worth, refined, strict=True) if fit.cost <= fits[name].cost}
     return {**fits, **better}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_many, fit_point
+from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.alternative_sets import find_better_set
 from raccoon.diagnose.select.gates import gate
@@ -38,7 +38,7 @@ def merge_sides(search: Search) -> Search:
         sizes = (0.5 * (active[name] + active[other]), active[name], active[other])
         starts = [less.with_cause(whole, each) for each in sizes]
         apart = refit_current(search)
-        fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
+        fits = fit_with_frozen_columns(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
         both, ahead = _best_lead(search, fits, apart)
         # Columns of the two may lead astray: two plays were 80 behind, and 36 ahead once truly fitted.
         if ahead <= -gate(whole):
@@ -101,7 +101,10 @@ def simplify_to_one_cause(search: Search) -> tuple[Search, bool]:
     ]
     base = search.fit.jacobian[: len(bare.base)]
     settled = refit_current(search)
-    best = max(fit_many(search.problem, search.whitener, starts, base, 5), key=lambda fit: fit.evidence)
+    best = max(
+        fit_with_frozen_columns(search.problem, search.whitener, starts, base, 5),
+        key=lambda fit: fit.evidence,
+    )
     if log_evidence_lead(search.problem, best, settled) < -MAX_SINGLE_DEFICIT:
         return search, False
     name = next(iter(best.point.active))

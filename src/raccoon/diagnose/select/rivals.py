@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import cost_with_last_held, fit_afresh, fit_many, fit_point
-from raccoon.diagnose.fit.linear_model import Group
+from raccoon.diagnose.fit.fitting import cost_with_last_held, fit_point, fit_starts, fit_with_frozen_columns
+from raccoon.diagnose.fit.linear_model import ColumnGroup
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, MANY_CAUSES, log_odds_against_another, total_gate
 from raccoon.diagnose.select.one_way_drives import one_way_equivalents
@@ -21,7 +21,7 @@ from raccoon.diagnose.select.state import Rival, Search, log_evidence_lead
 from raccoon.diagnose.select.twins import fit_twins
 
 Array = NDArray[np.float64]
-Replacement = tuple[float, Group, Array]
+Replacement = tuple[float, ColumnGroup, Array]
 """What may stand in a cause's place, the lower the number the sooner: which variant, and how far off."""
 
 MAX_LINEAR_DEFICIT = 20.0
@@ -68,13 +68,13 @@ def compare_rivals(search: Search) -> Fit | None:
     tried = list(_rival_starts(search))
     settled = fit_point(problem, whitener, search.fit, 2)
     base = search.fit.jacobian[: len(problem.base)]
-    fits = fit_many(problem, whitener, [point for _, _, point in tried], base, 4)
+    fits = fit_with_frozen_columns(problem, whitener, [point for _, _, point in tried], base, 4)
 
     def lacks(fit: Fit) -> float:
         return log_evidence_lead(problem, settled, fit)
 
     near = [index for index, fit in enumerate(fits) if lacks(fit) < MAX_DEFICIT_TO_REFINE]
-    afresh = fit_afresh(problem, whitener, [fits[index].point for index in near], 3)
+    afresh = fit_starts(problem, whitener, [fits[index].point for index in near], 3)
     for index, fit in zip(near, afresh, strict=True):
         fits[index] = min(fits[index], fit, key=lacks)
     for index, fit in enumerate(fits):
@@ -104,7 +104,7 @@ def mark_as_likely(search: Search, names: frozenset[str]) -> None:
 def _refit_from_restarts(search: Search, fit: Fit) -> Iterator[Fit]:
     """The same causes, fitted from where base numbers are nearer to robot.toml's."""
     for part in RESTART_SCALES:
-        yield fit_point(search.problem, search.whitener, fit.point.nearer(part))
+        yield fit_point(search.problem, search.whitener, fit.point.shrunk(part))
 
 
 def _compare_twins(search: Search, settled: Fit) -> list[Fit]:
@@ -140,7 +140,7 @@ def _lag_sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, Point, f
     problem, whitener = search.problem, search.whitener
     for other, start in split_lags(search, LAG_PART):
         name = next(each for each in search.rivals if delay_same_reading(each, other))
-        held = problem.left_open(other)
+        held = problem.base_indices_of(other)
         lacks = 0.5 * (cost_with_last_held(problem, whitener, settled, start, held) - settled.cost)
         if lacks < 0.5 * MAX_LAG_STDS**2:
             yield name, other, start, lacks
@@ -199,7 +199,7 @@ def find_similar_causes(
 ) -> dict[str, Point]:
     """A cause replaced by what acts most like it, as far as that would have to be off, most alike first: by
     the cosine of the whitened responses, which is above `least` but for the `fewest` that are most alike."""
-    whole, own = search.table.whole, search.table.active[name]
+    whole, own = search.table.gram, search.table.active[name]
     less = search.fit.point.without_cause(name)
     u = search.fit.point.active[name]
     pull = np.asarray(whole.matrix[:, own] @ u, float)

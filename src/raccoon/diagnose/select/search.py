@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from raccoon.core.doing import tell
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_many, fit_point
+from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import MANY_CAUSES, gate
 from raccoon.diagnose.select.probe_scores import ProbeScore, find_best_probe
@@ -166,7 +166,7 @@ def _fit_without_cause(search: Search, current: Fit, name: str) -> Fit:
     """The fit without a cause; where its lead is small, with all columns of the others simulated anew."""
     problem, whitener, less = search.problem, search.whitener, search.fit.point.without_cause(name)
     columns = search.fit.jacobian[jacobian_rows_without(search, name)]
-    dropped = fit_many(problem, whitener, [less], columns, 3)[0]
+    dropped = fit_with_frozen_columns(problem, whitener, [less], columns, 3)[0]
     lead = log_evidence_lead(problem, current, dropped)
     if not gate(name) < lead < WEAK_LEAD_GATES * gate(name) or not less.active:
         return dropped

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.linear_model import Group
+from raccoon.diagnose.fit.linear_model import ColumnGroup
 from raccoon.diagnose.select.gates import total_gate
 from raccoon.diagnose.select.state import Search
 
@@ -31,7 +31,7 @@ class Member:
 
     name: str
     span: tuple[int, ...]
-    group: Group | None
+    group: ColumnGroup | None
     one_sided: bool
 
 
@@ -56,7 +56,7 @@ class SetScorer:
             if group.name in causes
         )
         columns = [i for each in found for i in each.span]
-        rest = table.whole.take([*range(table.base), *columns]).without(table.base)
+        rest = table.gram.take([*range(table.base), *columns]).without(table.base)
         members, position = [], 0
         for each in found:
             span = tuple(range(position, position + len(each.span)))

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.backlash_scan import fit_scanned
-from raccoon.diagnose.fit.evidence import Gram, foreseen, parts_of
+from raccoon.diagnose.fit.backlash_scan import fit_with_backlash_scan
+from raccoon.diagnose.fit.evidence import Gram, held_out_residual, split_rows
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_at, fit_point
-from raccoon.diagnose.fit.linear_model import Group, Linear, Table, linearise, tabulate
-from raccoon.diagnose.fit.noise_estimation import whitener_for
+from raccoon.diagnose.fit.fitting import evaluate_fit, fit_point
+from raccoon.diagnose.fit.linear_model import ColumnGroup, GramTable, LinearModel, gram_tables, linearise
+from raccoon.diagnose.fit.noise_estimation import estimate_whitener
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.coordinates import Settings
@@ -53,12 +53,12 @@ class Search:
     """
 
     problem: Problem
-    probes: Callable[[Linear], Sequence[Group]]
+    probes: Callable[[LinearModel], Sequence[ColumnGroup]]
     fit: Fit
     whitener: Whitener
-    linear: Linear
-    table: Table
-    table_without_wander: Table
+    linear: LinearModel
+    table: GramTable
+    table_without_wander: GramTable
     leads: dict[str, float] = field(default_factory=dict)
     held_out_leads: dict[str, float] = field(default_factory=dict)
     rivals: dict[str, list[Rival]] = field(default_factory=dict)
@@ -79,7 +79,7 @@ class Search:
 def block_grams(fit: Fit) -> list[Gram]:
     """Gram numbers of a fit by blocks of time."""
     target, columns = fit.target, fit.jacobian[fit.free]
-    return [Gram.of(columns[:, part].T, target[part]) for part in parts_of(len(target), HELD_OUT_BLOCKS)]
+    return [Gram.of(columns[:, part].T, target[part]) for part in split_rows(len(target), HELD_OUT_BLOCKS)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,9 @@ class HeldOutPrediction:
     def of(cls, fit: Fit) -> HeldOutPrediction:
         """Of a fit."""
         base = fit.point.base
-        return cls(foreseen(fit.jacobian[fit.free], fit.target, HELD_OUT_BLOCKS), 0.5 * float(base @ base))
+        return cls(
+            held_out_residual(fit.jacobian[fit.free], fit.target, HELD_OUT_BLOCKS), 0.5 * float(base @ base)
+        )
 
 
 def held_out_lead(problem: Problem, one: HeldOutPrediction, other: HeldOutPrediction) -> float:
@@ -103,7 +105,7 @@ def held_out_lead(problem: Problem, one: HeldOutPrediction, other: HeldOutPredic
     return other.bent - one.bent + float(_clip_events(_lead_by_event(problem, one.left, other.left)).sum())
 
 
-def start_search(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
+def start_search(problem: Problem, probes: Callable[[LinearModel], Sequence[ColumnGroup]]) -> Search:
     """Fit what robot.toml leaves open, and look in every direction from there.
 
     For the noise of that first fit one size of each cause will do, and of those on both wheels the two apart:
@@ -112,14 +114,14 @@ def start_search(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) 
     """
     causes = [each for each in problem.causes if f"{each}@left" not in problem.causes]
     linear = linearise(problem, problem.nominal(), causes, sizes=1)
-    whitener = whitener_for(problem, linear, probes(linear), None)
+    whitener = estimate_whitener(problem, linear, probes(linear), None)
     fit = fit_point(problem, whitener, _fit_of(problem, linear, whitener))
     return linearise_search(problem, probes, fit.point, whitener)
 
 
 def linearise_search(
     problem: Problem,
-    probes: Callable[[Linear], Sequence[Group]],
+    probes: Callable[[LinearModel], Sequence[ColumnGroup]],
     point: Point,
     before: Whitener,
     unknown: Mapping[str, float] | None = None,
@@ -127,15 +129,15 @@ def linearise_search(
     """Columns in every direction at a point, the noise that they leave, and the fit under it."""
     linear = linearise(problem, point, list(problem.causes))
     extra = probes(linear)
-    whitener = whitener_for(problem, linear, extra, before, tuple(unknown or ()))
-    table, plain = tabulate(linear, extra, whitener)
+    whitener = estimate_whitener(problem, linear, extra, before, tuple(unknown or ()))
+    table, plain = gram_tables(linear, extra, whitener)
     fit = _fit_of(problem, linear, whitener)
     return Search(problem, probes, fit, whitener, linear, table, plain, unknown=dict(unknown or {}))
 
 
-def _fit_of(problem: Problem, linear: Linear, whitener: Whitener) -> Fit:
+def _fit_of(problem: Problem, linear: LinearModel, whitener: Whitener) -> Fit:
     """The fit that a point is with its columns."""
-    white = whitener(np.concatenate([linear.residual[None], linear.own]))
+    white = whitener(np.concatenate([linear.residual[None], linear.jacobian]))
     return Fit.of(problem, linear.point, white[0], white[1:])
 
 
@@ -144,11 +146,11 @@ def refit_with_final_noise(search: Search) -> Search:
     noise."""
     problem, extra = search.problem, search.probes(search.linear)
     unknown = tuple(search.unknown)
-    whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
+    whitener = estimate_whitener(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
     search = replace(search, whitener=whitener)
     steady = final_fit_whitener(search)
-    point = fit_scanned(problem, steady, _fit_of(problem, search.linear, steady), last=True).point
-    fit = fit_at(problem, whitener, point)
+    point = fit_with_backlash_scan(problem, steady, _fit_of(problem, search.linear, steady), last=True).point
+    fit = evaluate_fit(problem, whitener, point)
     residual = problem.features.measured - problem.predict([fit.point])[0]
     linear = replace(search.linear, point=fit.point, residual=residual)
     return replace(search, fit=fit, linear=linear)
@@ -160,13 +162,13 @@ def final_fit_whitener(search: Search) -> Whitener:
     Wandering friction of its whole size also takes the constant part of a friction that is off. What is left
     to decide the friction then are stops, whose form no model has quite right.
     """
-    return search.whitener if search.unknown else search.whitener.with_part(FINAL_WANDER_SHARE)
+    return search.whitener if search.unknown else search.whitener.with_wander_share(FINAL_WANDER_SHARE)
 
 
-Screening = list[tuple[float, Group, Array]]
+Screening = list[tuple[float, ColumnGroup, Array]]
 
 
-def screen_groups(search: Search, table: Table | None = None, hold_bounds: bool = False) -> Screening:
+def screen_groups(search: Search, table: GramTable | None = None, hold_bounds: bool = False) -> Screening:
     """Evidence that each cause that is off would add, by the linear model; best first.
 
     held: what a bound holds stays there; else it goes where it is best beside each.
@@ -174,7 +176,7 @@ def screen_groups(search: Search, table: Table | None = None, hold_bounds: bool 
     table = search.table if table is None else table
     limits, spans = search.problem.limits(search.fit.point), [span for _, span in table.off]
     stays = hold_bounds or bool(search.fit.free.all())
-    solved = _solve_beside_held(search, table) if stays else table.whole.beside_bounded(*limits, spans)
+    solved = _solve_beside_held(search, table) if stays else table.gram.solve_beside_bounded(*limits, spans)
     found = [
         (gain, group, mean)
         for (group, _), (mean, gain) in zip(table.off, solved, strict=True)
@@ -184,13 +186,13 @@ def screen_groups(search: Search, table: Table | None = None, hold_bounds: bool 
     return found
 
 
-def _solve_beside_held(search: Search, table: Table) -> Iterator[tuple[Array, float]]:
+def _solve_beside_held(search: Search, table: GramTable) -> Iterator[tuple[Array, float]]:
     """Coordinates of each group that is off, and the log evidence that it adds to all that is on."""
     free = search.fit.free
     always = [int(i) for i in np.flatnonzero(free)]
-    stay = np.zeros(len(table.whole.projection))
+    stay = np.zeros(len(table.gram.projection))
     stay[: len(free)] = np.where(free, 0.0, search.fit.point.vector())
-    whole = table.whole.shifted(stay)
+    whole = table.gram.shifted(stay)
     rest = whole.take([*always, *(i for _, span in table.off for i in span)]).without(len(always))
     position = 0
     for _, span in table.off:
@@ -205,8 +207,13 @@ def log_evidence_lead(problem: Problem, fit: Fit, other: Fit) -> float:
     A wheel that breaks loose a moment too late is a large error of one moment, and any parameter that shifts
     that moment would seem to explain much. What a cause really does, it does again and again.
     """
-    told = problem.told_of(fit.point) - problem.told_of(other.point)
-    return told + fit.evidence - other.evidence - event_excess(problem, fit.white, other.white)
+    told = problem.reading_evidence_at(fit.point) - problem.reading_evidence_at(other.point)
+    return (
+        told
+        + fit.evidence
+        - other.evidence
+        - event_excess(problem, fit.whitened_residual, other.whitened_residual)
+    )
 
 
 def nested_lead(problem: Problem, fit: Fit, less: Fit) -> float:
@@ -216,7 +223,7 @@ def nested_lead(problem: Problem, fit: Fit, less: Fit) -> float:
     staircase, it differs from stair to stair by several of log evidence, which are no merit of a cause.
     """
     ahead = log_evidence_lead(problem, fit, less)
-    if not (fit.sound and less.sound):
+    if not (fit.is_finite and less.is_finite):
         return ahead
     spans = fit.point.spans()
     gone = [row for name in spans if name not in less.point.active for row in spans[name]]

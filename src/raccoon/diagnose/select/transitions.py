@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raccoon.diagnose.fit.backlash_scan import fit_scanned
+from raccoon.diagnose.fit.backlash_scan import fit_with_backlash_scan
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_many, fit_point
+from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.state import Rival, Search, linearise_search, log_evidence_lead
@@ -29,7 +29,7 @@ def accept_cause(
         for other, each, gain in ranked
         if other != name and gain > EVIDENCE_GATE
     ]
-    refit = fit_scanned(search.problem, search.whitener, fit.point)
+    refit = fit_with_backlash_scan(search.problem, search.whitener, fit.point)
     return move_search(search, refit, {**search.rivals, name: rivals})
 
 
@@ -67,7 +67,9 @@ def refit_beside_unknown(search: Search, unknown: dict[str, float], point: Point
 
 def refit_current(search: Search) -> Fit:
     """The active causes refitted a little further: the fit that every other is compared with."""
-    return fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+    return fit_with_frozen_columns(
+        search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2
+    )[0]
 
 
 def jacobian_rows_without(search: Search, name: str) -> list[int]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_afresh
+from raccoon.diagnose.fit.fitting import fit_starts
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.select.gates import total_gate
 from raccoon.diagnose.select.set_scoring import overlaps_none
@@ -46,7 +46,7 @@ def fit_twins(search: Search) -> list[tuple[str, Fit]]:
     """Each cause that a likely twin does without, and that twin fitted: with other base numbers its columns
     are others, and simulated anew."""
     twins = find_likely_twins(search.problem, search.fit.point)
-    fits = fit_afresh(search.problem, search.whitener, [point for _, point in twins], 4)
+    fits = fit_starts(search.problem, search.whitener, [point for _, point in twins], 4)
     return [(name, fit) for (name, _), fit in zip(twins, fits, strict=True)]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from raccoon.diagnose.fit.backlash_scan import play_of
+from raccoon.diagnose.fit.backlash_scan import active_backlash
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point
@@ -27,7 +27,7 @@ def find_unneeded_cause(search: Search) -> tuple[str, Fit] | None:
     a latency of 34 ms a slip of 0.3 ms led by 20, and by 7 once they had been fitted from elsewhere.
     """
     point, problem, whitener = search.fit.point, search.problem, search.whitener
-    if not play_of(point):
+    if not active_backlash(point):
         return None
     needs = {each: required_evidence(search, each, len(point.active) == 1) for each in point.active}
     asked = [
@@ -40,9 +40,9 @@ def find_unneeded_cause(search: Search) -> tuple[str, Fit] | None:
         return min((fit_point(problem, whitener, start) for start in starts), key=lambda fit: fit.cost)
 
     settled = refit_current(search)
-    settled = best([settled.point, settled.point.nearer(0.5)])
+    settled = best([settled.point, settled.point.shrunk(0.5)])
     without = {
-        name: best(point.without_cause(name).nearer(*parts) for parts in START_SCALES) for name in asked
+        name: best(point.without_cause(name).shrunk(*parts) for parts in START_SCALES) for name in asked
     }
     lacks = {name: needs[name] - nested_lead(problem, settled, fit) for name, fit in without.items()}
     most = max(lacks, key=lambda name: lacks[name])

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from raccoon.diagnose.fit.fitting import fit_point
-from raccoon.diagnose.fit.linear_model import Linear
+from raccoon.diagnose.fit.linear_model import LinearModel
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.select.gates import CROWDED_CAUSES
 from raccoon.diagnose.select.probe_scores import find_best_probe
@@ -52,7 +52,7 @@ def is_clearly_heating(search: Search) -> bool:
     problem = replace(search.problem, friction_may_change=True)
     all_probes = make_probe_function(problem)
 
-    def friction_probe(linear: Linear) -> Sequence[Probe]:
+    def friction_probe(linear: LinearModel) -> Sequence[Probe]:
         return [each for each in all_probes(linear) if each.name == UNKNOWN_PREFIX + FRICTION_OVER_TIME]
 
     for name in heating:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.features import SETTLING_S
 from raccoon.diagnose.drives.log import StepChange
-from raccoon.diagnose.fit.linear_model import Linear, coulomb_response
+from raccoon.diagnose.fit.linear_model import LinearModel, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.unknown.sensor_probes import (
@@ -141,11 +141,11 @@ def _measured_wheel_speeds(problem: Problem, readings: Array, settings: Settings
     return np.column_stack(columns) if len(columns) == 2 else None
 
 
-def make_probe_function(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
+def make_probe_function(problem: Problem) -> Callable[[LinearModel], Sequence[Probe]]:
     """The function that makes a recording's probes at a working point, which their curves and responses
     follow."""
 
-    def probes(linear: Linear) -> Sequence[Probe]:
+    def probes(linear: LinearModel) -> Sequence[Probe]:
         settings = problem.settings(linear.point)
         motion = estimate_motion(problem, settings)
         wheels = _measured_wheel_speeds(problem, problem.features.measured - linear.residual, settings)
@@ -220,16 +220,16 @@ def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: 
                     USUAL_WAVE_TORQUE * waves.columns,
                     quantity="friction" if friction else "torque forward", unit="N m",
                     over=_wrap_angle(angle), over_unit="rad", curves=USUAL_WAVE_TORQUE * waves.curves,
-                    parts=waves.parts, least=MIN_WAVE_LOG_EVIDENCE,
+                    parts=waves.parts, min_lead=MIN_WAVE_LOG_EVIDENCE,
                     usual=(FLOOR_FRICTION_SHARE if friction else FLOOR_TORQUE_SHARE) * per_share,
-                    larger=0.0 if friction else MIN_LARGE_WAVE_LOG_EVIDENCE,
+                    min_lead_if_larger=0.0 if friction else MIN_LARGE_WAVE_LOG_EVIDENCE,
                 )
             )  # fmt: skip
     return found
 
 
 def _torque_probes(
-    problem: Problem, linear: Linear, motion: Motion, torques: Sequence[_TorqueCurve]
+    problem: Problem, linear: LinearModel, motion: Motion, torques: Sequence[_TorqueCurve]
 ) -> list[Probe]:
     responses = _torque_responses(problem, linear)
     if responses is None:
@@ -251,13 +251,13 @@ def _torque_probes(
     return found
 
 
-def _torque_responses(problem: Problem, linear: Linear) -> tuple[Array, Array] | None:
+def _torque_responses(problem: Problem, linear: LinearModel) -> tuple[Array, Array] | None:
     """Responses to one N m of Coulomb friction at the left and at the right wheel."""
     left, right = (coulomb_response(problem, linear, side) for side in ("left", "right"))
     return None if left is None or right is None else (left, right)
 
 
-def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Probe]:
+def _inertia_probes(problem: Problem, linear: LinearModel, motion: Motion) -> list[Probe]:
     column = linear.column(INERTIA)
     if column is None:
         return []
@@ -272,7 +272,7 @@ def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Pr
     ]  # fmt: skip
 
 
-def find_change(problem: Problem, linear: Linear) -> StepChange | None:
+def find_change(problem: Problem, linear: LinearModel) -> StepChange | None:
     """The step change of the drive, by the residual at a working point; None where nothing surely changed."""
     features = problem.features
     predicted = features.measured - linear.residual

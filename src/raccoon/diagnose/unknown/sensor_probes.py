@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.fit.linear_model import Group
+from raccoon.diagnose.fit.linear_model import ColumnGroup
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ WHEEL_SPEED_UNIT = "rad/s of the wheels"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Probe(Group):
+class Probe(ColumnGroup):
     """A free curve over a covariate on which an unknown cause may depend. quantity, unit: of the curve's
     values. over (bins,), in over_unit: the covariate. curves (count, bins): what one unit of each column is
     of the quantity (of an inertia the logarithm of its factor)."""

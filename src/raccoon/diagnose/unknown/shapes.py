@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.noise_estimation import whitener_for
+from raccoon.diagnose.fit.noise_estimation import estimate_whitener
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.result import Shape
 from raccoon.diagnose.select.state import Search
@@ -35,7 +35,7 @@ def fit_shapes(search: Search) -> tuple[Shape, ...]:
     if not search.unknown:
         return ()
     all_probes = search.probes(search.linear)
-    whitener = whitener_for(search.problem, search.linear, all_probes, search.whitener, tolerant=False)
+    whitener = estimate_whitener(search.problem, search.linear, all_probes, search.whitener, tolerant=False)
     probes = [each for each in all_probes if isinstance(each, Probe) and each.name in search.unknown]
     fitted = _fit_probes(search, probes, whitener)
     if any(_is_inertia_growth(each.probe) for each in fitted):
@@ -64,7 +64,7 @@ class _FittedProbe:
 def _fit_probes(search: Search, probes: Sequence[Probe], whitener: Whitener) -> list[_FittedProbe]:
     """Fit the probes beside all that the search left free, by the linear model."""
     linear, fit = search.linear, search.fit
-    own = linear.own[fit.free]
+    own = linear.jacobian[fit.free]
     probes = [_with_wide_prior(each) if each.parts else each for each in probes]
     target = linear.residual + np.tensordot(fit.point.vector()[fit.free], own, axes=1)
     white = whitener(np.concatenate([own, *(each.columns for each in probes), target[None]]))

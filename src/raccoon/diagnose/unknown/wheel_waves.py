@@ -120,7 +120,7 @@ def _damping(problem: Problem, settings: Settings, side: str) -> float:
     motor = getattr(problem.robot.model, side)
     resistance = motor.armature_resistance.value * settings["motor.armature_resistance", side, "factor"]
     constant = motor.back_emf_constant.value * settings["motor.back_emf_constant", side, "factor"]
-    return float((1.0 - problem.coasts) * constant**2 / resistance)
+    return float((1.0 - problem.coast_share) * constant**2 / resistance)
 
 
 def _reading_responses(problem: Problem, settings: Settings, faster: Array) -> Array:

@@ -14,7 +14,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Outputs
 from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE, DrivePlan, estimate_reach, rank_manoeuvres
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE, manoeuvre
-from raccoon.diagnose.fit.linear_model import Group
+from raccoon.diagnose.fit.linear_model import ColumnGroup
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
@@ -76,11 +76,11 @@ def test_a_slope_is_shown_by_a_drive_that_meets_it_from_all_sides() -> None:
     assert slope["back and forth"] < 1.0
 
 
-def plan_of(groups: list[tuple[Group, NDArray[np.float64]]], seed: int = 3) -> DrivePlan:
+def plan_of(groups: list[tuple[ColumnGroup, NDArray[np.float64]]], seed: int = 3) -> DrivePlan:
     """A plan of some whitened columns, beside one base number, one other cause and nothing restless."""
     random = np.random.default_rng(seed)
     other, own = random.normal(size=(2, 1, groups[0][1].shape[1]))
-    columns = (*groups, (Group("imu.gyro_bias", np.empty((1, 0, 0))), other))
+    columns = (*groups, (ColumnGroup("imu.gyro_bias", np.empty((1, 0, 0))), other))
     return DrivePlan(columns, own, own[:0])
 
 
@@ -90,7 +90,7 @@ def test_where_a_slope_points_changes_nothing_of_what_a_drive_is_said_to_show() 
     along, across = np.random.default_rng(4).normal(size=(2, 1200))
     pair = np.stack([along, 0.2 * across])
     turns = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in (0.0, 0.4, math.pi / 4)]
-    group = Group("drive.slope", np.empty((2, 0, 0)))
+    group = ColumnGroup("drive.slope", np.empty((2, 0, 0)))
     evidence = [plan_of([(group, turn @ pair)]).evidence("drive.slope")[0] for turn in turns]
     assert evidence == pytest.approx([evidence[0]] * 3, rel=1e-9)
     assert evidence[0] == pytest.approx(0.04 * 1200, rel=0.15)
@@ -105,7 +105,7 @@ def test_the_shapes_that_a_cause_is_tried_in_are_not_taken_for_parts_of_it() -> 
     )
     name = "friction.stiction"
     groups = [
-        (Group(name, np.empty((1, 0, 0)), (0.7, float(place))), (shape + 0.1 * other)[None])
+        (ColumnGroup(name, np.empty((1, 0, 0)), (0.7, float(place))), (shape + 0.1 * other)[None])
         for place, other in enumerate(others)
     ]
     together = plan_of(groups).visible_sizes()[name]

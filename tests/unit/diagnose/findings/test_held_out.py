@@ -21,7 +21,7 @@ from raccoon.diagnose.findings.held_out import (
     fitted_bins,
     size_of,
 )
-from raccoon.diagnose.fit.noise_model import EVENT
+from raccoon.diagnose.fit.noise_model import EVENT_BINS
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.recordings.reference.gyro_rescaling import GyroRescaling
@@ -35,17 +35,21 @@ CAUSES = {each.name: each for each in drive_causes()}
 
 def held(residual: np.ndarray) -> HeldOut:
     one, nothing = np.ones(2), np.zeros(len(residual))
-    return HeldOut(one, one, one, 1.0, 1.0, {}, nothing, residual, np.stack([residual, residual]), one, EVENT)
+    return HeldOut(
+        one, one, one, 1.0, 1.0, {}, nothing, residual, np.stack([residual, residual]), one, EVENT_BINS
+    )
 
 
 def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
-    usual = np.random.default_rng(1).standard_normal((40 * EVENT, 2))
+    usual = np.random.default_rng(1).standard_normal((40 * EVENT_BINS, 2))
     event = usual.copy()
-    event[:EVENT] *= 10.0
+    event[:EVENT_BINS] *= 10.0
     assert held(usual).error_ratio == pytest.approx(1.0, abs=0.05)
     assert held(event).error_ratio == pytest.approx(1.0, abs=0.1)
     assert held(1.6 * usual).error_ratio == pytest.approx(1.6, abs=0.1)
-    assert size_of(event, np.ones(2), EVENT) == pytest.approx(size_of(usual, np.ones(2), EVENT), abs=0.1)
+    assert size_of(event, np.ones(2), EVENT_BINS) == pytest.approx(
+        size_of(usual, np.ones(2), EVENT_BINS), abs=0.1
+    )
 
 
 @pytest.mark.parametrize(("seconds", "adequate", "wrong"), [(12.0, 1.15, 1.25), (2.0, 1.4, 1.6)])
@@ -101,17 +105,17 @@ def test_what_a_cause_gains_is_counted_from_where_the_error_is_without_it() -> N
 
 
 def test_where_usual_errors_are_below_the_noise_one_event_counts_as_four_times_that() -> None:
-    rest = np.full((20 * EVENT, 2), 0.1)
-    rest[:EVENT] = 10.0
-    assert size_of(rest, np.ones(2), EVENT) == pytest.approx(np.sqrt((19 * 0.01 + 4.0) / 20))
+    rest = np.full((20 * EVENT_BINS, 2), 0.1)
+    rest[:EVENT_BINS] = 10.0
+    assert size_of(rest, np.ones(2), EVENT_BINS) == pytest.approx(np.sqrt((19 * 0.01 + 4.0) / 20))
 
 
 def test_the_size_of_an_error_is_its_root_mean_square_where_no_moment_stands_out() -> None:
-    rest = np.random.default_rng(2).standard_normal((20 * EVENT + 7, 2)) * [3.0, 8.0]
+    rest = np.random.default_rng(2).standard_normal((20 * EVENT_BINS + 7, 2)) * [3.0, 8.0]
     floor = np.array([1.0, 2.0])
     plain = float(np.sqrt(((rest / floor) ** 2).mean()))
-    assert size_of(rest, floor, EVENT) == pytest.approx(plain, rel=1e-6)
-    assert size_of(0.2 * rest, floor, EVENT) == pytest.approx(0.2 * plain, rel=1e-6)
+    assert size_of(rest, floor, EVENT_BINS) == pytest.approx(plain, rel=1e-6)
+    assert size_of(0.2 * rest, floor, EVENT_BINS) == pytest.approx(0.2 * plain, rel=1e-6)
 
 
 def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
@@ -132,10 +136,12 @@ def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
     fitted = fitted_bins(real.features)
     assert fitted[: int(fitted.sum())].all()
     assert fitted.mean() == pytest.approx(0.7, abs=0.01)
-    white, own = search.whitener.of_bins(fitted)(search.linear.own), search.linear.own
+    white, own = search.whitener.restricted_to_bins(fitted)(search.linear.jacobian), search.linear.jacobian
     factor = np.linalg.inv(np.linalg.cholesky(np.eye(len(own)) + white @ white.T))
     unsure = (np.tensordot(factor, own, axes=1) ** 2).sum(axis=0)  # of a fit of the first part
-    np.testing.assert_allclose(_expected_variance(search, fitted), search.whitener.spread + unsure, rtol=1e-6)
+    np.testing.assert_allclose(
+        _expected_variance(search, fitted), search.whitener.held_out_variance + unsure, rtol=1e-6
+    )
     rough = replace(search.linear, residual=3.0 * search.linear.residual)
     less = contributions(replace(search, fit=replace(search.fit, point=point), linear=rough))
     assert less["actuation.latency"].unabsorbed == pytest.approx(
@@ -157,7 +163,7 @@ def test_a_base_number_absorbs_as_far_as_it_may_go_from_where_it_is(place: float
             predict=lambda points: np.stack([len(each.active) * column for each in points]),
         ),
         fit=SimpleNamespace(point=point),
-        linear=SimpleNamespace(residual=np.ones((40, 1)), own=column[None]),
+        linear=SimpleNamespace(residual=np.ones((40, 1)), jacobian=column[None]),
     )
     whole = float(np.sqrt((column**2).mean()))
     found = contributions(cast(Search, search))["a"]

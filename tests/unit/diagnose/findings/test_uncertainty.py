@@ -72,10 +72,13 @@ def test_where_blocks_of_time_disagree_numbers_are_less_sure(
     """By White's sandwich, in the mean; where they agree better than noise would, that is chance."""
     late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
     search = searched(problem, late, late)
-    fit = replace(search.fit, white=scale * np.random.default_rng(5).normal(size=search.fit.white.size))
+    fit = replace(
+        search.fit,
+        whitened_residual=scale * np.random.default_rng(5).normal(size=search.fit.whitened_residual.size),
+    )
     columns, vector = fit.jacobian[fit.free], fit.point.vector()[fit.free]
     covariance = np.linalg.inv(np.eye(len(columns)) + columns @ columns.T)
-    target = fit.white + vector @ columns
+    target = fit.whitened_residual + vector @ columns
     left = target - covariance @ columns @ target @ columns
     edges = np.linspace(0, len(left), 9).astype(int)
     scores = np.array([columns[:, one:two] @ left[one:two] for one, two in pairwise(edges)])

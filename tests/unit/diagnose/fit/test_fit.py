@@ -17,10 +17,16 @@ from blind.drives import exciting
 from raccoon.diagnose.drives.features import MIN_BIN_S, Features
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit import backlash_scan, levenberg_marquardt
-from raccoon.diagnose.fit.backlash_scan import fit_scanned, places_of_play
+from raccoon.diagnose.fit.backlash_scan import find_backlash_starts, fit_with_backlash_scan
 from raccoon.diagnose.fit.fit_result import Fit, cost_of
-from raccoon.diagnose.fit.fitting import fit_afresh, fit_at, fit_point
-from raccoon.diagnose.fit.levenberg_marquardt import ROUGH, SHORTER, Track, _bent, _step
+from raccoon.diagnose.fit.fitting import evaluate_fit, fit_point, fit_starts
+from raccoon.diagnose.fit.levenberg_marquardt import (
+    ROUGH_DECREASE,
+    STEP_REDUCTION,
+    Descent,
+    _broyden_update,
+    _damped_step,
+)
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from unit.diagnose.searches import plain_whitener
@@ -49,7 +55,7 @@ def step_of(columns: Array, target: Array, start: Array) -> tuple[Array, float]:
     """Where a step leads whose columns are exact and which is not damped, and the decrease it foretells."""
     problem = cast(Problem, Straight(len(start)))
     fit = Fit.of(problem, Point(start), target - start @ columns, columns)
-    point, foretold = _step(problem, fit, 0.0)
+    point, foretold = _damped_step(problem, fit, 0.0)
     return point.base, foretold
 
 
@@ -116,13 +122,13 @@ def test_bent_columns_foretell_the_step_that_was_taken(seed: int) -> None:
     columns = rng.normal(size=(3, 20)) * np.array([[1.0], [10.0], [100.0]])
     start, end = rng.uniform(-0.5, 0.5, size=(2, 3))
     fit = Fit.of(problem, Point(start), rng.normal(size=20), columns)
-    there = fit.white - (end - start) @ columns + 0.3 * rng.normal(size=20)
-    bent = _bent(problem, fit, Point(end), there)
-    np.testing.assert_allclose(fit.white - (end - start) @ bent.jacobian, there, atol=1e-9)
+    there = fit.whitened_residual - (end - start) @ columns + 0.3 * rng.normal(size=20)
+    bent = _broyden_update(problem, fit, Point(end), there)
+    np.testing.assert_allclose(fit.whitened_residual - (end - start) @ bent.jacobian, there, atol=1e-9)
     part = (end - start) * (columns**2).sum(axis=1)  # of a coordinate in the step
     bend = bent.jacobian - columns
     np.testing.assert_allclose(bend / part[:, None], np.tile(bend[0] / part[0], (3, 1)), atol=1e-12)
-    straight = _bent(problem, fit, Point(end), fit.white - (end - start) @ columns)
+    straight = _broyden_update(problem, fit, Point(end), fit.whitened_residual - (end - start) @ columns)
     np.testing.assert_allclose(straight.jacobian, columns, atol=1e-9)
 
 
@@ -132,13 +138,13 @@ def test_what_a_step_gains_is_foretold_whole_damped_and_shortened() -> None:
     problem = cast(Problem, Straight(3))
     fit = Fit.of(problem, Point(start), target, columns)
     for damping in (0.0, 0.5, 5.0):
-        point, foretold = _step(problem, fit, damping)
+        point, foretold = _damped_step(problem, fit, damping)
         assert foretold == pytest.approx(fit.cost - cost(columns, target, point.base))
-    whole, foretold = _step(problem, fit, 0.0)
-    track = Track(whole, fit, foretold=foretold)
-    track.shorten(cast(Problem, Whole(3)))
-    np.testing.assert_allclose(track.trial.base, SHORTER * whole.base)
-    assert track.foretold == pytest.approx(fit.cost - cost(columns, target, track.trial.base))
+    whole, foretold = _damped_step(problem, fit, 0.0)
+    track = Descent(whole, fit, predicted_decrease=foretold)
+    track.shorten_step(cast(Problem, Whole(3)))
+    np.testing.assert_allclose(track.trial.base, STEP_REDUCTION * whole.base)
+    assert track.predicted_decrease == pytest.approx(fit.cost - cost(columns, target, track.trial.base))
 
 
 @pytest.mark.parametrize(("foretold", "least"), [(0.4, 0.05), (8.0, 0.8), (90.0, 1.0)])
@@ -151,10 +157,10 @@ def test_a_fit_has_arrived_where_a_tenth_of_what_was_foretold_comes_and_that_is_
     columns = np.array([[1.0, 0.0]])
     before = Fit.of(problem, Point(np.zeros(1)), np.array([4.0, 9.0]), columns)
     white = np.array([4.0, np.sqrt(81.0 - decrease - 0.01)])  # and 0.01 that the prior takes
-    track = Track(Point(np.full(1, 0.1)), before, foretold=foretold)
+    track = Descent(Point(np.full(1, 0.1)), before, predicted_decrease=foretold)
     track.consider(problem, Fit.of(problem, track.trial, white, columns))
     assert track.best is not before
-    assert track.arrived == arrived
+    assert track.converged == arrived
 
 
 def test_columns_that_foretold_a_step_well_do_for_the_next(
@@ -174,9 +180,9 @@ def test_columns_that_foretold_a_step_well_do_for_the_next(
         return fit_point(noisy, plain_whitener(noisy), start)
 
     kept = fitted()
-    monkeypatch.setattr(levenberg_marquardt, "STRAIGHT", (np.inf, np.inf))
+    monkeypatch.setattr(levenberg_marquardt, "GOOD_GAIN_RATIOS", (np.inf, np.inf))
     anew = fitted()
-    assert kept.cost < anew.cost + ROUGH
+    assert kept.cost < anew.cost + ROUGH_DECREASE
     *_, of_kept, of_anew = simulated
     assert of_kept < 0.75 * of_anew
 
@@ -190,7 +196,7 @@ def test_a_start_that_is_a_fit_goes_on_with_its_columns(problem: Problem, simula
     simulated.append(0)
     whole = fit_point(problem, whitener, start, 3)
     simulated.append(0)
-    begun = fit_at(problem, whitener, start)
+    begun = evaluate_fit(problem, whitener, start)
     simulated.append(0)
     gone_on = fit_point(problem, whitener, begun, 2)
     np.testing.assert_array_equal(gone_on.point.vector(), whole.point.vector())
@@ -213,7 +219,7 @@ def test_a_fit_of_play_does_not_stop_on_a_stair(problem: Problem) -> None:
     starts = [(0.54, -0.05), (0.58, 0.3), (0.16, 0.0), (0.7, -0.8), (0.32, 0.6)]
     points = [noisy.nominal().with_cause("drive.backlash", np.array(each)) for each in starts]
     plain = [fit_point(noisy, white, each).cost for each in points]
-    scanned = [fit_scanned(noisy, white, each).cost for each in points]
+    scanned = [fit_with_backlash_scan(noisy, white, each).cost for each in points]
     assert max(plain) - min(plain) > 5.0
     assert max(scanned) - min(scanned) < 1.0
     assert max(scanned) < min(plain) + 1.0
@@ -232,14 +238,14 @@ def test_a_scan_of_play_goes_on_for_less_where_numbers_are_said(
     point = problem.nominal().with_cause("drive.backlash", np.array([0.5, -0.4]))
     exact = replace(problem, features=replace(problem.features, measured=problem.predict([point])[0]))
     white = plain_whitener(exact)
-    fit = fit_at(exact, white, point)
+    fit = evaluate_fit(exact, white, point)
     monkeypatch.setattr(backlash_scan, "fit_point", lambda *_: fit)
-    monkeypatch.setattr(backlash_scan, "fit_afresh", fitted)
-    fit_scanned(exact, white, point)
+    monkeypatch.setattr(backlash_scan, "fit_starts", fitted)
+    fit_with_backlash_scan(exact, white, point)
     once = len(starts)
-    assert once in (backlash_scan.SCANNED - 1, backlash_scan.SCANNED)
+    assert once in (backlash_scan.SCAN_STARTS - 1, backlash_scan.SCAN_STARTS)
     assert all(not np.array_equal(each.vector(), point.vector()) for each in starts)
-    fit_scanned(exact, white, point, last=True)
+    fit_with_backlash_scan(exact, white, point, last=True)
     assert len(starts) > 2 * once + 1
 
 
@@ -248,7 +254,7 @@ def test_without_play_nothing_is_scanned(problem: Problem) -> None:
         return np.asarray(signals.reshape(*signals.shape[:-2], -1), float)
 
     start = problem.nominal().with_cause("friction.viscous", np.array([0.3]))
-    assert fit_scanned(problem, white, start).cost == fit_point(problem, white, start).cost
+    assert fit_with_backlash_scan(problem, white, start).cost == fit_point(problem, white, start).cost
 
 
 @pytest.mark.parametrize("size", [0.0, 0.35, 0.75, 1.3])
@@ -263,10 +269,10 @@ def test_play_is_looked_for_where_it_explains_more_than_none(problem: Problem, s
     problem = replace(problem, features=replace(problem.features, measured=measured))
     whitener = plain_whitener(problem)
     fit = fit_point(problem, whitener, none)
-    places = places_of_play(problem, whitener, fit)
+    places = find_backlash_starts(problem, whitener, fit)
     assert bool(places) == (size > 0.0)
     if places:
-        best = min(fit_afresh(problem, whitener, places, 8), key=lambda each: each.cost)
+        best = min(fit_starts(problem, whitener, places, 8), key=lambda each: each.cost)
         assert best.point.active["drive.backlash"][0] == pytest.approx(size, rel=0.1)
 
 
@@ -280,7 +286,7 @@ def test_play_is_looked_for_between_as_finely_as_bins_are_short(problem: Problem
     measured = problem.predict([true])[0]
     problem = replace(problem, features=replace(problem.features, measured=measured))
     whitener = plain_whitener(problem)
-    places = places_of_play(problem, whitener, fit_at(problem, whitener, none))
+    places = find_backlash_starts(problem, whitener, evaluate_fit(problem, whitener, none))
     assert places[0].active["drive.backlash"][0] == pytest.approx(1.3, rel=0.03)
 
 
@@ -288,9 +294,9 @@ def test_play_is_looked_for_between_as_finely_as_bins_are_short(problem: Problem
 def test_play_is_looked_at_where_it_saves_ten_units_of_evidence(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, saved: float, looked_at: bool
 ) -> None:
-    fit = fit_at(problem, plain_whitener(problem), problem.nominal())
+    fit = evaluate_fit(problem, plain_whitener(problem), problem.nominal())
     monkeypatch.setattr(backlash_scan, "costs_at", lambda *_: fit.cost - saved * (np.arange(33) == 5))
-    places = places_of_play(problem, plain_whitener(problem), fit)
+    places = find_backlash_starts(problem, plain_whitener(problem), fit)
     assert [each.active["drive.backlash"].tolist() for each in places] == [[0.2, 0.6]] * looked_at
 
 
@@ -315,7 +321,7 @@ def test_a_fit_that_is_given_up_stays_where_it_is(problem: Problem) -> None:
         assert foretold > 0.0
         return bool(fit.point.active["drive.inertia"][0] == 0.5)
 
-    went, stayed = fit_afresh(problem, whitener, starts, 10, lost)
+    went, stayed = fit_starts(problem, whitener, starts, 10, lost)
     assert went.point.active["drive.inertia"][0] == pytest.approx(-0.8, abs=0.12)
     assert stayed.point.active["drive.inertia"][0] == 0.5
 
@@ -339,7 +345,7 @@ def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Prob
     whitener = plain_whitener(problem)
     inertia = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
     starts = [inertia.with_cause("imu.latency", np.array([0.5])), inertia]
-    lost, found = fit_afresh(problem, whitener, starts, 6)
+    lost, found = fit_starts(problem, whitener, starts, 6)
     assert lost.cost == np.inf
     assert lost.evidence == -np.inf
     assert found.point.active["drive.inertia"][0] == pytest.approx(0.4, abs=0.1)
@@ -354,8 +360,8 @@ def test_of_more_starts_no_more_is_kept_than_their_columns(problem: Problem) -> 
         fresh = replace(problem)  # nothing is remembered
         starts = [Point(near + 0.001 * each) for each in range(count)]
         tracemalloc.start()
-        fits = fit_afresh(fresh, whitener, starts, 1)
+        fits = fit_starts(fresh, whitener, starts, 1)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    columns = fits[0].jacobian.nbytes + fits[0].white.nbytes
+    columns = fits[0].jacobian.nbytes + fits[0].whitened_residual.nbytes
     assert peaks[-1] - peaks[-2] < 3.0 * (counts[-1] - counts[-2]) * columns

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.fit import problem as module
-from raccoon.diagnose.fit.fitting import fit_many
-from raccoon.diagnose.fit.problem import BASE_STEP, Point, Problem, neighbours
+from raccoon.diagnose.fit.fitting import fit_with_frozen_columns
+from raccoon.diagnose.fit.problem import BASE_STEP_STDS, Point, Problem, neighbouring_points
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 
@@ -76,7 +76,7 @@ def test_what_is_compared_is_simulated_in_steps_of_one_length(problem: Problem) 
 
 
 def test_no_more_is_kept_than_allowed(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "REMEMBERED", 2.5 * problem.features.measured.nbytes)
+    monkeypatch.setattr(module, "CACHE_BYTES", 2.5 * problem.features.measured.nbytes)
     counting = Counting(problem)
     counted = replace(problem, rollout=counting)
     first, second, third = points_of(problem, 3)
@@ -129,26 +129,28 @@ def test_a_fit_starts_where_there_are_robots(problem: Problem) -> None:
     def plain(signals: np.ndarray) -> np.ndarray:
         return np.asarray(signals.reshape(*signals.shape[:-2], -1), float)
 
-    (found,) = fit_many(problem, plain, [far], np.zeros((0, measured.size)), 1)
+    (found,) = fit_with_frozen_columns(problem, plain, [far], np.zeros((0, measured.size)), 1)
     assert found.point.active["drive.backlash"][0] == 0.0
 
 
 def test_a_column_at_a_bound_is_taken_inwards(problem: Problem) -> None:
     low, high = problem.limits(problem.nominal())
     for edge, inwards in ((high, -1.0), (low, 1.0)):
-        points, steps = neighbours(problem, Point(edge.copy()))
+        points, steps = neighbouring_points(problem, Point(edge.copy()))
         bounded = np.isfinite(edge)
         assert (np.sign(steps[bounded]) == inwards).all()
         for index, (point, step) in enumerate(zip(points, steps, strict=True)):
             moved = point.base - edge
             assert moved[index] == pytest.approx(step) or not bounded[index]
             assert ((low <= point.base) & (point.base <= high)).all()
-    assert (neighbours(problem, problem.nominal())[1] == BASE_STEP).all()
+    assert (neighbouring_points(problem, problem.nominal())[1] == BASE_STEP_STDS).all()
 
 
 def test_what_readings_tell_apart_from_a_simulation_needs_a_cause_of_that_size(problem: Problem) -> None:
-    told = replace(problem, told={"bemf.dead_zone": (12.0, 0.4), "bemf.dead_zone@left": (3.0, 0.1)})
+    told = replace(
+        problem, reading_evidence={"bemf.dead_zone": (12.0, 0.4), "bemf.dead_zone@left": (3.0, 0.1)}
+    )
     point = problem.nominal().with_cause("imu.latency", np.ones(1))
-    assert told.told_of(point) == 0.0
+    assert told.reading_evidence_at(point) == 0.0
     for size, evidence in ((0.39, 0.0), (0.4, 12.0), (2.0, 12.0)):
-        assert told.told_of(point.with_cause("bemf.dead_zone", np.array([size]))) == evidence
+        assert told.reading_evidence_at(point.with_cause("bemf.dead_zone", np.array([size]))) == evidence

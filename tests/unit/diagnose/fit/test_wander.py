@@ -18,13 +18,13 @@ from raccoon.diagnose.fit.linear_model import linearise
 from raccoon.diagnose.fit.noise_model import NoiseModel
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.wander import (
-    FLOOR_SECONDS,
-    GRID_PART,
+    FLOOR_CORRELATION_S,
+    KNOT_SPACING,
     Piece,
-    courses,
-    pieces,
-    slow_friction,
-    summed,
+    covariance_of_sums,
+    ornstein_uhlenbeck_basis,
+    split_into_pieces,
+    wandering_friction_columns,
 )
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
@@ -52,7 +52,7 @@ def test_of_wheels_that_differ_each_has_its_own_friction_to_wander() -> None:
     key = ("friction.coulomb", "right", "torque")
     other = replace(plain, neutral=dict(plain.neutral) | {key: 2.0 * plain.neutral[key]})
     linear = linearise(plain, plain.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
-    both, more = (slow_friction(each, linear) for each in (plain, other))
+    both, more = (wandering_friction_columns(each, linear) for each in (plain, other))
     np.testing.assert_allclose(more, both)
 
 
@@ -93,7 +93,7 @@ def test_friction_that_wandered_leaves_a_wheel_that_is_not_round_turned(out_of_r
     problem = planned(drive)
     features: Features = problem.features
     rows = np.arange(len(drive)) * 0.005
-    corners = features.time[0] + GRID_PART * FLOOR_SECONDS * np.array([3.0, 4.0, 8.0, 9.0])
+    corners = features.time[0] + KNOT_SPACING * FLOOR_CORRELATION_S * np.array([3.0, 4.0, 8.0, 9.0])
     shape = np.interp(rows, corners, [0.0, 0.1, 0.1, 0.0])
     still = np.zeros(len(drive))
     changed = wandering(drive, shape, out_of_round) - wandering(drive, still, out_of_round)
@@ -103,8 +103,8 @@ def test_friction_that_wandered_leaves_a_wheel_that_is_not_round_turned(out_of_r
         width = 2.0 * next(each.prior_width for each in problem.causes[RUNOUT].effect.parameters)
         point = Point(point.base, {RUNOUT: np.array([out_of_round / width, 0.0])})
     linear = linearise(problem, point, list(problem.causes))
-    made = courses(features.time, FLOOR_SECONDS)
-    slow = slow_friction(problem, linear)[: len(made)]  # of the left wheel
+    made = ornstein_uhlenbeck_basis(features.time, FLOOR_CORRELATION_S)
+    slow = wandering_friction_columns(problem, linear)[: len(made)]  # of the left wheel
     wanted = np.interp(features.time, rows, shape)
     weights, *_ = np.linalg.lstsq(made.T, wanted, rcond=None)
     foretold = np.tensordot(weights, slow, axes=1)
@@ -121,10 +121,10 @@ def test_friction_that_wandered_leaves_a_wheel_that_is_not_round_turned(out_of_r
 def test_a_recording_is_followed_in_pieces_of_whole_half_seconds() -> None:
     """So the directions of what wanders, and their time and memory, do not grow in each."""
     features = planned(exciting(np.random.default_rng(4), 20.0)).features
-    assert pieces(features) == [slice(0, len(features.time))]
+    assert split_into_pieces(features) == [slice(0, len(features.time))]
     for seconds in (59.0, 61.0, 100.0, 233.3):
         long = replace(features, time=np.arange(0.0, seconds, features.width))
-        found = pieces(long)
+        found = split_into_pieces(long)
         assert found[0].start == 0
         assert found[-1].stop == len(long.time)
         for one, other in pairwise(found):
@@ -137,8 +137,8 @@ def test_a_piece_is_white_in_the_noise_that_remembers_what_was(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     problem = planned(exciting(np.random.default_rng(4), 10.0))
-    monkeypatch.setattr(wander, "PIECE_SECONDS", 4.0)
-    first, second = pieces(problem.features)
+    monkeypatch.setattr(wander, "PIECE_S", 4.0)
+    first, second = split_into_pieces(problem.features)
     linear = linearise(problem, problem.nominal(), ["friction.coulomb@left"])
     bins, channels = linear.residual.shape
     rng = np.random.default_rng(2)
@@ -167,23 +167,23 @@ def test_in_pieces_much_the_same_wanders_as_in_one() -> None:
     for point in (round_, odd):
         linear = linearise(problem, point, ["friction.coulomb@left"])
         late = slice(600, None)
-        whole = (slow_friction(problem, linear)[:, late] ** 2).sum(axis=0)
-        piece = (slow_friction(problem, linear, bins=late) ** 2).sum(axis=0)
+        whole = (wandering_friction_columns(problem, linear)[:, late] ** 2).sum(axis=0)
+        piece = (wandering_friction_columns(problem, linear, bins=late) ** 2).sum(axis=0)
         np.testing.assert_allclose(piece.mean(axis=0), whole.mean(axis=0), rtol=0.1)
 
 
 def test_a_course_is_that_of_a_process_which_forgets_itself() -> None:
     """At its knots, and beside a gap, in which it forgets and takes no room: an hour of it took more memory
     than there is."""
-    seconds, step = 2.0, GRID_PART * 2.0
+    seconds, step = 2.0, KNOT_SPACING * 2.0
     time = step * np.arange(40.0)
     for gap in (0.0, 3.0 * step, 9000.0 * step):
         late = time + gap * (np.arange(40) >= 25)
-        made = courses(late, seconds)
+        made = ornstein_uhlenbeck_basis(late, seconds)
         assert len(made) <= len(time) + 3
         exact = np.exp(-np.abs(late[:, None] - late) / seconds)
         np.testing.assert_allclose(made.T @ made, exact, atol=1e-9)
-    between = courses(0.25 * time, seconds)  # on straight lines from knot to knot
+    between = ornstein_uhlenbeck_basis(0.25 * time, seconds)  # on straight lines from knot to knot
     knots = np.exp(-step / seconds)
     assert (between[:, 2] ** 2).sum() == pytest.approx(0.5 + 0.5 * knots)
 
@@ -196,8 +196,10 @@ def test_sums_over_a_course_have_the_covariance_of_its_correlation(seconds: floa
     time[300:] += 30.0
     weights = rng.normal(size=(2, len(time)))
     exact = weights @ np.exp(-np.abs(time[:, None] - time) / seconds) @ weights.T
-    np.testing.assert_allclose(summed(weights, time, seconds), exact, rtol=1e-9)
-    np.testing.assert_allclose(summed(weights[:, :1], time[:1], seconds), weights[:, :1] @ weights[:, :1].T)
+    np.testing.assert_allclose(covariance_of_sums(weights, time, seconds), exact, rtol=1e-9)
+    np.testing.assert_allclose(
+        covariance_of_sums(weights[:, :1], time[:1], seconds), weights[:, :1] @ weights[:, :1].T
+    )
 
 
 def _unlike(one: Array, other: Array) -> float:

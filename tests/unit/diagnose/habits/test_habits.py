@@ -21,8 +21,8 @@ from raccoon.diagnose.drives.excitation import swing_period
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
-from raccoon.diagnose.fit.levenberg_marquardt import ROUGH
-from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_columns
+from raccoon.diagnose.fit.levenberg_marquardt import ROUGH_DECREASE
+from raccoon.diagnose.fit.problem import Point, Problem, transfer_columns, transfer_point
 from raccoon.diagnose.habits.alternatives import (
     HOPELESS_DEFICIT,
     MIN_LOG_EVIDENCE_LEAD,
@@ -452,7 +452,9 @@ def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() 
     found = fit_best_start(search, slides, [*starts, right])
     alone = fit_best_start(search, slides, [right])
     assert set(found.point.active) == {"drive.inertia"}
-    assert found.cost == pytest.approx(alone.cost, abs=2.0 * ROUGH)  # each stops where no step gains as much
+    assert found.cost == pytest.approx(
+        alone.cost, abs=2.0 * ROUGH_DECREASE
+    )  # each stops where no step gains as much
     np.testing.assert_allclose(
         found.point.active["drive.inertia"], alone.point.active["drive.inertia"], rtol=0.1
     )
@@ -489,18 +491,18 @@ def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> N
     )
     rng = np.random.default_rng(2)
     point = gives.inside(Point(rng.standard_normal(len(gives.base)), {"drive.inertia": np.array([0.3])}))
-    there = carried(point, gives, slides)
+    there = transfer_point(point, gives, slides)
     assert (
         slides.settings(there).items()
         >= {
             key: value for key, value in gives.settings(point).items() if key[0] != "friction.presliding"
         }.items()
     )
-    columns = carried_columns(point.vector()[:, None], gives, slides)
+    columns = transfer_columns(point.vector()[:, None], gives, slides)
     assert columns is not None
     np.testing.assert_array_equal(columns[:, 0], there.vector())
-    assert carried_columns(columns, slides, gives) is None
-    back = carried(there, slides, gives)
+    assert transfer_columns(columns, slides, gives) is None
+    back = transfer_point(there, slides, gives)
     lost = [each.settings[0][0] == "friction.presliding" for each in gives.base]
     np.testing.assert_array_equal(back.base, np.where(lost, 0.0, point.base))
     assert back.active == point.active
@@ -517,13 +519,13 @@ def test_a_point_carried_to_habits_that_leave_more_open_keeps_its_times_and_how_
     late = ("actuation.latency", None, "seconds")
     (index,) = (index for index, each in enumerate(runs.base) if each.settings == (late,))
     point = replace(runs.nominal(), base=0.5 * np.eye(len(runs.base))[index])
-    there = carried(point, runs, steps)
+    there = transfer_point(point, runs, steps)
     assert runs.settings(point)[late] == pytest.approx(0.00074, abs=1e-5)
     assert steps.settings(there) == pytest.approx(runs.settings(point))
-    columns = carried_columns(np.eye(len(runs.base)), runs, steps)
+    columns = transfer_columns(np.eye(len(runs.base)), runs, steps)
     assert columns is not None  # as much as a point is carried by, its columns change the readings by less
     np.testing.assert_allclose(there.base @ columns, point.base)
-    far = carried(replace(point, base=6.0 * point.base), runs, steps)
+    far = transfer_point(replace(point, base=6.0 * point.base), runs, steps)
     assert steps.settings(far)[late] == pytest.approx(INSIDE * LOOP_LATENCY)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from blind.generator import make
 from blind.hidden import Hidden, draw
-from raccoon.diagnose.fit.fitting import fit_at, fit_point
+from raccoon.diagnose.fit.fitting import evaluate_fit, fit_point
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.chains import FREE_RUNNING
 from raccoon.diagnose.habits.lags import (
@@ -163,7 +163,7 @@ def test_a_lag_is_fitted_on_before_a_chip_is_ahead_of_it() -> None:
     slip = Hidden(SLIP, None, {"time": 0.006}, {"slip": 0.006})
     search, trials = standing(make(8, [slip], seconds=6.0).columns, FIRMWARE, {SLIP: 0.3})
     there = search.fit.point.with_cause(SLIP, 0.7 * search.fit.point.active[SLIP])
-    early = replace(search, fit=fit_at(search.problem, search.whitener, there))
+    early = replace(search, fit=evaluate_fit(search.problem, search.whitener, there))
     assert try_low_pass_for_gyro_lag(early, FIRMWARE, trials) == (early, FIRMWARE)
 
 

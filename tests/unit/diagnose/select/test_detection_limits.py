@@ -11,7 +11,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.linear_model import Table
+from raccoon.diagnose.fit.linear_model import GramTable
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, added, multiplied, neutral_settings
 from raccoon.diagnose.select.detection_limits import equivalent_base_units, evidence_per_width
 
@@ -64,7 +64,7 @@ def test_no_recording_shows_more_of_a_cause_than_that_costs() -> None:
     bent = cause(K_E, None, multiplied(K_E, None, 0.08))
     bounded = [replace(each, low=-3.5, high=3.5) for each in BASE]
     gram = Gram(np.diag([1.0] * len(BASE) + [1e5]), np.zeros(len(BASE) + 1))
-    table = Table(gram, len(BASE), {}, ((cast(Any, SimpleNamespace(name=K_E)), [len(BASE)]),))
+    table = GramTable(gram, len(BASE), {}, ((cast(Any, SimpleNamespace(name=K_E)), [len(BASE)]),))
     for base, seen in ((BASE, 128.0), (bounded, 65.1 / (3.5 / 8.0 + (40.6 / 1e5) ** 0.5) ** 2), ((), 1e5)):
         problem = SimpleNamespace(causes={K_E: bent}, base=base, neutral=NEUTRAL)
         search: Any = SimpleNamespace(problem=problem, table=table)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.drives.features import BIN_S
-from raccoon.diagnose.fit.noise_estimation import FORM_SHARE, SPARED
+from raccoon.diagnose.fit.noise_estimation import EXEMPT_RESPONSE_RMS, FORM_ERROR_SHARE
 from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.form_errors import form_weight
@@ -79,16 +79,16 @@ def test_in_bins_of_another_length_as_much_is_needed(problem: Problem, parts: fl
     count, names = int(200 * parts), ("motor.current_limit", "a", "b", "c", "d")
     features = replace(problem.features, width=BIN_S / parts, measured=np.zeros((count, 2)))
     noise = white_noise(np.full(2, np.sqrt(parts)), np.zeros(count, np.intp))
-    response = np.full((count, 2), np.hypot(9.0, SPARED) / form_weight(names[0]))
+    response = np.full((count, 2), np.hypot(9.0, EXEMPT_RESPONSE_RMS) / form_weight(names[0]))
     asked = SimpleNamespace(
         problem=SimpleNamespace(features=features),
         fit=SimpleNamespace(point=SimpleNamespace(active=names)),
-        linear=SimpleNamespace(acting={names[0]: response}),
+        linear=SimpleNamespace(cause_responses={names[0]: response}),
         whitener=SimpleNamespace(noise=noise),
     )
     lacking = missed_causes.LEAD_PER_LACKING_CAUSE * (missed_causes.FULL_SET - len(names))
     assert missed_causes._extra_lead_needed(cast(Search, asked)) == pytest.approx(
-        lacking + 400 * (FORM_SHARE * 9.0) ** 2
+        lacking + 400 * (FORM_ERROR_SHARE * 9.0) ** 2
     )
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from raccoon.diagnose.fit.fitting import fit_at, fit_point
-from raccoon.diagnose.fit.linear_model import linearise, tabulate
+from raccoon.diagnose.fit.fitting import evaluate_fit, fit_point
+from raccoon.diagnose.fit.linear_model import gram_tables, linearise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.select.refits import (
@@ -52,7 +52,7 @@ def test_a_small_deadband_is_found_beside_others_that_are_on(problem: Problem) -
     problem = replace(problem, features=replace(features, measured=measured))
     search = search_at(problem, others)
     linear = linearise(problem, others, ["actuation.deadband", "friction.load_dependent", "drive.turn_scrub"])
-    table, _ = tabulate(linear, [], search.whitener)
+    table, _ = gram_tables(linear, [], search.whitener)
     found = dict(refit_relinearised(replace(search, table=table), []))
     assert len(found) <= MAX_CAUSES_RELINEARISED
     assert max(found, key=lambda name: found[name].evidence).startswith("actuation.deadband")
@@ -69,10 +69,10 @@ def test_what_went_astray_is_tried_from_little(problem: Problem) -> None:
     measured = problem.predict([truth])[0] + noise
     problem = replace(problem, features=replace(features, measured=measured))
     search = search_at(problem, others)
-    astray = fit_at(problem, search.whitener, others.with_cause("drive.backlash", np.array([0.3, 0.6])))
+    astray = evaluate_fit(problem, search.whitener, others.with_cause("drive.backlash", np.array([0.3, 0.6])))
     assert astray.evidence < search.fit.evidence - ASTRAY_LOSS
-    before = [("imu.gyro_bias", fit_at(problem, search.whitener, others))] * MAX_REFITS_RELINEARISED
-    table, _ = tabulate(linearise(problem, others, []), [], search.whitener)
+    before = [("imu.gyro_bias", evaluate_fit(problem, search.whitener, others))] * MAX_REFITS_RELINEARISED
+    table, _ = gram_tables(linearise(problem, others, []), [], search.whitener)
     found = dict(refit_relinearised(replace(search, table=table), [*before, ("drive.backlash", astray)]))
     angle, coasting = found["drive.backlash"].point.active["drive.backlash"]
     assert angle == pytest.approx(0.03, abs=0.005)

@@ -24,7 +24,7 @@ from raccoon.diagnose.findings.joint_numbers import describe_known_product
 from raccoon.diagnose.findings.suggestions import _separating_command
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.fit_result import Fit
-from raccoon.diagnose.fit.fitting import fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fit.fitting import fit_point, fit_starts, fit_with_frozen_columns
 from raccoon.diagnose.fit.linear_model import coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.slip_forms import try_immediate_slip
@@ -119,8 +119,10 @@ def test_a_rival_whose_fit_stands_still_is_fitted_from_elsewhere(
     def behind(fits: list[Fit]) -> list[Fit]:
         return [replace(each, cost=each.cost + 2.0 * 6.0) for each in fits]
 
-    monkeypatch.setattr(rivals, "fit_many", lambda *words: behind(fit_many(*words)))
-    monkeypatch.setattr(rivals, "fit_afresh", lambda *words: behind(fit_afresh(*words)))
+    monkeypatch.setattr(
+        rivals, "fit_with_frozen_columns", lambda *words: behind(fit_with_frozen_columns(*words))
+    )
+    monkeypatch.setattr(rivals, "fit_starts", lambda *words: behind(fit_starts(*words)))
     assert lacks() == pytest.approx(there, abs=0.5)
 
 

@@ -18,11 +18,11 @@ from raccoon.core.schema import Bounds
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_point
-from raccoon.diagnose.fit.levenberg_marquardt import FARTHEST, _reach
-from raccoon.diagnose.fit.linear_model import linearise, tabulate
-from raccoon.diagnose.fit.noise_model import EVENT, white_noise
+from raccoon.diagnose.fit.levenberg_marquardt import MAX_STEP_FACTOR, _step_factor
+from raccoon.diagnose.fit.linear_model import gram_tables, linearise
+from raccoon.diagnose.fit.noise_model import EVENT_BINS, white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.wander import slow_friction
+from raccoon.diagnose.fit.wander import wandering_friction_columns
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
@@ -81,7 +81,7 @@ def test_one_event_counts_for_little_and_many_for_much(problem: Problem) -> None
     channels = problem.features.measured.shape[1]
     before = np.ones(size)
     one = before.copy()
-    one[: EVENT * channels] = 0.0
+    one[: EVENT_BINS * channels] = 0.0
     assert log_evidence_lead(problem, fit_of(problem, one), fit_of(problem, before)) == pytest.approx(
         MAX_EVENT_LEAD
     )
@@ -117,12 +117,12 @@ def test_columns_add_up_to_nothing_where_nothing_changes(problem: Problem) -> No
     for name in names:
         point = point.with_cause(name, np.zeros(1))
     linear = linearise(problem, point, [])
-    along = np.zeros(len(linear.own))
+    along = np.zeros(len(linear.jacobian))
     along[battery] = inner / problem.base[battery].value(1.0)
     along[len(problem.base) :] = [
         1.0 / logarithms[0], -1.0 / logarithms[1], -1.0 / logarithms[2], -viscous
     ]  # fmt: skip
-    parts = along[:, None, None] * linear.own / problem.features.floors
+    parts = along[:, None, None] * linear.jacobian / problem.features.floors
     wheels = [index for index, role in enumerate(problem.features.roles) if role.startswith("bemf")]
     largest = max(float(np.abs(each[:, wheels]).max()) for each in parts)
     assert np.abs(parts.sum(axis=0)[:, wheels]).max() < 0.02 * largest
@@ -180,7 +180,7 @@ def test_two_causes_that_one_stands_for_are_proposed_at_its_place(problem: Probl
     search = search_at(problem, point)
     search = replace(search, fit=fit_point(problem, search.whitener, point.with_cause(names[2], np.zeros(1))))
     linear = linearise(problem, search.fit.point, names)
-    table, plain = tabulate(linear, [], search.whitener)
+    table, plain = gram_tables(linear, [], search.whitener)
     search = replace(search, linear=linear, table=table, table_without_wander=plain)
     proposed = [set(each.active) for each in _propose_from_working_point(search)]
     assert set(names[:2]) in proposed
@@ -194,7 +194,7 @@ def test_beside_what_takes_its_burden_a_number_leaves_its_bound(problem: Problem
     problem = replace(problem, features=replace(problem.features, measured=measured))
     search = search_at(problem, problem.nominal())
     linear = linearise(problem, problem.nominal(), ["friction.coulomb", "imu.latency"])
-    table, _ = tabulate(linear, [], search.whitener)
+    table, _ = gram_tables(linear, [], search.whitener)
     search = replace(search, table=table)
     place = next(i for i, each in enumerate(problem.base) if each.name == "friction.coulomb.torque")
     held = np.ones(len(problem.base), bool)
@@ -230,7 +230,7 @@ def test_what_a_bound_holds_stays_there_beside_each_cause(problem: Problem) -> N
     base = search.fit.point.base.copy()
     base[3], free = 2.5, np.arange(len(base)) != 3
     search.fit = replace(search.fit, point=Point(base), free=free)
-    whole, own = search.table.whole, np.flatnonzero(free).tolist()
+    whole, own = search.table.gram, np.flatnonzero(free).tolist()
     left = replace(whole, projection=whole.projection - 2.5 * whole.matrix[:, 3])
     spans = {id(group): span for group, span in search.table.off}
     found = screen_groups(search, hold_bounds=True)
@@ -258,9 +258,9 @@ def test_an_effect_whose_form_is_exact_is_known_better_than_one_that_is_not() ->
 def test_steps_are_lengthened_as_much_as_columns_are_too_steep() -> None:
     steepness = np.array([1.0, 1.25, 1.6])
     ratios = 2.0 - 1.0 / steepness  # of a parabola whose curvature is overestimated that many times
-    np.testing.assert_allclose([_reach(each) for each in ratios], steepness)
-    assert _reach(0.3) == 1.0
-    assert _reach(5.0) == FARTHEST
+    np.testing.assert_allclose([_step_factor(each) for each in ratios], steepness)
+    assert _step_factor(0.3) == 1.0
+    assert _step_factor(5.0) == MAX_STEP_FACTOR
 
 
 def test_what_would_show_shows_in_nearly_every_recording() -> None:
@@ -314,11 +314,11 @@ def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     last = refit_with_final_noise(search)
     every, less = search.whitener.wandering[0], last.whitener.wandering[0]
     assert less.directions.shape[1] < every.directions.shape[1]
-    spread = last.whitener.spread  # unseen data must still be allowed to be as wrong as that
+    spread = last.whitener.held_out_variance  # unseen data must still be allowed to be as wrong as that
     battery = spread[:, real.features.roles.index("battery")]
     assert real.creep.volts**2 * 0.9 < np.median(battery) < (4.0 * real.creep.volts) ** 2
-    friction = slow_friction(real, search.linear)
-    assert (spread >= 0.99 * ((last.whitener.wander * friction) ** 2).sum(axis=0)).all()
+    friction = wandering_friction_columns(real, search.linear)
+    assert (spread >= 0.99 * ((last.whitener.wander_share * friction) ** 2).sum(axis=0)).all()
 
 
 def test_of_many_things_a_next_one_is_as_rare_as_laplace_has_it() -> None:
@@ -352,14 +352,14 @@ def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
     noise = white_noise(np.ones(1), np.zeros(40, np.intp))
     rest = np.zeros((40, 1))
     wandering = [columns.T[:, :, None]]
-    whitener = Whitener.of(noise, wandering, np.zeros((0, 40, 1)), rest, rest, 0.0).with_part(0.3)
+    whitener = Whitener.of(noise, wandering, np.zeros((0, 40, 1)), rest, rest, 0.0).with_wander_share(0.3)
     rows = rng.normal(size=(3, 40))
     powers, vectors = np.linalg.eigh(np.eye(40) + 0.09 * columns @ columns.T)
     exact, slowed = rows @ (vectors / np.sqrt(powers)) @ vectors.T, whitener.slowed(rows)
     np.testing.assert_allclose(slowed, exact, rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(rows @ rows.T - whitener.taken(rows), exact @ exact.T, rtol=1e-6)
-    nothing = whitener.without_slow()
-    np.testing.assert_allclose(nothing.taken(rows), np.zeros((len(rows), len(rows))))
+    np.testing.assert_allclose(rows @ rows.T - whitener.gram_reduction(rows), exact @ exact.T, rtol=1e-6)
+    nothing = whitener.noise_only()
+    np.testing.assert_allclose(nothing.gram_reduction(rows), np.zeros((len(rows), len(rows))))
 
 
 def test_where_nothing_wanders_only_what_is_common_is_made_white() -> None:
@@ -392,16 +392,16 @@ def test_what_wanders_by_pieces_and_what_is_common_are_whitened_together() -> No
     exact = rows @ np.linalg.solve(covariance, rows.T)
     slowed = whitener.slowed(rows)
     np.testing.assert_allclose(slowed @ slowed.T, exact, rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose(rows @ rows.T - whitener.taken(rows), exact, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(rows @ rows.T - whitener.gram_reduction(rows), exact, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(whitener(rows.reshape(5, 30, 2)), slowed)
     with pytest.raises(ValueError, match="beside what wanders"):
-        whitener.with_part(0.3)
+        whitener.with_wander_share(0.3)
     some = np.arange(30) % 7 < 4  # these by themselves: nothing comes of what is in the others
     flags, signals = np.repeat(some, 2), rows.reshape(5, 30, 2)
     exact = rows[:, flags] @ np.linalg.solve(covariance[np.ix_(flags, flags)], rows[:, flags].T)
-    white = whitener.of_bins(some)(signals)
+    white = whitener.restricted_to_bins(some)(signals)
     np.testing.assert_allclose(white @ white.T, exact, rtol=1e-5, atol=1e-5)
-    elsewhere = whitener.of_bins(some)(np.where(some[:, None], signals, 1e3))
+    elsewhere = whitener.restricted_to_bins(some)(np.where(some[:, None], signals, 1e3))
     np.testing.assert_array_equal(elsewhere, white)
     assert not white[:, ~flags].any()
 
@@ -410,7 +410,7 @@ def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Pro
     rows = problem.features.measured.size
     worse, spoilt = np.full(rows, 1.0), np.full(rows, 1.0)
     better = np.full(rows, 0.97)
-    spoilt[: EVENT * len(problem.features.roles)] = 30.0
+    spoilt[: EVENT_BINS * len(problem.features.roles)] = 30.0
     steady = held_out_lead(problem, HeldOutPrediction(better, 0.0), HeldOutPrediction(worse, 0.0))
     assert steady == pytest.approx(0.5 * rows * (1.0 - 0.97**2))
     broken_loose = held_out_lead(problem, HeldOutPrediction(spoilt, 0.0), HeldOutPrediction(worse, 0.0))

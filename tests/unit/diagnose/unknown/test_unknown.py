@@ -15,9 +15,9 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fitting import fit_point
-from raccoon.diagnose.fit.linear_model import Group, Linear, coulomb_response, linearise
+from raccoon.diagnose.fit.linear_model import ColumnGroup, LinearModel, coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.fit.wander import slow_friction
+from raccoon.diagnose.fit.wander import wandering_friction_columns
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.select.probe_scores import find_best_probe
 from raccoon.diagnose.select.search import LONE_PROBE_GATE, reconsider_unknown
@@ -105,12 +105,12 @@ def test_in_a_short_drive_a_place_is_a_moment(problem: Problem) -> None:
     linear = linearise(problem, problem.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
     rng = np.random.default_rng(3)
     noise = problem.features.floors * rng.normal(size=linear.residual.shape)
-    courses = slow_friction(problem, linear)
+    courses = wandering_friction_columns(problem, linear)
     wanders = 0.2 * np.tensordot(rng.normal(size=len(courses)), courses, 1)
     measured = problem.predict([problem.nominal()])[0] + noise + wanders
     real = replace(problem, features=replace(problem.features, measured=measured))
 
-    def blind(linear: Linear) -> list[Group]:
+    def blind(linear: LinearModel) -> list[ColumnGroup]:
         return [replace(each, over_place=False) for each in make_probe_function(real)(linear)]
 
     taken = find_best_probe(start_search(real, blind))
@@ -188,7 +188,7 @@ def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has(size: float, 
 
 def test_a_table_in_parts_has_each_part_beside_its_group(problem: Problem) -> None:
     search = start_search(problem, make_probe_function(problem))
-    waves = [each for each in search.table.in_parts().off if each[0].name == "unknown: wheel angle right"]
+    waves = [each for each in search.table.with_parts().off if each[0].name == "unknown: wheel angle right"]
     (whole, span), *parts = waves
     assert len(parts) == len(whole.parts)
     assert {index for _, its in parts for index in its} == set(span)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.holdout import naming_holdout
-from raccoon.diagnose.fit.noise_model import whiteness
+from raccoon.diagnose.fit.noise_model import whiteness_p_values
 from raccoon.diagnose.recordings.axis.causes import unit_of
 from raccoon.diagnose.recordings.axis.fit import BOUND_TOLERANCE
 from raccoon.diagnose.recordings.axis.judge import (
@@ -196,7 +196,7 @@ def _channels(judged: JudgedAxis) -> tuple[ChannelResult, ...]:
                 float(judged.before[index]),
                 float(judged.after[index]),
                 float(judged.floor[index]),
-                float(whiteness(column)[0]),
+                float(whiteness_p_values(column)[0]),
             )
         )
     return tuple(found)
