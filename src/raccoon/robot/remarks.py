@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import Fault
-from raccoon.estimate.drive.estimate import AT_REST
+from raccoon.estimate.drive.estimate import AT_REST, HELD
 
 if TYPE_CHECKING:
     from raccoon.core.readings import Inputs
@@ -35,6 +35,10 @@ FAULT_REMARKS = {
 DRIVEN_DUTY, STANDING_SPEED, STUCK_AFTER_S = 0.2, 0.1, 1.0
 """Duty that turns any motor, rad/s below which it does not, and s after which that is said: motions to a goal
 have given up by then, and other code may go on for ever."""
+
+PUSHING_AFTER_S, SLIPS_ENDING = 3.0, " wheel slips"
+"""s that a robot slips or pushes before it is said of what has no goal: who pushes on purpose is done by
+then. And how that doubt of the odometry ends."""
 
 ENDLESS_AFTER_S = 120.0
 """s of a motion without a goal, a whole match, after which it is said that nothing ends it."""
@@ -193,6 +197,29 @@ def remark_undriven(robot: Robot, times: int) -> None:
             "a speed that is asked of robot.drive holds for one robot.tick(), and a run() stops it first: "
             "ask again before each tick(), or write robot.run(drive(speed, turn_rate).until(...))",
         )
+
+
+class PushingRemark:
+    """Says once of what has no goal that something holds the robot. Ask `tell` in each tick.
+
+    label: what drives.
+    """
+
+    def __init__(self, robot: Robot, label: str) -> None:
+        self._robot, self._label, self._lasted = robot, label, 0.0
+
+    def tell(self) -> None:
+        """Another tick of it."""
+        robot, reasons = self._robot, self._robot.estimate.reasons
+        pushes = any(each == HELD or each.endswith(SLIPS_ENDING) for each in reasons)
+        self._lasted = self._lasted + robot.dt if pushes else 0.0
+        if self._lasted > PUSHING_AFTER_S:
+            self._lasted = -math.inf
+            add_remark(
+                robot,
+                f"{self._label}: for {PUSHING_AFTER_S:g} s the wheels have slipped or pushed as at a wall: "
+                "end it there by .until(bumped()) or .timeout(seconds)",
+            )
 
 
 class EndlessRemark:

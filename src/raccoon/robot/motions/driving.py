@@ -20,7 +20,7 @@ from raccoon.robot.actions.limits import (
 )
 from raccoon.robot.actions.steps import advance
 from raccoon.robot.motions.pacing import STALL_PATIENCE_S, HeldWay, check_wiring, describe_obstacle
-from raccoon.robot.remarks import EndlessRemark, add_remark
+from raccoon.robot.remarks import EndlessRemark, PushingRemark, add_remark
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -52,8 +52,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
                 "drive() begins anew again and again: it speeds up from rest each time and stays slow; in a "
                 "loop ask for the speed of each cycle, by robot.drive.velocity() and robot.tick()",
             )
-        velocity = robot.estimate.velocity
-        rate = robot.estimate.turn_rate
+        velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
         miswired = 0.0
         counted = turn_rate == 0.0  # otherwise it would be another circle
         top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration, counted=counted)
@@ -63,9 +62,11 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
             add_remark(robot, f"{label}: it goes {top:.2f} m/s on any battery, as {least}", SLOWER_REMARK)
         top = math.copysign(top, speed)
         endless = EndlessRemark(robot, label, ".until(...) or .timeout(seconds)")
+        pushing = PushingRemark(robot, label)
         try:
             while True:
                 endless.tell()
+                pushing.tell()
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
                 miswired = check_wiring(robot, miswired, label)

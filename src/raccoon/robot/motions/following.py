@@ -16,6 +16,7 @@ from raccoon.robot.motions.line_sight import BothEdges, OneEdge, check_pair, fin
 from raccoon.robot.motions.line_steering import LineSteering
 from raccoon.robot.motions.lines import tophat_ahead
 from raccoon.robot.motions.pacing import check_wiring
+from raccoon.robot.remarks import PushingRemark
 
 if TYPE_CHECKING:
     from raccoon.robot.motions.line_sight import LineSight
@@ -103,10 +104,12 @@ def _follow_action(
         steering = LineSteering(robot, sight)
         line = LastEdge(robot, sight.unseen_width, find_other_on_edge(robot, sight))
         velocity, limit, miswired = robot.estimate.velocity, top, 0.0
+        pushing = PushingRemark(robot, label)
         sight.follow_light(False)
         try:
             while True:
                 sight.look()
+                pushing.tell()
                 if sight.sees_floor and line.update(sight) and line.is_kept:
                     limit = top
                 turn_rate = steering.turn_rate(velocity)
