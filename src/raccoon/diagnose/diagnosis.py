@@ -108,8 +108,8 @@ def diagnose(
 
 @dataclass(frozen=True, slots=True)
 class Diagnoser:
-    """From a log to its diagnosis: one search, and others where its answer asks for them. begin: when the
-    diagnosis began, s. unseen: the log of another recording to judge on, where there is one."""
+    """Diagnoses a log by one search, and by others where its outcome asks for them. begin: when the diagnosis
+    began, s. unseen: the log of another recording to judge on, where there is one."""
 
     robot: RobotConfig
     causes: Sequence[Cause]
@@ -118,7 +118,8 @@ class Diagnoser:
     begin: float
 
     def diagnose(self, log: Log, unseen: Log | None) -> Diagnosis:
-        """The diagnosis. What adds up over time is told by the longest part alone where rows are lost."""
+        """The diagnosis; of the longest part alone where rows are lost and what was found adds up over
+        time."""
         found, log = self._without_disturbances(log, unseen)
         if log.runs:
             return restricted_to_shareable(found)
@@ -135,14 +136,14 @@ class Diagnoser:
     def _without_disturbances(self, log: Log, unseen: Log | None) -> tuple[Diagnosis, Log]:
         """The diagnosis without what happened in a moment, and the log that it is of."""
         found = self._with_step_change(log, unseen)
-        freely = without_disturbances(log, found.moments)
-        if freely is log:
+        undisturbed = without_disturbances(log, found.disturbances)
+        if undisturbed is log:
             return found.diagnosis, log
         tell("searching again without what happened in a moment")
-        again = self._with_step_change(freely, unseen).diagnosis
-        if is_path_dependent(again) and is_too_short(freely.longest_part().seconds):
+        again = self._with_step_change(undisturbed, unseen).diagnosis
+        if is_path_dependent(again) and is_too_short(undisturbed.longest_part().seconds):
             return found.diagnosis, log
-        return again, freely
+        return again, undisturbed
 
     def _with_step_change(self, log: Log, unseen: Log | None) -> SearchOutcome:
         """What is found, beside what changed at one moment where something did: a zero that jumps is no
@@ -160,7 +161,7 @@ class Diagnoser:
     def _with_friction_change(self, log: Log, unseen: Log | None) -> SearchOutcome:
         """What is found, also with friction over time where it may be that: a load that was taken."""
         first = self._with_separate_batteries(log, unseen)
-        if not friction_may_have_changed(first.diagnosis, first.hot):
+        if not friction_may_have_changed(first.diagnosis, first.is_heating):
             return first
         tell("asking whether friction changed in the drive")
         again = self.search_once(replace(log, friction_may_change=True), unseen)

@@ -91,31 +91,31 @@ class OwnEffect(Effect):
         """Every parameter where it changes nothing."""
         return {each.name: float(each.neutral or 0.0) for each in self.parameters}
 
-    def commanded(self, time: Array, duty: Array, values: Values) -> Array:
+    def change_commands(self, time: Array, duty: Array, values: Values) -> Array:
         """What reaches the motors. Raises ConfigError for anything but finite (n, 2)."""
         if self.commands is None:
             return duty
-        found = self._called("commands", self.commands, time.copy(), duty.copy(), values)
-        return np.clip(self._sound("commands", found, duty.shape), -1.0, 1.0)
+        found = self._call_hook("commands", self.commands, time.copy(), duty.copy(), values)
+        return np.clip(self._checked_array("commands", found, duty.shape), -1.0, 1.0)
 
-    def read(self, drive: Simulated, values: Values) -> dict[str, Array]:
+    def change_readings(self, drive: Simulated, values: Values) -> dict[str, Array]:
         """All readings, changed or not. Raises ConfigError for one that is not recorded or not (n,)."""
         if self.readings is None or not set(self.needs) <= set(drive.readings):
             return dict(drive.readings)
         # A hook that works in place would change the drive of every robot that is simulated later.
         copied = {role: each.copy() for role, each in drive.readings.items()}
         given = Simulated(drive.time.copy(), drive.duty.copy(), copied)
-        changed = self._called("readings", self.readings, given, values)
+        changed = self._call_hook("readings", self.readings, given, values)
         if not isinstance(changed, Mapping):
             raise ConfigError(f"{self.id}: readings must give the changed readings by name, not {changed!r}")
         for role, each in changed.items():
             if role not in drive.readings:
                 allowed = ", ".join(drive.readings)
                 raise ConfigError(f"{self.id}: readings gave {role!r}; this recording has {allowed}")
-            self._sound(f"readings: {role}", each, drive.time.shape)
+            self._checked_array(f"readings: {role}", each, drive.time.shape)
         return {**drive.readings, **changed}
 
-    def _called(self, name: str, hook: Callable[..., Any], *given: Any) -> Any:
+    def _call_hook(self, name: str, hook: Callable[..., Any], *given: Any) -> Any:
         try:
             return hook(*given)
         except Exception as error:
@@ -123,7 +123,7 @@ class OwnEffect(Effect):
             has = "".join(f"; this recording has {', '.join(each.readings)}" for each in drives)
             raise ConfigError(f"{self.id}: {name}: {type(error).__name__}: {error}{has}") from error
 
-    def _sound(self, what: str, found: Array, shape: tuple[int, ...]) -> Array:
+    def _checked_array(self, what: str, found: Array, shape: tuple[int, ...]) -> Array:
         array = np.asarray(found, float)
         finite = np.isfinite(array)
         if array.shape != shape or not finite.all():

@@ -1,4 +1,4 @@
-"""What a search found, as the diagnosis that a team reads."""
+"""The outcome of a search: the diagnosis that a team reads, and what asks for another search."""
 
 from __future__ import annotations
 
@@ -50,22 +50,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SearchOutcome:
-    """What one search says. moments: s, at which something happened in the drive that is nobody's fault.
-    change: what was another from a moment on. hot: whether motors surely get hot, no friction changed."""
+    """The diagnosis that one search gives, and what asks for another search. disturbances: s, at which
+    something happened in the drive that is nobody's fault. change: what was another from a moment on.
+    is_heating: whether motors surely get hot, and no friction changed."""
 
     diagnosis: Diagnosis
-    moments: tuple[float, ...]
+    disturbances: tuple[float, ...]
     change: StepChange | None = None
-    hot: Callable[[], bool] = lambda: False
+    is_heating: Callable[[], bool] = lambda: False
 
 
 def stall_faults(log: Log) -> tuple[SensorFault, ...]:
     """The wheels' readings that stood while they were driven, as broken sensors."""
-    return tuple(SensorFault(column, STOOD, text) for column, text in log.stood)
+    return tuple(SensorFault(column, STOOD, text) for column, text in log.stalls)
 
 
 def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> SearchOutcome:
-    """What a search found, judged on data that it did not fit. begin: when the diagnosis began, s."""
+    """The outcome of a search, judged on data that it did not fit. begin: when the diagnosis began, s."""
     uncertainty = FitUncertainty.of(search)
     causes = with_habit_uncertainty(make_cause_results(search, judged, uncertainty), habits)
     features, rest = search.problem.features, search.linear.residual
@@ -78,7 +79,7 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     )
     settings, seen = search.problem.settings(search.fit.point), effect_visibility(search, log)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
-    found = Diagnosis(
+    diagnosis = Diagnosis(
         verdict,
         _channel_results(log, judged, whiteness_p_values(white)),
         causes,
@@ -102,12 +103,12 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
         curves=_held_out_curves(log, judged),
         shapes=fit_shapes(search),
     )
-    changed = None if log.runs else find_change(search.problem, search.linear)
-    return SearchOutcome(found, bursts.moments, changed, partial(is_clearly_heating, search))
+    change = None if log.runs else find_change(search.problem, search.linear)
+    return SearchOutcome(diagnosis, bursts.moments, change, partial(is_clearly_heating, search))
 
 
 def _unknown_dependence(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What depends on what, of which no cause is named, and what is said of it where no curve is drawn."""
+    """On what the errors depend that no cause explains, and notes on it where no curve is drawn."""
     over = tuple(each.removeprefix(UNKNOWN_PREFIX) for each in search.unknown)
     if bursts.told:
         return (*over, DEPENDS_ON), bursts.told
@@ -120,7 +121,7 @@ def _unknown_dependence(search: Search, bursts: Bursts) -> tuple[tuple[str, ...]
 
 
 def _own_effect_notes(search: Search) -> tuple[str, ...]:
-    """What the simulator cannot be told in a model.toml."""
+    """Notes on own effects that were found, which a model.toml cannot hold."""
     own = [name for name in search.fit.point.active if search.problem.causes[name].own is not None]
     return tuple(f"{name} is Python of yours: a model.toml does not hold it" for name in own)
 

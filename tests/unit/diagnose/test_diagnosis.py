@@ -157,7 +157,7 @@ def test_friction_over_time_is_asked_for_where_it_may_have_changed(
         causes = (SimpleNamespace(id=cause),) if len(logs) == 1 else ()
         unexplained = SimpleNamespace(depends_on=(later,) if len(logs) > 1 else ())
         said: Any = SimpleNamespace(causes=causes, channels=(channel,), unexplained=unexplained)
-        return SearchOutcome(said, (), hot=lambda: clear)
+        return SearchOutcome(said, (), is_heating=lambda: clear)
 
     monkeypatch.setattr(Diagnoser, "search_once", once)
     said: Any = diagnose(dict(make(8, seconds=8.0).columns), ROBOT)

@@ -1,4 +1,4 @@
-"""What of a battery's reading the wheels do not explain, and where that shows another load.
+"""The residual of a battery's reading beyond the wheels' sag, and other loads that it shows.
 
 Of a duty d at a wheel of speed w a battery of voltage V and resistance R_b gives
 
@@ -67,9 +67,9 @@ MIN_STAYING_SHARE = 0.9
 
 @dataclass(frozen=True, slots=True)
 class SagResidual:
-    """A drive in bins. begin: s. rest: V by which the reading is above what the wheels make of it. known:
-    where there is one. driven: where a wheel is powered. noise, step, sag: V, of a bin, of the reading and of
-    the wheels."""
+    """The residual in bins. begin: s. rest: V by which the reading is above what the wheels make of it.
+    known: where there is a reading. driven: where a wheel is powered. noise, step, sag: V, of a bin, of the
+    reading and of the wheels."""
 
     begin: float
     rest: Array
@@ -81,7 +81,7 @@ class SagResidual:
 
     @classmethod
     def of(cls, log: Log) -> SagResidual | None:
-        """None where a reading is missing, or is another than a battery's behind a filter."""
+        """The residual of a log; None where a reading is missing, or no fit explains the battery's."""
         battery, wheels = log.channel("battery"), [log.wheel(side) for side in ("left", "right")]
         if battery is None or None in wheels:
             return None
@@ -117,7 +117,7 @@ class SagResidual:
         return cls(float(log.time[0]), rest, known, driven, noise, step, float(np.ptp((given - rest)[known])))
 
     def loads(self) -> Iterator[Load]:
-        """One after the other."""
+        """The other loads that it shows, in the order of time."""
         scatter = _robust_std(self.rest[self.known & (np.abs(self.rest) < OUTLIER_NOISES * self.noise)])
         low = self.known & (
             self.rest < -max(MIN_SAG_V, MIN_SAG_SCATTERS * scatter, MIN_SAG_STEPS * self.step)
@@ -133,7 +133,7 @@ class SagResidual:
                 yield Load(self.begin + BIN_S * (start - 1), self.begin + BIN_S * (end + 1), sag)
 
     def is_enough_without(self, found: Sequence[Load]) -> bool:
-        """Whether there is a drive in what loads leave."""
+        """Whether what these loads leave is long enough, and driven enough, to be compared."""
         kept = self.known & ~self.within(found)
         driven = float((kept & self.driven).sum()) >= MIN_DRIVEN_LEFT * float(
             (self.known & self.driven).sum()
@@ -141,12 +141,12 @@ class SagResidual:
         return driven and BIN_S * float(kept.sum()) >= MIN_DRIVE_S
 
     def is_on_from(self, start: float, found: Sequence[Load]) -> bool:
-        """Whether something is on from then to the end, but for what a poor fit makes."""
+        """Whether loads are on from then (s) to the end, but for short gaps that a poor fit makes."""
         later = self.begin + BIN_S * np.arange(len(self.rest)) >= start
         return float(self.within(found)[later & self.known].mean()) > MIN_STAYING_SHARE
 
     def within(self, found: Sequence[Load]) -> Flags:
-        """Which bins loads have."""
+        """The bins in which one of these loads is on."""
         time = self.begin + BIN_S * (np.arange(len(self.rest)) + 0.5)
         inside = np.zeros(len(time), bool)
         for each in found:
@@ -218,7 +218,8 @@ def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Array
 
 
 def _huber_fit(columns: Array, target: Array, known: Flags, noise: float) -> Array:
-    """A fit to which a reading that is far off counts as one that is a noise off."""
+    """Numbers of the columns by robust least squares with Huber's weights: beyond a noise, a residual counts
+    linearly."""
     found, products = np.zeros(columns.shape[1]), _column_products(columns)
     weights = known.astype(float)
     for _ in range(15):
@@ -230,8 +231,8 @@ def _huber_fit(columns: Array, target: Array, known: Flags, noise: float) -> Arr
 def _fit_costs(
     columns: Array, voltage: Array, known: Flags, noise: float, starts: Array
 ) -> Iterator[tuple[float, Array]]:
-    """How bad the fit is to which one goes from each start, and what it leaves. What is far below it costs no
-    more than what is below it; to be above it costs more and more, as nothing adds voltage."""
+    """Cost and residual of the fit from each start. What is far below the fit costs no more than what is
+    below it; what is above it costs more and more, as nothing adds voltage."""
     for rest in voltage - _biweight_fits(columns, voltage, known, noise, starts) @ columns.T:
         far = rest / (OUTLIER_NOISES * noise)
         cost = np.where(far > 1.0, far**2, 1.0 - np.maximum(0.0, 1.0 - far**2) ** 3)
@@ -249,7 +250,7 @@ def _biweight_fits(columns: Array, target: Array, known: Flags, noise: float, st
 
 
 def _column_products(columns: Array) -> Array:
-    """Of each column with each in every bin, (bins, columns * columns)."""
+    """The products of each column with each in every bin, (bins, columns * columns)."""
     return (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), -1)
 
 

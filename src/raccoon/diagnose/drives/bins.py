@@ -1,5 +1,4 @@
-"""Samples in even bins, runs of flags and how spans are said: what is seen of a drive before anything is
-simulated."""
+"""Samples in even bins, runs of flags, and spans of time in words."""
 
 from __future__ import annotations
 
@@ -23,7 +22,8 @@ def bin_means(place: NDArray[np.intp], values: Array, count: int) -> Array:
 
 
 def low_pass(values: Array, step: float, seconds: float) -> Array:
-    """Samples, each `step` s after the last, behind a filter of this time constant, s, that begins at 0."""
+    """Samples, each `step` s after the last, behind a first-order low-pass of this time constant (s) from
+    0."""
     from scipy.signal import lfilter
 
     keep = float(np.exp(-step / seconds))
@@ -31,13 +31,14 @@ def low_pass(values: Array, step: float, seconds: float) -> Array:
 
 
 def bin_indices(at: Array, time: Array) -> NDArray[np.intp]:
-    """The bin that each sample at these times, s, falls into. time: the starts of the bins, s."""
+    """The index of the bin that each sample falls into. at: the samples' times, s. time: the bins' starts,
+    s."""
     return np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
 
 
 def values_at_bins(at: Array, values: Array, time: Array, width: float) -> Array:
-    """What is in force in the middle of each bin, of values, (samples, ...), valid from their times, s, on.
-    time: the starts of the bins, s; width: of one, s."""
+    """The value in force in the middle of each bin, by zero-order hold. values (samples, ...), valid from
+    their times `at` (s) on. time: the bins' starts, s. width: of a bin, s."""
     rows = np.searchsorted(at, time + 0.5 * width, side="right") - 1
     return np.asarray(values[np.clip(rows, 0, len(values) - 1)], float)
 

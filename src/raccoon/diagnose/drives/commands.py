@@ -1,4 +1,4 @@
-"""What motors were told in each row of a recording, in which many rows may be blank."""
+"""The commands of motors in each row of a recording, in which many rows may be blank."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def commanded_duty(columns: Mapping[str, Array], port: int) -> Array:
 
 
 def hold_until_next(values: Array) -> Array:
-    """Each number until the next one, 0 before the first."""
+    """Each number held until the next one, 0 before the first."""
     latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     return np.where(latest < 0, 0.0, values[latest])
 

@@ -1,4 +1,4 @@
-"""Whether the robot turns as its wheels say: motors that are the other way round, gyros that do not turn."""
+"""Checks of the directions in which a robot turns: reversed motors, gyros that turn otherwise or not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a drive was driven: whether it was at all, and whether its commands swing."""
+"""How the commands excite a drive: whether it moves at all, and whether they swing."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def is_driven(log: Log) -> bool:
 
 
 def swing_period(log: Log) -> float:
-    """s in which commands swing, where nearly all that they do is that: a line that is followed by bang-bang.
-    0 where they do not."""
+    """Period (s) of commands that do little else than swing, as where bang-bang follows a line; 0 where they
+    do not."""
     row = median_step(log.time)
     even = np.arange(log.time[0], log.time[-1], row)
     duty = log.duty[np.searchsorted(log.time, even, side="right") - 1]

@@ -15,7 +15,7 @@ from raccoon.diagnose.drives.stops import motors_brake
 
 @contextmanager
 def naming_holdout() -> Iterator[None]:
-    """What cannot be used here is the recording to judge on: of two, nobody would know which was meant."""
+    """Raise a TraceError as HoldoutError, so that its reader knows which of the two recordings is meant."""
     try:
         yield
     except TraceError as error:

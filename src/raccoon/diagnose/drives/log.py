@@ -60,7 +60,8 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class StepChange:
-    """What is another from a moment of a drive on. at: s. of: "gyro", its zero, or the side of a wheel."""
+    """A change at one moment of a drive. at: s. of: what changed, "gyro" (its zero) or the side of a
+    wheel."""
 
     at: float
     of: str
@@ -103,7 +104,7 @@ class Log:
     clocks: Clocks = (None, None)
     brake: NDArray[np.bool_] | None = None
     loads: tuple[Load, ...] = ()
-    stood: tuple[tuple[str, str], ...] = ()
+    stalls: tuple[tuple[str, str], ...] = ()
     runs: tuple[Run, ...] = ()
     friction_may_change: bool = False
     change: StepChange | None = None
@@ -130,8 +131,8 @@ class Log:
         return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts, brake=brake)
 
     def without_spans(self, spans: Sequence[tuple[float, float]]) -> Log | None:
-        """With spans of time, s from and to, that were not driven freely: nothing is compared in them, nor
-        until the robot has settled after each. None where less than `MIN_DRIVE_S` would be left."""
+        """The log with spans of time, s from and to, that were not driven freely: nothing is compared in
+        them, nor until the robot has settled after each. None where less than `MIN_DRIVE_S` would be left."""
         rows = np.minimum(np.searchsorted(self.time, [end for _, end in spans]), len(self.time) - 1)
         until = [settled_time(self.time, self.duty, int(row)) for row in rows]
         gone = ((start, end) for (start, _), end in zip(spans, until, strict=True))
@@ -186,7 +187,7 @@ def column_names(robot: RobotConfig) -> dict[str, str]:
 
 
 def has_readings(columns: Mapping[str, Array], name: str) -> bool:
-    """Whether a column is there, with readings enough to be a channel."""
+    """Whether a column is there, with enough readings for a channel."""
     return name in columns and int(np.isfinite(columns[name]).sum()) >= MIN_READINGS
 
 
@@ -208,7 +209,7 @@ def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
 
 
 def arrange_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
-    """The same without a look at the time, of which nothing is lost: for whoever compares sizes alone.
+    """The same without a check of the time, so with no gaps: for whoever compares sizes alone.
 
     Raises TraceError for a recording without commands.
     """
@@ -242,12 +243,12 @@ def _checked_time(columns: Mapping[str, Array]) -> Array:
 
 
 def _rounded_down(seconds: float) -> float:
-    """To ms. What is short by one of them must not read as if it were long enough."""
+    """Seconds rounded down to ms, so that what is too short does not read as if it were long enough."""
     return math.floor(1000.0 * seconds + 1e-6) / 1000.0
 
 
 def _find_gaps(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tuple[str, ...]]:
-    """What of a recording is not compared because rows are missing, and what is said of it."""
+    """The spans (s, from and to) that are not compared because rows are missing, and notes on them."""
     steps = np.diff(time)
     usual = float(np.median(steps))
     ends = np.flatnonzero(steps > max(MIN_GAP_S, 2.0 * MAX_ROW_CYCLES * usual)) + 1
@@ -265,8 +266,8 @@ def _find_gaps(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...
 
 
 def settled_time(time: Array, duty: Array, row: int) -> float:
-    """s at which a robot whose past before that row is not known has forgotten it: wheels that are driven do
-    so soon, those that roll when they stand."""
+    """s at which what a robot did before a row no longer matters: soon for wheels that are driven, for those
+    that roll out when they stand."""
     steps = np.diff(time[row:], append=time[-1])
     driven = np.cumsum(np.where(np.all(duty[row:] != 0.0, axis=1), steps, 0.0))
     enough = np.flatnonzero(driven >= SETTLING_DRIVE_S)
@@ -275,7 +276,7 @@ def settled_time(time: Array, duty: Array, row: int) -> float:
 
 
 def lengths_without_overlap(lost: Sequence[tuple[float, float]]) -> list[float]:
-    """s of each, where they overlap only once."""
+    """The length (s) of each span, less what an earlier one covers. lost: in the order of their starts."""
     found, reached = [], -math.inf
     for start, end in lost:
         found.append(max(end - max(start, reached), 0.0))

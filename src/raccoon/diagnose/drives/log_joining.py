@@ -21,7 +21,7 @@ PAUSE_S = 5.0
 
 @contextmanager
 def naming_recording(number: int) -> Iterator[None]:
-    """Which of several recordings it is that cannot be used."""
+    """Say in a TraceError which of several recordings cannot be used. number: from 0."""
     try:
         yield
     except TraceError as error:
@@ -33,7 +33,7 @@ MAX_TOTAL_S = 600.0
 
 
 def join_logs(logs: Sequence[Log]) -> Log:
-    """One after the other, in the channels that all of them have. What was known of each is kept.
+    """The logs one after the other as one, in the channels that all have. What was known of each is kept.
 
     Raises TraceError where they have no channel in common, or are longer than `MAX_TOTAL_S`.
     """
@@ -65,10 +65,10 @@ def join_logs(logs: Sequence[Log]) -> Log:
         tuple(span for each in parts for span in each.held),
         brake=_joined_brakes(parts),
         loads=tuple(load for each in parts for load in each.loads),
-        stood=tuple(
+        stalls=tuple(
             (column, f"recording {number}: {text}")
             for number, each in enumerate(logs, 1)
-            for column, text in each.stood
+            for column, text in each.stalls
         ),
         runs=tuple(Run(float(each.time[0]), each.clocks) for each in parts),
     )
@@ -158,5 +158,5 @@ def _shifted(log: Log, by: float) -> Log:
 
 
 def _shifted_clocks(clocks: Clocks, by: float) -> Clocks:
-    left, right = (None if each is None else each.later(by) for each in clocks)
+    left, right = (None if each is None else each.shifted(by) for each in clocks)
     return left, right

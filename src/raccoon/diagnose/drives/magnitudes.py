@@ -1,5 +1,5 @@
-"""Whether readings can be as large as they are: wheels by their commands and the battery, the gyro by the
-wheels. What is off by more than any robot is has another unit."""
+"""Checks of how large readings are: wheels by their commands and the battery, the gyro by the wheels. What is
+off by more than any robot.toml is has another unit."""
 
 from __future__ import annotations
 

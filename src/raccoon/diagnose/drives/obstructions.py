@@ -83,8 +83,8 @@ _SENTENCES = {
 
 
 def leave_out_obstructed(log: Log, found: Sequence[ObstructedStretch]) -> Log:
-    """The log with what was not driven freely, as `find_obstructed_stretches` has it, among what is lost, and
-    a note of it; the same log where there is nothing of that kind.
+    """The log without what `find_obstructed_stretches` found: it is among what is lost, with a note. The same
+    log where nothing was found.
 
     Raises TraceError where too little is left.
     """
@@ -195,8 +195,8 @@ def _bin_means(at: Array, values: Array, time: Array) -> Array:
 
 
 def _unread_bins(at: Array, values: Array, time: Array) -> Flags:
-    """Bins in a stretch without samples in which a robot may have turned: what a line over it says of turning
-    is nobody's."""
+    """The bins in stretches without samples, in which a robot may have turned: an interpolated rate says
+    nothing of it."""
     known = np.concatenate([[time[0]], at[np.isfinite(values)], [time[-1] + BIN_S]])
     after = np.clip(np.searchsorted(known, time + 0.5 * BIN_S), 1, len(known) - 1)
     return np.asarray(known[after] - known[after - 1] > MAX_UNREAD_S)
@@ -208,8 +208,8 @@ def _smooth(values: Array) -> Array:
 
 
 def _lifted_bins(seen: _BinnedDrive) -> Flags:
-    """Where the robot turned as no wheel did. Where they never agree something else is wrong: another axis, a
-    wheel without a plug."""
+    """The bins in which the robot turned as no wheel did. None where gyro and wheels never agree: then
+    something else is wrong, another axis or a wheel without a plug."""
     nothing = np.zeros(len(seen.time), bool)
     if not np.isfinite(seen.gyro + seen.wheels).all():
         return nothing
@@ -250,7 +250,7 @@ def _gyro_scale(seen: _BinnedDrive) -> tuple[float, int]:
 
 
 def _loaded_bins(seen: _BinnedDrive, free_for: tuple[float, float]) -> Flags:
-    """Where both wheels carry a load that came without a command, and was not there for that time before."""
+    """The bins in which both wheels carry a load that came without a command. free_for: s before it, free."""
     found = np.zeros(len(seen.time), bool)
     way = np.sign(seen.volts)
     load = way * (seen.volts - seen.speed)

@@ -1,4 +1,4 @@
-"""Whether wheels answer the commands of their rows: columns that lost their sign, or are of another time.
+"""Checks that wheels and gyro respond to the commands of their rows: signs that are lost, other times.
 
 Fits explain much: commands that are late became slip and a filter, rounded ones a reading's scale. So the
 simplest of wheels, which follows its command by a low-pass, a friction and an offset, is asked first, at
@@ -65,7 +65,7 @@ def check_signs(log: Log) -> None:
 
 
 def _check_different_columns(log: Log) -> None:
-    """Readings of both wheels that are the same, though their commands or the gyro's turns are not."""
+    """Raise TraceError where both wheels read the same, though their commands differ or the gyro turns."""
     left, right, gyro = log.wheel("left"), log.wheel("right"), log.channel("gyro")
     if left is None or right is None:
         return
@@ -115,7 +115,7 @@ def _check_reading_sign(duty: Array, channel: Channel, said: tuple[str, str]) ->
 
 
 def _describe_unsigned(duty: Array, size: Array, way: float, who: str) -> str:
-    """What a reading is that never changes its sign. size: with the sign that it has always."""
+    """What a reading holds that never changes its sign. size: the reading, taken for positive."""
     as_signed, as_fast = (float(np.corrcoef(each, size)[0, 1]) for each in (way * duty, np.abs(duty)))
     if as_signed > max(MIN_SPEED_CORRELATION, as_fast):
         return "its zero is off; take off what it says at rest"
@@ -125,7 +125,8 @@ def _describe_unsigned(duty: Array, size: Array, way: float, who: str) -> str:
 
 
 def _check_word_overflow(wheel: Channel) -> None:
-    """Negative numbers that were read as words without a sign are the largest ones."""
+    """Raise TraceError where numbers below 0 were written as words without a sign: they are the largest
+    then."""
     known = wheel.values[np.isfinite(wheel.values)]
     for bits in (16, 32):
         beyond = np.abs(known) > 0.75 * 2.0**bits
@@ -137,12 +138,12 @@ def _check_word_overflow(wheel: Channel) -> None:
 
 
 def _surely_turning_size(reading: Array, channel: Channel) -> float:
-    """From which size on a reading surely turns."""
+    """The size of a reading from which on something surely turns, in its unit."""
     return max(TURNING_SHARE * float(np.percentile(np.abs(reading), 99.0)), 5.0 * channel.floor)
 
 
 def _turn_command(log: Log) -> Array:
-    """What the commands turn the robot by: to the left where positive, as a gyro says."""
+    """Duty by which the commands turn the robot, to the left where positive, as a gyro reads it."""
     return np.asarray(0.5 * (log.duty[:, 1] - log.duty[:, 0]), float)
 
 
@@ -154,22 +155,22 @@ def check_responses(log: Log) -> None:
     """Raise TraceError where a wheel or the gyro answers before its command, or does not follow it at all."""
     for index, wheel, command in _measured_wheels(log):
         _check_undriven_wheel(log, index, wheel, command)
-        answer = estimate_response(
+        response = estimate_response(
             log.time, [log.duty[:, index]], wheel, EARLIEST_RESPONSE_S, MAX_UNEXPLAINED
         )
-        if answer is None:
+        if response is None:
             continue
-        if answer.early:
+        if response.is_early:
             raise TraceError(
-                f"{wheel.name} answers {-1000.0 * answer.delay:.0f} ms before {command} asks: the commands "
+                f"{wheel.name} answers {-1000.0 * response.delay:.0f} ms before {command} asks: the commands "
                 "are logged late, or behind a ramp or a filter that the motor does not have, or the two have "
                 "clocks of their own. Log what is given to the motor, in the row in which it is given"
             )
-        if answer.left > MAX_UNEXPLAINED:
+        if response.unexplained > MAX_UNEXPLAINED:
             raise TraceError(
-                f"{wheel.name} does not follow {command}, which explains {answer.explained} of it at any "
-                "delay, and 95 % of a robot's: are they of the same motor and of the same drive, and is it "
-                "all that was given to it?"
+                f"{wheel.name} does not follow {command}, which explains "
+                f"{response.explained_percent} of it at any delay, and 95 % of a robot's: are they of the "
+                "same motor and of the same drive, and is it all that was given to it?"
             )
     ramp = _find_slow_ramp(log)
     if ramp is not None:
@@ -186,42 +187,45 @@ def _check_gyro(log: Log) -> None:
     # What unequal wheels do to a robot that drives straight is no command's.
     if gyro is None or not float(np.std(turn)) > MIN_TURN_DUTY_STD:
         return
-    answer = estimate_response(
+    response = estimate_response(
         log.time, [-log.duty[:, 0], log.duty[:, 1]], gyro, EARLIEST_GYRO_RESPONSE_S, MAX_UNEXPLAINED_GYRO
     )
-    if answer is None or not (answer.early or answer.left > MAX_UNEXPLAINED_GYRO):
+    if response is None or not (response.is_early or response.unexplained > MAX_UNEXPLAINED_GYRO):
         return
     beside = _response_to_wheels(log, gyro)
-    if answer.early and (beside is None or beside.delay < MAX_GYRO_LEAD_S):
-        ahead = answer.delay if beside is None else beside.delay
+    if response.is_early and (beside is None or beside.delay < MAX_GYRO_LEAD_S):
+        ahead = response.delay if beside is None else beside.delay
         raise TraceError(
             f"{gyro.name} turns {-1000.0 * ahead:.0f} ms before "
             + ("the commands ask" if beside is None else "the wheels do, which answer the commands in time")
             + ": its rows are of another time than those of commands and wheels"
         )
-    if answer.left > MAX_UNEXPLAINED_GYRO and (beside is None or beside.left > MAX_UNEXPLAINED_GYRO):
+    if response.unexplained > MAX_UNEXPLAINED_GYRO and (
+        beside is None or beside.unexplained > MAX_UNEXPLAINED_GYRO
+    ):
         raise TraceError(
-            f"{gyro.name} does not turn as the commands and the wheels do, which explain {answer.explained} "
-            "of it at any delay: is it another axis, an angle, or of another drive?"
+            f"{gyro.name} does not turn as the commands and the wheels do, which explain "
+            f"{response.explained_percent} of it at any delay: is it another axis, an angle, or of another "
+            "drive?"
         )
 
 
 def _response_to_wheels(log: Log, gyro: Channel) -> Response | None:
-    """How a gyro answers what both wheels read; None where they are not read, or not both."""
+    """The response of a gyro to the readings of both wheels; None where one of them is not read."""
     left, right = log.wheel("left"), log.wheel("right")
     if left is None or right is None:
         return None
     known = np.isfinite(left.values) & np.isfinite(right.values)
-    asked = DelayScan.of(log.time, gyro)
-    if asked is None or known.sum() < MIN_READINGS:
+    scan = DelayScan.of(log.time, gyro)
+    if scan is None or known.sum() < MIN_READINGS:
         return None
     every = np.arange(len(known))
     turn = np.interp(every, every[known], right.values[known] - left.values[known])
-    return asked.answer(lambda rows: least_residual_power(turn[rows, None], asked.reading), MAX_GYRO_LEAD_S)
+    return scan.response(lambda rows: least_residual_power(turn[rows, None], scan.reading), MAX_GYRO_LEAD_S)
 
 
 def _check_undriven_wheel(log: Log, index: int, wheel: Channel, command: str) -> None:
-    """A wheel that moves although its command never changes, while the other's does."""
+    """Raise TraceError where a wheel moves although its command never changes, while the other's does."""
     duty, other = log.duty[:, index], log.duty[:, 1 - index]
     if np.ptp(duty) > 0.0 or not np.ptp(other) > DRIVEN_DUTY:
         return
@@ -237,7 +241,7 @@ def _check_undriven_wheel(log: Log, index: int, wheel: Channel, command: str) ->
 
 
 def _measured_wheels(log: Log) -> Iterator[tuple[int, Channel, str]]:
-    """Each wheel that is measured: its place in the commands, what measures it, the name of its command."""
+    """Of each wheel that is measured: its place in the commands, its channel, the name of its command."""
     for index, side in enumerate(("left", "right")):
         wheel = log.wheel(side)
         if wheel is not None:
@@ -249,7 +253,8 @@ def _reading_range(wheel: Channel) -> float:
 
 
 def _find_slow_ramp(log: Log) -> float | None:
-    """The first wheel's ramp where every wheel follows a slow one; of a sound drive one wheel tells."""
+    """Duty a second of the first wheel's ramp where all wheels are behind a slow one; else None, in a sound
+    drive after the first wheel."""
     ramps: list[float | None] = []
     for index, wheel, _ in _measured_wheels(log):
         ramps.append(estimate_ramp(log.time, log.duty[:, index], wheel))

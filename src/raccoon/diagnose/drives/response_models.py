@@ -1,4 +1,4 @@
-"""Wheels that are simple enough to be tried at every delay, and how well one of them explains a reading.
+"""Models of a wheel's response that are simple enough to be tried at every delay of a reading.
 
 The simplest follows its command by a low-pass, and has a dry friction as large as its sign. Those that are
 asked when it does not answer its command have what it lacks: a friction that stops them, a motor that coasts
@@ -21,9 +21,9 @@ from raccoon.trace.recording import median_step
 Array = NDArray[np.float64]
 
 SIMPLE_TIME_CONSTANTS_S = (0.03, 0.06, 0.12, 0.25)
-"""s in which a wheel and its reading's filter may answer a command."""
+"""s, time constants of a wheel together with its reading's filter."""
 WHEEL_TIME_CONSTANTS_S = (0.02, 0.035, 0.06, 0.1, 0.17, 0.3)
-"""s in which a wheel alone may answer."""
+"""s, time constants of a wheel alone."""
 WHEEL_FRICTIONS = (0.0, 0.05, 0.1, 0.2)
 """Duty that friction takes away."""
 READING_FILTERS_S = (0.0225, 0.045)
@@ -33,7 +33,7 @@ DELAY_STEP_S, MAX_DELAY_S = 0.02, 0.3
 MIN_CHANGED_ROWS = 10
 """Rows in which a command is another than mostly, from which it changes."""
 MIN_READINGS, MAX_READINGS = 200, 3000
-"""Readings from which this is asked, and of how many at most."""
+"""Readings from which a response is estimated, and of how many at most."""
 MAX_ERROR_RATIO = 0.8
 """Part of the error without a delay that is left where an answer is surely early."""
 MAX_FOLLOWED_UNEXPLAINED = 0.3
@@ -42,29 +42,32 @@ MAX_FOLLOWED_UNEXPLAINED = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """left: part of a reading's power that commands leave at the best delay, s; in_time: and at those that
-    are not early. latest: s, the delay below which it is."""
+    """How a reading answers its commands. unexplained: part of its power that commands leave at the best
+    delay (s). unexplained_in_time: the same at delays that are not early. latest_early: s, the delay below
+    which an answer is early."""
 
-    left: float
-    in_time: float
+    unexplained: float
+    unexplained_in_time: float
     delay: float
-    latest: float
+    latest_early: float
 
     @property
-    def early(self) -> bool:
+    def is_early(self) -> bool:
         """Whether it surely comes before its command."""
-        better = self.left < MAX_ERROR_RATIO * self.in_time and self.left < MAX_FOLLOWED_UNEXPLAINED
-        return self.delay < self.latest - 1e-9 and better
+        better = self.unexplained < MAX_ERROR_RATIO * self.unexplained_in_time
+        follows = self.unexplained < MAX_FOLLOWED_UNEXPLAINED
+        return self.delay < self.latest_early - 1e-9 and better and follows
 
     @property
-    def explained(self) -> str:
+    def explained_percent(self) -> str:
         """What commands explain of it, in words."""
-        return f"{100.0 * max(1.0 - self.left, 0.0):.0f} %"
+        return f"{100.0 * max(1.0 - self.unexplained, 0.0):.0f} %"
 
 
 @dataclass(frozen=True, slots=True)
 class WheelFamily:
-    """Time constants s, frictions in duty, and whether each coasts, (wheels,), of wheels side by side."""
+    """Wheels side by side, (wheels,): their time constants (s), frictions (duty), and whether each coasts at
+    duty 0."""
 
     time_constant: Array
     friction: Array
@@ -72,7 +75,7 @@ class WheelFamily:
 
     @classmethod
     def usual(cls) -> WheelFamily:
-        """Every wheel that these may be; one that coasts is stopped by friction alone."""
+        """All combinations; a wheel that coasts is stopped by friction alone, so it has some."""
         every = product(WHEEL_TIME_CONSTANTS_S, WHEEL_FRICTIONS, (False, True))
         members = [each for each in every if each[1] > 0.0 or not each[2]]
         time_constant, friction, coasts = zip(*members, strict=True)
@@ -97,24 +100,25 @@ class WheelFamily:
         return found
 
 
-def residual_power(follows: Array, reading: Array) -> float:
-    """Mean square of a reading beyond what such a wheel explains, with a dry friction and an offset."""
-    columns = np.stack([follows, np.sign(follows), np.ones_like(follows)])
+def residual_power(speed: Array, reading: Array) -> float:
+    """Mean square of a reading beyond what a wheel's speed explains, with a dry friction and an offset."""
+    columns = np.stack([speed, np.sign(speed), np.ones_like(speed)])
     # Of so few columns their products do, in a tenth of the time; of two that are alike they have no inverse.
     found = np.linalg.lstsq(columns @ columns.T, columns @ reading, rcond=None)[0]
     return float(np.mean((reading - found @ columns) ** 2))
 
 
-def least_residual_power(follows: Array, reading: Array) -> float:
-    """The same of the best of many, follows (rows, wheels), with a scale and an offset alone."""
-    off, centred = reading - reading.mean(), follows - follows.mean(axis=0)
+def least_residual_power(speed: Array, reading: Array) -> float:
+    """The least of many wheels, speed (rows, wheels), each with a scale and an offset alone."""
+    off, centred = reading - reading.mean(), speed - speed.mean(axis=0)
     power = np.maximum((centred**2).sum(axis=0), 1e-300)
     return float(off @ off - ((off @ centred) ** 2 / power).max()) / len(reading)
 
 
 @dataclass(frozen=True, slots=True)
 class DelayScan:
-    """A reading where it is known, and far enough from both ends; step: s of a row."""
+    """The samples of a reading by which delays are compared. rows: of them, far enough from both ends.
+    reading: (rows,). step: s of a row."""
 
     rows: NDArray[np.intp]
     reading: Array
@@ -122,7 +126,7 @@ class DelayScan:
 
     @classmethod
     def of(cls, time: Array, channel: Channel) -> DelayScan | None:
-        """None where too little of it is known."""
+        """That of a channel; None where too little of it is known."""
         known = np.flatnonzero(np.isfinite(channel.values))
         step = median_step(time)
         reach = round(MAX_DELAY_S / step)
@@ -132,30 +136,34 @@ class DelayScan:
         known = known[:: -(-len(known) // MAX_READINGS)]
         return cls(known, channel.values[known], step)
 
-    def answer(self, left_by: Callable[[NDArray[np.intp]], float], latest: float = 0.0) -> Response:
-        """left_by: mean square of the reading beyond what these rows explain, which are so much earlier.
-        latest: s, see `Response`."""
-        delays = DELAY_STEP_S * np.arange(
-            -round(MAX_DELAY_S / DELAY_STEP_S), round(MAX_DELAY_S / DELAY_STEP_S) + 1
-        )
+    def response(
+        self, power_left: Callable[[NDArray[np.intp]], float], latest_early: float = 0.0
+    ) -> Response:
+        """The response at the best delay. power_left: mean square of the reading beyond what the signal at
+        these rows explains, which are earlier than its own by a delay. latest_early: s, see `Response`."""
+        steps = round(MAX_DELAY_S / DELAY_STEP_S)
+        delays = DELAY_STEP_S * np.arange(-steps, steps + 1)
         power = max(float(np.var(self.reading)), 1e-300)
-        left = np.array([left_by(self.rows - round(each / self.step)) / power for each in delays])
+        left = np.array([power_left(self.rows - round(each / self.step)) / power for each in delays])
         best = int(np.argmin(left))
-        in_time = float(left[delays >= latest - 1e-9].min())
-        return Response(float(left[best]), in_time, float(delays[best]), latest)
+        in_time = float(left[delays >= latest_early - 1e-9].min())
+        return Response(float(left[best]), in_time, float(delays[best]), latest_early)
 
-    def of_one(self, duty: Array, latest: float = 0.0) -> Response:
-        """As the simplest wheel answers a command."""
+    def response_of_simple_wheel(self, duty: Array, latest_early: float = 0.0) -> Response:
+        """The response to a command as the simplest wheel explains it."""
         simple = [low_pass(duty, self.step, each) for each in SIMPLE_TIME_CONSTANTS_S]
-        return self.answer(
-            lambda rows: min(residual_power(each[rows], self.reading) for each in simple), latest
-        )
 
-    def of_many(self, duties: Sequence[Array], latest: float) -> Response:
-        """As the best of many answers commands; a gyro, to which the wheels' speeds add up, several."""
+        def power_left(rows: NDArray[np.intp]) -> float:
+            return min(residual_power(each[rows], self.reading) for each in simple)
+
+        return self.response(power_left, latest_early)
+
+    def response_of_wheel_family(self, duties: Sequence[Array], latest_early: float) -> Response:
+        """The response to commands as the best of many wheels explains it; of a gyro several commands, as the
+        wheels' speeds add up in it."""
         family = WheelFamily.usual()
         speeds = np.sum([family.speeds(each, self.step) for each in duties], axis=0)
-        return self.answer(lambda rows: least_residual_power(speeds[rows], self.reading), latest)
+        return self.response(lambda rows: least_residual_power(speeds[rows], self.reading), latest_early)
 
 
 def is_varied(command: Array) -> bool:
@@ -164,19 +172,19 @@ def is_varied(command: Array) -> bool:
 
 
 def estimate_response(
-    time: Array, duties: Sequence[Array], channel: Channel, latest: float, lost: float
+    time: Array, duties: Sequence[Array], channel: Channel, latest_early: float, max_unexplained: float
 ) -> Response | None:
     """How a reading answers its commands, whose answers add up; None where there is too little of either.
 
-    latest: s, the delay below which it is early; lost: part of its power that is left where it does not
-    answer at all. Either is said of the best of many wheels only.
+    latest_early: s, the delay below which an answer is early. max_unexplained: part of the reading's power
+    beyond which it does not answer at all. Either is concluded from the best of many wheels only.
     """
-    asked, duty = DelayScan.of(time, channel), np.sum(duties, axis=0)
-    if asked is None or not is_varied(duty):
+    scan, duty = DelayScan.of(time, channel), np.sum(duties, axis=0)
+    if scan is None or not is_varied(duty):
         return None
-    answer = asked.of_one(duty, latest)
-    if not (answer.early or answer.left > lost):
-        return answer
-    better = asked.of_many(duties, latest)
+    simple = scan.response_of_simple_wheel(duty, latest_early)
+    if not (simple.is_early or simple.unexplained > max_unexplained):
+        return simple
+    best = scan.response_of_wheel_family(duties, latest_early)
     # The simplest may still explain most, by the friction that is a column of its own; it is not early then.
-    return better if better.early or better.left <= answer.left else replace(answer, delay=0.0)
+    return best if best.is_early or best.unexplained <= simple.unexplained else replace(simple, delay=0.0)

@@ -94,7 +94,9 @@ def _is_late_instead(log: Log, wheels: Sequence[Channel]) -> bool:
         turned = replace(each, values=each.values[::-1])
         ways = ((each, log.duty[:, index]), (turned, log.duty[::-1, index]))
         asked = [(DelayScan.of(log.time, channel), duty) for channel, duty in ways]
-        left.append([1.0 if one is None else one.of_one(duty).left for one, duty in asked])
+        left.append(
+            [1.0 if one is None else one.response_of_simple_wheel(duty).unexplained for one, duty in asked]
+        )
     late, back = np.sum(left, axis=0)
     return bool(late * MIN_REVERSED_ERROR_FACTOR < back)
 

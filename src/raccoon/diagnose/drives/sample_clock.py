@@ -55,17 +55,17 @@ class SampleClock:
     waits: int = 1
     lead: float = 0.0
 
-    def seen(self, time: Array) -> tuple[NDArray[np.intp], Array]:
+    def latest_samples(self, time: Array) -> tuple[NDArray[np.intp], Array]:
         """Number and moment, s, of the latest sample that is ready at each time."""
         phase = self._phase(time)
         number = np.floor((time - phase) / self.period)
         return number.astype(np.intp), phase + number * self.period
 
-    def later(self, by: float) -> SampleClock:
+    def shifted(self, by: float) -> SampleClock:
         """The same clock in a time that counts from so many s before."""
         return replace(self, knots=self.knots + by, phases=self.phases + by)
 
-    def taken_up(self, time: Array) -> Array:
+    def times_in_force(self, time: Array) -> Array:
         """When commands given at each time come into force, s."""
         cycle = self.period / self.waits
         first = self._phase(time) - self.lead
@@ -78,7 +78,7 @@ class SampleClock:
         A command that comes into force within a row has the rest of it, so a row has the mean of its
         commands: duty while the motor is connected, and the part of the time in which it is.
         """
-        moments = self.taken_up(time)
+        moments = self.times_in_force(time)
         edges = np.append(moments, moments[-1] + (time[-1] - time[-2]))
         spans = np.append(time, time[-1] + (time[-1] - time[-2]))
         powered = _means_between(edges, duty * closed, spans)
@@ -212,7 +212,7 @@ def resample_wheel_to_one_age(
 
 def _first_rows(clock: SampleClock, time: Array, values: Array) -> tuple[Array, NDArray[np.intp]]:
     """When each sample that a row shows was ready, s, and the first row that does."""
-    number, ready = clock.seen(time)
+    number, ready = clock.latest_samples(time)
     _, rows = np.unique(number, return_index=True)
     rows = rows[np.isfinite(values[rows])]
     return ready[rows], rows

@@ -53,8 +53,8 @@ class Stall:
 
 
 def leave_out_stalls(log: Log, robot: RobotConfig) -> Log:
-    """The log with what it has of wheels that stood although they were driven among what is lost, and said;
-    the same log where there is nothing of that kind.
+    """The log without stretches in which wheels stood although they were driven: they are among what is lost,
+    and in `stalls`. The same log where there are none.
 
     Raises TraceError where too little is left.
     """
@@ -65,7 +65,7 @@ def leave_out_stalls(log: Log, robot: RobotConfig) -> Log:
     # Of what is left out already only what the battery tells is news.
     news = [each for each in seen if each in found or each.current is not None]
     told = describe_stalls(news, robot)
-    log = replace(log, stood=told)
+    log = replace(log, stalls=told)
     if not found:
         return log
     free = log.without_spans([(each.start, each.end) for each in found])

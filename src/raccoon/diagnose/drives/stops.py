@@ -14,7 +14,7 @@ BRAKING_SECONDS = 0.1
 MAX_BRAKED_SPEED = 0.4
 """Part of its speed that a motor has left after that, below which it brakes."""
 MAX_SURELY_BRAKED, MIN_SURELY_COASTED = 0.25, 0.5
-"""The same where a robot does both."""
+"""The same of a stop that surely braked, and of one that surely coasted, where a robot does both."""
 MIN_BRAKING_RATIO = 1.6
 """Times what coasting takes of a speed, which is the same of any, that braking takes at least: friction alone
 stops a wheel that is slow."""
@@ -35,19 +35,20 @@ MIXED_STOPS_NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Of one wheel (0 left, 1 right): its first row at duty 0, and what part of its speed is left later.
-    lost: the rest, in the unit of its reading. share: its speed over the command before."""
+    """A release of one wheel (0 left, 1 right). row: its first at duty 0. speed_left: part of its speed after
+    `BRAKING_SECONDS`. speed_lost: the rest, in the unit of its reading. speed_ratio: its speed over the
+    command before."""
 
     wheel: int
     row: int
-    left: float
-    lost: float
-    share: float
+    speed_left: float
+    speed_lost: float
+    speed_ratio: float
 
 
 def motors_brake(log: Log) -> bool:
     """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
-    left = [each.left for each in find_stops(log)]
+    left = [each.speed_left for each in find_stops(log)]
     return bool(left) and float(np.median(left)) < MAX_BRAKED_SPEED
 
 
@@ -56,19 +57,19 @@ def with_brake_by_stop(log: Log) -> Log:
     if log.brake is not None:
         return log
     moments = _group_stops(log, sorted(find_stops(log), key=lambda each: each.row))
-    coasting = [each for each in moments if all(one.left > MIN_SURELY_COASTED for one in each)]
+    coasting = [each for each in moments if all(one.speed_left > MIN_SURELY_COASTED for one in each)]
     if len(coasting) < MIN_MOMENTS:
         return log
     usual = [one for each in coasting for one in each]
-    lost = MIN_BRAKING_RATIO * float(np.median([one.lost for one in usual]))
-    share = float(np.median([one.share for one in usual]))
+    lost = MIN_BRAKING_RATIO * float(np.median([one.speed_lost for one in usual]))
+    share = float(np.median([one.speed_ratio for one in usual]))
     braking = [
         each
         for each in moments
         if all(
-            one.left < MAX_SURELY_BRAKED
-            and one.lost > lost
-            and MIN_SPEED_RATIO < one.share / share < MAX_SPEED_RATIO
+            one.speed_left < MAX_SURELY_BRAKED
+            and one.speed_lost > lost
+            and MIN_SPEED_RATIO < one.speed_ratio / share < MAX_SPEED_RATIO
             for one in each
         )
     ]

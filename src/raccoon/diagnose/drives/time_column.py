@@ -1,4 +1,4 @@
-"""Whether a recording's time is one: it advances, in seconds, and fine enough."""
+"""Checks of a recording's time: it advances, in seconds, and by small enough steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Back-EMF as it was before the controller cut off what is behind the point."""
+"""Back-EMF as it was on average before the controller cut off its fraction of a count."""
 
 from __future__ import annotations
 

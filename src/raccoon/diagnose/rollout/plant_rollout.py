@@ -192,13 +192,13 @@ class PlantRollout:
         for same in alike.values():
             duty = self._duty
             for own, values in acting[same[0]]:
-                duty = own.commanded(self._time, duty, values)
+                duty = own.change_commands(self._time, duty, values)
             lanes = self._lanes([variants[each] for each in same])
             samples[same] = self._samples(lanes, self._commanded(duty), step)
         for index, found in enumerate(acting):
             for own, values in found:
                 readings = dict(zip(self._roles, samples[index], strict=True))
-                changed = own.read(Simulated(self._time, self._duty, readings), values)
+                changed = own.change_readings(Simulated(self._time, self._duty, readings), values)
                 samples[index] = [changed[role] for role in self._roles]
         return samples
 

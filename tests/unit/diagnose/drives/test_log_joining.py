@@ -61,7 +61,7 @@ def test_nothing_is_compared_between_them_nor_before_the_next_has_settled() -> N
 def test_what_was_known_of_each_is_kept_at_its_time() -> None:
     one = replace(log(1), notes=("it is so",), lost=((1.0, 2.0),), held=((0.5, 0.7),))
     two = replace(
-        log(2), notes=("it is so",), loads=(Load(1.0, 2.0, 0.1),), stood=(("motor.0.duty", "stood"),)
+        log(2), notes=("it is so",), loads=(Load(1.0, 2.0, 0.1),), stalls=(("motor.0.duty", "stood"),)
     )
     both = join_logs([one, two])
     shift = both.runs[1].start - two.time[0]
@@ -72,9 +72,9 @@ def test_what_was_known_of_each_is_kept_at_its_time() -> None:
     assert both.held == ((0.5, 0.7),)
     (load,) = both.loads
     assert (load.start, load.end) == pytest.approx((1.0 + shift, 2.0 + shift))
-    assert both.stood == (("motor.0.duty", "recording 2: stood"),)
-    again = join_logs([replace(one, stood=(("motor.0.duty", "stood too"),)), two])
-    assert [text for _, text in again.stood] == ["recording 1: stood too", "recording 2: stood"]
+    assert both.stalls == (("motor.0.duty", "recording 2: stood"),)
+    again = join_logs([replace(one, stalls=(("motor.0.duty", "stood too"),)), two])
+    assert [text for _, text in again.stalls] == ["recording 1: stood too", "recording 2: stood"]
 
 
 def test_a_clock_tells_the_same_of_its_recording() -> None:
@@ -85,7 +85,9 @@ def test_a_clock_tells_the_same_of_its_recording() -> None:
     assert moved is not None
     assert after.clocks[1] is None
     shift = after.time[0] - two.time[0]
-    np.testing.assert_allclose(moved.taken_up(after.time[:-1]) - shift, clock.taken_up(two.time), atol=1e-9)
+    np.testing.assert_allclose(
+        moved.times_in_force(after.time[:-1]) - shift, clock.times_in_force(two.time), atol=1e-9
+    )
 
 
 def test_a_channel_that_one_of_them_lacks_is_missing() -> None:

@@ -69,7 +69,7 @@ def test_rows_without_a_sample_or_with_two_tell_when_all_were_taken(
     clock = find_sample_clock(TIME, count_by_ticks(TIME, seen.bemf, seen.position, TICK), rates)
     assert clock is not None
     assert 1.0 / clock.period == pytest.approx(rate, abs=0.4 if drift else 0.05)
-    _, latest = clock.seen(TIME)
+    _, latest = clock.latest_samples(TIME)
     true = seen.moments[np.searchsorted(seen.moments, TIME, side="right") - 1]
     off = (latest - true + 0.5 * clock.period) % clock.period - 0.5 * clock.period
     assert np.abs(off).max() < 0.0004 + 10.0 * jitter
@@ -144,7 +144,7 @@ def test_a_row_in_part_of_which_a_motor_coasts_is_driven_in_the_rest() -> None:
 
 def test_some_commands_come_into_force_more_often_than_samples_are_taken() -> None:
     often = SampleClock(0.005, np.array([0.0, 1.0]), np.array([0.002, 0.002]), waits=4, lead=0.001)
-    taken = often.taken_up(np.array([0.0, 0.0011, 0.0024, 0.0049]))
+    taken = often.times_in_force(np.array([0.0, 0.0011, 0.0024, 0.0049]))
     assert taken == pytest.approx([0.001, 0.00225, 0.0035, 0.006])
 
 
@@ -159,7 +159,7 @@ def test_no_command_is_lost_or_added(levels: list[int], phase: float, period: fl
     time = rows_of(len(duty))
     clock = SampleClock(period, time[[0, -1]], np.array([phase, phase]))
     mean, closed = clock.in_force(time, duty, np.ones(len(duty)))
-    moments = clock.taken_up(time)
+    moments = clock.times_in_force(time)
     given_out = np.diff(np.append(moments, moments[-1] + ROW)) @ duty
     early = duty[0] * (moments[0] - time[0])
     assert ROW * (mean @ closed) == pytest.approx(given_out + early, abs=1e-9)

@@ -63,7 +63,7 @@ def test_what_stands_is_said_with_its_times_and_left_out(
     stand: tuple[int, ...], current: bool, said: str
 ) -> None:
     seen = leave_out_stalls(log(drive(stand, current)), ROBOT)
-    ((column, text),) = seen.stood
+    ((column, text),) = seen.stalls
     assert column == f"motor.{stand[0]}.duty"
     assert text.startswith("from 6.0 to 9.0 s ")
     assert re.search(said, text), text
@@ -87,7 +87,7 @@ def test_wheels_that_stood_for_long_are_no_other_unit() -> None:
 def test_without_a_battery_it_may_be_either() -> None:
     columns = drive((0,), current=False)
     del columns["battery.voltage"]
-    ((_, text),) = leave_out_stalls(log(columns), ROBOT).stood
+    ((_, text),) = leave_out_stalls(log(columns), ROBOT).stalls
     assert "unplugged, its fuse tripped, or jammed" in text
 
 
@@ -95,7 +95,7 @@ def test_what_is_left_out_already_is_not_left_out_twice() -> None:
     whole = replace(log(drive((0, 1), current=False)), held=((5.9, 9.1),), lost=((5.9, 9.4),))
     seen = leave_out_stalls(whole, ROBOT)
     assert (seen.held, seen.lost) == (whole.held, whole.lost)
-    assert "switched off" in seen.stood[0][1]
+    assert "switched off" in seen.stalls[0][1]
 
 
 def test_too_little_that_turned_is_an_error_that_says_why() -> None:

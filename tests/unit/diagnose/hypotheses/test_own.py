@@ -151,8 +151,8 @@ def test_what_a_hook_changes_in_place_is_its_own() -> None:
     own = replace(SHIFT, commands=half, readings=shifted)
     time, duty = np.arange(3.0), np.ones((3, 2))
     readings = {"gyro": np.ones(3), "battery": np.ones(3)}
-    assert own.commanded(time, duty, {"gain": 0.5}).tolist() == [[0.5, 0.5]] * 3
-    found = own.read(Simulated(time, duty, readings), {"gain": 0.5})
+    assert own.change_commands(time, duty, {"gain": 0.5}).tolist() == [[0.5, 0.5]] * 3
+    found = own.change_readings(Simulated(time, duty, readings), {"gain": 0.5})
     assert {role: each.tolist() for role, each in found.items()} == {"gyro": [1.5] * 3, "battery": [1.0] * 3}
     assert time.tolist() == [0.0, 1.0, 2.0]
     assert (duty == 1.0).all()

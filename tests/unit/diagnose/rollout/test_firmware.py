@@ -90,7 +90,7 @@ def test_samples_tell_their_clock(understood: tuple[Firmware, Log, Log]) -> None
     assert left is not None
     assert right is not None
     middle = np.array([4.0])
-    turn = (right.seen(middle)[1] - left.seen(middle)[1]) / left.period % 1.0
+    turn = (right.latest_samples(middle)[1] - left.latest_samples(middle)[1]) / left.period % 1.0
     assert min(turn, 1.0 - turn) == pytest.approx(0.0 if firmware == "stock" else 0.25, abs=0.03)
 
 

@@ -53,7 +53,7 @@ def test_a_wheel_that_stood_is_said_and_left_out_whoever_made_the_recording(made
     unplugged = (columns["t"] >= 4.3) & (columns["t"] < 5.9)
     columns["motor.0.bemf"] = np.where(unplugged, np.sin(50.0 * columns["t"]), columns["motor.0.bemf"])
     log = understood([columns], ROBOT, None if made_by is None else FIRMWARES[made_by])
-    ((column, text),) = log.stood
+    ((column, text),) = log.stalls
     assert column == "motor.0.duty"
     assert text.startswith("from 4.3 to 5.9 s motor 0 (left) did not turn")
     left = log.wheel("left")
