@@ -6,7 +6,7 @@ import socket
 from pathlib import Path
 
 from raccoon.core.errors import HardwareError
-from raccoon.hal.wombat.link.pipe import Link
+from raccoon.hal.wombat.link.link import Link
 
 TIMEOUT_SECONDS = 2.0
 

@@ -97,7 +97,7 @@ def test_a_stock_command_says_what_was_asked(outputs: Outputs, sequence: int) ->
         assert abs((-pwm if direction == 2 else pwm) / 400 - duty) <= 0.5 / 400 + 1e-12
     for port, pulse in enumerate(outputs.servo_us):
         assert bool(registers[stock.ALLSTOP] >> 4 + port & 1) == (pulse is None)
-    assert stock_commands.holds(bytes(registers), frame)
+    assert stock_commands.shows_command(bytes(registers), frame)
 
 
 TELEMETRY = st.tuples(

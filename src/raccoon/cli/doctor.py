@@ -69,23 +69,23 @@ def _config(args: argparse.Namespace) -> RobotConfig:
 
 def _report(config: RobotConfig, args: argparse.Namespace, say: Callable[[str], None]) -> Report:
     from raccoon.hal.doctor import Report, examine
-    from raccoon.hal.doctor.buses import i2c, serial_ports
-    from raccoon.hal.doctor.examination import lost
+    from raccoon.hal.doctor.buses import list_i2c_devices, list_serial_ports
+    from raccoon.hal.doctor.examination import lost_device_finding
     from raccoon.robot.loop import stopped_on_exit
 
     report = Report()
     try:
         port = _port(config, args.firmware or "stock")
     except HardwareError as error:
-        report.add(lost(error))
+        report.add(lost_device_finding(error))
     else:
         try:
             with stopped_on_exit(port.close):
                 report = examine(port, config, move=not args.no_motion, progress=say)
         except HardwareError as error:  # closing says that the motors may still run
-            report.add(lost(error))
+            report.add(lost_device_finding(error))
     if config.controller.port in REAL_CONTROLLERS:
-        report.add(i2c(args.i2c), serial_ports())
+        report.add(list_i2c_devices(args.i2c), list_serial_ports())
     return report
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from raccoon.cli.outputs import check_folders
 from raccoon.core.errors import ConfigError
-from raccoon.core.files import named
+from raccoon.core.files import naming_path
 
 HELP = "write a robot.toml with every key, its default and its meaning"
 
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"{path} exists and is left as it is: name another file")
     check_folders(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}")
-    with named(path):
+    with naming_path(path):
         try:
             partial.write_text(template(), encoding="utf-8")
             os.link(partial, path)  # unlike a rename this fails where somebody else was quicker

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from raccoon.core.doing import watched
+from raccoon.core.progress import report_to
 
 WIDTH = 100
 
@@ -30,7 +30,7 @@ def show_progress() -> Iterator[None]:
         print(f"\r{text[:width]:{width}}", file=sys.stderr, end="", flush=True)
 
     try:
-        with watched(show):
+        with report_to(show):
             yield
     finally:
         if shown:

@@ -15,7 +15,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Device
 from raccoon.model.bemf import foreign_ticks
 
-BELIEVED = (0.4, 2.5)
+PLAUSIBLE_CONSTANT_SHARES = (0.4, 2.5)
 """Between which shares of the nominal K_E a calibrated counter is taken to tell the motor's."""
 
 
@@ -39,7 +39,7 @@ class WheelModel:
         torque = self.inertia * acceleration + self.viscous * speed + self.coulomb * direction
         return self.back_emf_constant * speed + self.resistance / self.back_emf_constant * torque
 
-    def pressing(self, wanted: float, speed: float, torque: float) -> float:
+    def pressing_voltage(self, wanted: float, speed: float, torque: float) -> float:
         """V for `wanted` rad/s, but no more than gives `torque` N m beyond friction at the present `speed`.
 
         A wheel that is turned back, or whose reading scatters about 0, gets what one does that stands.
@@ -103,7 +103,7 @@ def wheel_models(config: RobotConfig, device: Device | None = None) -> tuple[Whe
     Raises ConfigError where the ticks are those of another firmware: the robot would not know how far it
     drives by a factor of 181.
     """
-    return _wheel(config, "left", device), _wheel(config, "right", device)
+    return _wheel_model(config, "left", device), _wheel_model(config, "right", device)
 
 
 def calibrated_constant(config: RobotConfig, side: str, device: Device) -> float | None:
@@ -114,13 +114,13 @@ def calibrated_constant(config: RobotConfig, side: str, device: Device) -> float
     return device.bemf_volts * device.position_counts_seconds / ticks.value
 
 
-def _wheel(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
+def _wheel_model(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
     model, motor = getattr(config.model, side), config.wheel_motor(side)
     constant = model.back_emf_constant.value
     told = None if device is None else calibrated_constant(config, side, device)
     if device is not None and (foreign := foreign_ticks(config, side, device)):
         raise ConfigError(f"{foreign}; calibrate again (raccoon calibrate drive), or take the line out")
-    if told is not None and BELIEVED[0] < told / constant < BELIEVED[1]:
+    if told is not None and PLAUSIBLE_CONSTANT_SHARES[0] < told / constant < PLAUSIBLE_CONSTANT_SHARES[1]:
         constant = told
     wheel = WheelModel(
         resistance=model.armature_resistance.value,

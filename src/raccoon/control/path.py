@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from raccoon.model.pose import Pose
 
 Point = tuple[float, float]
-SHARPEST = math.radians(170.0)
-SHORTEST = 1e-4
+MAX_CORNER_ANGLE = math.radians(170.0)
+MIN_LEG_M = 1e-4
 """m; shorter pieces are left out."""
 
 
@@ -51,7 +51,7 @@ class Path:
         for x, y in points:
             if not (math.isfinite(x) and math.isfinite(y)):
                 raise ValueError(f"point ({x}, {y}): both numbers must be finite")
-        kept = distinct(points)
+        kept = drop_repeated_points(points)
         if len(kept) < 2:
             raise ValueError(f"{len(kept)} different points: a path needs at least 2")
         self.pieces = _pieces(kept, rounding)
@@ -86,21 +86,21 @@ class Path:
         return len(self.pieces) - 1
 
 
-def distinct(points: Sequence[Point]) -> list[Point]:
+def drop_repeated_points(points: Sequence[Point]) -> list[Point]:
     """The points without those that lie on the one before them."""
     kept: list[Point] = []
     for point in points:
-        if not kept or math.dist(kept[-1], point) > SHORTEST:
+        if not kept or math.dist(kept[-1], point) > MIN_LEG_M:
             kept.append(point)
     return kept
 
 
-def legs(points: Sequence[Point]) -> list[list[Point]]:
+def split_at_reversals(points: Sequence[Point]) -> list[list[Point]]:
     """The points, cut where the path turns back: no arc rounds that, so there one has to stop and turn."""
-    kept = distinct(points)
+    kept = drop_repeated_points(points)
     found = [kept[:2]]
     for before, corner, after in zip(kept, kept[1:], kept[2:], strict=False):
-        if abs(_bend(_heading(before, corner), _heading(corner, after))) > SHARPEST:
+        if abs(_corner_angle(_heading(before, corner), _heading(corner, after))) > MAX_CORNER_ANGLE:
             found.append([corner])
         found[-1].append(after)
     return found
@@ -110,7 +110,7 @@ def _heading(start: Point, end: Point) -> float:
     return math.atan2(end[1] - start[1], end[0] - start[0])
 
 
-def _bend(before: float, after: float) -> float:
+def _corner_angle(before: float, after: float) -> float:
     return math.remainder(after - before, math.tau)
 
 
@@ -123,17 +123,17 @@ def _pieces(points: list[Point], rounding: float) -> list[Piece]:
     for index, length in enumerate(lengths):
         bend = 0.0
         if index + 1 < len(lengths):
-            bend = _bend(headings[index], headings[index + 1])
-        if abs(bend) > SHARPEST:
+            bend = _corner_angle(headings[index], headings[index + 1])
+        if abs(bend) > MAX_CORNER_ANGLE:
             corner = points[index + 1]
             raise ValueError(f"the path turns back at ({corner[0]:g}, {corner[1]:g}): drive it as two paths")
         cut = 0.0
         if bend:
             room = 0.5 * min(lengths[index], lengths[index + 1])
             cut = min(rounding * math.tan(0.5 * abs(bend)), room)
-            if cut < SHORTEST:  # too slight for an arc: a kink nobody can drive or measure
+            if cut < MIN_LEG_M:  # too slight for an arc: a kink nobody can drive or measure
                 cut = 0.0
-        if length - taken - cut > SHORTEST or not pieces:
+        if length - taken - cut > MIN_LEG_M or not pieces:
             pieces.append(Piece(here, length - taken - cut, 0.0))
             here = here.ahead(length - taken - cut)
         if not cut:

@@ -39,7 +39,7 @@ class Trapezoid:
         self, distance: float, speed: float, acceleration: float, deceleration: float | None = None
     ) -> None:
         deceleration = acceleration if deceleration is None else deceleration
-        _check(distance, speed=speed, acceleration=acceleration, deceleration=deceleration)
+        _check_distance(distance, speed=speed, acceleration=acceleration, deceleration=deceleration)
         self.distance = distance
         length = abs(distance)
         triangle = math.sqrt(2.0 * length * acceleration * deceleration / (acceleration + deceleration))
@@ -87,7 +87,7 @@ class SCurve:
     __slots__ = ("_limits", "_phases", "_sign", "distance", "duration")
 
     def __init__(self, distance: float, speed: float, acceleration: float, jerk: float) -> None:
-        _check(distance, speed=speed, acceleration=acceleration, jerk=jerk)
+        _check_distance(distance, speed=speed, acceleration=acceleration, jerk=jerk)
         self.distance = distance
         self._limits = speed, acceleration, jerk
         self._sign = -1.0 if distance < 0.0 else 1.0
@@ -133,7 +133,7 @@ class SCurve:
         if time >= self.duration:
             return ProfileState(self.distance, 0.0, 0.0)
         begin, jerk, state = next(phase for phase in reversed(self._phases) if time >= phase[0])
-        here = jerked(state, jerk, time - begin)
+        here = state_after_jerk(state, jerk, time - begin)
         sign = self._sign
         return ProfileState(sign * here.position, sign * here.velocity, sign * here.acceleration)
 
@@ -148,7 +148,7 @@ def profile(distance: float, speed: float, acceleration: float, jerk: float = 0.
     return Trapezoid(distance, speed, acceleration)
 
 
-def jerked(state: ProfileState, jerk: float, time: float) -> ProfileState:
+def state_after_jerk(state: ProfileState, jerk: float, time: float) -> ProfileState:
     """The state after `time` s of this jerk."""
     s, v, a = state.position, state.velocity, state.acceleration
     return ProfileState(
@@ -163,11 +163,11 @@ def _phases(pieces: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float
     begin, state, phases = 0.0, ProfileState(0.0, 0.0, 0.0), []
     for seconds, jerk in pieces:
         phases.append((begin, jerk, state))
-        begin, state = begin + seconds, jerked(state, jerk, seconds)
+        begin, state = begin + seconds, state_after_jerk(state, jerk, seconds)
     return tuple(phases)
 
 
-def _check(distance: float, **limits: float) -> None:
+def _check_distance(distance: float, **limits: float) -> None:
     if not math.isfinite(distance):
         raise ValueError(f"distance is {distance}: it must be finite")
     for name, limit in limits.items():

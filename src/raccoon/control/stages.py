@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from raccoon.control.profile import Profile, ProfileState, jerked, profile
+from raccoon.control.profile import Profile, ProfileState, profile, state_after_jerk
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Stage:
     acceleration: float
 
 
-class Staged:
+class StagedProfile:
     """Profile from rest to rest along `stages`, on each as fast as it and what comes after it allow.
 
     jerk: limit in m/s3, 0 for none; the acceleration is 0 then where one stage gives way to the next.
@@ -39,31 +39,35 @@ class Staged:
         self._begins: list[float] = []
         self._phases: list[tuple[ProfileState, float]] = []  # the state at its begin, and its jerk
         here = ProfileState(0.0, 0.0, 0.0)
-        for stage, (before, after) in zip(stages, itertools.pairwise(_speeds(stages, jerk)), strict=True):
-            top = _top(stage, before, after, jerk)
+        for stage, (before, after) in zip(
+            stages, itertools.pairwise(_entry_speeds(stages, jerk)), strict=True
+        ):
+            top = _top_speed(stage, before, after, jerk)
             ramps = _ramp_way(stage, before, top, jerk) + _ramp_way(stage, after, top, jerk)
-            here = self._change(here, stage, top - before)
-            here = self._phase(here, max(0.0, stage.length - ramps) / top, 0.0, 0.0)
-            here = self._change(here, stage, after - top)
+            here = self._add_speed_change(here, stage, top - before)
+            here = self._add_phase(here, max(0.0, stage.length - ramps) / top, 0.0, 0.0)
+            here = self._add_speed_change(here, stage, after - top)
 
-    def _change(self, here: ProfileState, stage: Stage, change: float) -> ProfileState:
+    def _add_speed_change(self, here: ProfileState, stage: Stage, change: float) -> ProfileState:
         """Add a change of speed; the state after it."""
-        ramp, steady = _ramp(stage, abs(change), self._jerk)
+        ramp, steady = _ramp_times(stage, abs(change), self._jerk)
         jerk = math.copysign(self._jerk, change)
         gain = jerk * ramp if ramp else math.copysign(stage.acceleration, change)
-        here = self._phase(here, ramp, 0.0, jerk)
-        here = self._phase(here, steady, gain, 0.0)
-        return self._phase(here, ramp, gain, -jerk)
+        here = self._add_phase(here, ramp, 0.0, jerk)
+        here = self._add_phase(here, steady, gain, 0.0)
+        return self._add_phase(here, ramp, gain, -jerk)
 
-    def _phase(self, here: ProfileState, seconds: float, acceleration: float, jerk: float) -> ProfileState:
+    def _add_phase(
+        self, here: ProfileState, seconds: float, acceleration: float, jerk: float
+    ) -> ProfileState:
         begin = replace(here, acceleration=acceleration)
         if seconds > 0.0:
             self._begins.append(self.duration)
             self._phases.append((begin, jerk))
             self.duration += seconds
-        return jerked(begin, jerk, seconds)
+        return state_after_jerk(begin, jerk, seconds)
 
-    def over(self, distance: float) -> Profile | Staged:
+    def over(self, distance: float) -> Profile | StagedProfile:
         """The same limits over another distance to the same end: the last `distance` m of it."""
         kept: list[Stage] = []
         for stage in reversed(self._stages):
@@ -73,7 +77,7 @@ class Staged:
         if kept:
             first = kept[0]
             kept[0] = replace(first, length=first.length + max(0.0, distance))
-            return Staged(kept, self._jerk)
+            return StagedProfile(kept, self._jerk)
         last = self._stages[-1]
         return profile(distance, last.speed, last.acceleration, self._jerk)
 
@@ -85,10 +89,10 @@ class Staged:
             return ProfileState(self.distance, 0.0, 0.0)
         index = bisect_right(self._begins, time) - 1
         state, jerk = self._phases[index]
-        return jerked(state, jerk, time - self._begins[index])
+        return state_after_jerk(state, jerk, time - self._begins[index])
 
 
-def _ramp(stage: Stage, change: float, jerk: float) -> tuple[float, float]:
+def _ramp_times(stage: Stage, change: float, jerk: float) -> tuple[float, float]:
     """s of each of the two ramps of jerk (0 where there is no limit), and s of steady acceleration."""
     if jerk == 0.0:
         return 0.0, change / stage.acceleration
@@ -99,30 +103,30 @@ def _ramp(stage: Stage, change: float, jerk: float) -> tuple[float, float]:
 
 def _ramp_way(stage: Stage, slow: float, fast: float, jerk: float) -> float:
     """m that it takes from one of two speeds to the other."""
-    ramp, steady = _ramp(stage, fast - slow, jerk)
+    ramp, steady = _ramp_times(stage, fast - slow, jerk)
     return 0.5 * (slow + fast) * (2.0 * ramp + steady)
 
 
-def _top(stage: Stage, before: float, after: float, jerk: float) -> float:
+def _top_speed(stage: Stage, before: float, after: float, jerk: float) -> float:
     """The highest speed on a stage that is entered and left at these."""
 
     def fits(top: float) -> bool:
         ways = (_ramp_way(stage, slow, top, jerk) for slow in (before, after))
         return sum(ways) <= stage.length
 
-    return stage.speed if fits(stage.speed) else _highest(fits, max(before, after), stage.speed)
+    return stage.speed if fits(stage.speed) else _bisect_highest(fits, max(before, after), stage.speed)
 
 
-def _reached(stage: Stage, slow: float, wanted: float, jerk: float) -> float:
+def _reachable_speed(stage: Stage, slow: float, wanted: float, jerk: float) -> float:
     """The highest speed up to `wanted` between which and `slow` a stage is long enough to change."""
 
     def fits(fast: float) -> bool:
         return _ramp_way(stage, slow, fast, jerk) <= stage.length
 
-    return wanted if wanted <= slow or fits(wanted) else _highest(fits, slow, wanted)
+    return wanted if wanted <= slow or fits(wanted) else _bisect_highest(fits, slow, wanted)
 
 
-def _highest(fits: Callable[[float], bool], low: float, high: float) -> float:
+def _bisect_highest(fits: Callable[[float], bool], low: float, high: float) -> float:
     """The highest number that fits, where `low` does and `high` does not."""
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -130,11 +134,11 @@ def _highest(fits: Callable[[float], bool], low: float, high: float) -> float:
     return low
 
 
-def _speeds(stages: Sequence[Stage], jerk: float) -> list[float]:
+def _entry_speeds(stages: Sequence[Stage], jerk: float) -> list[float]:
     """m/s at which each stage is entered, and 0 after the last."""
     speeds = [0.0, *(min(a.speed, b.speed) for a, b in itertools.pairwise(stages)), 0.0]
     for index, stage in enumerate(stages):
-        speeds[index + 1] = _reached(stage, speeds[index], speeds[index + 1], jerk)
+        speeds[index + 1] = _reachable_speed(stage, speeds[index], speeds[index + 1], jerk)
     for index, stage in reversed(list(enumerate(stages))):
-        speeds[index] = _reached(stage, speeds[index + 1], speeds[index], jerk)
+        speeds[index] = _reachable_speed(stage, speeds[index + 1], speeds[index], jerk)
     return speeds

@@ -76,7 +76,7 @@ def margins(gains: PidGains, wheel: WheelModel, filter_time_constant: float, dea
     return Margins(crossover, phase_margin, gain_margin)
 
 
-class SlowCycles:
+class SlowCycleGains:
     """The share of its gains that a loop may go by where cycles take longer than they were made for.
 
     For one margin the crossover goes about with 1 / (dead time + lag). A cycle that is longer by d makes the

@@ -47,7 +47,7 @@ class VoltageScaling:
             raise ValueError(f"reference is {reference} V: it must be above {LEAST_VOLTAGE} V")
         self.reference = reference
 
-    def scaled(self, duty: float, battery_voltage: float | None) -> ScaledDuty:
+    def scale_duty(self, duty: float, battery_voltage: float | None) -> ScaledDuty:
         """`duty` (-1..1) meant for the reference battery, on one of `battery_voltage` V.
 
         None or an impossible voltage scales by 1.

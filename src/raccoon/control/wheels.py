@@ -15,18 +15,18 @@ from dataclasses import dataclass
 
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.pid import Pid, PidGains
-from raccoon.control.tuning import SlowCycles
+from raccoon.control.tuning import SlowCycleGains
 from raccoon.control.voltage import LEAST_VOLTAGE
-from raccoon.control.watch import WheelState, WheelWatch
+from raccoon.control.wheel_watch import WheelState, WheelWatch
 
 MAX_DUTY = 1.0
-CYCLE, DEAD_TIME = 0.005, 0.0075
+CYCLE_S, DEAD_TIME_S = 0.005, 0.0075
 """s, of a cycle and from a reading to its effect, where nothing else is said."""
 STRAIGHT_SHARE, STRAIGHT_SPEED = 0.15, 0.3
 """Of the faster wheel's speed, and rad/s, by which two wheels differ that still drive straight on."""
 STANDING_SHARE = 0.05
 """Of the other wheel's speed below which a wheel is one to stand, as in a pivot: its friction may hold it."""
-OUT_OF_TURN = 0.3
+SETTLE_AFTER_TURN_S = 0.3
 """s after a turn until the robot really drives straight on."""
 
 
@@ -100,11 +100,11 @@ class Wheel:
         model: WheelModel,
         gains: PidGains,
         filter_time_constant: float,
-        cycle: float = CYCLE,
-        dead_time: float = DEAD_TIME,
+        cycle: float = CYCLE_S,
+        dead_time: float = DEAD_TIME_S,
     ) -> None:
         self.model = model
-        self._slow = SlowCycles(cycle, dead_time + filter_time_constant)
+        self._slow = SlowCycleGains(cycle, dead_time + filter_time_constant)
         self.pid = Pid(gains)
         self.expected = ExpectedSpeed(model.time_constant, filter_time_constant)
         self.watch = WheelWatch(model)
@@ -135,7 +135,7 @@ class Wheel:
     def resume(self) -> None:
         """Start from what the wheel does, as nobody knows what it did in a pause. What it learnt stays."""
         self._active = False
-        self.watch.rest()
+        self.watch.stop_learning()
         self.pid.reset(self.pid.integral)
 
     def top_speed(self, voltage: float) -> float:
@@ -146,7 +146,7 @@ class Wheel:
         """Forget the past."""
         self._active = False
         self._applied = 0.0
-        self.watch.rest()
+        self.watch.stop_learning()
         self.pid.reset()
 
 
@@ -167,8 +167,8 @@ class WheelLoop:
         gains: PidGains | tuple[PidGains, PidGains],
         filter_time_constant: float,
         nominal_voltage: float,
-        cycle: float = CYCLE,
-        dead_time: float = DEAD_TIME,
+        cycle: float = CYCLE_S,
+        dead_time: float = DEAD_TIME_S,
     ) -> None:
         if not nominal_voltage > LEAST_VOLTAGE:
             raise ValueError(f"nominal_voltage is {nominal_voltage} V: it must be above {LEAST_VOLTAGE}")
@@ -177,7 +177,7 @@ class WheelLoop:
         self._right = Wheel(right, both[1], filter_time_constant, cycle, dead_time)
         self._battery = nominal_voltage
         self._held = False
-        self._straight = OUT_OF_TURN
+        self._straight = SETTLE_AFTER_TURN_S
         self.saturated = False
         """True while the battery cannot give what is wanted."""
         self.missing_speed = 0.0
@@ -196,8 +196,8 @@ class WheelLoop:
         """
         if not self._held:
             self._held = True
-            self._left.watch.doubt()
-            self._right.watch.doubt()
+            self._left.watch.drop_recent()
+            self._right.watch.drop_recent()
 
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""
@@ -228,7 +228,7 @@ class WheelLoop:
         apart = abs(target.left - target.right)
         turns = apart > max(STRAIGHT_SPEED, STRAIGHT_SHARE * max(abs(target.left), abs(target.right)))
         self._straight = 0.0 if turns else self._straight + dt
-        self._left.watch.held = self._right.watch.held = self._held or self._straight < OUT_OF_TURN
+        self._left.watch.held = self._right.watch.held = self._held or self._straight < SETTLE_AFTER_TURN_S
         self._left.watch.stands = abs(target.left) < STANDING_SHARE * abs(target.right)
         self._right.watch.stands = abs(target.right) < STANDING_SHARE * abs(target.left)
         limit = MAX_DUTY * self._battery

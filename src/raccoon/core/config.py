@@ -28,7 +28,7 @@ from raccoon.core.nominal import (
     parse_model,
 )
 from raccoon.core.readings import MOTOR_PORTS
-from raccoon.core.schema import Measured, refuse_unknown, section, shown, subtable, template_line
+from raccoon.core.schema import Measured, format_value, refuse_unknown, section, subtable, template_line
 from raccoon.core.sections import (
     REAL_CONTROLLERS,
     BatteryConfig,
@@ -71,7 +71,7 @@ __all__ = [
 
 _log = logging.getLogger("raccoon")
 BYTE_ORDER_MARK = "\ufeff"
-_SLIPS = (
+_TOML_SLIPS = (
     (r"=\s*(True|False)\b", "; true and false are written small"),
     (r"=\s*-?\d+,\d", "; a number has a decimal point"),
     (r"=\s*[^\W\d][\w-]*\s*(#|$)", "; a text stands in quotes"),
@@ -163,17 +163,17 @@ def parse_toml(content: str | bytes) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits, a thousand brackets
-        raise ConfigError(f"not a TOML file: {error}{_quoted(text, str(error))}") from None
+        raise ConfigError(f"not a TOML file: {error}{_quoted_line(text, str(error))}") from None
 
 
-def _quoted(text: str, error: str) -> str:
+def _quoted_line(text: str, error: str) -> str:
     """The line that an error of the TOML reader names."""
     found = re.search(r"\(at line (\d+), ", error)
     if found is None:
         return ""
     line = text.split(chr(10))[int(found[1]) - 1].strip()
-    hint = next((hint for pattern, hint in _SLIPS if re.search(pattern, line)), "")
-    return f": {shown(line)}{hint}"
+    hint = next((hint for pattern, hint in _TOML_SLIPS if re.search(pattern, line)), "")
+    return f": {format_value(line)}{hint}"
 
 
 _SINGLE: Mapping[str, type[Any]] = {
@@ -188,7 +188,7 @@ _SEVERAL = ("motor", "tophat", "servo", "mechanism")
 """Those that stand in groups, `[GROUP.NAME]`."""
 
 
-def _refuse_homeless(table: Mapping[str, Any], known: tuple[str, ...]) -> None:
+def _refuse_misplaced(table: Mapping[str, Any], known: tuple[str, ...]) -> None:
     """Raise ConfigError for a key that stands above all sections or in another than its own, naming that."""
     kinds = {
         **_SINGLE,
@@ -211,14 +211,14 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
     Raises ConfigError naming key, value and what is allowed.
     """
     known = ("name", *_SINGLE, *_SEVERAL, "model")
-    _refuse_homeless(table, known)
+    _refuse_misplaced(table, known)
     refuse_unknown(table, known, "")
     name = table.get("name", "robot")
     if not isinstance(name, str):
-        raise ConfigError(f"name = {shown(name)}: it must be a text")
-    tophats = _named(table, "tophat", TophatConfig, "analog")
-    servos = _named(table, "servo", ServoConfig, "port")
-    mechanisms = _named(table, "mechanism", MechanismConfig, "motor")
+        raise ConfigError(f"name = {format_value(name)}: it must be a text")
+    tophats = _parse_named(table, "tophat", TophatConfig, "analog")
+    servos = _parse_named(table, "servo", ServoConfig, "port")
+    mechanisms = _parse_named(table, "mechanism", MechanismConfig, "motor")
     return RobotConfig(
         name=name,
         **{key: section(kind, table.get(key, {}), key) for key, kind in _SINGLE.items()},
@@ -243,7 +243,7 @@ _SECTION_NOTES = {
 }
 
 
-def _named(table: Mapping[str, Any], group: str, kind: type[Any], port_key: str) -> dict[str, Any]:
+def _parse_named(table: Mapping[str, Any], group: str, kind: type[Any], port_key: str) -> dict[str, Any]:
     """The sections `[group.NAME]`; no two may sit on the same port."""
     users: dict[int, str] = {}
     found = {}
@@ -251,7 +251,8 @@ def _named(table: Mapping[str, Any], group: str, kind: type[Any], port_key: str)
         where = f"{group}.{name}"
         if not isinstance(entry, Mapping):
             raise ConfigError(
-                f"{where} = {shown(entry)}: it must be in a section with the {group}'s name, [{group}.NAME]"
+                f"{where} = {format_value(entry)}: it must be in a section with the {group}'s name, "
+                f"[{group}.NAME]"
             )
         found[name] = section(kind, entry, where)
         taken = getattr(found[name], port_key)

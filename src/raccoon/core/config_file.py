@@ -44,7 +44,7 @@ def write_measured(
         parse_robot(parse_toml(changed))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    old = {key: found for key in dated if (found := _lookup(table, key)) is not None}
+    old = {key: found for key in dated if (found := _find_value(table, key)) is not None}
     history = path.with_name(f"{path.stem}.history.toml") if old else None
     if history is not None:
         _append_history(history, old, day)
@@ -150,7 +150,7 @@ def _assign(table: dict[str, Any], key: str, value: object) -> None:
     table[names[-1]] = value
 
 
-def _lookup(table: Mapping[str, Any], key: str) -> Any:
+def _find_value(table: Mapping[str, Any], key: str) -> Any:
     found: Any = table
     for name in key.split("."):
         if not isinstance(found, Mapping) or name not in found:

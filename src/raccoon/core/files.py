@@ -39,7 +39,7 @@ _copies: ContextVar[Path | None] = ContextVar("_copies", default=None)
 
 
 @contextmanager
-def kept_apart() -> Iterator[None]:
+def copy_kept_files() -> Iterator[None]:
     """Inside, what a program keeps from run to run (`kept_file`) is a copy, which is gone afterwards."""
     with tempfile.TemporaryDirectory(prefix="raccoon-") as folder:
         before = _copies.set(Path(folder))
@@ -81,12 +81,15 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
     """A file to write that gets the name `path` when the block ends; where it is left by an error nothing
     has happened. Otherwise as `write_atomically`.
     """
-    with named(path), _stream(path) if is_stream(path) else _beside(Path(os.path.realpath(path))) as file:
+    with (
+        naming_path(path),
+        _open_stream(path) if is_stream(path) else _temporary_beside(Path(os.path.realpath(path))) as file,
+    ):
         yield file
 
 
 @contextmanager
-def named(path: Path) -> Iterator[None]:
+def naming_path(path: Path) -> Iterator[None]:
     """An OSError inside names `path`: a full disk names no file, and nobody has heard of temporary ones."""
     try:
         yield
@@ -97,7 +100,7 @@ def named(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _beside(target: Path) -> Iterator[BinaryIO]:
+def _temporary_beside(target: Path) -> Iterator[BinaryIO]:
     """A file beside the target that gets its name."""
     handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     try:
@@ -128,7 +131,7 @@ def is_stream(path: Path) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)) or _descriptor(path) is not None
 
 
-def _stream(path: Path) -> BinaryIO:
+def _open_stream(path: Path) -> BinaryIO:
     """What is there, to be written to. An open file goes on where it is, or one would overwrite the other."""
     number = _descriptor(path)
     sys.stdout.flush()

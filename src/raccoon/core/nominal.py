@@ -11,10 +11,10 @@ from raccoon.core.schema import (
     BATTERY_VOLTAGE,
     Bounds,
     Measured,
+    format_value,
     measured,
     refuse_unknown,
     section,
-    shown,
     subtable,
 )
 
@@ -114,7 +114,7 @@ def parse_model(table: Mapping[str, Any]) -> NominalModel:
     sides = {side: motor.pop(side, {}) for side in ("left", "right")}
     for side, entry in sides.items():
         if not isinstance(entry, Mapping):
-            raise ConfigError(f"model.motor.{side} = {shown(entry)}: it must be a table")
+            raise ConfigError(f"model.motor.{side} = {format_value(entry)}: it must be a table")
     built: dict[str, Any] = {
         key: section(kind, table.get(key, {}), f"model.{key}")
         for key, kind in MODEL_SECTIONS.items()

@@ -113,7 +113,7 @@ LONGEST = 60
 """Letters of a value that a message shows."""
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """A value as a message shows it, short."""
     try:
         text = repr(value)
@@ -125,7 +125,7 @@ def shown(value: object) -> str:
 def section(kind: type[Any], entry: object, where: str) -> Any:
     """The section of class `kind` from a table; `where` is its name in messages. Raises ConfigError."""
     if not isinstance(entry, Mapping):
-        raise ConfigError(f"{where} = {shown(entry)}: it must be a table")
+        raise ConfigError(f"{where} = {format_value(entry)}: it must be a table")
     known = {each.name: each for each in fields(kind)}
     refuse_unknown(entry, tuple(known), where)
     hints = get_type_hints(kind)
@@ -139,14 +139,14 @@ def section(kind: type[Any], entry: object, where: str) -> Any:
 def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
     if hint is bool:
         if not isinstance(value, bool):
-            raise ConfigError(f"{where} = {shown(value)}: allowed are true and false")
+            raise ConfigError(f"{where} = {format_value(value)}: allowed are true and false")
         return value
     if hint is str:
         allowed = spec.metadata["allowed"]
         if not isinstance(value, str) or (allowed and value not in allowed):
             meant = spec.metadata["instead"].get(value, "") if isinstance(value, str) else ""
             raise ConfigError(
-                f"{where} = {shown(value)}: allowed is {' | '.join(allowed) or 'a text'}"
+                f"{where} = {format_value(value)}: allowed is {' | '.join(allowed) or 'a text'}"
                 + (f"; {meant}" if meant else "")
             )
         return value
@@ -154,20 +154,19 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
     unit: str = spec.metadata["unit"]
     if hint is int:
         if isinstance(value, bool) or not isinstance(value, int) or not bounds.allows(value):
-            raise ConfigError(
-                f"{where} = {shown(value)}: allowed are the ports {bounds.low:.0f} to {bounds.high:.0f}"
-            )
+            ports = f"{bounds.low:.0f} to {bounds.high:.0f}"
+            raise ConfigError(f"{where} = {format_value(value)}: allowed are the ports {ports}")
         return value
     if get_origin(hint) is Mapping:
         if not isinstance(value, Mapping):
-            raise ConfigError(f"{where} = {shown(value)}: it must be a table of numbers")
+            raise ConfigError(f"{where} = {format_value(value)}: it must be a table of numbers")
         return {key: _number(entry, bounds, unit, f"{where}.{key}") for key, entry in value.items()}
     if hint is Measured or Measured in get_args(hint):
         return _measured(value, bounds, unit, where)
     return _number(value, bounds, unit, where)
 
 
-def finite(value: object) -> float | None:
+def finite_or_none(value: object) -> float | None:
     """The finite float that a value of a file is, None where it is none: no number, NaN, beyond any float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
@@ -179,9 +178,9 @@ def finite(value: object) -> float | None:
 
 
 def _number(value: object, bounds: Bounds, unit: str, where: str) -> float:
-    found = finite(value)
+    found = finite_or_none(value)
     if found is None or not bounds.allows(found):
-        raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds} {unit}".rstrip())
+        raise ConfigError(f"{where} = {format_value(value)}: allowed are {bounds} {unit}".rstrip())
     return found
 
 
@@ -195,7 +194,7 @@ def _measured(value: object, bounds: Bounds, unit: str, where: str) -> Measured:
     if isinstance(day, datetime):
         day = day.date()
     if day is not None and not isinstance(day, date):
-        raise ConfigError(f"{where}.date = {shown(day)}: it must be a date such as 2026-03-01")
+        raise ConfigError(f"{where}.date = {format_value(day)}: it must be a date such as 2026-03-01")
     voltage = value.get("battery_voltage")
     return Measured(
         value=_number(value["value"], bounds, unit, f"{where}.value"),
@@ -211,7 +210,7 @@ def subtable(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any
     """The table under `key`, an empty one where there is none. Raises ConfigError for anything else."""
     entry = table.get(key, {})
     if not isinstance(entry, Mapping):
-        raise ConfigError(f"{where}{'.' if where else ''}{key} = {shown(entry)}: it must be a table")
+        raise ConfigError(f"{where}{'.' if where else ''}{key} = {format_value(entry)}: it must be a table")
     return entry
 
 

@@ -26,7 +26,7 @@ REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
 SIMULATED_ONE = " (simulated)"
 """Behind the name of a simulated robot where what it measured is kept: no real one goes by that."""
 CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
-_INSTEAD = {
+_PORT_HINTS = {
     "replay": "a recording is played by raccoon.replay(recording, program), or raccoon replay RECORDING"
 }
 
@@ -38,7 +38,7 @@ RATE = Bounds(0.001, 20.0)
 ACCELERATION = Bounds(0.001, 10_000.0)
 JERK = Bounds(0.001, 1e6, or_zero=True)
 TOLERANCE = Bounds(1e-6, 10.0)
-NEAR, NEAR_HEADING = Bounds(1e-6, 0.1), Bounds(1e-6, 0.3)
+DISTANCE_TOLERANCE, HEADING_TOLERANCE = Bounds(1e-6, 0.1), Bounds(1e-6, 0.3)
 """m and rad: a tolerance of more is one in mm or degrees."""
 
 
@@ -51,7 +51,7 @@ motor's time constant is 30 ms."""
 class ControllerConfig:
     """`[controller]`: what the program talks to."""
 
-    port: str = word("wombat", "what the program talks to", CONTROLLERS, _INSTEAD)
+    port: str = word("wombat", "what the program talks to", CONTROLLERS, _PORT_HINTS)
     rate_hz: float = number(200.0, "Hz", "cycles a second", CYCLE_RATE)
     device: str = word("", "path of a serial port or SPI device; the usual one of the port where empty")
     counter_rate_hz: float = number(
@@ -152,7 +152,7 @@ class TophatConfig:
     left: float = number(0.0, "m", "to the left of the middle", Bounds(-1.0, 1.0))
 
 
-PULSES = Bounds(float(SERVO_PULSE_US[0]), float(SERVO_PULSE_US[1]))
+PULSE_BOUNDS = Bounds(float(SERVO_PULSE_US[0]), float(SERVO_PULSE_US[1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,12 +160,12 @@ class ServoConfig:
     """`[servo.NAME]`: one servo, its mechanical range and the places a program calls by name."""
 
     port: int = port(0, "servo port", SERVO_PORTS)
-    lowest_us: float = number(PULSES.low, "us", "shortest pulse the mechanism stands", PULSES)
-    highest_us: float = number(PULSES.high, "us", "longest pulse the mechanism stands", PULSES)
+    lowest_us: float = number(PULSE_BOUNDS.low, "us", "shortest pulse the mechanism stands", PULSE_BOUNDS)
+    highest_us: float = number(PULSE_BOUNDS.high, "us", "longest pulse the mechanism stands", PULSE_BOUNDS)
     speed_us: float = number(
         3000.0, "us/s", "how fast the loaded servo turns, as change of pulse", Bounds(1.0, 1e6)
     )
-    positions_us: Mapping[str, float] = named("us", "names for pulses, such as { open = 1200 }", PULSES)
+    positions_us: Mapping[str, float] = named("us", "names for pulses, such as { open = 1200 }", PULSE_BOUNDS)
 
     def __post_init__(self) -> None:
         if self.lowest_us >= self.highest_us:
@@ -219,5 +219,7 @@ class MotionConfig:
     turn_acceleration: float = number(6.0, "rad/s2", "of turns", ACCELERATION)
     jerk: float = number(0.0, "m/s3", "of straight motions; 0 is no limit", JERK)
     turn_jerk: float = number(0.0, "rad/s3", "of turns; 0 is no limit", JERK)
-    distance_tolerance: float = number(0.001, "m", "a straight motion ends this near its goal", NEAR)
-    heading_tolerance: float = number(0.002, "rad", "a turn ends this near its goal", NEAR_HEADING)
+    distance_tolerance: float = number(
+        0.001, "m", "a straight motion ends this near its goal", DISTANCE_TOLERANCE
+    )
+    heading_tolerance: float = number(0.002, "rad", "a turn ends this near its goal", HEADING_TOLERANCE)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.doing import tell
 from raccoon.core.errors import TraceError
+from raccoon.core.progress import report
 from raccoon.diagnose.drives.disturbances import without_disturbances
 from raccoon.diagnose.drives.excitation import is_driven
 from raccoon.diagnose.drives.features import Features, without_empty_channels
@@ -139,7 +139,7 @@ class Diagnoser:
         undisturbed = without_disturbances(log, found.disturbances)
         if undisturbed is log:
             return found.diagnosis, log
-        tell("searching again without what happened in a moment")
+        report("searching again without what happened in a moment")
         again = self._with_step_change(undisturbed, unseen).diagnosis
         if is_path_dependent(again) and is_too_short(undisturbed.longest_part().seconds):
             return found.diagnosis, log
@@ -151,7 +151,7 @@ class Diagnoser:
         first = self._with_friction_change(log, unseen)
         if first.change is None:
             return first
-        tell(f"searching again beside what changed at {first.change.at:.1f} s")
+        report(f"searching again beside what changed at {first.change.at:.1f} s")
         again = self._with_friction_change(replace(log, change=first.change), unseen)
         told = (
             change_name(first.change).removeprefix(UNKNOWN_PREFIX) in again.diagnosis.unexplained.depends_on
@@ -163,7 +163,7 @@ class Diagnoser:
         first = self._with_separate_batteries(log, unseen)
         if not friction_may_have_changed(first.diagnosis, first.is_heating):
             return first
-        tell("asking whether friction changed in the drive")
+        report("asking whether friction changed in the drive")
         again = self.search_once(replace(log, friction_may_change=True), unseen)
         return again if FRICTION_OVER_TIME in again.diagnosis.unexplained.depends_on else first
 
@@ -172,7 +172,7 @@ class Diagnoser:
         first = self.search_once(log, unseen)
         if not (log.runs and batteries_may_differ(first.diagnosis)):
             return first
-        tell("asking whether the recordings share a battery")
+        report("asking whether the recordings share a battery")
         again = replace(self, causes=without_shared_resistance(self.causes)).search_once(
             with_own_batteries(log), unseen
         )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
-from raccoon.core.files import kept_apart, near_program, program_folder
+from raccoon.core.files import copy_kept_files, near_program, program_folder
 from raccoon.core.port import Port, in_real_time
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
@@ -261,7 +261,7 @@ def replay(
     settings = config or port.trace.header.config
     if settings is None:
         raise TraceError("the recording does not say its robot.toml: pass config=")
-    with kept_apart(), Robot(port, settings) as robot:
+    with copy_kept_files(), Robot(port, settings) as robot:
         result = perform(robot, program)
         port.finish()
         return result

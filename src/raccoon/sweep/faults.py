@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from raccoon.core.port import Port, bystander_of
 from raccoon.core.readings import Fault, Inputs, Outputs, Vector
-from raccoon.hal.wombat.checks.repeating import RepeatWatch
+from raccoon.hal.wombat.checks.repeat_watch import RepeatWatch
 
 FAULT_KINDS: Mapping[str, str] = {
     "fault.imu_silent": "the IMU says nothing any more",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, HardwareError, RaccoonError
-from raccoon.core.files import kept_apart
+from raccoon.core.files import copy_kept_files
 from raccoon.core.port import Port
 from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.robot.robot import Robot
@@ -156,7 +156,12 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     port = WatchedPort(_simulated_port(match, values, seed), match.seconds)
     reason = ""
     try:
-        with wall_limit(match.real_seconds), isolated_process_state(seed), kept_apart(), no_robot_opened():
+        with (
+            wall_limit(match.real_seconds),
+            isolated_process_state(seed),
+            copy_kept_files(),
+            no_robot_opened(),
+        ):
             mission = match.program.mission()
             reason = _drive(match, mission, port, record, seed)
     except MatchOver as over:

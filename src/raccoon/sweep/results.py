@@ -20,7 +20,7 @@ from typing import IO, Any
 from raccoon.core.config import BYTE_ORDER_MARK
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
-from raccoon.core.schema import LONGEST, shown
+from raccoon.core.schema import LONGEST, format_value
 
 Row = dict[str, Any]
 """One match: run, seed, status, reason, seconds, x, y, heading, position_error, heading_error, and the value
@@ -115,7 +115,7 @@ class Results:
             return wanted
         for name in wanted:
             if name != "end" and found.get(name) != wanted[name]:
-                known, own = shown(found.get(name)), shown(wanted[name])
+                known, own = format_value(found.get(name)), format_value(wanted[name])
                 # Two that are both cut are digests, or look alike.
                 what = f"{name}: {known}, and not {own}" if len(known + own) < 2 * LONGEST else name
                 raise ConfigError(

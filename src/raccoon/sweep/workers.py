@@ -16,7 +16,7 @@ from multiprocessing.connection import wait as wait_for_one
 from multiprocessing.resource_tracker import ensure_running
 from typing import Any
 
-from raccoon.core.cores import cores
+from raccoon.core.cpu_count import usable_cores
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.sweep.execute import Crew
@@ -55,7 +55,7 @@ def process_crew(workers: int | None) -> Iterator[Crew]:
     At the end of the block they end at once, whatever they are doing: a call that is under way may take
     minutes, and a thread that a program left behind goes on for ever.
     """
-    count = _checked_count(workers, cores())
+    count = _checked_count(workers, usable_cores())
     spawn = multiprocessing.get_context("spawn")
     ends, held = spawn.Pipe(duplex=False)
 
@@ -98,7 +98,7 @@ def dask_crew(scheduler: str | None, workers: int | None = None) -> Iterator[Cre
     except ImportError:
         raise ConfigError(f"--executor dask needs Dask: {install('cluster')}") from None
     if scheduler is None:
-        count = _checked_count(workers, cores())
+        count = _checked_count(workers, usable_cores())
         ensure_running()  # where it has to begin first, it lets the thread that needs it hear again
         with (
             _without_ctrl_c()

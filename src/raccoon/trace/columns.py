@@ -15,8 +15,8 @@ from itertools import repeat
 
 import numpy as np
 
-from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import TraceError
+from raccoon.core.progress import REPORT_PERIOD_CYCLES, report
 from raccoon.core.readings import (
     ANALOG_PORTS,
     DIGITAL_PORTS,
@@ -47,8 +47,8 @@ def recording_of(trace: Trace) -> Recording:
     """
     found: dict[str, array[float]] = {}  # a dict for each row takes 4 KB, and a Wombat has 1 GB
     for row, tick in enumerate(trace.ticks):
-        if row and row % SAID_EVERY == 0:
-            tell(f"columns of {row} of {len(trace.ticks)} cycles")
+        if row and row % REPORT_PERIOD_CYCLES == 0:
+            report(f"columns of {row} of {len(trace.ticks)} cycles")
         for name, value in tick_row(tick).items():
             column = found.setdefault(name, array("d"))
             column.extend(repeat(math.nan, row - len(column)))

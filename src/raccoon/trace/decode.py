@@ -9,7 +9,7 @@ from typing import Any, TypeGuard
 
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device, Fault, Inputs, Outputs, Truth
-from raccoon.core.schema import shown
+from raccoon.core.schema import format_value
 from raccoon.trace.encode import MAX_TEXT, Cycle, Values
 
 MAX_PORTS = 64
@@ -36,7 +36,7 @@ def parse_line(line: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise TraceError(f"not JSON: {error}") from None
     if not isinstance(table, dict):
-        raise TraceError(f"{shown(table)} is not a table")
+        raise TraceError(f"{format_value(table)} is not a table")
     return table
 
 
@@ -47,22 +47,24 @@ def _no_constant(name: str) -> float:
 def parse_device(table: object) -> Device:
     """Check and build a device. Raises TraceError naming the field and its value."""
     if not isinstance(table, dict):
-        raise TraceError(f"device is {shown(table)}: it must be a table")
+        raise TraceError(f"device is {format_value(table)}: it must be a table")
     scales = ("bemf_volts", "position_counts_seconds", "gyro_rad_s", "accel_m_s2", "battery_volts")
     for key in (*scales, "analog_full_scale"):
         if not (_is_number(table.get(key)) and table[key] > 0):
-            raise TraceError(f"device.{key} is {shown(table.get(key))}: allowed are numbers above 0")
+            raise TraceError(f"device.{key} is {format_value(table.get(key))}: allowed are numbers above 0")
     # Old recordings have none of what follows.
     lag, dead_zone = table.get("bemf_lag"), table.get("bemf_dead_zone", 0.0)
     for key, value in (("bemf_lag", 0.0 if lag is None else lag), ("bemf_dead_zone", dead_zone)):
         if not (_is_number(value) and value >= 0):
-            raise TraceError(f"device.{key} is {shown(value)}: allowed are numbers from 0")
+            raise TraceError(f"device.{key} is {format_value(value)}: allowed are numbers from 0")
     driven = table.get("driven_share", 1.0)
     if not (_is_number(driven) and 0.0 < driven <= 1.0):
-        raise TraceError(f"device.driven_share is {shown(driven)}: allowed are numbers above 0 up to 1")
+        raise TraceError(
+            f"device.driven_share is {format_value(driven)}: allowed are numbers above 0 up to 1"
+        )
     most = table.get("bemf_range")
     if most is not None and not (_is_number(most) and most > 0):
-        raise TraceError(f"device.bemf_range is {shown(most)}: allowed are numbers above 0")
+        raise TraceError(f"device.bemf_range is {format_value(most)}: allowed are numbers above 0")
     return Device(
         _text(table.get("name"), "device.name"),
         **{key: float(table[key]) for key in scales},
@@ -78,7 +80,7 @@ def parse_cycle(table: dict[str, Any], device: Device | None) -> Cycle:
     """Check and build a cycle. Raises TraceError naming the field and its value."""
     for field in table:
         if field not in _FIELDS:
-            raise TraceError(f"{shown(field)}: there is no such field")
+            raise TraceError(f"{format_value(field)}: there is no such field")
     return Cycle(
         inputs=_inputs(table, device) if "t" in table else None,
         commands=_commands(table),
@@ -123,7 +125,7 @@ def _commands(table: Mapping[str, Any]) -> tuple[Outputs, ...]:
 
 def _outputs(table: object) -> Outputs:
     if not isinstance(table, dict) or "duty" not in table:
-        raise TraceError(f"more is {shown(table)}: each must be a table with duty")
+        raise TraceError(f"more is {format_value(table)}: each must be a table with duty")
     given: dict[str, Any] = {"duty": _row(table["duty"], "duty", _number)}
     if "brake" in table:
         given["brake"] = _row(table["brake"], "brake", _switch)
@@ -153,7 +155,7 @@ def _row(value: object, field: str, each: Callable[[object, str], Any]) -> tuple
 def _vector(value: object, field: str) -> tuple[float, float, float]:
     row = _row(value, field, _number)
     if len(row) != 3:
-        raise TraceError(f"{field} is {shown(value)}: it must be three numbers")
+        raise TraceError(f"{field} is {format_value(value)}: it must be three numbers")
     return row[0], row[1], row[2]
 
 
@@ -165,7 +167,7 @@ def _is_number(value: object) -> TypeGuard[float]:
 
 def _number(value: object, field: str) -> float:
     if not _is_number(value):
-        raise TraceError(f"{field} is {shown(value)}: allowed are finite numbers")
+        raise TraceError(f"{field} is {format_value(value)}: allowed are finite numbers")
     return value
 
 
@@ -183,13 +185,13 @@ def _flag(value: object, field: str) -> bool | None:
 
 def _switch(value: object, field: str) -> bool:
     if not isinstance(value, bool):
-        raise TraceError(f"{field} is {shown(value)}: allowed are true and false")
+        raise TraceError(f"{field} is {format_value(value)}: allowed are true and false")
     return value
 
 
 def _pulse(value: object, field: str) -> int | None:
     if value is not None and type(value) is not int:
-        raise TraceError(f"{field} is {shown(value)}: allowed are whole microseconds and null")
+        raise TraceError(f"{field} is {format_value(value)}: allowed are whole microseconds and null")
     return value
 
 
@@ -197,22 +199,24 @@ def _fault(value: object) -> Fault:
     try:
         return Fault(_text(value, "faults"))
     except ValueError:
-        raise TraceError(f"faults holds {shown(value)}: allowed are {', '.join(Fault)}") from None
+        raise TraceError(f"faults holds {format_value(value)}: allowed are {', '.join(Fault)}") from None
 
 
 def _text(value: object, field: str) -> str:
     if not isinstance(value, str) or len(value) > MAX_TEXT:
-        raise TraceError(f"{field} holds {shown(value)}: allowed are texts of up to {MAX_TEXT} characters")
+        raise TraceError(
+            f"{field} holds {format_value(value)}: allowed are texts of up to {MAX_TEXT} characters"
+        )
     return value
 
 
 def _list(value: object, field: str, longest: int = MAX_ENTRIES) -> list[Any]:
     if not isinstance(value, list) or len(value) > longest:
-        raise TraceError(f"{field} is {shown(value)}: it must be a list of up to {longest}")
+        raise TraceError(f"{field} is {format_value(value)}: it must be a list of up to {longest}")
     return value
 
 
 def _entries(value: object, field: str) -> list[tuple[str, Any]]:
     if not isinstance(value, dict) or len(value) > MAX_ENTRIES:
-        raise TraceError(f"{field} is {shown(value)}: it must be a table of up to {MAX_ENTRIES}")
+        raise TraceError(f"{field} is {format_value(value)}: it must be a table of up to {MAX_ENTRIES}")
     return list(value.items())

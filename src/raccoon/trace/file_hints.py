@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from raccoon.core.errors import TraceError
-from raccoon.core.schema import shown
+from raccoon.core.schema import format_value
 
 ACCEPTED_TEXT = (
     "recordings are traces (.jsonl.gz), CSV with a column t (the time in s), MCAP (.mcap) and EMPS (.mat)"
@@ -80,7 +80,7 @@ def missing_time_reason(names: Iterable[str]) -> str:
     if len(cells) == 1 and "t" in header.split():
         return f"{said}: columns are parted by commas, semicolons or tabs, not by spaces"
     alike = next((each for each in cells if _TIME.fullmatch(without_comment_mark(each))), None)
-    return said if alike is None else f"{said}: if {shown(alike)} is that, name it t"
+    return said if alike is None else f"{said}: if {format_value(alike)} is that, name it t"
 
 
 def _cells(header: str) -> list[str]:
@@ -180,7 +180,9 @@ def find_csv_separator(path: Path) -> str:
     if text.startswith(SWEEP_HEADER):
         raise TraceError(f"it seems to be the table of a sweep; {ACCEPTED_TEXT}")
     if path.suffix != ".csv" and "," not in text:
-        raise TraceError(f"it seems to be a text that begins with {shown(text.strip())}; {ACCEPTED_TEXT}")
+        raise TraceError(
+            f"it seems to be a text that begins with {format_value(text.strip())}; {ACCEPTED_TEXT}"
+        )
     return SEPARATORS[0]
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, cast
 
-from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import TraceError
+from raccoon.core.progress import REPORT_PERIOD_CYCLES, report
 from raccoon.core.readings import Device, Inputs, Outputs
 from raccoon.trace.decode import parse_cycle, parse_device, parse_line
 from raccoon.trace.encode import Values
@@ -200,8 +200,8 @@ class _Reader:
             raise TraceError(f"more than {self._max_ticks} cycles")
         if number and cycle.inputs.time < trace.ticks[-1].inputs.time:
             raise TraceError(f"t is {cycle.inputs.time}: it goes back from {trace.ticks[-1].inputs.time}")
-        if number and number % SAID_EVERY == 0:
-            tell(f"reading {self._name}: {number} cycles")
+        if number and number % REPORT_PERIOD_CYCLES == 0:
+            report(f"reading {self._name}: {number} cycles")
         trace.ticks.append(Tick(cycle.inputs, cycle.commands, dict(cycle.estimates)))
         trace.events += [Event(number, text) for text in cycle.events]
 

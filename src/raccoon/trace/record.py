@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.forks import left_in_forks
+from raccoon.core.fork_ownership import leave_in_forks
 from raccoon.core.port import Port, bystander_of, in_real_time
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.trace.encode import MAX_TEXT, Cycle, Values, json_line
@@ -57,7 +57,7 @@ class RecordingPort:
         self._failure: str | None = None
         self._closed = False
         self._begin(None)
-        left_in_forks(self)
+        leave_in_forks(self)
         try:
             revision = revision or git_revision(Path.cwd())
             header = json_line(
@@ -116,7 +116,7 @@ class RecordingPort:
             self._events.append(text)
 
     def leave(self) -> None:
-        """See `raccoon.core.forks`: the file is finished by the process that began it."""
+        """See `raccoon.core.fork_ownership`: the file is finished by the process that began it."""
         self._closed = True
 
     def close(self) -> None:

@@ -8,8 +8,8 @@ from dataclasses import fields
 from itertools import zip_longest
 from pathlib import Path
 
-from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import ReplayDiverged
+from raccoon.core.progress import REPORT_PERIOD_CYCLES, report
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.trace.format import Tick, Trace, read_trace
 
@@ -48,8 +48,8 @@ class ReplayPort:
             raise EOFError(self._ending())
         self._tick += 1
         self._written = 0
-        if self._tick and self._tick % SAID_EVERY == 0:
-            tell(f"replayed {self._tick} of {len(self.trace.ticks)} cycles")
+        if self._tick and self._tick % REPORT_PERIOD_CYCLES == 0:
+            report(f"replayed {self._tick} of {len(self.trace.ticks)} cycles")
         self._recorded = self.trace.ticks[self._tick]
         return self._recorded.inputs
 

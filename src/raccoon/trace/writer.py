@@ -15,7 +15,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
 
-from raccoon.core.files import named, replacing
+from raccoon.core.files import naming_path, replacing
 from raccoon.core.readings import Device
 from raccoon.trace.encode import Cycle, cycle_line, device_line, json_line
 
@@ -40,7 +40,7 @@ class TraceWriter:
         # Exclusive: another program may have taken the name since somebody looked.
         self._file = plain.open("wb" if overwrite else "xb", buffering=0)
         try:
-            with named(plain):
+            with naming_path(plain):
                 _write_all(self._file.fileno(), header.encode())
         except BaseException:
             self._file.close()

@@ -49,12 +49,12 @@ def test_a_wheel_that_presses_gets_the_volts_of_its_torque_and_never_more_than_t
 ) -> None:
     wheel = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
     standing = 1.8 / 1.08 * (0.18 + 0.276)  # friction and torque, through the resistance
-    assert wheel.pressing(2.0 * sign, 0.0, 0.276) == pytest.approx(sign * standing)
-    assert wheel.pressing(2.0 * sign, -0.3 * sign, 0.276) == pytest.approx(sign * standing)
+    assert wheel.pressing_voltage(2.0 * sign, 0.0, 0.276) == pytest.approx(sign * standing)
+    assert wheel.pressing_voltage(2.0 * sign, -0.3 * sign, 0.276) == pytest.approx(sign * standing)
     turning = standing + 1.08 * 0.5 + 1.8 / 1.08 * 0.004 * 0.5
-    assert wheel.pressing(2.0 * sign, 0.5 * sign, 0.276) == pytest.approx(sign * turning)
-    assert wheel.pressing(2.0 * sign, 2.0 * sign, 0.276) == wheel.voltage(2.0 * sign)
-    assert wheel.pressing(2.0 * sign, 0.0, float("inf")) == wheel.voltage(2.0 * sign)
+    assert wheel.pressing_voltage(2.0 * sign, 0.5 * sign, 0.276) == pytest.approx(sign * turning)
+    assert wheel.pressing_voltage(2.0 * sign, 2.0 * sign, 0.276) == wheel.voltage(2.0 * sign)
+    assert wheel.pressing_voltage(2.0 * sign, 0.0, float("inf")) == wheel.voltage(2.0 * sign)
 
 
 def test_time_constant_is_that_of_a_simulated_step() -> None:

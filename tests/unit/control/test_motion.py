@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from raccoon.control.motion import line_command, slewed, turn_command
+from raccoon.control.motion import limit_slew, line_command, turn_command
 from raccoon.control.profile import ProfileState
 
 AHEAD = ProfileState(position=0.3, velocity=0.2, acceleration=0.0)
@@ -52,4 +52,6 @@ def test_a_turn_that_is_behind_is_sped_up() -> None:
 
 
 def test_a_wish_is_followed_by_steps() -> None:
-    assert [slewed(0.1, wanted, 0.02) for wanted in (0.5, 0.11, -0.5)] == pytest.approx([0.12, 0.11, 0.08])
+    assert [limit_slew(0.1, wanted, 0.02) for wanted in (0.5, 0.11, -0.5)] == pytest.approx(
+        [0.12, 0.11, 0.08]
+    )

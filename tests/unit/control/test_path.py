@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raccoon.control.path import Path, legs
+from raccoon.control.path import Path, split_at_reversals
 
 CORNER = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
 
@@ -54,9 +54,12 @@ def test_it_is_continuous_and_nearest_finds_its_own_points(bends: list[tuple[flo
 
 def test_legs_end_where_the_path_turns_back() -> None:
     there, back = (1.0, 0.0), (0.0, 0.01)
-    assert legs([*CORNER, CORNER[-1]]) == [CORNER]
-    assert legs([(0.0, 0.0), there, back, (0.0, 1.0)]) == [[(0.0, 0.0), there], [there, back, (0.0, 1.0)]]
-    assert legs([there, back, there, back]) == [[there, back], [back, there], [there, back]]
+    assert split_at_reversals([*CORNER, CORNER[-1]]) == [CORNER]
+    assert split_at_reversals([(0.0, 0.0), there, back, (0.0, 1.0)]) == [
+        [(0.0, 0.0), there],
+        [there, back, (0.0, 1.0)],
+    ]
+    assert split_at_reversals([there, back, there, back]) == [[there, back], [back, there], [there, back]]
 
 
 def test_nonsense_is_refused() -> None:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raccoon.control.profile import profile
-from raccoon.control.stages import Stage, Staged
+from raccoon.control.stages import Stage, StagedProfile
 
 STAGES = st.lists(
     st.builds(Stage, st.floats(0.01, 1.0), st.floats(0.05, 1.0), st.floats(0.1, 2.0)), min_size=1, max_size=5
@@ -15,7 +15,7 @@ JERK = st.sampled_from([0.0, 0.5, 5.0])
 
 @given(STAGES, JERK)
 def test_it_arrives_and_keeps_the_limits_of_each_stage(stages: list[Stage], jerk: float) -> None:
-    staged = Staged(stages, jerk)
+    staged = StagedProfile(stages, jerk)
     dt = staged.duration / 100
     before, begins = staged.at(0.0), [sum(each.length for each in stages[:n]) for n in range(len(stages))]
     for step in range(1, 101):
@@ -34,7 +34,7 @@ def test_it_arrives_and_keeps_the_limits_of_each_stage(stages: list[Stage], jerk
 
 @given(st.floats(0.01, 1.0), st.floats(0.05, 1.0), st.floats(0.1, 2.0), JERK)
 def test_one_stage_is_a_plain_profile(length: float, speed: float, gain: float, jerk: float) -> None:
-    plain, staged = profile(length, speed, gain, jerk), Staged([Stage(length, speed, gain)], jerk)
+    plain, staged = profile(length, speed, gain, jerk), StagedProfile([Stage(length, speed, gain)], jerk)
     assert staged.duration == pytest.approx(plain.duration)
     for part in (0.1, 0.4, 0.5, 0.9):
         time = part * plain.duration
@@ -45,7 +45,7 @@ def test_one_stage_is_a_plain_profile(length: float, speed: float, gain: float, 
 def test_a_slow_corner_does_not_slow_down_the_straights() -> None:
     """0.4 m at 0.2 m/s, 3 cm at 0.02 m/s and 0.4 m again: 2.0 + 1.5 + 2.0 s, and the changes of speed."""
     straight, corner = Stage(0.4, 0.2, 0.4), Stage(0.03, 0.02, 0.4)
-    staged = Staged([straight, corner, straight])
+    staged = StagedProfile([straight, corner, straight])
     assert staged.duration == pytest.approx(5.5 + 2 * (0.25 + 0.2025), abs=1e-6)
     assert staged.at(1.5).velocity == pytest.approx(0.2)
     assert staged.at(0.5 * staged.duration).velocity == pytest.approx(0.02)
@@ -55,7 +55,7 @@ def test_a_slow_corner_does_not_slow_down_the_straights() -> None:
 def test_what_is_left_of_a_way_has_the_limits_of_its_end(rest: float) -> None:
     """After a pause the motors start again from where the robot is, which may be beyond either end."""
     straight, corner = Stage(0.4, 0.2, 0.4), Stage(0.03, 0.02, 0.4)
-    left = Staged([straight, corner, straight]).over(rest)
+    left = StagedProfile([straight, corner, straight]).over(rest)
     assert left.distance == pytest.approx(rest)
     assert left.at(left.duration + 1.0).position == pytest.approx(rest)
     states = [left.at(0.02 * n) for n in range(400)]
@@ -67,4 +67,4 @@ def test_what_is_left_of_a_way_has_the_limits_of_its_end(rest: float) -> None:
 
 def test_a_stage_without_limits_is_refused() -> None:
     with pytest.raises(ValueError, match="above 0"):
-        Staged([Stage(0.4, 0.0, 0.4)])
+        StagedProfile([Stage(0.4, 0.0, 0.4)])

@@ -6,7 +6,7 @@ import pytest
 
 from raccoon.control.feedforward import WheelModel, wheel_models
 from raccoon.control.pid import Pid, PidGains
-from raccoon.control.tuning import SlowCycles, margins, speed_loop_gains
+from raccoon.control.tuning import SlowCycleGains, margins, speed_loop_gains
 from raccoon.core.config import RobotConfig
 from raccoon.model.paper import MOTORS
 
@@ -85,15 +85,15 @@ def test_the_gain_margin_is_where_the_loop_starts_to_oscillate() -> None:
 @pytest.mark.parametrize("cycle", [0.01, 0.02, 0.05])
 def test_a_loop_with_slow_cycles_keeps_its_margin_by_a_share_of_its_gains(cycle: float) -> None:
     wheel, lag = wheel_models(RobotConfig())[0], 0.005
-    gains, slow = speed_loop_gains(wheel, lag, DEAD_TIME), SlowCycles(0.005, DEAD_TIME + lag)
+    gains, slow = speed_loop_gains(wheel, lag, DEAD_TIME), SlowCycleGains(0.005, DEAD_TIME + lag)
     for _ in range(200):
         share = slow.share(cycle)
-    late = DEAD_TIME + 2.0 * (cycle - SlowCycles.FORGIVEN * 0.005)
+    late = DEAD_TIME + 2.0 * (cycle - SlowCycleGains.FORGIVEN * 0.005)
     kept = margins(PidGains(share * gains.kp, share * gains.ki), wheel, lag, late)
     assert math.degrees(kept.phase) >= 60.0
 
 
 def test_cycles_in_time_and_one_that_is_a_little_late_cost_nothing() -> None:
-    slow = SlowCycles(0.005, 0.0125)
+    slow = SlowCycleGains(0.005, 0.0125)
     assert [slow.share(dt) for dt in (0.005, 0.005, 0.01, 0.005)] == [1.0] * 4
     assert slow.share(0.0) == 1.0

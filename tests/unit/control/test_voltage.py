@@ -13,19 +13,19 @@ WHEEL = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
 
 def test_the_paper_s_factor_and_its_limit() -> None:
     scaling = VoltageScaling(COMPETITION_VOLTAGE)
-    full = scaling.scaled(1.0, TESTING_VOLTAGE)
+    full = scaling.scale_duty(1.0, TESTING_VOLTAGE)
     assert round(full.factor, 3) == 1.148
     assert full.duty == 1.0
     assert full.saturated
     assert full.missing == pytest.approx(1.0 - TESTING_VOLTAGE / COMPETITION_VOLTAGE)
-    most = scaling.scaled(0.8, TESTING_VOLTAGE)
+    most = scaling.scale_duty(0.8, TESTING_VOLTAGE)
     assert most.duty == pytest.approx(0.8 * 7.0 / 6.1)
     assert not most.saturated
 
 
 @pytest.mark.parametrize("voltage", [None, 0.0, 2.0, float("nan"), float("inf")])
 def test_an_impossible_battery_scales_by_one(voltage: float | None) -> None:
-    assert VoltageScaling(7.0).scaled(-0.5, voltage).duty == -0.5
+    assert VoltageScaling(7.0).scale_duty(-0.5, voltage).duty == -0.5
 
 
 def test_nonsense_is_refused() -> None:
@@ -33,7 +33,7 @@ def test_nonsense_is_refused() -> None:
         with pytest.raises(ValueError, match=rf"reference is {reference} V"):
             VoltageScaling(reference)
     with pytest.raises(ValueError, match=r"duty is 1\.5"):
-        VoltageScaling(7.0).scaled(1.5, 6.6)
+        VoltageScaling(7.0).scale_duty(1.5, 6.6)
 
 
 def test_the_budget_s_speed_needs_exactly_the_budget_s_voltage() -> None:

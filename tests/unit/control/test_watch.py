@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from raccoon.control.feedforward import WheelModel
-from raccoon.control.identify import RecursiveFit, Windows, fit_voltages
-from raccoon.control.watch import WheelState, WheelWatch, oddities
+from raccoon.control.voltage_fit import RecursiveFit, Windows, fit_voltages
+from raccoon.control.wheel_watch import WheelState, WheelWatch, describe_oddities
 
 NOMINAL = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
 
@@ -56,14 +56,14 @@ def pushing(volts: float) -> WheelWatch:
 
 def learnt(watch: WheelWatch) -> bool:
     """Whether anything was, once the motor is off."""
-    watch.rest()
+    watch.stop_learning()
     return (watch.state.speed_factor, watch.state.load_factor) != (1.0, 1.0)
 
 
 def test_what_was_seen_last_is_not_learnt_of_a_wheel_that_pushed_then() -> None:
     assert learnt(pushing(1.0))
     doubted = pushing(1.0)
-    doubted.doubt()
+    doubted.drop_recent()
     assert not learnt(doubted)
 
 
@@ -135,7 +135,7 @@ def test_a_motor_geared_up_whose_speed_is_read_coarsely_is_not_odd(motor: WheelM
     for _ in range(200 * 5):
         off += 0.2 * (0.036 / motor.back_emf_constant * noise.standard_normal() - off)  # 0.012 V of it
         watch.update(motor.voltage(speed) - 4.0 * off, speed + off, 0.005)
-        assert oddities(watch.state, watch.state) == ("", "")
+        assert describe_oddities(watch.state, watch.state) == ("", "")
     assert watch.state.speed_factor == pytest.approx(1.0, abs=0.25)
 
 
@@ -148,7 +148,7 @@ def test_late_readings_of_wheels_that_speed_up_at_once_make_no_robot_heavy() -> 
         speed += 0.005 * change
         watch.update(motor.voltage(speed, change), speed - 0.010 * change, 0.005)
     assert watch.state.load_factor > 2.5
-    assert oddities(watch.state, watch.state) == ("", "")
+    assert describe_oddities(watch.state, watch.state) == ("", "")
 
 
 def test_data_that_cannot_tell_is_refused() -> None:
@@ -160,23 +160,23 @@ def test_data_that_cannot_tell_is_refused() -> None:
 
 def test_a_nominal_motor_is_not_odd() -> None:
     state = watched(NOMINAL)
-    assert oddities(state, state) == ("", "")
+    assert describe_oddities(state, state) == ("", "")
     assert state.speed_factor == pytest.approx(1.0, abs=0.05)
 
 
 def test_half_as_much_resistance_again_is_odd() -> None:
     state = watched(WheelModel(2.7, 1.08, 0.18, 0.004, 0.02))
     assert state.load_factor == pytest.approx(1.5, abs=0.15)
-    left, right = oddities(state, watched(NOMINAL))
+    left, right = describe_oddities(state, watched(NOMINAL))
     assert "that the other takes under load" in left
     assert right == ""
-    assert oddities(watched(NOMINAL), state) == (right, left)
+    assert describe_oddities(watched(NOMINAL), state) == (right, left)
 
 
 def test_a_weak_magnet_is_odd() -> None:
     state = watched(WheelModel(1.8, 0.54, 0.18, 0.004, 0.02))
     assert "K_E" in state.odd_speed
-    assert oddities(watched(NOMINAL), state) == ("", state.odd_speed)
+    assert describe_oddities(watched(NOMINAL), state) == ("", state.odd_speed)
     assert state.speed_factor == pytest.approx(0.5, abs=0.1)
 
 
@@ -195,21 +195,23 @@ def late(state: WheelState, by: float) -> WheelState:
 
 def test_late_readings_make_no_motor_odd() -> None:
     state = watched(NOMINAL)
-    assert oddities(late(state, 0.010), late(state, 0.012)) == ("", "")
+    assert describe_oddities(late(state, 0.010), late(state, 0.012)) == ("", "")
 
 
 def test_a_robot_of_more_than_twice_its_weight_is_odd_on_both_sides() -> None:
     state = late(watched(WheelModel(1.8, 1.08, 0.18, 0.004, 0.05)), 0.005)  # speeds are smoothed
-    left, right = oddities(state, state)
+    left, right = describe_oddities(state, state)
     assert left == right
     assert "weight, inertia_straight" in left
 
 
 def test_too_little_to_go_by_is_no_verdict() -> None:
     state = replace(watched(WheelModel(2.7, 0.54, 0.18, 0.004, 0.02)), known=False)
-    assert oddities(state, state) == ("", "")
+    assert describe_oddities(state, state) == ("", "")
     heavy = replace(state, speed_factor=1.0)
-    assert oddities(heavy, watched(NOMINAL)) == oddities(watched(NOMINAL), heavy) == ("", "")
+    assert (
+        describe_oddities(heavy, watched(NOMINAL)) == describe_oddities(watched(NOMINAL), heavy) == ("", "")
+    )
 
 
 @pytest.mark.parametrize("speed", [0.01, None])
@@ -218,7 +220,7 @@ def test_a_driven_wheel_that_stands_or_is_mute_is_stalled_and_forgets_at_rest(sp
     for _ in range(100):
         watch.update(3.0, speed, 0.005)
     assert watch.stalled
-    watch.rest()
+    watch.stop_learning()
     assert not watch.stalled
 
 
@@ -242,6 +244,6 @@ def test_too_little_voltage_to_move_is_no_stall() -> None:
 def test_a_load_that_is_hardly_known_is_not_odd() -> None:
     """At one speed for a minute the fit forgets what an acceleration took."""
     unsure = WheelState(True, 1.0, 0.01, 0.24, 0.54)
-    assert oddities(unsure, unsure) == ("", "")
+    assert describe_oddities(unsure, unsure) == ("", "")
     sure = WheelState(True, 1.0, 0.01, 0.24, 0.03)
-    assert all("times the voltage a load should" in each for each in oddities(sure, sure))
+    assert all("times the voltage a load should" in each for each in describe_oddities(sure, sure))

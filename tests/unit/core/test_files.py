@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from raccoon.core.files import kept_apart, kept_file, named, write_atomically
+from raccoon.core.files import copy_kept_files, kept_file, naming_path, write_atomically
 
 
 def test_text_and_bytes_arrive_as_they_are(tmp_path: Path) -> None:
@@ -129,12 +129,12 @@ def test_a_full_disk_names_the_path_that_was_given(tmp_path: Path, monkeypatch: 
 
 
 def test_what_has_no_name_gets_one() -> None:
-    with pytest.raises(OSError, match="No space left") as refused, named(Path("run.csv")):
+    with pytest.raises(OSError, match="No space left") as refused, naming_path(Path("run.csv")):
         raise OSError(28, "No space left on device")
     assert refused.value.filename == "run.csv"
     with (
         pytest.raises(BrokenPipeError) as ended,
-        named(Path("run.csv")),
+        naming_path(Path("run.csv")),
     ):  # nobody reads on: no fault of a file
         raise BrokenPipeError(32, "Broken pipe")
     assert ended.value.filename is None
@@ -143,7 +143,7 @@ def test_what_has_no_name_gets_one() -> None:
 def test_what_is_kept_apart_is_a_copy_for_as_long_as_that(tmp_path: Path) -> None:
     here, new = tmp_path / "here.json", tmp_path / "new" / "here.json"
     here.write_text("mine")
-    with kept_apart():
+    with copy_kept_files():
         for _ in range(2):
             assert kept_file(here).read_text() == "mine"
         copy = kept_file(here)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from raccoon import seq, straight, wait
-from raccoon.control.watch import STALL_TIME
+from raccoon.control.wheel_watch import STALL_TIME_S
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError, MotionTimeout
 from raccoon.core.readings import BEMF_FROZEN_SECONDS, SIMULATOR, Fault, Inputs, Outputs
@@ -303,7 +303,9 @@ def test_a_robot_whose_counters_freeze_does_not_run_away() -> None:
             robot.run(seq(wait(0.5), straight(0.3)))
         truth = port.read().truth
         assert truth is not None
-        on = 0.15 * (BEMF_FROZEN_SECONDS + STALL_TIME)  # m, until it is sure and has waited as for any wheel
+        on = 0.15 * (
+            BEMF_FROZEN_SECONDS + STALL_TIME_S
+        )  # m, until it is sure and has waited as for any wheel
         assert 0.0 < truth.x < 0.3 + on
 
 

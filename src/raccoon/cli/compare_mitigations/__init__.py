@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from raccoon.cli.crew import add_workers_option, check_workers
 from raccoon.cli.outputs import check_folders, check_matplotlib, check_replaceable
 from raccoon.cli.shared_options import check_seed
-from raccoon.core.doing import tell
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
+from raccoon.core.progress import report
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     known = {} if args.results is None else stored(args.results, args.seed, args.tape)
     done = _note(args, sum(robots.values()))
     with show_progress():
-        tell("driving the first robots")
+        report("driving the first robots")
         found = measure_all(robots, args.seed, args.workers, tape_std=args.tape, known=known, done=done)
     cells = group_by_cell(found)
     text = markdown(cells, robots)
@@ -100,7 +100,7 @@ def _note(args: argparse.Namespace, every: int) -> Callable[[Number, dict[str, E
         count += 1
         store(robot, ends)
         far = f"{count} robots driven, of {every} in the table"
-        tell(far)
+        report(far)
         if count % 20 == 0 and not sys.stderr.isatty():
             print(far, file=sys.stderr)
 

@@ -46,8 +46,8 @@ class TimedDrive:
         if self.scaling is None:
             return wanted
         return (
-            self.scaling.scaled(wanted[0], battery_voltage).duty,
-            self.scaling.scaled(wanted[1], battery_voltage).duty,
+            self.scaling.scale_duty(wanted[0], battery_voltage).duty,
+            self.scaling.scale_duty(wanted[1], battery_voltage).duty,
         )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from raccoon.cli.progress import show_progress
 from raccoon.core.config import RobotConfig
-from raccoon.core.doing import SAID_EVERY, tell
 from raccoon.core.errors import TraceError
+from raccoon.core.progress import REPORT_PERIOD_CYCLES, report
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.diagnose.drives.gravity import describe_wrong_acceleration
 from raccoon.diagnose.drives.units import describe_wrong_units
@@ -86,8 +86,8 @@ def _estimates(run: Run, odometry: Odometry) -> list[list[float]]:
         estimate = odometry.update(inputs, command or standing)
         rows.append([getattr(estimate, name) for name in COLUMNS])
         command = commands[-1] if commands else command
-        if len(rows) % SAID_EVERY == 0:
-            tell(f"{run.name}: odometry over {len(rows)} of {len(run.recording)} cycles")
+        if len(rows) % REPORT_PERIOD_CYCLES == 0:
+            report(f"{run.name}: odometry over {len(rows)} of {len(run.recording)} cycles")
     return rows
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from raccoon.core.doing import tell
+from raccoon.core.progress import report
 from raccoon.diagnose.findings.cause_results import fitted_parameters, largest_deviation
 from raccoon.diagnose.findings.held_out import HeldOut, evaluate_held_out
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
@@ -35,7 +35,7 @@ def validate_causes(search: Search, other: Problem | None) -> tuple[Search, Held
     search = refit_with_final_noise(split_sides(search))
     while (more := add_missed_cause(search)) is not None:
         search = refit_with_final_noise(more)
-    tell("judging on data that was not fitted")
+    report("judging on data that was not fitted")
     search = _drop_unneeded(search)
     judged = evaluate_held_out(search, other)
     while True:

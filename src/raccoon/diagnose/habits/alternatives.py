@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.doing import tell
+from raccoon.core.progress import report
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import evaluate_fit, fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point, Problem, transfer_columns, transfer_point
@@ -132,7 +132,7 @@ def _run_unless_behind(
     first: Search, search: Search, min_search_lead: float, run_search: RunSearch
 ) -> Search | None:
     """A search that has begun, as far as one goes; None where it is behind another on the way."""
-    tell(SEARCHING_AGAIN)
+    report(SEARCHING_AGAIN)
     if run_search is start_selection:
         return first
     if _ended_far_behind(first, search, min_search_lead):

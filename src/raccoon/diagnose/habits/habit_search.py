@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.doing import tell
+from raccoon.core.progress import report
 from raccoon.diagnose.drives.excitation import swing_period
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.habits.alternatives import try_battery_filters, try_friction_forms
@@ -122,7 +122,7 @@ def search_with_habits(
     swings is not compared: a loop that hears of a push before the wheels' readings do has had several causes
     of a robot without any.
     """
-    tell("finding out what the controller does with its samples")
+    report("finding out what the controller does with its samples")
     log, fit = (log, None) if firmware else place_commands(log, robot, causes, model)
     restored, first = find_habits(log, robot, causes, model, firmware, fit)
 
@@ -136,7 +136,7 @@ def search_with_habits(
     trials = trials_of(restored)
     search, habits = _begin(first, trials)
     if len(search.named) > 1 and (seconds := swing_period(log)):
-        tell("comparing over whole swings of the commands")
+        report("comparing over whole swings of the commands")
         search, habits = _begin(replace(first, swing=seconds), trials)
     search, habits = _grow(search, habits, trials)
     search = refine_selection(search)

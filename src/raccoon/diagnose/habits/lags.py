@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.doing import tell
+from raccoon.core.progress import report
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.alternatives import (
@@ -94,7 +94,7 @@ def try_lagging_readings(search: Search, habits: Habits, trials: HabitTrials) ->
         elif completely:
             trials.reject(search, habits, [other])
     for other, problem, start in reversed(ahead):
-        tell("going on as another gyro or clock would have it")
+        report("going on as another gyro or clock would have it")
         second = trials.run_search(
             linearise_search(problem, make_probe_function(problem), start, search.whitener)
         )
@@ -125,7 +125,7 @@ def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> S
     fit = fit_best_start(search, problem, _starts_with_lags_as_causes(search, problem))
     settled = fit_point(search.problem, search.whitener, search.fit)  # as the other is
     if log_evidence_lead(problem, settled, fit) < max_lead:
-        tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
+        report("going on with lags of the robot instead of its gyro's filter or its controller's clock")
         second = look_from(search, problem, fit.point)
         second = resume_search(second) if trials.run_search is run_search else trials.run_search(second)
         if _named_gyro_lags(second) or clock:
@@ -247,7 +247,7 @@ def try_low_pass_for_gyro_lag(search: Search, habits: Habits, trials: HabitTrial
         deficit = log_evidence_lead(problem, settled, fit)
         clear = -(MIN_LOG_EVIDENCE_LEAD if few else CLEAR_LOG_EVIDENCE_LEAD)
         if deficit < clear and habits.firmware is None:
-            tell("going on with a gyro that smooths")
+            report("going on with a gyro that smooths")
             second = resume_search(look_from(search, problem, fit.point))
             if lead_over_search(second, search) > -MIN_LOW_PASS_LEAD:
                 return second, smooth

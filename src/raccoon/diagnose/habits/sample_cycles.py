@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from raccoon.core.doing import tell
+from raccoon.core.progress import report
 from raccoon.diagnose.habits.alternatives import (
     MIN_LOG_EVIDENCE_LEAD,
     SEARCHING_AGAIN,
@@ -70,7 +70,7 @@ def try_pause_slowdown_beside_causes(search: Search, habits: Habits, trials: Hab
     if lead < MIN_LOG_EVIDENCE_LEAD:
         trials.reject(search, habits, [other] if lead < 0.0 else [])
         return search, habits
-    tell(SEARCHING_AGAIN)
+    report(SEARCHING_AGAIN)
     return continue_selection(look_from(search, problem, fit.point)), other
 
 

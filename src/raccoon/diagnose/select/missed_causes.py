@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from raccoon.core.doing import tell
+from raccoon.core.progress import report
 from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.linear_model import gram_tables
@@ -31,7 +31,7 @@ def add_missed_cause(search: Search) -> Search | None:
     """
     if search.unknown or len(search.fit.point.active) < MANY_CAUSES:
         return None
-    tell(f"asking what was missed beside {', '.join(search.fit.point.active)}")
+    report(f"asking what was missed beside {', '.join(search.fit.point.active)}")
     problem = search.problem
     extra = search.probes(search.linear)
     table, plain = gram_tables(search.linear, extra, search.whitener)

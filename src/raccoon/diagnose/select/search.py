@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raccoon.core.doing import tell
+from raccoon.core.progress import report
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point
@@ -196,7 +196,7 @@ def select_forward(search: Search, max_causes: int = MAX_CAUSES) -> Search:
     """
     remaining = -1
     for _ in range(2 * MAX_CAUSES):
-        tell(f"looking for causes; so far {search.listed}")
+        report(f"looking for causes; so far {search.listed}")
         if len(search.fit.point.active) >= max_causes:
             break
         search, added = forward_step(search)
@@ -251,12 +251,12 @@ def refine_selection(search: Search) -> Search:
     search, replaced = simplify_to_one_cause(search)
     if replaced:
         search, _ = forward_step(search)
-    tell(f"trying other sets of causes than {search.listed}")
+    report(f"trying other sets of causes than {search.listed}")
     search, changed = replace_by_better_sets(search)
     if changed:
         search = select_forward(search)
     search = _eliminate(search)
-    tell(f"asking what else may be in the place of {search.listed}")
+    report(f"asking what else may be in the place of {search.listed}")
     better, before = compare_rivals(search), frozenset(search.fit.point.active)
     if better is not None:
         search = _eliminate(select_forward(replace_set(search, better)))

@@ -7,7 +7,7 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.schema import Bounds, finite, refuse_unknown, shown
+from raccoon.core.schema import Bounds, finite_or_none, format_value, refuse_unknown
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.flicker import FLICKER_HZ
 from raccoon.model.reflectance import FULL_SCALE, GENERATIONS
@@ -47,7 +47,7 @@ def parse_entry(table: object, where: str) -> StoredCalibration:
     here = f"{where} (sensor {sensor})"
     generation = values.get("generation")
     if generation is not None and generation not in GENERATIONS:
-        raise ConfigError(f"{here}.generation = {shown(generation)}: allowed are null, old and new")
+        raise ConfigError(f"{here}.generation = {format_value(generation)}: allowed are null, old and new")
     return StoredCalibration(
         sensor,
         _check_text(values["set_name"], f"{here}.set_name"),
@@ -64,12 +64,14 @@ def _parse_calibration(table: object, where: str) -> TophatCalibration:
     values = _check_table(TophatCalibration, table, where)
     verdict = values["verdict"]
     if verdict not in tuple(Verdict):
-        raise ConfigError(f"{where}.verdict = {shown(verdict)}: allowed is {' | '.join(Verdict)}")
+        raise ConfigError(f"{where}.verdict = {format_value(verdict)}: allowed is {' | '.join(Verdict)}")
     flickers = values.get("flickers", 0)
     if isinstance(flickers, bool):  # of files from before lamps of 120 Hz were known
         flickers = 100 if flickers else 0
     if flickers not in (0, *FLICKER_HZ):
-        raise ConfigError(f"{where}.flickers = {shown(flickers)}: allowed are 0, 100, 120 and 250 (Hz)")
+        raise ConfigError(
+            f"{where}.flickers = {format_value(flickers)}: allowed are 0, 100, 120 and 250 (Hz)"
+        )
     threshold, low, high = (
         _optional_number(values.get(key), COUNTS_BOUNDS, f"{where}.{key}")
         for key in ("threshold", "low", "high")
@@ -117,7 +119,7 @@ def _parse_surface(table: object, where: str) -> Surface | None:
     values = _check_table(Surface, table, where)
     count = values["count"]
     if isinstance(count, bool) or not isinstance(count, int) or count < 0:
-        raise ConfigError(f"{where}.count = {shown(count)}: allowed are whole numbers from 0")
+        raise ConfigError(f"{where}.count = {format_value(count)}: allowed are whole numbers from 0")
     mean = _check_number(values["mean"], COUNTS_BOUNDS, f"{where}.mean")
     return Surface(mean, _check_number(values["sd"], SPREAD_BOUNDS, f"{where}.sd"), count)
 
@@ -125,7 +127,7 @@ def _parse_surface(table: object, where: str) -> Surface | None:
 def _check_table(kind: type[Any], table: object, where: str) -> Mapping[str, Any]:
     """The table, with no key that `kind` does not have and all that it needs."""
     if not isinstance(table, Mapping):
-        raise ConfigError(f"{where} = {shown(table)}: it must be a table")
+        raise ConfigError(f"{where} = {format_value(table)}: it must be a table")
     refuse_unknown(table, tuple(each.name for each in fields(kind)), where)
     for each in fields(kind):
         if each.default is MISSING and each.name not in table:
@@ -135,14 +137,14 @@ def _check_table(kind: type[Any], table: object, where: str) -> Mapping[str, Any
 
 def _check_text(value: object, where: str) -> str:
     if not isinstance(value, str):
-        raise ConfigError(f"{where} = {shown(value)}: it must be a text")
+        raise ConfigError(f"{where} = {format_value(value)}: it must be a text")
     return value
 
 
 def _check_number(value: object, bounds: Bounds, where: str) -> float:
-    found = finite(value)
+    found = finite_or_none(value)
     if found is None or not bounds.allows(found):
-        raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds}")
+        raise ConfigError(f"{where} = {format_value(value)}: allowed are {bounds}")
     return found
 
 

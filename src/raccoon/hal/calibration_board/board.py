@@ -10,9 +10,9 @@ from raccoon.hal.serial_line import SerialLine
 
 BAUD = 921_600
 """A USB line has no rate; the board ignores the number."""
-FRESH = 0.1
+FRESH_S = 0.1
 """s; what the board said longer ago is not where the robot is."""
-DEAD = 2.0
+DEAD_S = 2.0
 """s without an IMU sample after which the line is opened again."""
 
 
@@ -42,14 +42,14 @@ class CalibrationBoard:
                 self.sensors = frame
             else:
                 self.tracker.take(frame)
-        if self._line.connected and now - self._sampled > DEAD:
+        if self._line.connected and now - self._sampled > DEAD_S:
             self._sampled = now
             self._line.reopen()
 
     @property
     def silent(self) -> bool:
         """True where the board has said nothing for a while."""
-        return self._clock.now() - self._heard > FRESH
+        return self._clock.now() - self._heard > FRESH_S
 
     @property
     def status(self) -> Status:

@@ -7,13 +7,13 @@ from dataclasses import replace
 from raccoon.core.clock import RealClock
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
-from raccoon.hal.added import AddingPort, with_loss
+from raccoon.hal.added_sensor import AddedSensorPort, with_loss
 from raccoon.hal.calibration_board.board import BAUD, CalibrationBoard
 from raccoon.hal.calibration_board.tracker import CENTRED, Mounting
 from raccoon.hal.serial_line import SerialLine
 
 
-class ReferencePort(AddingPort):
+class ReferencePort(AddedSensorPort):
     """Wraps `port`: `truth` becomes the board's pose, and None wherever that cannot be trusted.
 
     `extra` gains reference.turn_rate (rad/s) and reference.quality (surface quality of the flow sensor).

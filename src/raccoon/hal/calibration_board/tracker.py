@@ -108,13 +108,13 @@ class FlowTracker:
         """Use one frame; frames must come in the order of the board."""
         match frame:
             case FlowCalibration():
-                self._calibrate(frame)
+                self._take_calibration(frame)
             case Orientation():
-                self._orient(frame)
+                self._take_orientation(frame)
             case Flow():
-                self._follow(frame)
+                self._take_flow(frame)
             case Accumulator():
-                self._sum(frame)
+                self._take_sums(frame)
             case _:
                 pass
 
@@ -132,14 +132,14 @@ class FlowTracker:
         start = self._yaw if self._start_yaw is None else self._start_yaw
         return self._start_heading + self._mounting.yaw_sign * (self._yaw - start)
 
-    def _calibrate(self, frame: FlowCalibration) -> None:
+    def _take_calibration(self, frame: FlowCalibration) -> None:
         x, y = frame.counts_per_cm
         usable = frame.valid and all(math.isfinite(each) and abs(each) > 0.0 for each in (x, y))
         if self._counts_per_metre is not None and not usable:
             self.lose("the board lost its flow calibration")
         self._counts_per_metre = (100.0 * x, 100.0 * y) if usable else None
 
-    def _orient(self, frame: Orientation) -> None:
+    def _take_orientation(self, frame: Orientation) -> None:
         w, x, y, z = frame.quaternion
         if not abs(math.hypot(w, x, y, z) - 1.0) < 0.1:
             self.lose("the board's attitude is not a rotation")
@@ -152,12 +152,12 @@ class FlowTracker:
         rate = self._mounting.yaw_sign * math.radians(frame.gyro_deg_s[2])
         self.turn_rate = rate if math.isfinite(rate) else None
 
-    def _follow(self, frame: Flow) -> None:
+    def _take_flow(self, frame: Flow) -> None:
         self.squal = frame.squal
         self._check_gap(frame.time_ms)
         first = self._flow_time is None
         self._flow_time = frame.time_ms
-        self._judge(frame)
+        self._judge_quality(frame)
         if first:
             self._flow_yaw = self._yaw  # what it counts happened before anybody listened
         elif self._sums is None:
@@ -172,7 +172,7 @@ class FlowTracker:
         elif elapsed > (FRAME_GAP if self._sums is None else ACCUMULATOR_GAP):
             self.lose(f"{elapsed:.2f} s without flow from the board")
 
-    def _judge(self, frame: Flow) -> None:
+    def _judge_quality(self, frame: Flow) -> None:
         self._poor = frame.squal < POOR_SQUAL
         if not self._poor or self._good_time is None:
             self._good_time = frame.time_ms
@@ -181,7 +181,7 @@ class FlowTracker:
                 f"the floor could not be followed (quality {frame.squal}, below {POOR_SQUAL})"
             )
 
-    def _sum(self, frame: Accumulator) -> None:
+    def _take_sums(self, frame: Accumulator) -> None:
         last, self._sums = self._sums, (frame.x, frame.y)
         if last is None:
             self._flow_yaw = self._yaw

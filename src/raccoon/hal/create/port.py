@@ -9,7 +9,7 @@ from typing import Protocol
 from raccoon.core.clock import Clock, RealClock
 from raccoon.core.config import MotorModel
 from raccoon.core.errors import ConfigError, HardwareError
-from raccoon.core.forks import left_in_forks
+from raccoon.core.fork_ownership import leave_in_forks
 from raccoon.core.readings import (
     ANALOG_PORTS,
     BEMF_VOLTS_PER_COUNT,
@@ -41,13 +41,13 @@ CREATE_2 = Device(
 )
 SERIAL_PORT = "/dev/ttyUSB0"
 """Where the first USB cable of a Create 2 appears."""
-CYCLE_TIMEOUT = 0.05
+CYCLE_TIMEOUT_S = 0.05
 """s without a frame after which a cycle is handed over empty: three stream periods and some."""
-SILENCE = 0.5
+SILENCE_S = 0.5
 """s without a frame after which the interface is started again."""
-PATIENCE = 5.0
+PATIENCE_S = 5.0
 """s of listening without a frame after which the base is given up: time to put a plug back in."""
-MOST_READS = 20
+MAX_READS_PER_CYCLE = 20
 """In one cycle: more than what a cable's driver keeps, 64 KiB."""
 _ANALOG_REST = (None,) * (ANALOG_PORTS - 4)
 _MOTOR_REST = (None,) * (MOTOR_PORTS - 2)
@@ -128,7 +128,7 @@ class CreatePort:
         self._beat()
 
     def leave(self) -> None:
-        """See `raccoon.core.forks`: a forked process that ends stops no wheels of its parent."""
+        """See `raccoon.core.fork_ownership`: a forked process that ends stops no wheels of its parent."""
         self._closed = True
 
     def close(self) -> None:
@@ -159,16 +159,16 @@ class CreatePort:
 
     def _start(self) -> None:
         self._openings = self._line.openings
-        self._asked = self._last_start = self._clock.now()
-        self._obeyed = False
+        self._mode_asked_at = self._last_start = self._clock.now()
+        self._obeyed_at = False
         self._line.write(protocol.start(self._mode))
 
     def _next_frames(self) -> list[Sensors]:
         # The select inside the line waits in real time, so the number of waits is bounded as well: a trickle
         # of garbage must not keep the cycle here when the clock is a stepped one.
-        deadline = self._clock.now() + CYCLE_TIMEOUT
+        deadline = self._clock.now() + CYCLE_TIMEOUT_S
         frames: list[Sensors] = []
-        for _ in range(MOST_READS):
+        for _ in range(MAX_READS_PER_CYCLE):
             data = self._line.read(max(deadline - self._clock.now(), 0.0))
             if self._line.openings != self._openings:
                 self._start()
@@ -180,12 +180,12 @@ class CreatePort:
         return frames
 
     def _silent_cycle(self, now: float) -> Inputs:
-        if self._listened > PATIENCE:
+        if self._listened > PATIENCE_S:
             raise HardwareError(
                 f"Create on {self._line.path}: no sensor frame for {self._listened:.1f} s; check the cable, "
                 "and press the clean button once to wake the base"
             )
-        if now - self._last_frame > SILENCE and now - self._last_start > SILENCE:
+        if now - self._last_frame > SILENCE_S and now - self._last_start > SILENCE_S:
             self._start()
         return Inputs(time=now, device=CREATE_2, faults=(Fault.LINK_DEAD,))
 
@@ -201,23 +201,25 @@ class CreatePort:
             for wheel, word in zip(self._wheels, (sensors.left_encoder, sensors.right_encoder), strict=True)
         ]
         faults += [fault for fault in jumps if fault is not None]
-        if not self._obeying(sensors, now):
+        if not self._check_obeying(sensors, now):
             faults.append(Fault.COMMAND_LOST)
         return _inputs(sensors, now, self._wheels, tuple(dict.fromkeys(faults)))
 
-    def _obeying(self, sensors: Sensors, now: float) -> bool:
+    def _check_obeying(self, sensors: Sensors, now: float) -> bool:
         """Whether the base is in a mode in which its wheels obey; where not, ask for it again.
 
         It leaves SAFE by itself when a wheel drops or a cliff shows up: that mode is not forced back while a
         wheel hangs, and never more often than every half second.
         """
         if sensors.mode == self._mode:
-            self._obeyed = True
+            self._obeyed_at = True
             return True
-        if now - self._last_start > SILENCE and not sensors.wheel_dropped:
+        if now - self._last_start > SILENCE_S and not sensors.wheel_dropped:
             self._last_start = now
             self._line.write(protocol.start(self._mode))
-        return not self._obeyed and now - self._asked < SILENCE  # the first frames may be older than our wish
+        return (
+            not self._obeyed_at and now - self._mode_asked_at < SILENCE_S
+        )  # the first frames may be older than our wish
 
 
 def _inputs(
@@ -285,5 +287,5 @@ def open_create(path: str = SERIAL_PORT, *, mode: Mode = Mode.FULL, speed: bool 
         line.close()
         raise
     atexit.register(port.close)
-    left_in_forks(port)
+    leave_in_forks(port)
     return port

@@ -24,7 +24,7 @@ class SerialPortInfo(Protocol):
     manufacturer: str | None
 
 
-def i2c(path: str, opener: Callable[[str], I2cBus] = I2cBus) -> Finding:
+def list_i2c_devices(path: str, opener: Callable[[str], I2cBus] = I2cBus) -> Finding:
     """The addresses that answer on a bus."""
     subject = f"i2c {path}"
     if not Path(path).exists():
@@ -41,15 +41,15 @@ def i2c(path: str, opener: Callable[[str], I2cBus] = I2cBus) -> Finding:
         return Finding(subject, Verdict.WARNING, "does not work", str(error), remedy)
     finally:
         bus.close()
-    listed = ", ".join(f"{address:#04x} {_named(address, who)}" for address, who in found.items())
+    listed = ", ".join(f"{address:#04x} {_device_name(address, who)}" for address, who in found.items())
     return Finding(subject, Verdict.OK, listed or "nothing answers", values={"devices": float(len(found))})
 
 
-def _named(address: int, who: str) -> str:
+def _device_name(address: int, who: str) -> str:
     return _LIKELY.get(address, "unknown device") if who == "device" else who
 
 
-def serial_ports(lister: Callable[[], Iterable[SerialPortInfo]] | None = None) -> Finding:
+def list_serial_ports(lister: Callable[[], Iterable[SerialPortInfo]] | None = None) -> Finding:
     """USB serial devices by name, so that a missing one is noticed."""
     if lister is None:
         from serial.tools.list_ports import comports

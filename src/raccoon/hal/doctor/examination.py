@@ -12,12 +12,12 @@ from raccoon.hal.doctor import link, motors, sensors
 from raccoon.hal.doctor.report import Finding, Report, Verdict
 from raccoon.hal.doctor.session import Session, session
 from raccoon.hal.doctor.trial import MotorTrial, try_motor
-from raccoon.hal.doctor.wiring import wiring
+from raccoon.hal.doctor.wiring import wiring_finding
 from raccoon.model.bemf import foreign_ticks
 
-WARM_UP = 0.3
+WARM_UP_S = 0.3
 """s after opening that are not judged: filters of a controller that has just started still fill."""
-REST = 1.0
+REST_S = 1.0
 """s that the robot stands before anything moves."""
 
 
@@ -38,11 +38,11 @@ def examine(
         with session(port) as running:
             _examine(running, port, config, report, move, progress)
     except HardwareError as error:
-        report.add(lost(error))
+        report.add(lost_device_finding(error))
     return report
 
 
-def lost(error: HardwareError) -> Finding:
+def lost_device_finding(error: HardwareError) -> Finding:
     """The finding for a device that cannot be opened or was lost."""
     pages = "see docs/hardware.md, for a Create docs/hardware-i2c-serial.md"
     return Finding("controller", Verdict.FAULT, "not reached", str(error), pages)
@@ -57,19 +57,29 @@ def _examine(
     progress: Callable[[str], None],
 ) -> None:
     progress("listening")
-    running.run(WARM_UP)
+    running.run(WARM_UP_S)
     running.cycles.clear()
-    rest = running.run(REST)
-    report.add(link.identity(rest))
-    report.add(*sensors.imu(config, rest), *sensors.analog(config, rest), sensors.buttons(rest))
+    rest = running.run(REST_S)
+    report.add(link.identity_finding(rest))
+    report.add(
+        *sensors.imu_findings(config, rest),
+        *sensors.analog_findings(config, rest),
+        sensors.button_findings(rest),
+    )
     at_rest = len(running.cycles)
     if move:
         _try_motors(running, config, report, progress)
     else:
         report.add(Finding("motors", Verdict.NOT_CHECKED, "nothing was moved"))
-    report.add(sensors.battery(rest, running.cycles[at_rest:]), *_calibrations(config, rest[-1].device))
+    report.add(
+        sensors.battery_finding(rest, running.cycles[at_rest:]),
+        *_calibration_findings(config, rest[-1].device),
+    )
     # A sick link makes everything else look sick: it is told first.
-    report.findings[1:1] = [link.rates(config, running.cycles, port), *link.faults(running.cycles)]
+    report.findings[1:1] = [
+        link.rate_findings(config, running.cycles, port),
+        *link.fault_findings(running.cycles),
+    ]
 
 
 def _try_motors(
@@ -81,17 +91,17 @@ def _try_motors(
         progress(f"moving the {side} wheel (motor {motor_port})")
         trials[motor_port] = try_motor(running, motor_port)
         report.add(*motors.judge_motor(config, trials[motor_port]))
-    report.add(wiring(config, trials))
+    report.add(wiring_finding(config, trials))
     for motor_port in sorted(set(config.motors) - set(trials)):
         report.add(Finding(f"motor {motor_port}", Verdict.NOT_CHECKED, "not moved: it is no driven wheel"))
 
 
-def _calibrations(config: RobotConfig, device: Device) -> list[Finding]:
+def _calibration_findings(config: RobotConfig, device: Device) -> list[Finding]:
     """What robot.toml has measured, as it goes before what stands in [model]: wrong where it is another
     firmware's, with which no program drives.
     """
     found = [
-        f"motor.{port}.{key}{_when(getattr(motor, key))}"
+        f"motor.{port}.{key}{_format_date(getattr(motor, key))}"
         for port, motor in sorted(config.motors.items())
         for key in motor.before_model()
     ]
@@ -105,5 +115,5 @@ def _calibrations(config: RobotConfig, device: Device) -> list[Finding]:
     return [Finding("calibrations", Verdict.FAULT, told, "; ".join(foreign), remedy)]
 
 
-def _when(value: Measured) -> str:
+def _format_date(value: Measured) -> str:
     return "" if value.date is None else f" ({value.date})"

@@ -17,7 +17,7 @@ from raccoon.hal.wombat.firmware.stock.wire import FIRMWARE_VERSION
 
 RATE_TOLERANCE = 0.05
 COUNTER_TOLERANCE = 0.03
-LATE = 2.0
+LATE_PERIODS = 2.0
 """A cycle that takes that many periods missed one."""
 LATE_SHARE = 0.01
 _RACCOON = "wombat-raccoon-"
@@ -41,7 +41,7 @@ REMEDIES = {
 _REPAIRED = {Fault.TORN, Fault.OVERRUN, Fault.COMMAND_LOST}
 
 
-def identity(cycles: Sequence[Inputs]) -> Finding:
+def identity_finding(cycles: Sequence[Inputs]) -> Finding:
     """The controller, its firmware and version, as the port made sure of when it was opened."""
     name = cycles[-1].device.name
     values: dict[str, float] = {}
@@ -56,14 +56,14 @@ def identity(cycles: Sequence[Inputs]) -> Finding:
     return Finding("controller", Verdict.OK, described, values=values)
 
 
-def rates(config: RobotConfig, cycles: Sequence[Inputs], port: object) -> Finding:
+def rate_findings(config: RobotConfig, cycles: Sequence[Inputs], port: object) -> Finding:
     """Cycles a second, how many came late, and how often the counters changed where the port measures it."""
     periods = sorted(later.time - earlier.time for earlier, later in pairwise(cycles))
     if not periods:
         return Finding("rate", Verdict.FAULT, "no cycles", "the port handed over one cycle only")
     rate = 1.0 / max(mean(periods), 1e-9)
     wanted = 1.0 / STREAM_PERIOD if cycles[-1].device is CREATE_2 else config.controller.rate_hz
-    late = sum(period > LATE / wanted for period in periods)
+    late = sum(period > LATE_PERIODS / wanted for period in periods)
     p99, longest = periods[int(0.99 * (len(periods) - 1))], periods[-1]
     measured = f"{rate:.1f} Hz; 99 % within {1e3 * p99:.2f} ms, longest {1e3 * longest:.2f} ms, {late} late"
     values = {"rate_hz": rate, "p99": p99, "longest": longest, "late": float(late)}
@@ -77,7 +77,7 @@ def rates(config: RobotConfig, cycles: Sequence[Inputs], port: object) -> Findin
         return Finding("rate", Verdict.FAULT, measured, problem, remedy, values)
     if late > LATE_SHARE * len(periods):
         return Finding("rate", Verdict.WARNING, measured, "too many cycles came late", remedy, values)
-    if counters is not None and (problem := _wrong_counters(counters)):
+    if counters is not None and (problem := _describe_wrong_counters(counters)):
         remedy = (
             f"write counter_rate_hz = {counters.bemf:.1f} under [controller] in robot.toml, then calibrate"
         )
@@ -85,7 +85,7 @@ def rates(config: RobotConfig, cycles: Sequence[Inputs], port: object) -> Findin
     return Finding("rate", Verdict.OK, measured, values=values)
 
 
-def _wrong_counters(rates: Rates) -> str:
+def _describe_wrong_counters(rates: Rates) -> str:
     """Why ticks and back-EMF are worked out wrongly, empty where they are not."""
     expected, found = rates.expected_bemf, rates.bemf
     if expected is None or found is None or abs(found / expected - 1.0) <= COUNTER_TOLERANCE:
@@ -93,7 +93,7 @@ def _wrong_counters(rates: Rates) -> str:
     return f"ticks are worked out for counters at {expected:.0f} Hz: another build of the firmware"
 
 
-def faults(cycles: Sequence[Inputs]) -> list[Finding]:
+def fault_findings(cycles: Sequence[Inputs]) -> list[Finding]:
     """What the port itself reported, one finding a fault; of analog ports their own findings tell more."""
     counts = Counter(fault for each in cycles for fault in each.faults if fault is not Fault.ANALOG_SATURATED)
     if not counts:

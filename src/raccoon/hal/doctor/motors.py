@@ -5,7 +5,7 @@ from __future__ import annotations
 from raccoon.core.config import RobotConfig
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import mean
-from raccoon.hal.doctor.trial import DUTY, SILENT, STILL_TICKS, MotorTrial
+from raccoon.hal.doctor.trial import SILENT_COUNTS, STILL_TICKS, TRIAL_DUTY, MotorTrial
 from raccoon.model.motor import steady_speed
 
 OFFSET_LIMIT = 25.0
@@ -18,24 +18,24 @@ LATENCY_LIMIT = 0.1
 def judge_motor(config: RobotConfig, trial: MotorTrial) -> list[Finding]:
     """Response, sign, speed, counter and offset of one motor."""
     subject = f"motor {trial.motor_port}"
-    if not trial.answered:
+    if not trial.has_moved:
         return [
             Finding(
                 subject,
                 Verdict.FAULT,
-                f"no motion at duty {DUTY:g}",
+                f"no motion at duty {TRIAL_DUTY:g}",
                 "the motor does not answer",
                 "check that it is plugged in and turns freely; let a tripped fuse cool for a minute; if "
                 "another wheel moved instead, the plugs or robot.toml's ports are mixed up",
                 {"bemf_counts": trial.moves[0].bemf or 0.0, "ticks": trial.moves[0].ticks},
             )
         ]
-    return [_response(config, trial, subject), *_offset(config, trial, subject)]
+    return [_response_finding(config, trial, subject), *_offset_finding(config, trial, subject)]
 
 
-def _response(config: RobotConfig, trial: MotorTrial, subject: str) -> Finding:
+def _response_finding(config: RobotConfig, trial: MotorTrial, subject: str) -> Finding:
     forward = trial.moves[0]
-    measured, values = _described(trial)
+    measured, values = _describe_trial(trial)
     problem, remedy = _sign_problem(trial) or _one_way_problem(trial) or ("", "")
     if problem:
         return Finding(subject, Verdict.FAULT, measured, problem, remedy, values)
@@ -47,7 +47,7 @@ def _response(config: RobotConfig, trial: MotorTrial, subject: str) -> Finding:
     return Finding(subject, verdict, measured, problem, remedy, values)
 
 
-def _described(trial: MotorTrial) -> tuple[str, dict[str, float]]:
+def _describe_trial(trial: MotorTrial) -> tuple[str, dict[str, float]]:
     forward, backward = trial.moves
     parts, values = [], {"ticks_forward": forward.ticks, "ticks_backward": backward.ticks}
     if forward.bemf is not None and backward.bemf is not None:
@@ -64,7 +64,7 @@ def _described(trial: MotorTrial) -> tuple[str, dict[str, float]]:
 
 def _sign_problem(trial: MotorTrial) -> tuple[str, str] | None:
     for move in trial.moves:
-        if move.bemf is not None and move.bemf * move.duty < 0.0 and abs(move.bemf) > SILENT:
+        if move.bemf is not None and move.bemf * move.duty < 0.0 and abs(move.bemf) > SILENT_COUNTS:
             return (
                 "its back-EMF has the opposite sign of its command",
                 "the firmware does not match robot.toml's controller.port, or the sense wires are crossed; "
@@ -106,7 +106,7 @@ def _expected_bemf(config: RobotConfig, motor_port: int, battery: float) -> floa
     motor = model.right if motor_port == config.drive.right else model.left
     constant = motor.back_emf_constant.value
     return constant * steady_speed(
-        DUTY * battery,
+        TRIAL_DUTY * battery,
         motor.armature_resistance.value,
         constant,
         model.friction.coulomb.value,
@@ -129,7 +129,7 @@ def _counter_problem(trial: MotorTrial) -> tuple[str, str] | None:
     )
 
 
-def _offset(config: RobotConfig, trial: MotorTrial, subject: str) -> list[Finding]:
+def _offset_finding(config: RobotConfig, trial: MotorTrial, subject: str) -> list[Finding]:
     if trial.offset is None:
         return []
     known = config.motor(trial.motor_port).bemf_offset

@@ -17,38 +17,38 @@ from raccoon.core.readings import (
 )
 from raccoon.hal.create.port import CREATE_2
 from raccoon.hal.doctor.report import Finding, Verdict
-from raccoon.hal.doctor.session import correlation, deviation, mean, vectors, words
+from raccoon.hal.doctor.session import correlation, deviation, mean, port_words, scaled_vectors
 
 GRAVITY_TOLERANCE = 0.05
-UPRIGHT = 0.94
+UPRIGHT_COSINE = 0.94
 """cos 20 degrees: the floor is not steeper."""
 BIAS_LIMIT = 0.09
 """rad/s beyond the bias of robot.toml; the IMU's data sheet allows 5 deg/s without calibration."""
 STILL_LIMIT = 0.05
 """rad/s that the turn rate of a standing robot may scatter by."""
 FROZEN_AFTER = 0.5
-FLOATING = 40.0
+FLOATING_COUNTS = 40.0
 """Counts that a connected, resting sensor does not scatter by, unless lamps flicker."""
-MAINS, CALM = 10, 10.0
+MAINS_READINGS, CALM_COUNTS = 10, 10.0
 """Readings in means in which lamps on mains of 50 and of 60 Hz do not show; counts that these scatter by."""
-FOLLOWS = 0.9
+FOLLOWING_CORRELATION = 0.9
 _FOLLOWS_FROM = 5.0
 _WOMBAT_VOLTS = (6.0, 6.4, 8.6)  # unreliable below, charge below, impossible above (two lithium cells)
 _CREATE_VOLTS = (12.5, 13.5, 18.0)  # twelve NiMH cells
 SAG_LIMIT = 1.0
 
 
-def imu(config: RobotConfig, rest: Sequence[Inputs]) -> list[Finding]:
+def imu_findings(config: RobotConfig, rest: Sequence[Inputs]) -> list[Finding]:
     """Alive, one g, upright, and a bias that can be lived with."""
     device = rest[-1].device
-    rates = vectors(rest, "gyro", device.gyro_rad_s)
-    forces = vectors(rest, "accel", device.accel_m_s2)
+    rates = scaled_vectors(rest, "gyro", device.gyro_rad_s)
+    forces = scaled_vectors(rest, "accel", device.accel_m_s2)
     if not rates and not forces:
-        return [_no_imu(rest)]
-    return [_gyro(config, rest, rates), _accel(forces)]
+        return [_missing_imu_finding(rest)]
+    return [_gyro_finding(config, rest, rates), _accel_finding(forces)]
 
 
-def _no_imu(rest: Sequence[Inputs]) -> Finding:
+def _missing_imu_finding(rest: Sequence[Inputs]) -> Finding:
     if rest[-1].device is CREATE_2:
         return Finding("imu", Verdict.NOT_CHECKED, "this base has none")
     remedy = "restart the controller; if it stays, its IMU is broken: add one on I2C"
@@ -58,7 +58,7 @@ def _no_imu(rest: Sequence[Inputs]) -> Finding:
     return Finding("imu", Verdict.FAULT, "none", "the controller hands over no IMU readings", remedy)
 
 
-def _gyro(config: RobotConfig, rest: Sequence[Inputs], rates: Sequence[tuple[float, ...]]) -> Finding:
+def _gyro_finding(config: RobotConfig, rest: Sequence[Inputs], rates: Sequence[tuple[float, ...]]) -> Finding:
     if not rates:
         return Finding("gyro", Verdict.FAULT, "none", "no turn rates", "restart the controller")
     turn = [rate[2] for rate in rates]
@@ -81,7 +81,7 @@ def _gyro(config: RobotConfig, rest: Sequence[Inputs], rates: Sequence[tuple[flo
     return Finding("gyro", Verdict.FAULT if problem else Verdict.OK, measured, problem, remedy, values)
 
 
-def _accel(forces: Sequence[tuple[float, ...]]) -> Finding:
+def _accel_finding(forces: Sequence[tuple[float, ...]]) -> Finding:
     if not forces:
         return Finding("accelerometer", Verdict.FAULT, "none", "no readings", "restart the controller")
     x, y, z = (mean([force[axis] for force in forces]) for axis in range(3))
@@ -94,10 +94,10 @@ def _accel(forces: Sequence[tuple[float, ...]]) -> Finding:
         remedy = (
             "keep the robot still; if it stays, the IMU is broken or another one than the firmware expects"
         )
-    elif z < -UPRIGHT * total:
+    elif z < -UPRIGHT_COSINE * total:
         problem = "it is upside down"
         remedy = "put the robot on its wheels; for an added IMU correct its axes"
-    elif z < UPRIGHT * total:
+    elif z < UPRIGHT_COSINE * total:
         problem, remedy = (
             "the robot is not level",
             "put it on level ground; for an added IMU correct its axes",
@@ -107,10 +107,10 @@ def _accel(forces: Sequence[tuple[float, ...]]) -> Finding:
     )
 
 
-def analog(config: RobotConfig, rest: Sequence[Inputs]) -> list[Finding]:
+def analog_findings(config: RobotConfig, rest: Sequence[Inputs]) -> list[Finding]:
     """Each analog port that has a reading; ports that robot.toml uses must have a good one."""
     users = {tophat.analog: name for name, tophat in config.tophats.items()}
-    series = [words(rest, "analog", port) for port in range(ANALOG_PORTS)]
+    series = [port_words(rest, "analog", port) for port in range(ANALOG_PORTS)]
     return [_analog_port(port, series, users.get(port)) for port in range(ANALOG_PORTS)]
 
 
@@ -118,7 +118,7 @@ def _analog_port(port: int, series: Sequence[Sequence[float]], user: str | None)
     subject = f"analog {port}" + (f" ({user})" if user else "")
     readings = series[port]
     if not readings:
-        return _judged(subject, user, "none", "no reading", "check the controller", {})
+        return _port_finding(subject, user, "none", "no reading", "check the controller", {})
     level, noise = mean(readings), deviation(readings)
     measured, values = (
         f"{level:.0f} counts, noise {noise:.1f}",
@@ -126,20 +126,22 @@ def _analog_port(port: int, series: Sequence[Sequence[float]], user: str | None)
     )
     plug = "check that the sensor is plugged in and its plug is the right way round"
     if not ANALOG_BOTTOM < level < ANALOG_TOP:
-        return _judged(
+        return _port_finding(
             subject, user, measured, "it is saturated", f"{plug}; shade it from strong light", values
         )
-    calm = [mean(readings[at : at + MAINS]) for at in range(0, len(readings), MAINS)]
-    if noise > FLOATING and deviation(calm) > CALM:
-        return _judged(subject, user, measured, "it floats: nothing seems to be plugged in", plug, values)
-    neighbour = _followed(port, series, noise)
+    calm = [mean(readings[at : at + MAINS_READINGS]) for at in range(0, len(readings), MAINS_READINGS)]
+    if noise > FLOATING_COUNTS and deviation(calm) > CALM_COUNTS:
+        return _port_finding(
+            subject, user, measured, "it floats: nothing seems to be plugged in", plug, values
+        )
+    neighbour = _find_followed_port(port, series, noise)
     if neighbour is not None:
         problem = f"it follows analog {neighbour}: nothing seems to be plugged in"
-        return _judged(subject, user, measured, problem, plug, values)
+        return _port_finding(subject, user, measured, problem, plug, values)
     return Finding(subject, Verdict.OK if user else Verdict.NOT_CHECKED, measured, values=values)
 
 
-def _judged(
+def _port_finding(
     subject: str, user: str | None, measured: str, problem: str, remedy: str, values: dict[str, float]
 ) -> Finding:
     """A port that robot.toml does not use may be anything; what it is is told all the same."""
@@ -148,7 +150,7 @@ def _judged(
     return Finding(subject, Verdict.FAULT, measured, problem, remedy, values)
 
 
-def _followed(port: int, series: Sequence[Sequence[float]], noise: float) -> int | None:
+def _find_followed_port(port: int, series: Sequence[Sequence[float]], noise: float) -> int | None:
     """The neighbour whose every move this port repeats, as an open pin does."""
     if noise < _FOLLOWS_FROM:
         return None
@@ -156,12 +158,12 @@ def _followed(port: int, series: Sequence[Sequence[float]], noise: float) -> int
         if not 0 <= neighbour < len(series) or not series[neighbour]:
             continue
         louder = deviation(series[neighbour]) > noise  # of two alike, the weaker one is the echo
-        if louder and correlation(series[port], series[neighbour]) > FOLLOWS:
+        if louder and correlation(series[port], series[neighbour]) > FOLLOWING_CORRELATION:
             return neighbour
     return None
 
 
-def buttons(rest: Sequence[Inputs]) -> Finding:
+def button_findings(rest: Sequence[Inputs]) -> Finding:
     """Which digital ports read pressed; what that means only the team knows."""
     last = rest[-1].digital
     if all(flag is None for flag in last):
@@ -171,7 +173,7 @@ def buttons(rest: Sequence[Inputs]) -> Finding:
     return Finding("digital", Verdict.OK, f"pressed: {listed}", values={"pressed": float(len(pressed))})
 
 
-def battery(rest: Sequence[Inputs], moving: Sequence[Inputs]) -> Finding:
+def battery_finding(rest: Sequence[Inputs], moving: Sequence[Inputs]) -> Finding:
     """Voltage at rest, and how far it drops while a motor pulls."""
     volts = [volt for volt in (each.battery_voltage for each in rest) if volt is not None]
     if not volts:

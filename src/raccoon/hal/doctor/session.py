@@ -59,13 +59,13 @@ def one_motor(motor_port: int, duty: float) -> Outputs:
     return Outputs(duty=tuple(duty if each == motor_port else 0.0 for each in range(MOTOR_PORTS)))
 
 
-def words(cycles: Sequence[Inputs], name: str, index: int) -> list[float]:
+def port_words(cycles: Sequence[Inputs], name: str, index: int) -> list[float]:
     """The words of one port over some cycles, without those that were missing."""
     found = (getattr(each, name)[index] for each in cycles)
     return [float(word) for word in found if word is not None]
 
 
-def vectors(cycles: Sequence[Inputs], name: str, scale: float) -> list[tuple[float, float, float]]:
+def scaled_vectors(cycles: Sequence[Inputs], name: str, scale: float) -> list[tuple[float, float, float]]:
     """gyro or accel over some cycles, times `scale`, without those that were missing."""
     found = (getattr(each, name) for each in cycles)
     return [(scale * x, scale * y, scale * z) for x, y, z in (word for word in found if word is not None)]

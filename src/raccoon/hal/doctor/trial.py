@@ -8,21 +8,21 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from raccoon.core.readings import Device, Inputs
-from raccoon.hal.doctor.session import Session, deviation, mean, one_motor, words
+from raccoon.hal.doctor.session import Session, deviation, mean, one_motor, port_words
 
-DUTY = 0.3
-MOVE = 0.35
+TRIAL_DUTY = 0.3
+MOVE_S = 0.35
 """s; the wheel has reached its speed after some 0.1 s and covers a few centimetres."""
-SETTLE = 0.4
-STEADY = 0.15
+SETTLE_S = 0.4
+STEADY_S = 0.15
 """s at the end of a move that are taken for its speed."""
-SILENT = 60.0
+SILENT_COUNTS = 60.0
 """Counts; less than that at `DUTY` is no motion (the stock firmware swallows 40 counts when starting)."""
 STILL_TICKS = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class MotorMove:
     """One motor under +-duty. bemf in counts without the offset, ticks moved, rad/s of the robot's turn.
 
     integral: counts * s that the position should have grown by. latency: s until the first sign of motion.
@@ -44,45 +44,45 @@ class MotorTrial:
     offset: float | None
     noise: float
     battery: float | None
-    moves: tuple[Move, Move]
+    moves: tuple[MotorMove, MotorMove]
     device: Device
 
     @property
-    def answered(self) -> bool:
+    def has_moved(self) -> bool:
         """Whether it moved at all, either way."""
         return any(
-            abs(move.ticks) > STILL_TICKS if move.bemf is None else abs(move.bemf) > SILENT
+            abs(move.ticks) > STILL_TICKS if move.bemf is None else abs(move.bemf) > SILENT_COUNTS
             for move in self.moves
         )
 
 
 def try_motor(session: Session, motor_port: int) -> MotorTrial:
     """Move one motor both ways and stop it."""
-    rest = session.run(SETTLE)
-    readings = words(rest, "bemf", motor_port)
+    rest = session.run(SETTLE_S)
+    readings = port_words(rest, "bemf", motor_port)
     offset = mean(readings) if readings else None
     moves = []
-    for duty in (DUTY, -DUTY):
+    for duty in (TRIAL_DUTY, -TRIAL_DUTY):
         moves.append(_move(session, motor_port, duty, offset or 0.0))
-        session.run(SETTLE)
+        session.run(SETTLE_S)
     battery = rest[-1].battery_voltage
     noise = deviation(readings) if readings else 0.0
     return MotorTrial(motor_port, offset, noise, battery, (moves[0], moves[1]), rest[-1].device)
 
 
-def _move(session: Session, motor_port: int, duty: float, offset: float) -> Move:
+def _move(session: Session, motor_port: int, duty: float, offset: float) -> MotorMove:
     gyro = _turn_rates(session.cycles[-20:])
     still = mean(gyro) if gyro else 0.0
-    cycles = session.run(MOVE, one_motor(motor_port, duty))
-    steady = [each for each in cycles if each.time > cycles[-1].time - STEADY]
-    bemf = words(steady, "bemf", motor_port)
-    positions = words(cycles, "position", motor_port)
+    cycles = session.run(MOVE_S, one_motor(motor_port, duty))
+    steady = [each for each in cycles if each.time > cycles[-1].time - STEADY_S]
+    bemf = port_words(steady, "bemf", motor_port)
+    positions = port_words(cycles, "position", motor_port)
     turning = _turn_rates(steady)
-    return Move(
+    return MotorMove(
         duty=duty,
         bemf=mean(bemf) - offset if bemf else None,
         ticks=positions[-1] - positions[0] if len(positions) > 1 else 0.0,
-        integral=_integral(cycles, motor_port),
+        integral=_bemf_integral(cycles, motor_port),
         turn_rate=mean(turning) - still if turning else None,
         latency=_latency(cycles, motor_port, offset),
     )
@@ -92,7 +92,7 @@ def _turn_rates(cycles: Sequence[Inputs]) -> list[float]:
     return [rate for rate in (each.turn_rate for each in cycles) if rate is not None]
 
 
-def _integral(cycles: Sequence[Inputs], motor_port: int) -> float | None:
+def _bemf_integral(cycles: Sequence[Inputs], motor_port: int) -> float | None:
     steps = []
     for earlier, later in pairwise(cycles):
         word = later.bemf[motor_port]
@@ -108,7 +108,7 @@ def _latency(cycles: Sequence[Inputs], motor_port: int, offset: float) -> float 
     for each in cycles:
         word, position, start = each.bemf[motor_port], each.position[motor_port], first.position[motor_port]
         if word is not None:
-            moved = abs(word - offset) > SILENT
+            moved = abs(word - offset) > SILENT_COUNTS
         else:
             moved = position is not None and start is not None and abs(position - start) > STILL_TICKS
         if moved:

@@ -22,10 +22,10 @@ LEAST_SHARE, MOST_SHARE = 0.6, 1.6
 that wrong. A gyro whose full scale is not the one that the firmware promises is off by 2."""
 
 
-def wiring(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Finding:
+def wiring_finding(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Finding:
     """The signs of robot.toml against what the gyro saw."""
     sides = {"left": (config.drive.left, -1.0), "right": (config.drive.right, 1.0)}
-    turns = {side: _turn(config, trials.get(port)) for side, (port, _) in sides.items()}
+    turns = {side: _wheel_turn_rate(config, trials.get(port)) for side, (port, _) in sides.items()}
     seen = {side: turn for side, turn in turns.items() if turn is not None}
     if any(abs(turn) < TURN_LIMIT for turn in seen.values()) or len(seen) < 2:
         return Finding(
@@ -39,16 +39,16 @@ def wiring(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Finding:
     values = {f"turn_rate_{side}": turn for side, turn in seen.items()}
     wrong = [side for side, (_, sign) in sides.items() if seen[side] * sign < 0.0]
     if not wrong:
-        shares = [_share(config, side, trials[port], seen[side]) for side, (port, _) in sides.items()]
+        shares = [_gyro_share(config, side, trials[port], seen[side]) for side, (port, _) in sides.items()]
         known = [share for share in shares if share is not None]
         if known and not LEAST_SHARE < mean(known) < MOST_SHARE:
-            return _off_scale(measured, mean(known), values)
+            return _off_scale_finding(measured, mean(known), values)
         return Finding("wiring signs", Verdict.OK, measured, values=values)
     problem, remedy = _advice(config, wrong)
     return Finding("wiring signs", Verdict.FAULT, measured, problem, remedy, values)
 
 
-def _turn(config: RobotConfig, trial: MotorTrial | None) -> float | None:
+def _wheel_turn_rate(config: RobotConfig, trial: MotorTrial | None) -> float | None:
     """rad/s of the robot while this wheel was commanded forward, from both directions of its trial."""
     if trial is None:
         return None
@@ -61,7 +61,7 @@ def _turn(config: RobotConfig, trial: MotorTrial | None) -> float | None:
     return mean(rates) if rates else None
 
 
-def _share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> float | None:
+def _gyro_share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> float | None:
     """The robot's turn by the gyro, over the one that the wheel read; None without back-EMF, or where what
     robot.toml says of it is another firmware's.
     """
@@ -72,7 +72,7 @@ def _share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> fl
     return abs(turn) * drive.track_width.value / (mean(readings) * per_count * drive.wheel_radius.value)
 
 
-def _off_scale(measured: str, share: float, values: Mapping[str, float]) -> Finding:
+def _off_scale_finding(measured: str, share: float, values: Mapping[str, float]) -> Finding:
     return Finding(
         "wiring signs",
         Verdict.WARNING,

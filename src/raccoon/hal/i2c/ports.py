@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 from raccoon.core.port import Port
 from raccoon.core.readings import Device, Inputs
-from raccoon.hal.added import AddingPort, with_loss
+from raccoon.hal.added_sensor import AddedSensorPort, with_loss
 from raccoon.hal.i2c.bus import I2cBus
 from raccoon.hal.i2c.ina import DEFAULT_ADDRESS as INA_ADDRESS
 from raccoon.hal.i2c.ina import PowerSample, find_monitor
@@ -18,7 +18,7 @@ from raccoon.hal.i2c.sampler import Sampler, Source
 
 T = TypeVar("T")
 
-STALE = 0.1
+STALE_S = 0.1
 """s without a new sample after which a sensor is lost."""
 IMU_PERIOD = 0.004
 """s; a little shorter than a 200 Hz cycle, so that every cycle finds a new sample."""
@@ -26,7 +26,7 @@ POWER_PERIOD = 0.01
 """s; the monitors average over 8.5 to 9 ms."""
 
 
-class _Fresh(Generic[T]):
+class _FreshSamples(Generic[T]):
     """Tells a new sample from one already used, and a lost sensor from a slow one."""
 
     def __init__(self, source: Source[T]) -> None:
@@ -45,13 +45,13 @@ class _Fresh(Generic[T]):
         return newest.value
 
     def lost(self, time: float) -> bool:
-        return self._seen is not None and time - self._seen > STALE
+        return self._seen is not None and time - self._seen > STALE_S
 
 
-class _SampledPort(AddingPort, Generic[T]):
+class _SampledPort(AddedSensorPort, Generic[T]):
     def __init__(self, port: Port, source: Source[T]) -> None:
         super().__init__(port, source)
-        self._fresh = _Fresh(source)
+        self._fresh = _FreshSamples(source)
 
 
 class ImuPort(_SampledPort[ImuSample]):
@@ -82,10 +82,10 @@ class ImuPort(_SampledPort[ImuSample]):
                 device=self._scaled(inputs.device),
                 gyro=None if sample is None else sample.gyro,
                 accel=None if sample is None else sample.accel,
-                extra=_joined(inputs, {} if sample is None else {"imu.temperature": sample.temperature}),
+                extra=_with_extra(inputs, {} if sample is None else {"imu.temperature": sample.temperature}),
                 faults=faults,
             )
-        return replace(inputs, extra=_joined(inputs, self._second(sample)), faults=faults)
+        return replace(inputs, extra=_with_extra(inputs, self._second(sample)), faults=faults)
 
     def _scaled(self, device: Device) -> Device:
         if self._device is None or self._device[0] is not device:
@@ -98,9 +98,9 @@ class ImuPort(_SampledPort[ImuSample]):
     def _second(self, sample: ImuSample | None) -> dict[str, float]:
         if sample is None:
             return {}
-        words = _named("imu2.accel", sample.accel, self._scale.accel_m_s2)
+        words = _words_by_axis("imu2.accel", sample.accel, self._scale.accel_m_s2)
         if sample.gyro is not None:
-            words |= _named("imu2.gyro", sample.gyro, self._scale.gyro_rad_s)
+            words |= _words_by_axis("imu2.gyro", sample.gyro, self._scale.gyro_rad_s)
         return words | {"imu2.temperature": sample.temperature}
 
 
@@ -121,14 +121,14 @@ class BatteryMonitorPort(_SampledPort[PowerSample]):
         words = {"battery.voltage": sample.voltage}
         if sample.current is not None:
             words["battery.current"] = sample.current
-        return replace(inputs, extra=_joined(inputs, words), faults=faults)
+        return replace(inputs, extra=_with_extra(inputs, words), faults=faults)
 
 
-def _named(name: str, words: tuple[int, int, int], scale: float) -> dict[str, float]:
+def _words_by_axis(name: str, words: tuple[int, int, int], scale: float) -> dict[str, float]:
     return {f"{name}.{axis}": word * scale for axis, word in zip("xyz", words, strict=True)}
 
 
-def _joined(inputs: Inputs, words: Mapping[str, float]) -> Mapping[str, float] | None:
+def _with_extra(inputs: Inputs, words: Mapping[str, float]) -> Mapping[str, float] | None:
     """`extra` of the cycle with `words` added."""
     return {**(inputs.extra or {}), **words} if words else inputs.extra
 

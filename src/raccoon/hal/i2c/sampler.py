@@ -20,7 +20,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 FAILURES_UNTIL_SETUP = 3
 """Readings in a row that must fail before the sensor is set up again; one bad transfer is nothing unusual."""
-REST_AFTER_FAILURE = 0.1
+REST_AFTER_FAILURE_S = 0.1
 """s; a dead sensor is not asked as often as a living one, for the sake of its neighbours on the bus."""
 
 
@@ -116,5 +116,5 @@ class Sampler(Generic[T]):
         ticker = Ticker(self._period, self._clock)
         while not self._stop.is_set():
             if not self.step():
-                self._stop.wait(REST_AFTER_FAILURE)
+                self._stop.wait(REST_AFTER_FAILURE_S)
             ticker.wait()

@@ -85,7 +85,7 @@ def send_tty(place: str, frames: list[bytes]) -> None:
 SENDERS = {"spi": send_spi, "tty": send_tty, "unix": send_unix}
 
 
-def watch(lifeline: int, seconds: float, stop: Callable[[], None], hold: Callable[[], None]) -> None:
+def supervise(lifeline: int, seconds: float, stop: Callable[[], None], hold: Callable[[], None]) -> None:
     """Return when the program has ended well or is gone: `stop` then. `hold` whenever it is silent.
 
     The program may come back after a pause (a debugger, a stopped process); it drives on by its next frame.
@@ -127,7 +127,7 @@ def main(arguments: list[str]) -> None:
         send([held] if held else frames)
 
     os.write(1, b"r")  # ready: signals are set, nothing is left to import but a few small modules
-    watch(0, float(arguments[1]), stop, hold)
+    supervise(0, float(arguments[1]), stop, hold)
 
 
 if __name__ == "__main__":

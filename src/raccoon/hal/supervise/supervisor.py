@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raccoon.core.errors import HardwareError
-from raccoon.core.forks import left_in_forks
+from raccoon.core.fork_ownership import leave_in_forks
 
 SILENCE_SECONDS = 0.5
 """A program that says nothing for so long hangs."""
@@ -66,7 +66,7 @@ class Supervisor:
                 "the supervisor process did not start: nobody would stop the motors of a dead program"
             )
         os.set_blocking(self._lifeline, False)
-        left_in_forks(self)
+        leave_in_forks(self)
 
     @property
     def pid(self) -> int:
@@ -94,7 +94,7 @@ class Supervisor:
             raise HardwareError(f"the supervisor process cannot be told what to hold: {error}") from error
 
     def leave(self) -> None:
-        """See `raccoon.core.forks`: with a copy of the lifeline it would not see this program die."""
+        """See `raccoon.core.fork_ownership`: with a copy of the lifeline it would miss this program's end."""
         if not self._closed:
             self._closed = True
             assert self._process.stdin is not None

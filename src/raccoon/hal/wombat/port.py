@@ -10,14 +10,14 @@ from typing import Protocol, Self
 
 from raccoon.core.clock import Clock, RealClock, Ticker
 from raccoon.core.errors import ConfigError, HardwareError
-from raccoon.core.forks import left_in_forks
+from raccoon.core.fork_ownership import leave_in_forks
 from raccoon.core.port import Bystander
 from raccoon.core.readings import MOTOR_PORTS, STOP, Fault, Inputs, Outputs
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.hal.wombat.checks.monitor import Monitor, Rates
 from raccoon.hal.wombat.checks.receiver import Receiver
 from raccoon.hal.wombat.firmware.dialect import Dialect
-from raccoon.hal.wombat.link.pipe import Link, ResetLine
+from raccoon.hal.wombat.link.link import Link, ResetLine
 from raccoon.hal.wombat.link.spi import SPI_DEVICE, SpiLink
 from raccoon.hal.wombat.probe import probe
 
@@ -84,12 +84,12 @@ class WombatPort:
         self.dialect = dialect or probe(link, self._clock)
         self._receiver = Receiver(self.dialect, link, self._clock)
         self._monitor = Monitor(self.dialect, 1.0 / rate_hz, watch_analog, resting_bemf)
-        self._polls = self.dialect.polls(1.0 / rate_hz)
+        self._polls = self.dialect.polls_per_cycle(1.0 / rate_hz)
         self._ticker = Ticker(1.0 / (rate_hz * self._polls), self._clock)
         self._receiver.exchange(self.dialect.command(STOP))
         self._hold(self.dialect.hold(STOP))
         atexit.register(self.close)
-        left_in_forks(self)
+        leave_in_forks(self)
 
     @property
     def real_time(self) -> bool:
@@ -118,10 +118,10 @@ class WombatPort:
         """
         self._require_open()
         receiver, reading = self._receiver, None
-        receiver.collect()
+        receiver.begin_cycle()
         try:
             for look in range(self._polls + LOOKS_AFTER_PAUSE):
-                if look >= self._polls and (reading is None or not self.dialect.averaged):
+                if look >= self._polls and (reading is None or not self.dialect.is_averaged):
                     break
                 self._ticker.wait()
                 reading = receiver.poll(self.dialect.command(self._outputs))
@@ -173,7 +173,7 @@ class WombatPort:
             )
 
     def leave(self) -> None:
-        """See `raccoon.core.forks`: a forked process that ends stops no motors of its parent."""
+        """See `raccoon.core.fork_ownership`: a forked process that ends stops no motors of its parent."""
         self._closed = self._let_go = True
 
     def __enter__(self) -> Self:
@@ -231,8 +231,8 @@ class WombatPort:
                 self._link.transfer(frame)
                 self._clock.sleep_until(self._clock.now() + STOP_PAUSE_SECONDS)
                 reply = self._link.transfer(frame)
-                if self.dialect.aligned(reply):
-                    if self.dialect.stopped(reply):
+                if self.dialect.is_aligned(reply):
+                    if self.dialect.shows_stopped(reply):
                         return True
                 else:
                     self.dialect.realign(self._link, reply)
@@ -279,7 +279,7 @@ def open_wombat(
                 " calibrate again, for its position ticks are others"
             )
         if bemf_rate_hz is not None:
-            dialect = dialect.at_rate(bemf_rate_hz)
+            dialect = dialect.with_rate(bemf_rate_hz)
         guard = Supervisor(link.target, [dialect.stop()], keep=[link.lock.descriptor])
         try:
             return WombatPort(

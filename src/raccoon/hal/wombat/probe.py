@@ -13,7 +13,7 @@ from raccoon.hal.wombat.firmware.raccoon.dialect import NEWEST_IN_THE_WILD, Racc
 from raccoon.hal.wombat.firmware.stock import commands as stock_commands
 from raccoon.hal.wombat.firmware.stock import wire as stock
 from raccoon.hal.wombat.firmware.stock.dialect import StockDialect
-from raccoon.hal.wombat.link.pipe import Link
+from raccoon.hal.wombat.link.link import Link
 
 ATTEMPTS = 30
 PAUSE_SECONDS = 0.1
@@ -37,7 +37,7 @@ def probe(link: Link, clock: Clock) -> Dialect:
             return dialect
         if attempt == 0:  # later ones begin anywhere in a frame of unknown length
             _refuse_known_strangers(seen)
-    raise HardwareError(_complaint(seen))
+    raise HardwareError(_describe_seen(seen))
 
 
 def _recognise(link: Link, stream: bytes) -> Dialect | None:
@@ -45,19 +45,19 @@ def _recognise(link: Link, stream: bytes) -> Dialect | None:
     if stream[-stock.LENGTH :].startswith(stock.MAGIC):
         return StockDialect()
     for version in raccoon.FRAME_LENGTH:
-        found = _raccoon(link, stream, version)
+        found = _recognise_raccoon(link, stream, version)
         if found is not None:
             return found
-    index = stock.shift(stream[-stock.LENGTH :])
+    index = stock.find_shift(stream[-stock.LENGTH :])
     if index is not None:
         link.transfer(bytes(index))
         return StockDialect()
     return None
 
 
-def _raccoon(link: Link, stream: bytes, version: int) -> Dialect | None:
+def _recognise_raccoon(link: Link, stream: bytes, version: int) -> Dialect | None:
     length = raccoon.FRAME_LENGTH[version]
-    index = raccoon.shift(stream, version)
+    index = raccoon.find_shift(stream, version)
     if index is None:
         return None
     # The link stands at byte `behind` of a frame; clock the rest of it.
@@ -83,7 +83,7 @@ def _refuse_known_strangers(stream: bytes) -> None:
         )
 
 
-def _complaint(seen: bytes) -> str:
+def _describe_seen(seen: bytes) -> str:
     if not any(seen):
         return (
             "the controller does not answer (all 0x00): no power, held in reset, or flashed with no firmware;"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from raccoon.control.watch import STALL_TIME
+from raccoon.control.wheel_watch import STALL_TIME_S
 from raccoon.core.errors import ConfigError
 from raccoon.core.port import bystander_of
 from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
@@ -163,13 +163,13 @@ def button_pressed() -> Condition:
 
 def stalled() -> Condition:
     """A driven wheel does not turn: the robot is blocked, or a motor is unplugged."""
-    return _fresh_condition("stalled", (_is_wheel_stalled, STALL_TIME))
+    return _fresh_condition("stalled", (_is_wheel_stalled, STALL_TIME_S))
 
 
 def blocked(mechanism: str) -> Condition:
     """The named mechanism is driven and does not turn: it is at its end stop, or holds something."""
     check_name(mechanism=mechanism)
-    test = (lambda robot: robot.mechanism(mechanism).stalled, STALL_TIME)
+    test = (lambda robot: robot.mechanism(mechanism).stalled, STALL_TIME_S)
     return _fresh_condition(f"{mechanism} blocked", test, check=lambda robot: robot.mechanism(mechanism))
 
 
@@ -177,7 +177,7 @@ def bumped() -> Condition:
     """A wheel stalls, both carry as much as tyres that spin at a wall do, or they do not move as the
     accelerometer feels the robot move."""
     return _fresh_condition(
-        "bumped", (_is_struck, math.inf), (_is_held, HELD_TIME_S), (_is_wheel_stalled, STALL_TIME)
+        "bumped", (_is_struck, math.inf), (_is_held, HELD_TIME_S), (_is_wheel_stalled, STALL_TIME_S)
     )
 
 

@@ -9,8 +9,8 @@ from numbers import Real
 from typing import Any
 
 from raccoon.core.readings import ANALOG_FULL_SCALE
-from raccoon.core.schema import BATTERY_VOLTAGE, shown
-from raccoon.core.sections import NEAR, NEAR_HEADING, RATE, SPEED
+from raccoon.core.schema import BATTERY_VOLTAGE, format_value
+from raccoon.core.sections import DISTANCE_TOLERANCE, HEADING_TOLERANCE, RATE, SPEED
 
 LONGEST_WAY_M = 10.0
 """m; a table has 2.4 m, so more is a distance in centimetres."""
@@ -92,12 +92,12 @@ def check_limit(**times: float) -> None:
 def check_tolerance(**ways: float | None) -> None:
     """Raise ValueError naming the first that is not None and no m that something may be off, TypeError for
     no number."""
-    _check_small(NEAR.high, "m (5 mm are 0.005)", ways)
+    _check_small(DISTANCE_TOLERANCE.high, "m (5 mm are 0.005)", ways)
 
 
 def check_heading_tolerance(**angles: float | None) -> None:
     """The same of rad by which a heading may be off."""
-    _check_small(NEAR_HEADING.high, "rad (write deg(1) for degrees)", angles)
+    _check_small(HEADING_TOLERANCE.high, "rad (write deg(1) for degrees)", angles)
 
 
 def _check_small(most: float, unit: str, values: Mapping[str, float | None]) -> None:
@@ -236,7 +236,7 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
     if isinstance(value, kind):
         return
     name = getattr(value, "__name__", None)
-    what = f"the function {name}" if callable(value) and name else shown(value)
+    what = f"the function {name}" if callable(value) and name else format_value(value)
     if inspect.isgenerator(value):
         what = f"what the function {name} yields"
         hint = f"{hint}: give the function itself, Action('{name}', {name}), or write seq() instead of yield"

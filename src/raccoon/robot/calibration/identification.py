@@ -1,8 +1,8 @@
 """A short excitation from which each wheel's voltages follow: for the tuner and for static compensation.
 
 Both wheels are driven straight ahead and back at several duties. From the motor equation in volts
-(raccoon.control.identify) come friction, V a rad/s and V a rad/s2 of each wheel, and from those the gains of
-its speed loop with their margins.
+(raccoon.control.voltage_fit) come friction, V a rad/s and V a rad/s2 of each wheel, and from those the gains
+of its speed loop with their margins.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from raccoon.control.feedforward import WheelModel, wheel_models
-from raccoon.control.identify import Vector3, WheelVoltages, Windows, fit_voltages
 from raccoon.control.pid import PidGains
 from raccoon.control.tuning import Margins, margins, speed_loop_gains
-from raccoon.control.watch import LATE
+from raccoon.control.voltage_fit import Vector3, WheelVoltages, Windows, fit_voltages
+from raccoon.control.wheel_watch import READING_JITTER_S
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
@@ -196,7 +196,9 @@ def _fit_wheel(side: str, port: int, rows: Rows, model: WheelModel, late: float)
                 f"{where}: {name}_voltage comes out as {value:.3g} +- {std:.2g}: the data cannot support it"
             )
     # What is read a moment later than it is taken to be looks like as much inertia, in every window alike.
-    found = replace(found, acceleration_std=math.hypot(found.acceleration_std, LATE * found.speed))
+    found = replace(
+        found, acceleration_std=math.hypot(found.acceleration_std, READING_JITTER_S * found.speed)
+    )
     fitted = model.with_voltages(max(found.static, 0.0), found.speed, found.acceleration)
     gains = speed_loop_gains(fitted, SPEED_SMOOTHING_S, late)
     reached = margins(gains, fitted, SPEED_SMOOTHING_S, late)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from raccoon.control.motion import line_command, slewed
+from raccoon.control.motion import limit_slew, line_command
 from raccoon.control.profile import ProfileState
 from raccoon.control.voltage import VoltageScaling
 from raccoon.core.errors import MotionTimeout
@@ -70,8 +70,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
                 miswired = check_wiring(robot, miswired, label)
-                velocity = slewed(velocity, top, acceleration * robot.dt)
-                rate = slewed(rate, turn_rate, motion.turn_acceleration * robot.dt)
+                velocity = limit_slew(velocity, top, acceleration * robot.dt)
+                rate = limit_slew(rate, turn_rate, motion.turn_acceleration * robot.dt)
                 held = 0.0
                 if turn_rate == 0.0:
                     _, across = start.offset_of(robot.estimate.x, robot.estimate.y)
@@ -147,7 +147,7 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
                 endless.tell()
                 duties = left, right
                 if scaling is not None:
-                    scaled = [scaling.scaled(duty, robot.battery_voltage) for duty in duties]
+                    scaled = [scaling.scale_duty(duty, robot.battery_voltage) for duty in duties]
                     duties = scaled[0].duty, scaled[1].duty
                     missing = max(each.missing for each in scaled)
                     if missing > 0.0:

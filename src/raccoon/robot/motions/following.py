@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, overload
 
-from raccoon.control.motion import slewed
+from raccoon.control.motion import limit_slew
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.condition import Check
@@ -134,7 +134,7 @@ def _follow_action(
                     velocity, limit = 0.0, min(top, CATCH_SPEED)
                     steering.restart()
                     continue
-                velocity = slewed(velocity, steering.limited_speed(limit), acceleration * robot.dt)
+                velocity = limit_slew(velocity, steering.limited_speed(limit), acceleration * robot.dt)
                 robot.drive.follow(velocity, turn_rate)
                 yield
         finally:

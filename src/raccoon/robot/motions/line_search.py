@@ -6,7 +6,7 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING, NoReturn
 
-from raccoon.control.motion import slewed
+from raccoon.control.motion import limit_slew
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.actions import Steps
 from raccoon.robot.motions.last_edge import LastEdge
@@ -82,7 +82,7 @@ class LineSearch:
         begin, acceleration = robot.estimate.distance, robot.config.motion.acceleration
         speed = max(min(self._velocity, LIGHT_SPEED), CATCH_SPEED)  # after a search, or at first, it stands
         while robot.estimate.distance - begin < INTO_LIGHT_M and robot.time < self._end:
-            self._velocity = slewed(self._velocity, speed, acceleration * robot.dt)
+            self._velocity = limit_slew(self._velocity, speed, acceleration * robot.dt)
             robot.drive.follow(self._velocity, LIGHT_GAIN * (self._line_heading - robot.estimate.heading))
             yield
         yield from self._stop()
@@ -107,7 +107,7 @@ class LineSearch:
     def _stop(self) -> Steps[None]:
         robot = self._robot
         while not is_at_rest(robot) and robot.time < self._end:
-            self._velocity = slewed(self._velocity, 0.0, robot.config.motion.acceleration * robot.dt)
+            self._velocity = limit_slew(self._velocity, 0.0, robot.config.motion.acceleration * robot.dt)
             robot.drive.follow(self._velocity)
             yield
 
@@ -136,7 +136,7 @@ class LineSearch:
             if stalled_seconds > STALL_PATIENCE_S or robot.time > self._end:
                 self._give_up()
             speed = min(BACK_SPEED, math.sqrt(acceleration * left))
-            self._velocity = slewed(self._velocity, -speed, acceleration * robot.dt)
+            self._velocity = limit_slew(self._velocity, -speed, acceleration * robot.dt)
             off = line.robot_heading + bend * left / way - robot.estimate.heading
             robot.drive.follow(self._velocity, self._velocity * bend / way + LIGHT_GAIN * off)
             yield
@@ -172,7 +172,7 @@ class LineSearch:
                 self._give_up()
             if robot.paused:
                 rate = robot.estimate.turn_rate
-            rate = slewed(rate, direction * top, acceleration * robot.dt)
+            rate = limit_slew(rate, direction * top, acceleration * robot.dt)
             robot.drive.follow(0.0, rate)
             yield
         return False

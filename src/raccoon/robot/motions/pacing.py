@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from raccoon.control.profile import Profile, ProfileState
-from raccoon.control.stages import Staged
+from raccoon.control.stages import StagedProfile
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.remarks import add_remark, describe_miswiring, remark_oddities, scale_mismatch
@@ -124,7 +124,7 @@ class Pace:
     def __init__(
         self,
         robot: Robot,
-        profile: Profile | Staged,
+        profile: Profile | StagedProfile,
         lag_limit: float,
         timeout: float | None = None,
         planned: float = 1.0,

@@ -12,8 +12,8 @@ from itertools import dropwhile
 from typing import TYPE_CHECKING
 
 from raccoon.control.motion import line_command
-from raccoon.control.path import Path, Point, distinct, legs
-from raccoon.control.stages import Stage, Staged
+from raccoon.control.path import Path, Point, drop_repeated_points, split_at_reversals
+from raccoon.control.stages import Stage, StagedProfile
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
@@ -120,7 +120,7 @@ def follow_path(
     check_times(timeout=timeout)
     _check_points(points)
     points = [(float(x), float(y)) for x, y in points]
-    if len(distinct(points)) > 1:
+    if len(drop_repeated_points(points)) > 1:
         Path(points, rounding)  # what is wrong with the points is said before anything moves
     for number, (x, y) in enumerate(points):
         check_way(**{f"x of points[{number}]": x, f"y of points[{number}]": y})
@@ -135,7 +135,7 @@ def follow_path(
             return _combined_result(robot, Pose(x, y, here.heading), begin, [])
         parts: list[MotionResult] = []
         # Where the robot is, and so the corner at the first point, is not known before.
-        for leg in legs([(here.x, here.y), *ahead]):
+        for leg in split_at_reversals([(here.x, here.y), *ahead]):
             path = Path(leg, rounding)
             angle = shorter_way(path.start.heading + flipped - robot.plan.heading)
             if abs(angle) > robot.config.motion.heading_tolerance:
@@ -181,7 +181,7 @@ def _follow_steps(
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
         stages.append(Stage(piece.length, top, acceleration))
         planned = min(planned, top / wanted)
-    pace = Pace(robot, Staged(stages, motion.jerk), LAG_LIMIT, timeout, planned, "path")
+    pace = Pace(robot, StagedProfile(stages, motion.jerk), LAG_LIMIT, timeout, planned, "path")
     progress = [0.0]
 
     def place(way: float) -> Pose:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from raccoon.control.feedforward import BELIEVED, calibrated_constant, wheel_models
+from raccoon.control.feedforward import PLAUSIBLE_CONSTANT_SHARES, calibrated_constant, wheel_models
 from raccoon.control.tuning import speed_loop_gains
-from raccoon.control.watch import ODD_SHARE, oddities
+from raccoon.control.wheel_watch import ODD_SHARE, describe_oddities
 from raccoon.control.wheels import REST, WheelLoop, WheelTarget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
@@ -161,7 +161,7 @@ class Drive(Part):
         wanted = self.wheel_speed(float(forward))
         wanted *= self.speeds.readable_share(wanted, wanted)
         left, right = (
-            max(-voltage, min(voltage, wheel.pressing(wanted, speed, torque)))
+            max(-voltage, min(voltage, wheel.pressing_voltage(wanted, speed, torque)))
             for wheel, speed, torque in zip(self.wheels.models, speeds, torques, strict=True)
         )
         self._open_loop = left / voltage, right / voltage
@@ -246,7 +246,7 @@ class Drive(Part):
         if not self.followed:
             return ()
         found = []
-        odd = oddities(*self.wheels.states)
+        odd = describe_oddities(*self.wheels.states)
         wheels = zip(("left", "right"), self._ports, self.wheels.models, odd, strict=True)
         for side, port, model, said in wheels:
             nominal = getattr(self._config.model, side).back_emf_constant.value
@@ -280,7 +280,7 @@ class Drive(Part):
         for side, port in zip(("left", "right"), self._ports, strict=True):
             told = None if self._device is None else calibrated_constant(self._config, side, self._device)
             share = 1.0 if told is None else told / getattr(self._config.model, side).back_emf_constant.value
-            if not BELIEVED[0] < share < BELIEVED[1]:
+            if not PLAUSIBLE_CONSTANT_SHARES[0] < share < PLAUSIBLE_CONSTANT_SHARES[1]:
                 wrong = f"radians_per_tick of motor {port} makes its K_E {share:.2g} times that of [model]"
                 return f"{said}: {wrong}"
         return f"{said}: something holds the robot or a wheel, or a number of robot.toml is wrong"

@@ -105,7 +105,7 @@ class Mechanism(Part):
 
     def forget_stall(self) -> None:
         """What blocked it before is in the way no more, until it shows anew: a move may lead away from it."""
-        self._loop.watch.rest()
+        self._loop.watch.stop_learning()
 
     def release(self) -> None:
         """Let it go; what it was driven against is forgotten."""

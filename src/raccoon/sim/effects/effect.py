@@ -13,7 +13,7 @@ from functools import cache
 from typing import SupportsFloat
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.schema import Bounds, shown
+from raccoon.core.schema import Bounds, format_value
 
 
 class Place(StrEnum):
@@ -76,7 +76,7 @@ class Effect:
         try:
             number = float(value)
         except OverflowError:  # a whole number of hundreds of digits
-            raise ConfigError(f"{self.id}: {name} is {shown(value)}: no float is as large") from None
+            raise ConfigError(f"{self.id}: {name} is {format_value(value)}: no float is as large") from None
         if math.isnan(number) or not parameter.bounds.allows(number):
             raise ConfigError(f"{self.id}: {name} is {number:g}{unit}: allowed are {parameter.bounds}")
         return number

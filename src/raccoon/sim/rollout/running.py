@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.cores import cores
+from raccoon.core.cpu_count import usable_cores
 from raccoon.sim.plant.compiled import advance_lanes, advance_one, given, has_numba, vector
 from raccoon.sim.plant.lanes import (
     BLOCK,
@@ -134,7 +134,7 @@ def _threads() -> int:
     """How many blocks may run at once: one on each core, and no more than the threads that linear algebra may
     have. Whoever starts a process for each core says 1."""
     limits = [os.environ.get(name, "") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")]
-    return max(1, min([cores(), *(int(each) for each in limits if each.isdecimal())]))
+    return max(1, min([usable_cores(), *(int(each) for each in limits if each.isdecimal())]))
 
 
 def _parts(places: Indices, threads: int) -> list[Indices]:

@@ -42,7 +42,7 @@ from typing import Any
 
 from raccoon.core.config import parse_toml
 from raccoon.core.errors import ConfigError
-from raccoon.core.schema import finite, refuse_unknown, shown
+from raccoon.core.schema import finite_or_none, format_value, refuse_unknown
 from raccoon.sim.world.table import Box, Light, Line, Point, Ramp, Thing, Wall, World, walls_around
 
 ARC_STEPS = 48
@@ -178,13 +178,13 @@ def _point(entry: Mapping[str, Any], key: str, where: str) -> Point:
 
 def _as_point(value: object, where: str) -> Point:
     if not (isinstance(value, list) and len(value) == 2 and all(map(_is_coordinate, value))):
-        raise ConfigError(f"{where} = {shown(value)}: it must be [x, y] in m")
+        raise ConfigError(f"{where} = {format_value(value)}: it must be [x, y] in m")
     return float(value[0]), float(value[1])
 
 
 def _is_coordinate(value: object) -> bool:
     """Infinite ones too: light and ramps may reach everywhere."""
-    return isinstance(value, float) or finite(value) is not None
+    return isinstance(value, float) or finite_or_none(value) is not None
 
 
 def _positive(entry: Mapping[str, Any], key: str, where: str) -> float:
@@ -195,7 +195,7 @@ def _positive(entry: Mapping[str, Any], key: str, where: str) -> float:
 
 
 def _number(entry: Mapping[str, Any], key: str, where: str, default: float | None = None) -> float:
-    value = finite(entry[key]) if key in entry else default
+    value = finite_or_none(entry[key]) if key in entry else default
     if value is None:
-        raise ConfigError(f"{where}.{key} = {shown(entry.get(key))}: it must be a finite number")
+        raise ConfigError(f"{where}.{key} = {format_value(entry.get(key))}: it must be a finite number")
     return value

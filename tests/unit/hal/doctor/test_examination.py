@@ -16,7 +16,7 @@ from raccoon.core.config import DriveConfig, Measured, MotorConfig, RobotConfig,
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, SIMULATOR, STOP, Fault, Inputs
 from raccoon.hal.create import CREATE_2
 from raccoon.hal.doctor import Finding, Report, Verdict, examine
-from raccoon.hal.doctor.sensors import analog
+from raccoon.hal.doctor.sensors import analog_findings
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
@@ -254,7 +254,7 @@ def test_lamps_that_flicker_are_no_open_plug(hertz: float) -> None:
         )
         for at in (0.005 * index for index in range(200))
     ]
-    assert analog(ROBOT, rest)[0].verdict is Verdict.OK
+    assert analog_findings(ROBOT, rest)[0].verdict is Verdict.OK
 
 
 def test_a_rare_fault_that_the_port_repaired_is_no_illness() -> None:

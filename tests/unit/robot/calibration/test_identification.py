@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from raccoon import CalibrationError, MotionTimeout, Robot, open_robot, wait
-from raccoon.control.identify import WheelVoltages
+from raccoon.control.voltage_fit import WheelVoltages
 from raccoon.core.config import RobotConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Outputs

@@ -114,7 +114,7 @@ def test_threads_change_no_bit(count: int, monkeypatch: pytest.MonkeyPatch) -> N
 def test_no_more_threads_than_cores_and_than_linear_algebra_may_have(
     said: dict[str, str], threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(running, "cores", lambda: 4)
+    monkeypatch.setattr(running, "usable_cores", lambda: 4)
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         monkeypatch.delenv(name, raising=False)
     for name, value in said.items():

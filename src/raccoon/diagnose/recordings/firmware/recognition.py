@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.doing import tell
 from raccoon.core.errors import TraceError
+from raccoon.core.progress import report
 from raccoon.core.readings import Device
 from raccoon.diagnose.drives.excitation import is_driven
 from raccoon.diagnose.habits.controller import fit_habits
@@ -42,7 +42,7 @@ def recognise_firmware(identity: FirmwareIdentity, columns: Columns, robot: Robo
     firmware = None if identity.candidate is None else firmware_of(identity.candidate.device)
     if identity.candidate is None or firmware is None or has_volt_commands(columns, robot):
         return identity
-    tell("asking which firmware made the recording")
+    report("asking which firmware made the recording")
     try:
         candidate_misfit = _controller_misfit(columns, robot, firmware, identity.candidate.device)
         is_candidate = candidate_misfit == CLOCK_FOUND or candidate_misfit < _controller_misfit(

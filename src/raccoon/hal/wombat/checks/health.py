@@ -107,12 +107,12 @@ class LifeWatch:
             self._limits = self.FROM_REST if driven else self.GENTLY_FROM_REST
 
     @property
-    def stale(self) -> bool:
+    def is_stale(self) -> bool:
         """Whether the words are old ones that only look like new ones."""
         return self.silence > self._limits[0]
 
     @property
-    def hangs(self) -> bool:
+    def has_hung(self) -> bool:
         """Whether to give the controller up."""
         return self.silence > self._limits[1]
 
@@ -143,7 +143,7 @@ class ImuWatch:
         self._wrong = False
         self._score = 0.0
 
-    def distrusted(self, time: float) -> bool:
+    def is_distrusted(self, time: float) -> bool:
         """Whether the words are, or lately were, impossible. Who failed at rest is cleared at rest alone."""
         return self._wrong or self._rest_failed or time < self._until
 
@@ -195,7 +195,7 @@ class MotorWatch:
         self._signs = [0] * MOTOR_PORTS
         self._turned = [False] * MOTOR_PORTS
         self._since = [math.inf] * MOTOR_PORTS
-        self._lately = [0.0] * MOTOR_PORTS
+        self._last_motion = [0.0] * MOTOR_PORTS
         self._time = 0.0
 
     def update(self, duties: Sequence[float], bemf: Sequence[float], time: float) -> bool:
@@ -203,22 +203,22 @@ class MotorWatch:
         wrong = False
         dt, self._time = time - self._time, time
         if dt > self.PAUSE:  # what is read now may be a mean over it
-            self._signs, self._lately = [0] * MOTOR_PORTS, list(duties)
+            self._signs, self._last_motion = [0] * MOTOR_PORTS, list(duties)
             return False
         share = dt / (self.LATELY + dt) if dt > 0.0 else 0.0
         for port, duty in enumerate(duties):
-            self._lately[port] += share * (duty - self._lately[port])
+            self._last_motion[port] += share * (duty - self._last_motion[port])
             if -self.DRIVEN < duty < self.DRIVEN:
                 self._signs[port] = 0
-            elif self._at_fault(port, duty, bemf[port], time):
+            elif self._is_at_fault(port, duty, bemf[port], time):
                 wrong = True
         return wrong
 
-    def _at_fault(self, port: int, duty: float, bemf: float, time: float) -> bool:
+    def _is_at_fault(self, port: int, duty: float, bemf: float, time: float) -> bool:
         sign = 1 if duty > 0.0 else -1
         if sign != self._signs[port]:
             self._signs[port], self._turned[port], self._since[port] = sign, False, time
-        least = min(sign * duty, max(sign * self._lately[port], 0.0))
+        least = min(sign * duty, max(sign * self._last_motion[port], 0.0))
         per_duty = self.SHARE * self.USUAL_BATTERY / BEMF_VOLTS_PER_COUNT
         if bemf * sign >= least * per_duty:
             # Nothing is expected yet of one that was driven the other way: that it reads so is no motion.
@@ -261,7 +261,7 @@ class RestWatch:
             self._since = None
         elif self._since is None:
             self._since = time
-        elif self.resting(time):
+        elif self.is_resting(time):
             self.offset = list(self._smooth)
         return any(map(self._moves, self.offset, self._known))
 
@@ -269,7 +269,7 @@ class RestWatch:
         # A dead zone may hide a known one.
         return abs(offset) > self.LARGEST and abs(offset - known) > self.LARGEST
 
-    def resting(self, time: float) -> bool:
+    def is_resting(self, time: float) -> bool:
         """Whether the motors have stood for a while."""
         return self._since is not None and time - self._since > self.SETTLE
 

@@ -17,13 +17,13 @@ from raccoon.hal.wombat.checks.health import (
     MotorWatch,
     RestWatch,
 )
-from raccoon.hal.wombat.checks.repeating import RepeatWatch
+from raccoon.hal.wombat.checks.repeat_watch import RepeatWatch
 from raccoon.hal.wombat.firmware.counters import Bemf
 from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
 
-NOTHING: Words = (None,) * 4
-BEMF_AT_REST = 15.0
-LATE = 1.5
+NO_WORDS: Words = (None,) * 4
+MAX_RESTING_BEMF = 15.0
+LATE_CYCLES = 1.5
 """Cycles."""
 MISSING_SECONDS = 0.05
 """Words that an IMU never sends (all bits alike) are forgiven that long: it may still be starting."""
@@ -109,21 +109,21 @@ class Monitor:
             self._analog_from = time + ANALOG_SETTLING
         if reading is None:
             return self._close(Inputs(time, self._dialect.device, faults=self._named(faults)))
-        if self._stale(reading, time, duties, faults):
-            position, bemf = NOTHING, None
+        if self._are_stale(reading, time, duties, faults):
+            position, bemf = NO_WORDS, None
         else:
-            self._look_at_counters(bemf, time, faults)
+            self._check_counters(bemf, time, faults)
         if bemf is not None:
             # 0 is rest all the same: a dead zone hides an offset.
             self._bemf = [each and each - rest for each, rest in zip(bemf, self._resting_bemf, strict=True)]
             self._watch_motors(bemf, time, duties, faults)
         self._watch_board(reading, time, faults)
-        fresh, analog = self._imu_fresh(reading, time, faults), time >= self._analog_from
-        position, words = self._counting(position), self._counting(bemf or NOTHING)
+        fresh, analog = self._is_imu_fresh(reading, time, faults), time >= self._analog_from
+        position, words = self._counting_motors(position), self._counting_motors(bemf or NO_WORDS)
         inputs = self._dialect.inputs(reading, time, position, words, self._named(faults), fresh, analog)
         if fresh:
             self._judge_imu(inputs)
-        if self._imu_watch.distrusted(time):
+        if self._imu_watch.is_distrusted(time):
             faults.append(Fault.IMU_IMPLAUSIBLE)
             inputs = self._dialect.inputs(reading, time, position, words, self._named(faults), False, analog)
         return self._close(inputs)
@@ -133,32 +133,32 @@ class Monitor:
             self._first = time
         else:
             self._cycles += 1
-            if time - self._time > LATE * self._period:
+            if time - self._time > LATE_CYCLES * self._period:
                 faults.append(Fault.OVERRUN)
         self._time = time
 
-    def _stale(self, reading: Reading, time: float, duties: Sequence[float], faults: list[Fault]) -> bool:
+    def _are_stale(self, reading: Reading, time: float, duties: Sequence[float], faults: list[Fault]) -> bool:
         """Whether positions and back-EMF are old words that only look like new ones."""
         life = self._life
-        life.update(self._dialect.life(reading.reply), time, self._bemf, duties)
-        if life.stale:
+        life.update(self._dialect.life_words(reading.reply), time, self._bemf, duties)
+        if life.is_stale:
             faults.append(Fault.STALE)
-        if life.hangs:
+        if life.has_hung:
             self.frozen = True
             raise HardwareError(
                 f"{Fault.STALE}: the controller has repeated itself for {life.silence:.2f} s: its main loop"
                 " hangs or its link has stopped; only a reset or the power switch helps"
             )
-        return life.stale
+        return life.is_stale
 
-    def _counting(self, words: Words) -> Words:
+    def _counting_motors(self, words: Words) -> Words:
         """The words of the motors whose counters count."""
         stuck = self._stuck
         if not any(stuck):
             return words
         return tuple(None if still else word for still, word in zip(stuck, words, strict=True))
 
-    def _look_at_counters(self, bemf: Bemf | None, time: float, faults: list[Fault]) -> None:
+    def _check_counters(self, bemf: Bemf | None, time: float, faults: list[Fault]) -> None:
         """See which counters do not count, or count what no motor turns; once one does again, the way in
         between is missing from it.
         """
@@ -194,7 +194,7 @@ class Monitor:
             if not ANALOG_BOTTOM < reading.words[first + port] < ANALOG_TOP:
                 faults.append(Fault.ANALOG_SATURATED)
 
-    def _imu_fresh(self, reading: Reading, time: float, faults: list[Fault]) -> bool:
+    def _is_imu_fresh(self, reading: Reading, time: float, faults: list[Fault]) -> bool:
         words = self._dialect.imu_words(reading.reply)
         frozen = self._imu.update(words, time)
         missing = words == words[:1] * len(words)
@@ -208,7 +208,7 @@ class Monitor:
         scale, force = inputs.device.gyro_rad_s, inputs.device.accel_m_s2
         x, y, z = inputs.gyro
         a, b, c = inputs.accel
-        at_rest = self._rest.resting(inputs.time) and max(map(abs, self._bemf)) < BEMF_AT_REST
+        at_rest = self._rest.is_resting(inputs.time) and max(map(abs, self._bemf)) < MAX_RESTING_BEMF
         self._imu_watch.update(
             (scale * x, scale * y, scale * z), (force * a, force * b, force * c), at_rest, inputs.time
         )

@@ -7,15 +7,15 @@ from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Fault, Words
 from raccoon.hal.wombat.firmware.counters import Bemf, Counters, Counts
 from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
-from raccoon.hal.wombat.link.pipe import Link
+from raccoon.hal.wombat.link.link import Link
 
 PATIENCE_SECONDS = 0.5
 """A link that carries nothing usable for longer is lost."""
 ALIGN_ATTEMPTS = 3
-LARGEST_DISOBEDIENCE = 40
+MAX_DISOBEYED_FRAMES = 40
 """Frames in a row whose command does not show in the controller."""
-RESTARTS, RESTART_SECONDS = 3, 10.0
-LONGEST_TRANSFER, LOOKS = 0.01, 3
+MAX_RESTARTS, RESTART_SECONDS = 3, 10.0
+LONGEST_TRANSFER_SECONDS, TRANSFER_ATTEMPTS = 0.01, 3
 """s that a transfer may take, on a slow bus 5 ms, before it is made again, and how often it is made: where
 the program did not run in the middle of it, nobody knows whether the words are of before or after that."""
 
@@ -23,7 +23,7 @@ the program did not run in the middle of it, nobody knows whether the words are 
 class Receiver:
     """Exchanges frames and accepts the good ones; keeps the positions.
 
-    `collect` begins a cycle, `exchange` and `poll` belong to it; `faults` and `bemf` are the cycle's, and
+    `begin_cycle` begins a cycle, `exchange` and `poll` belong to it; `faults` and `bemf` are the cycle's, and
     `time` is when their words were taken, s of the clock.
     """
 
@@ -37,8 +37,8 @@ class Receiver:
         self._sent = bytes(dialect.length)
         self._expected: bytes | None = None
         self._previous: bytes | None = None
-        self._restart = False
-        self._failed = ""
+        self._has_restarted = False
+        self._failure = ""
         self._unusable_since: float | None = None
         self._disobeyed = 0
         self._restarts: list[float] = []
@@ -50,7 +50,7 @@ class Receiver:
         """64-bit positions in ticks."""
         return self._dialect.ticks(self._counters.totals)
 
-    def collect(self) -> None:
+    def begin_cycle(self) -> None:
         """Begin a cycle."""
         self.faults = []
         self.bemf = None
@@ -60,13 +60,13 @@ class Receiver:
         that fails says nothing."""
         self._expected, self._sent = self._sent, frame
         try:
-            reply, self._failed = self._link.transfer(frame), ""
+            reply, self._failure = self._link.transfer(frame), ""
         except HardwareError as error:
-            reply, self._failed = bytes(len(frame)), str(error)
+            reply, self._failure = bytes(len(frame)), str(error)
         # In every reply: the next command wipes out the marks of a restart.
-        if self._previous is not None and self._dialect.restarted(reply, self._previous):
-            self._restart = True
-        if self._dialect.aligned(reply):
+        if self._previous is not None and self._dialect.has_restarted(reply, self._previous):
+            self._has_restarted = True
+        if self._dialect.is_aligned(reply):
             self._previous = reply
         return reply
 
@@ -76,52 +76,52 @@ class Receiver:
         Raises HardwareError where the link or the controller is lost.
         """
         before = self.time
-        reply = self._look(frame)
+        reply = self._timed_exchange(frame)
         time = self.time
         if time - before > PATIENCE_SECONDS:
             self._unusable_since = None  # nobody looked meanwhile: of that pause the link says nothing
-        if not self._dialect.aligned(reply):
+        if not self._dialect.is_aligned(reply):
             recovered = self._recover(reply, time)
             if recovered is None:
                 return None
             reply = recovered
-        reading = self._checked(reply, time)
+        reading = self._check_reply(reply, time)
         if reading is None:
-            self._wait(time, "its frames contradict each other")
+            self._wait_or_give_up(time, "its frames contradict each other")
             return None
         self._unusable_since = None
         self._last = reading
         self._time = self.time
         return reading
 
-    def _look(self, frame: bytes) -> bytes:
+    def _timed_exchange(self, frame: bytes) -> bytes:
         """An exchange of which is known when it was."""
-        for _ in range(LOOKS):
+        for _ in range(TRANSFER_ATTEMPTS):
             self.time = self._clock.now()
             reply = self.exchange(frame)
-            if self._clock.now() - self.time <= LONGEST_TRANSFER:
+            if self._clock.now() - self.time <= LONGEST_TRANSFER_SECONDS:
                 break
         return reply
 
-    def _checked(self, reply: bytes, time: float) -> Reading | None:
+    def _check_reply(self, reply: bytes, time: float) -> Reading | None:
         reading = self._dialect.read(reply)
-        credible = self._dialect.credible(reading)
+        credible = self._dialect.is_credible(reading)
         if self._last is None:
             if not credible:
                 self.faults.append(Fault.TORN)
                 return None
-            self._restart = False
+            self._has_restarted = False
             self._counters.continue_from(reading.position)
             return reading
-        if self._restart:
-            self._restarted(reading, time)
+        if self._has_restarted:
+            self._take_restart(reading, time)
             return reading
         self._check_obedience(reply)
         seconds = time - self._time
         moved = self._counters.differences(reading.position)
         differences: Counts | None = moved
-        if not credible or self._suspicious(moved, seconds):
-            looked = self._second_look(moved, seconds, credible)
+        if not credible or self._are_suspicious(moved, seconds):
+            looked = self._read_again(moved, seconds, credible)
             if looked is None:
                 return None
             reading, differences = looked
@@ -135,93 +135,93 @@ class Receiver:
             self.bemf = bemf
         return reading
 
-    def _suspicious(self, differences: Counts, seconds: float) -> bool:
-        plausible = self._counters.plausible(differences, seconds)
-        return not plausible or self._dialect.suspicious(differences, seconds)
+    def _are_suspicious(self, differences: Counts, seconds: float) -> bool:
+        plausible = self._counters.are_plausible(differences, seconds)
+        return not plausible or self._dialect.are_suspicious(differences, seconds)
 
-    def _second_look(
+    def _read_again(
         self, differences: Counts, seconds: float, credible: bool
     ) -> tuple[Reading, Counts | None] | None:
         """Read again to tell a torn word from a counter that has really jumped: then without differences.
         Counters count on meanwhile: on a slow bus an update or two fall between the looks. credible: whether
         the other words of the first look can be."""
         first = self.time
-        reply = self._look(self._sent)
+        reply = self._timed_exchange(self._sent)
         later = self.time - first
-        second = self._dialect.read(reply) if self._dialect.aligned(reply) else None
-        if second is None or not self._dialect.credible(second):
+        second = self._dialect.read(reply) if self._dialect.is_aligned(reply) else None
+        if second is None or not self._dialect.is_credible(second):
             self.faults.append(Fault.TORN)
             return None
         moved = self._counters.differences(second.position)
         apart = max(abs(new - old) for new, old in zip(moved, differences, strict=True))
-        if self._counters.plausible(moved, seconds + later):
-            believed = credible and self._counters.plausible(differences, seconds)
-            if not believed or self._dialect.torn(differences, moved, later):
+        if self._counters.are_plausible(moved, seconds + later):
+            believed = credible and self._counters.are_plausible(differences, seconds)
+            if not believed or self._dialect.is_torn(differences, moved, later):
                 self.faults.append(Fault.TORN)
             return second, moved
-        if not self._near(apart, later):
+        if not self._are_near(apart, later):
             self.faults.append(Fault.TORN)
             return None
         # Both looks agree on a place where the motors cannot have got to: it is gone on from there.
         self.faults.append(Fault.POSITION_JUMP)
         return second, None
 
-    def _near(self, apart: int, seconds: float) -> bool:
-        return self._counters.plausible((apart, 0, 0, 0), seconds)
+    def _are_near(self, apart: int, seconds: float) -> bool:
+        return self._counters.are_plausible((apart, 0, 0, 0), seconds)
 
     def _check_obedience(self, reply: bytes) -> None:
-        if self._expected is None or self._dialect.obeys(reply, self._expected):
+        if self._expected is None or self._dialect.shows_command(reply, self._expected):
             self._disobeyed = 0
             return
         self.faults.append(Fault.COMMAND_LOST)
         self._disobeyed += 1
-        if self._disobeyed >= LARGEST_DISOBEDIENCE:
+        if self._disobeyed >= MAX_DISOBEYED_FRAMES:
             raise HardwareError(
                 f"{Fault.COMMAND_LOST}: {self._disobeyed} commands in a row did not reach the registers:"
                 " another program commands the robot, or the firmware speaks another protocol version"
             )
 
-    def _restarted(self, reading: Reading, time: float) -> None:
-        self._restart = False
+    def _take_restart(self, reading: Reading, time: float) -> None:
+        self._has_restarted = False
         self.faults.append(Fault.RESET)
         self._counters.continue_from(reading.position)
-        self._dialect.begin_anew()
+        self._dialect.forget_motors()
         self._restarts = [*(each for each in self._restarts if time - each < RESTART_SECONDS), time]
-        if len(self._restarts) >= RESTARTS:
+        if len(self._restarts) >= MAX_RESTARTS:
             raise HardwareError(
-                f"{Fault.RESET}: the controller restarted {RESTARTS} times within {RESTART_SECONDS:.0f} s:"
-                " charge the battery, check the power connector"
+                f"{Fault.RESET}: the controller restarted {MAX_RESTARTS} times within {RESTART_SECONDS:.0f} "
+                "s: charge the battery, check the power connector"
             )
 
     def _recover(self, reply: bytes, time: float) -> bytes | None:
         """An aligned frame in place of a dead or shifted one, or None."""
         if reply == reply[:1] * len(reply):
             self.faults.append(Fault.LINK_DEAD)
-            self._wait(time, self._failed or f"the link says 0x{reply[0]:02X} and nothing else")
+            self._wait_or_give_up(time, self._failure or f"the link says 0x{reply[0]:02X} and nothing else")
             return None
         self._refuse_stranger(reply)
         self.faults.append(Fault.MISALIGNED)
         for _ in range(ALIGN_ATTEMPTS):
             self._dialect.realign(self._link, reply)
             reply = self.exchange(bytes(self._dialect.length))
-            if self._dialect.aligned(reply):
+            if self._dialect.is_aligned(reply):
                 self._expected = None
                 last = self._last
-                if last is not None and self._dialect.restarted(reply, last.reply, time - self._time):
-                    self._restart = True
+                if last is not None and self._dialect.has_restarted(reply, last.reply, time - self._time):
+                    self._has_restarted = True
                 return reply
-        self._wait(time, f"no frame can be found in {reply[:8].hex(' ')} ...")
+        self._wait_or_give_up(time, f"no frame can be found in {reply[:8].hex(' ')} ...")
         return None
 
     def _refuse_stranger(self, reply: bytes) -> None:
         """Raise where another firmware answers, and still does so when asked again."""
-        stranger = self._dialect.foreign(reply)
+        stranger = self._dialect.describe_foreign(reply)
         if stranger is not None:
             again = self.exchange(bytes(self._dialect.length))
-            if self._dialect.foreign(again) == stranger:
+            if self._dialect.describe_foreign(again) == stranger:
                 raise HardwareError(f"{Fault.LINK_DEAD}: {stranger}")
 
-    def _wait(self, time: float, complaint: str) -> None:
+    def _wait_or_give_up(self, time: float, complaint: str) -> None:
         """Nothing usable in this cycle: give up where that lasts."""
         if self._unusable_since is None:
             self._unusable_since = time

@@ -10,7 +10,7 @@ Counts = tuple[int, int, int, int]
 Bemf = tuple[float, float, float, float]
 
 
-def near_zero(words: Sequence[int], limit: float) -> bool:
+def are_near_zero(words: Sequence[int], limit: float) -> bool:
     """Whether all counters lie within `limit` of 0, as after a start."""
     return max(words) <= limit and min(words) >= -limit
 
@@ -34,7 +34,7 @@ class Counters:
         )
         return a, b, c, d
 
-    def plausible(self, differences: Counts, seconds: float) -> bool:
+    def are_plausible(self, differences: Counts, seconds: float) -> bool:
         """Whether motors can have moved that far in this time (at least one cycle of the firmware)."""
         limit = self._limit_rate * max(seconds, 0.006)
         return -limit <= min(differences) and max(differences) <= limit

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from raccoon.core.readings import ANALOG_FULL_SCALE, Device, Fault, Inputs, Outputs, Words
 from raccoon.hal.wombat.firmware.counters import Bemf, Counts
-from raccoon.hal.wombat.link.pipe import Link
+from raccoon.hal.wombat.link.link import Link
 
 LARGEST_BEMF = 2000.0
 """Counts that no motor on this board exceeds: 6.6 V induced."""
@@ -32,7 +32,7 @@ class Reading:
 
 
 class Dialect(Protocol):
-    """One firmware. Replies are frames as they came; only `aligned` ones may be read."""
+    """One firmware. Replies are frames as they came; only `is_aligned` ones may be read."""
 
     name: str
     length: int
@@ -44,11 +44,11 @@ class Dialect(Protocol):
     expected_rate_hz: float | None
     """Updates of the counters a second that ticks are worked out with, where they depend on it."""
 
-    def polls(self, period: float, /) -> int:
+    def polls_per_cycle(self, period: float, /) -> int:
         """Looks in a cycle of `period` seconds that it takes to see every update of the counters."""
         ...
 
-    def at_rate(self, bemf_rate_hz: float) -> Dialect:
+    def with_rate(self, bemf_rate_hz: float) -> Dialect:
         """The same firmware whose counters are updated that often. Raises ConfigError outside 50 to 1000."""
         ...
 
@@ -64,11 +64,11 @@ class Dialect(Protocol):
         """Motors off, servos as in `outputs`, whatever frames came before."""
         ...
 
-    def aligned(self, reply: bytes) -> bool:
+    def is_aligned(self, reply: bytes) -> bool:
         """Whether the frame starts where it must."""
         ...
 
-    def foreign(self, reply: bytes) -> str | None:
+    def describe_foreign(self, reply: bytes) -> str | None:
         """What else answers, where it is not this firmware but a whole frame of another."""
         ...
 
@@ -80,11 +80,11 @@ class Dialect(Protocol):
         """Take an aligned frame apart."""
         ...
 
-    def credible(self, reading: Reading) -> bool:
+    def is_credible(self, reading: Reading) -> bool:
         """Whether its words of the converter are such as that gives."""
         ...
 
-    def life(self, reply: bytes) -> bytes:
+    def life_words(self, reply: bytes) -> bytes:
         """The part that noise changes for as long as the main loop runs."""
         ...
 
@@ -92,22 +92,22 @@ class Dialect(Protocol):
         """The part that changes with every reading of the IMU."""
         ...
 
-    def restarted(self, reply: bytes, before: bytes, seconds: float = 0.0, /) -> bool:
+    def has_restarted(self, reply: bytes, before: bytes, seconds: float = 0.0, /) -> bool:
         """Whether the controller has restarted between two frames, aligned or not.
 
         seconds: that have passed at least, where the controller has taken a frame just before its reply.
         """
         ...
 
-    def begin_anew(self) -> None:
+    def forget_motors(self) -> None:
         """The controller has restarted: what was known of its motors is of before."""
         ...
 
-    def obeys(self, reply: bytes, sent: bytes, /) -> bool:
+    def shows_command(self, reply: bytes, sent: bytes, /) -> bool:
         """Whether the frame shows what the command before it asked for (True where it cannot tell)."""
         ...
 
-    def stopped(self, reply: bytes) -> bool:
+    def shows_stopped(self, reply: bytes) -> bool:
         """Whether the frame shows motors without current (True where it cannot tell)."""
         ...
 
@@ -119,16 +119,16 @@ class Dialect(Protocol):
         """Positions in ticks of the unwrapped counters."""
         ...
 
-    def suspicious(self, differences: Counts, seconds: float, /) -> bool:
+    def are_suspicious(self, differences: Counts, seconds: float, /) -> bool:
         """Whether counters moved in a way that deserves a second look."""
         ...
 
-    def torn(self, first: Counts, second: Counts, seconds: float, /) -> bool:
+    def is_torn(self, first: Counts, second: Counts, seconds: float, /) -> bool:
         """Whether of two looks at the counters, `seconds` apart, the second shows that the first was torn."""
         ...
 
     @property
-    def averaged(self) -> bool:
+    def is_averaged(self) -> bool:
         """Whether the last back-EMF is a mean over so long a time that it tells nothing of now."""
         ...
 

@@ -111,7 +111,7 @@ def refuse_other_owners(device: str, proc: Path = Path("/proc")) -> None:
     for process in proc.iterdir():
         if not process.name.isdigit() or int(process.name) == os.getpid():
             continue
-        name = _comm(process)
+        name = _process_name(process)
         if name == RACCOON_READER[:COMM_LENGTH]:
             raise HardwareError(
                 f"{RACCOON_READER} (process {process.name}) owns {device}: stop it with"
@@ -124,7 +124,7 @@ def refuse_other_owners(device: str, proc: Path = Path("/proc")) -> None:
             )
 
 
-def _comm(process: Path) -> str:
+def _process_name(process: Path) -> str:
     try:
         # The kernel cuts names to bytes, also in the middle of a letter.
         return (process / "comm").read_text("utf-8", "replace").strip()
@@ -134,12 +134,12 @@ def _comm(process: Path) -> str:
 
 def _has_open(process: Path, device: str) -> bool:
     try:
-        return any(_target(entry) == device for entry in (process / "fd").iterdir())
+        return any(_link_target(entry) == device for entry in (process / "fd").iterdir())
     except OSError:  # not ours to look at, or it has ended meanwhile
         return False
 
 
-def _target(entry: Path) -> str:
+def _link_target(entry: Path) -> str:
     try:
         return os.readlink(entry)
     except OSError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from raccoon.core.errors import HardwareError
 from raccoon.core.extras import install
-from raccoon.core.forks import left_in_forks
+from raccoon.core.fork_ownership import leave_in_forks
 
 SPI_DEVICE = "/dev/spidev0.0"
 SPEED_HZ = 16_000_000
@@ -38,7 +38,7 @@ class SpiLink:
         self.lock = BusLock(device)
         self._spi = spidev.SpiDev()
         self._open = True
-        left_in_forks(self)
+        leave_in_forks(self)
         try:
             self._configure()
         except HardwareError:
@@ -77,7 +77,7 @@ class SpiLink:
             raise HardwareError(f"a transfer on {self._device} failed: {error}") from error
 
     def leave(self) -> None:
-        """See `raccoon.core.forks`: the bus would be in use after this program."""
+        """See `raccoon.core.fork_ownership`: the bus would be in use after this program."""
         self.close()
 
     def close(self) -> None:

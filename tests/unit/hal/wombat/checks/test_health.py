@@ -17,7 +17,7 @@ def test_an_imu_that_is_wrong_now_and_then_is_found_out_and_a_damaged_frame_is_n
         for number, rate in enumerate(rates):
             watch.update(rate, FLAT, at_rest=False, time=0.02 * number)
         watch.update(RIGHT, FLAT, at_rest=False, time=0.02 * len(rates))
-        return watch.distrusted(0.02 * len(rates) + 0.5)
+        return watch.is_distrusted(0.02 * len(rates) + 0.5)
 
     assert judged([WRONG, WRONG, *[RIGHT] * 4, WRONG, WRONG])
     assert not judged([WRONG, WRONG])
@@ -31,9 +31,9 @@ def test_an_imu_is_not_given_up_for_one_word_whatever_it_is(word: float) -> None
         watch = ImuWatch()
         watch.update(RIGHT, FLAT, at_rest=True, time=0.0)
         watch.update(rate, force, at_rest=True, time=0.02)
-        assert watch.distrusted(0.02)
+        assert watch.is_distrusted(0.02)
         watch.update(RIGHT, FLAT, at_rest=True, time=0.04)
-        assert not watch.distrusted(0.04)
+        assert not watch.is_distrusted(0.04)
 
 
 def test_an_imu_on_edge_tells_no_turn_and_one_on_a_ramp_or_on_its_back_does() -> None:
@@ -41,7 +41,7 @@ def test_an_imu_on_edge_tells_no_turn_and_one_on_a_ramp_or_on_its_back_does() ->
         watch = ImuWatch()
         for number in range(100):
             watch.update(RIGHT, force, at_rest=True, time=0.02 * number)
-        return watch.distrusted(2.0)
+        return watch.is_distrusted(2.0)
 
     assert judged((GRAVITY, 0.0, 0.0))
     assert judged((0.0, -0.9 * GRAVITY, 0.4 * GRAVITY))
@@ -53,11 +53,11 @@ def test_a_pause_in_which_nobody_looked_is_no_silence_of_a_controller() -> None:
     watch, turning, duty = LifeWatch(), (900.0, 900.0, 0.0, 0.0), (0.5, 0.5, 0.0, 0.0)
     watch.update(b"a", 5.0, turning, duty)
     watch.update(b"a", 7.0, turning, duty)  # one frame that is repeated
-    assert not watch.stale
+    assert not watch.is_stale
     hangs = []
     for look in range(60):
         watch.update(b"a", 7.005 + 0.005 * look, turning, duty)
-        hangs.append(watch.hangs)
+        hangs.append(watch.has_hung)
     assert 30 <= hangs.index(True) <= 40
 
 

@@ -47,7 +47,7 @@ def test_a_counter_that_really_jumped_is_counted_on_from_where_it_is() -> None:
     receiver = Receiver(StockDialect(), script, clock)
     found = []
     for _ in range(4):
-        receiver.collect()
+        receiver.begin_cycle()
         receiver.poll(READ)
         found.append(list(receiver.faults))
         clock.advance(0.005)
@@ -68,7 +68,7 @@ def test_a_counter_that_jumps_again_and_again_leaves_the_speed_as_it_is() -> Non
     receiver, read = Receiver(StockDialect(), Driving(), clock), []
     for look in range(400):
         jump = 0x10000 if look > 20 and look % 7 in (0, 1, 4) else 0  # there and back
-        receiver.collect()
+        receiver.begin_cycle()
         receiver.poll(READ)
         if receiver.bemf is not None and look > 20:
             read.append(receiver.bemf[0])
@@ -84,7 +84,7 @@ def test_a_link_is_lost_when_it_says_nothing_for_long_at_one_time() -> None:
 
     def polls(cycles: int) -> None:
         for _ in range(cycles):
-            receiver.collect()
+            receiver.begin_cycle()
             receiver.poll(READ)
             clock.advance(0.005)
 
@@ -109,7 +109,7 @@ def test_a_transfer_that_fails_costs_a_cycle_and_a_link_that_fails_for_long_is_l
 
     def faults(cycles: int = 1) -> list[Fault]:
         for _ in range(cycles):
-            receiver.collect()
+            receiver.begin_cycle()
             receiver.poll(READ)
             clock.advance(0.005)
         return list(receiver.faults)
@@ -133,7 +133,7 @@ def test_words_that_no_converter_gives_are_read_again_or_left_out_and_for_long_a
     script = Script(damaged(0), frame(0), damaged(100), frame(100), damaged(200), damaged(200), frame(300))
     receiver, seen = Receiver(StockDialect(), script, clock), []
     for _ in range(5):
-        receiver.collect()
+        receiver.begin_cycle()
         reading = receiver.poll(READ)
         seen.append((None if reading is None else reading.reply, list(receiver.faults)))
         clock.advance(0.005)
@@ -142,7 +142,7 @@ def test_words_that_no_converter_gives_are_read_again_or_left_out_and_for_long_a
     receiver = Receiver(StockDialect(), Script(frame(0), damaged(0)), clock)
 
     def poll() -> bool:
-        receiver.collect()
+        receiver.begin_cycle()
         clock.advance(0.005)
         return receiver.poll(READ) is not None
 
@@ -171,7 +171,7 @@ def test_of_a_transfer_in_which_the_program_did_not_run_the_time_is_not_known(be
     for cycle in range(20):
         clock.advance(0.005)
         stall = 0.2 if cycle == 15 else 0.0
-        receiver.collect()
+        receiver.begin_cycle()
         reading = receiver.poll(READ)
         assert reading is not None
         assert reading.position[0] == int(1e5 * receiver.time)

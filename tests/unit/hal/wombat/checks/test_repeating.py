@@ -5,7 +5,7 @@ import pytest
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_FROZEN_SECONDS, STOP, Fault, Outputs
-from raccoon.hal.wombat.checks.repeating import RepeatWatch
+from raccoon.hal.wombat.checks.repeat_watch import RepeatWatch
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant

@@ -120,9 +120,9 @@ def test_a_write_beyond_the_registers_hangs_the_chip() -> None:
 def test_a_transfer_of_another_length_shifts_all_that_follow() -> None:
     chip = Chip(ConstantPlant())
     chip.ask(bytes(30))
-    assert stock.shift(chip.ask()) == 59
+    assert stock.find_shift(chip.ask()) == 59
     chip.ask(bytes(59))
-    assert stock.shift(chip.ask()) == 0
+    assert stock.find_shift(chip.ask()) == 0
 
 
 @pytest.mark.parametrize(("level", "settled"), [(39, 0), (40, 37), (100, 97), (700, 697), (-100, -97)])

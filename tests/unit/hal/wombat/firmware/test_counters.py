@@ -36,13 +36,13 @@ def test_positions_go_on_over_any_number_of_wraps(
 def test_a_torn_upper_half_is_not_plausible(jump: int, plausible: bool) -> None:
     counters = Counters(470_000.0)
     counters.continue_from((0, 0, 0, 0))
-    assert counters.plausible(counters.differences((0, jump, 0, 0)), 0.005) is plausible
+    assert counters.are_plausible(counters.differences((0, jump, 0, 0)), 0.005) is plausible
 
 
 def test_two_looks_within_an_update_may_see_all_of_it() -> None:
     counters = Counters(100_000.0)
-    assert counters.plausible((1200, 0, 0, 0), 0.0002)
-    assert not counters.plausible((1201, 0, 0, 0), 0.0002)
+    assert counters.are_plausible((1200, 0, 0, 0), 0.0002)
+    assert not counters.are_plausible((1201, 0, 0, 0), 0.0002)
 
 
 def test_continuing_from_new_words_moves_nothing() -> None:

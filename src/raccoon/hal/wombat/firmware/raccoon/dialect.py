@@ -6,13 +6,13 @@ import struct
 from collections.abc import Sequence
 
 from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs, Outputs, Words
-from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
+from raccoon.hal.wombat.firmware.counters import Bemf, Counts, are_near_zero
 from raccoon.hal.wombat.firmware.devices import RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY, raccoon_device
 from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, LARGEST_WORD, Reading
 from raccoon.hal.wombat.firmware.raccoon import commands, wire
 from raccoon.hal.wombat.firmware.raccoon.rate import CounterRate
 from raccoon.hal.wombat.firmware.raccoon.wire import Telemetry
-from raccoon.hal.wombat.link.pipe import Link
+from raccoon.hal.wombat.link.link import Link
 
 NEWEST_IN_THE_WILD = 32
 """First bytes up to here are taken for a version of RaccoonOS."""
@@ -45,10 +45,10 @@ class RaccoonDialect:
         self._missing = [0.0] * MOTOR_PORTS
         self._still = [0] * MOTOR_PORTS
 
-    def polls(self, _period: float) -> int:
+    def polls_per_cycle(self, _period: float) -> int:
         return 1
 
-    def at_rate(self, bemf_rate_hz: float) -> RaccoonDialect:
+    def with_rate(self, bemf_rate_hz: float) -> RaccoonDialect:
         return RaccoonDialect(self.version, bemf_rate_hz)
 
     def command(self, outputs: Outputs) -> bytes:
@@ -62,17 +62,17 @@ class RaccoonDialect:
         # counters, too, and lose the way on which the robot rolls out.
         return commands.encode(Outputs(servo_us=outputs.servo_us), self.version)
 
-    def aligned(self, reply: bytes) -> bool:
+    def is_aligned(self, reply: bytes) -> bool:
         return reply[0] == self.version and reply.endswith(self._padding)
 
-    def foreign(self, reply: bytes) -> str | None:
+    def describe_foreign(self, reply: bytes) -> str | None:
         if 0 < reply[0] <= NEWEST_IN_THE_WILD and reply[0] != self.version and reply.endswith(self._padding):
             return f"RaccoonOS answers with protocol version {reply[0]} instead of {self.version}"
         return None
 
     def realign(self, link: Link, _reply: bytes) -> None:
         stream = link.transfer(bytes(3 * self.length))
-        index = wire.shift(stream, self.version)
+        index = wire.find_shift(stream, self.version)
         if index:
             link.transfer(bytes(index))
 
@@ -81,20 +81,20 @@ class RaccoonDialect:
         position = [RACCOON_POLARITY * int(count) for count in words[6:10]]
         return Reading(reply, words, position, words[17])
 
-    def credible(self, reading: Reading) -> bool:
+    def is_credible(self, reading: Reading) -> bool:
         words = reading.words
         bemf, analog = words[2:6], words[11:18]  # and the battery
         turning = max(bemf) <= LARGEST_WORD and min(bemf) >= -LARGEST_WORD
         return bool(turning and max(analog) <= LARGEST_WORD and min(analog) >= 0)
 
-    def life(self, reply: bytes) -> bytes:
+    def life_words(self, reply: bytes) -> bytes:
         # Without the clock and the digital ports, which interrupts write even when the main loop hangs.
         return reply[5:37] + reply[38:52] + reply[54:144]
 
     def imu_words(self, reply: bytes) -> bytes:
         return reply[54:66] + reply[67:79]
 
-    def restarted(self, reply: bytes, before: bytes, seconds: float = 0.0) -> bool:
+    def has_restarted(self, reply: bytes, before: bytes, seconds: float = 0.0) -> bool:
         if reply[0] != self.version or before[0] != self.version:
             return False
         clock = int.from_bytes(reply[1:5], "little")
@@ -107,15 +107,15 @@ class RaccoonDialect:
             return False
         # One damaged byte is no restart: the counters must have started anew, too.
         limit = RESTART_COUNTS_SECONDS / self.device.position_counts_seconds
-        return near_zero(struct.unpack_from("<4i", reply, POSITION), limit)
+        return are_near_zero(struct.unpack_from("<4i", reply, POSITION), limit)
 
-    def begin_anew(self) -> None:
+    def forget_motors(self) -> None:
         self._missing, self._still = [0.0] * MOTOR_PORTS, [0] * MOTOR_PORTS
 
-    def obeys(self, _reply: bytes, _sent: bytes) -> bool:
+    def shows_command(self, _reply: bytes, _sent: bytes) -> bool:
         return True
 
-    def stopped(self, _reply: bytes) -> bool:
+    def shows_stopped(self, _reply: bytes) -> bool:
         return True
 
     def bemf(self, reading: Reading, differences: Counts | None, seconds: float) -> Bemf | None:
@@ -136,14 +136,14 @@ class RaccoonDialect:
     def ticks(self, totals: Sequence[int]) -> Words:
         return tuple(totals)
 
-    def suspicious(self, _differences: Counts, _seconds: float) -> bool:
+    def are_suspicious(self, _differences: Counts, _seconds: float) -> bool:
         return False
 
-    def torn(self, _first: Counts, _second: Counts, _seconds: float) -> bool:
+    def is_torn(self, _first: Counts, _second: Counts, _seconds: float) -> bool:
         return False
 
     @property
-    def averaged(self) -> bool:
+    def is_averaged(self) -> bool:
         return False
 
     @property

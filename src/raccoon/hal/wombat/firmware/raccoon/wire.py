@@ -145,7 +145,7 @@ def decode(frame: bytes, version: int) -> Telemetry:
     return Telemetry(_REPLY.unpack_from(frame))
 
 
-def shift(stream: bytes, version: int) -> int | None:
+def find_shift(stream: bytes, version: int) -> int | None:
     """Index at which a frame begins in a stream of three frames, None where none can be found.
 
     A frame is known by its padding: all zero, and followed by the version. Nothing else marks one.

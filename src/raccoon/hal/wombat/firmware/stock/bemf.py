@@ -45,7 +45,7 @@ class StockBemf:
         self.shortfall = [0.0] * MOTOR_PORTS
         """Counts that truncation has kept from each counter so far."""
         self._standing = False  # as was told
-        self._owed = 0.0  # updates that the time so far had room for beyond those that were counted
+        self._owed_counts = 0.0  # updates that the time so far had room for beyond those that were counted
         self._updates = 0
         self._seconds = 0.0
         self.averaged = False
@@ -70,14 +70,14 @@ class StockBemf:
             self._updates += updates
             self._seconds += self._since_news
         self._since_news = 0.0
-        a, b, c, d = (self._made_up(port, each, updates) for port, each in enumerate(differences))
+        a, b, c, d = (self._makes_up(port, each, updates) for port, each in enumerate(differences))
         self.value = (a, b, c, d)
         self.averaged = updates >= self.MANY
         self.fresh = True
 
     def restart(self) -> None:
         """Begin to count the time anew: of what the counters did so far, what comes now holds nothing."""
-        self._since_news = self._owed = 0.0
+        self._since_news = self._owed_counts = 0.0
 
     def begin_anew(self) -> None:
         """The firmware has restarted, and its filter holds nothing: counters that stand now are not late, as
@@ -85,7 +85,7 @@ class StockBemf:
         self.restart()
         self.value, self.averaged, self._standing = (0.0, 0.0, 0.0, 0.0), False, False
 
-    def _made_up(self, port: int, difference: int, updates: int) -> float:
+    def _makes_up(self, port: int, difference: int, updates: int) -> float:
         if difference == 0:
             return 0.0
         missing = math.copysign(self.TRUNCATION, difference)
@@ -101,14 +101,14 @@ class StockBemf:
         periods = self._since_news / self._period
         port = max(range(MOTOR_PORTS), key=lambda each: abs(self.value[each]))
         if self.averaged or abs(self.value[port]) < 2 * self.SURELY_STOPPED:
-            self._owed = 0.0
+            self._owed_counts = 0.0
             return 1 if periods < 1.5 else round(periods)
-        due = periods + self._owed
+        due = periods + self._owed_counts
         ratio = differences[port] / self.value[port]
         low = max(math.floor(due + self.SURE), 1)
         high = max(math.ceil(due - self.SURE), low)
         count = low if abs(low - ratio) <= abs(high - ratio) else high
-        self._owed = max(-self.OWED, min(self.OWED, due - count))
+        self._owed_counts = max(-self.OWED, min(self.OWED, due - count))
         return count
 
     @property

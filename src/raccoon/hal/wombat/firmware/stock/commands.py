@@ -214,6 +214,6 @@ def _servos(pulses: tuple[int | None, ...], directions: int) -> bytes:
     return bytes(data) + _end(directions, off)
 
 
-def holds(reply: bytes, sent: bytes) -> bool:
+def shows_command(reply: bytes, sent: bytes) -> bool:
     """Whether the registers of `reply` are those that the command image `sent` before it asked for."""
     return bytes(_registers(reply)) == sent[_VALUES]

@@ -7,13 +7,13 @@ import struct
 from collections.abc import Sequence
 
 from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs, Outputs, Words
-from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
+from raccoon.hal.wombat.firmware.counters import Bemf, Counts, are_near_zero
 from raccoon.hal.wombat.firmware.devices import STOCK_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK, stock_device
 from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, LARGEST_WORD, Reading
 from raccoon.hal.wombat.firmware.stock import commands, wire
 from raccoon.hal.wombat.firmware.stock.bemf import StockBemf
 from raccoon.hal.wombat.firmware.stock.wire import Registers
-from raccoon.hal.wombat.link.pipe import Link
+from raccoon.hal.wombat.link.link import Link
 
 LARGEST_AFTER_BOOT = 50_000
 """Counts that a counter may hold when a restart is noticed."""
@@ -40,10 +40,10 @@ class StockDialect:
         self.expected_rate_hz: float | None = bemf_rate_hz
         self._sequence = 0
 
-    def polls(self, period: float) -> int:
+    def polls_per_cycle(self, period: float) -> int:
         return max(math.ceil(POLL_MARGIN * period * self._rate_hz), 1)
 
-    def at_rate(self, bemf_rate_hz: float) -> StockDialect:
+    def with_rate(self, bemf_rate_hz: float) -> StockDialect:
         return StockDialect(bemf_rate_hz)
 
     def command(self, outputs: Outputs) -> bytes:
@@ -58,16 +58,16 @@ class StockDialect:
         # Registers keep what nobody writes, and a lost canary must stay lost until the port has seen it.
         return commands.frame(commands.motors_off())
 
-    def aligned(self, reply: bytes) -> bool:
+    def is_aligned(self, reply: bytes) -> bool:
         return reply.startswith(wire.MAGIC)
 
-    def foreign(self, reply: bytes) -> str | None:
+    def describe_foreign(self, reply: bytes) -> str | None:
         if reply[0] == wire.START and reply[1] == 0 and reply[2] != wire.FIRMWARE_VERSION:
             return f"the stock firmware answers with version {reply[2]}; known is {wire.FIRMWARE_VERSION}"
         return None
 
     def realign(self, link: Link, reply: bytes) -> None:
-        index = wire.shift(reply)
+        index = wire.find_shift(reply)
         if index:
             link.transfer(bytes(index))
 
@@ -75,10 +75,10 @@ class StockDialect:
         registers = wire.decode(reply)
         return Reading(reply, registers.words, registers.position, registers.battery)
 
-    def credible(self, reading: Reading) -> bool:
+    def is_credible(self, reading: Reading) -> bool:
         return bool(max(reading.words[6:12]) <= LARGEST_WORD and reading.battery <= LARGEST_WORD)
 
-    def life(self, reply: bytes) -> bytes:
+    def life_words(self, reply: bytes) -> bytes:
         # The counters count: with a dead IMU and quiet analog ports nothing else changes.
         sensors = reply[wire.ADC_0 : wire.ADC_PE] + reply[wire.ADC_PE + 1 : wire.MOT_MODES]
         return sensors + reply[wire.BATTERY : wire.BUTTONS]
@@ -86,7 +86,7 @@ class StockDialect:
     def imu_words(self, reply: bytes) -> bytes:
         return reply[wire.ACCEL : wire.MOT_POS]
 
-    def restarted(self, reply: bytes, before: bytes, _seconds: float = 0.0) -> bool:
+    def has_restarted(self, reply: bytes, before: bytes, _seconds: float = 0.0) -> bool:
         # Only a whole frame bears witness: one of zeros, or one that breaks off, has no canary and no counts.
         if reply[1:3] != wire.MAGIC[1:] or reply[wire.SERVO] == 0:
             return False
@@ -95,17 +95,17 @@ class StockDialect:
         if not (canary_lost or reply[0] == 0):
             return False
         # One damaged byte is no restart: the counters must have started anew, too.
-        return near_zero(struct.unpack_from(">4i", reply, wire.MOT_POS), LARGEST_AFTER_BOOT)
+        return are_near_zero(struct.unpack_from(">4i", reply, wire.MOT_POS), LARGEST_AFTER_BOOT)
 
-    def begin_anew(self) -> None:
+    def forget_motors(self) -> None:
         self._bemf.begin_anew()
 
-    def obeys(self, reply: bytes, sent: bytes) -> bool:
+    def shows_command(self, reply: bytes, sent: bytes) -> bool:
         if sent[3] != len(commands.IMAGE):
             return True
-        return commands.holds(reply, sent)
+        return commands.shows_command(reply, sent)
 
-    def stopped(self, reply: bytes) -> bool:
+    def shows_stopped(self, reply: bytes) -> bool:
         return reply[wire.MOT_MODES] == 0 and reply[wire.MOT_DIRS] == 0
 
     def bemf(self, _reading: Reading, differences: Counts | None, seconds: float) -> Bemf | None:
@@ -121,7 +121,7 @@ class StockDialect:
             for total, missing in zip(totals, self._bemf.shortfall, strict=True)
         )
 
-    def suspicious(self, differences: Counts, seconds: float) -> bool:
+    def are_suspicious(self, differences: Counts, seconds: float) -> bool:
         updates = seconds * self._rate_hz
         if updates > 1.4:
             return False
@@ -131,7 +131,7 @@ class StockDialect:
             for difference, last in zip(differences, self._bemf.value, strict=True)
         )
 
-    def torn(self, first: Counts, second: Counts, seconds: float) -> bool:
+    def is_torn(self, first: Counts, second: Counts, seconds: float) -> bool:
         # A counter goes on the way it went, by no more than the updates that may have fallen in between.
         updates = math.floor(seconds * self._rate_hz) + 1
         return any(
@@ -140,7 +140,7 @@ class StockDialect:
         )
 
     @property
-    def averaged(self) -> bool:
+    def is_averaged(self) -> bool:
         return self._bemf.averaged
 
     @property

@@ -177,7 +177,7 @@ def decode(frame: bytes) -> Registers:
     return Registers(_REPLY.unpack(frame))
 
 
-def shift(frame: bytes) -> int | None:
+def find_shift(frame: bytes) -> int | None:
     """Index at which the registers begin in a rotated frame (0: aligned), None where they cannot be found.
 
     A controller whose transfers were once of a wrong length sends its registers rotated for ever. That many

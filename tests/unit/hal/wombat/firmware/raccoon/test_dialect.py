@@ -30,25 +30,25 @@ def reading(left: float, right: float) -> Reading:
 @pytest.mark.parametrize("up", [0.5, 10 * MINUTE, 36 * MINUTE, 50 * MINUTE, 70 * MINUTE])
 def test_a_restart_shows_however_long_the_controller_was_up(up: float) -> None:
     dialect = RaccoonDialect(17)
-    assert dialect.restarted(reply(0.2), reply(up, 900_000))
-    assert not dialect.restarted(reply(0.2, 900_000), reply(up, 900_000))  # one word was damaged
+    assert dialect.has_restarted(reply(0.2), reply(up, 900_000))
+    assert not dialect.has_restarted(reply(0.2, 900_000), reply(up, 900_000))  # one word was damaged
 
 
 @pytest.mark.parametrize("pause", [0.005, 1.0, 50.0])
 @pytest.mark.parametrize("at", [1.0, 36 * MINUTE, WRAP - 0.001])
 def test_a_clock_that_goes_on_is_no_restart(at: float, pause: float) -> None:
-    assert not RaccoonDialect(17).restarted(reply(at + pause), reply(at))
+    assert not RaccoonDialect(17).has_restarted(reply(at + pause), reply(at))
 
 
 def test_a_program_that_waited_long_is_no_restart() -> None:
-    assert not RaccoonDialect(17).restarted(reply(41 * MINUTE), reply(MINUTE))
+    assert not RaccoonDialect(17).has_restarted(reply(41 * MINUTE), reply(MINUTE))
 
 
 def test_a_clock_that_went_on_for_too_little_began_anew() -> None:
     dialect = RaccoonDialect(17)
-    assert dialect.restarted(reply(0.005), reply(0.004), 0.03)  # both shortly after a restart
-    assert not dialect.restarted(reply(0.005, 900_000), reply(0.004), 0.03)
-    assert not dialect.restarted(reply(4.48), reply(4.0), 0.5)  # an oscillator that is 4 % slow
+    assert dialect.has_restarted(reply(0.005), reply(0.004), 0.03)  # both shortly after a restart
+    assert not dialect.has_restarted(reply(0.005, 900_000), reply(0.004), 0.03)
+    assert not dialect.has_restarted(reply(4.48), reply(4.0), 0.5)  # an oscillator that is 4 % slow
 
 
 @pytest.mark.parametrize("counts", [400.0, -400.0])
@@ -84,7 +84,7 @@ def test_a_motor_too_slow_for_a_tick_of_its_counter_is_not_stuck() -> None:
 def test_a_frame_of_another_version_is_told_from_a_damaged_one(first: int, last: int, foreign: bool) -> None:
     """Another version begins with its number and ends in zeros, as this one does."""
     frame = bytes((first,)) + bytes(range(1, 100)) + bytes(147) + bytes((last,))
-    told = RaccoonDialect(17).foreign(frame)
+    told = RaccoonDialect(17).describe_foreign(frame)
     assert (told is not None) is foreign
     if told is not None:
         assert f"version {first} instead of 17" in told

@@ -112,8 +112,8 @@ def test_other_frames_are_refused() -> None:
 @pytest.mark.parametrize("index", [0, 1, 100, 200, 247])
 def test_a_shift_is_found(index: int) -> None:
     stream = REPLY * 4
-    assert wire.shift(stream[248 - index : 248 - index + 3 * 248], 17) == index
+    assert wire.find_shift(stream[248 - index : 248 - index + 3 * 248], 17) == index
 
 
 def test_no_shift_in_silence() -> None:
-    assert wire.shift(bytes(600), 17) is None
+    assert wire.find_shift(bytes(600), 17) is None

@@ -101,9 +101,9 @@ def test_holds_compares_with_the_registers_of_the_next_reply() -> None:
     reply = bytearray(89)
     for address, value in registers_written(sent).items():
         reply[address] = value
-    assert commands.holds(bytes(reply), sent)
+    assert commands.shows_command(bytes(reply), sent)
     reply[wire.PWM + 1] ^= 1
-    assert not commands.holds(bytes(reply), sent)
+    assert not commands.shows_command(bytes(reply), sent)
 
 
 @pytest.mark.parametrize(

@@ -25,16 +25,16 @@ from raccoon.hal.wombat.firmware.stock.dialect import StockDialect
 def test_counters_that_count_on_between_two_looks_are_not_torn(
     first: int, second: int, seconds: float, torn: bool
 ) -> None:
-    assert StockDialect().torn((0, first, 0, 0), (0, second, 0, 0), seconds) is torn
+    assert StockDialect().is_torn((0, first, 0, 0), (0, second, 0, 0), seconds) is torn
 
 
 def test_two_updates_in_one_look_deserve_no_second_one() -> None:
     dialect = StockDialect(250.0)
     frame = Reading(b"", (), (0, 0, 0, 0), 0)
     dialect.bemf(frame, (0, 600, 0, 0), 0.004)
-    assert not dialect.suspicious((0, 1190, 0, 0), 0.005)
-    assert dialect.suspicious((0, 1190, 0, 0), 0.004)
-    assert dialect.suspicious((0, 600 + 256, 0, 0), 0.005)
+    assert not dialect.are_suspicious((0, 1190, 0, 0), 0.005)
+    assert dialect.are_suspicious((0, 1190, 0, 0), 0.004)
+    assert dialect.are_suspicious((0, 600 + 256, 0, 0), 0.005)
 
 
 def frame(first: int = wire.START, canary: int = 0, count: int = 0) -> bytes:
@@ -46,7 +46,7 @@ def frame(first: int = wire.START, canary: int = 0, count: int = 0) -> bytes:
 
 
 def test_a_restart_has_counters_that_began_anew_and_lost_its_canary_or_its_first_byte() -> None:
-    restarted = StockDialect().restarted
+    restarted = StockDialect().has_restarted
     assert restarted(frame(), frame(canary=CANARY, count=900_000))
     assert restarted(frame(first=0), frame())  # before it was ever given a canary
     assert not restarted(frame(canary=CANARY), frame(canary=CANARY))

@@ -78,8 +78,8 @@ def test_other_frames_are_refused() -> None:
 @pytest.mark.parametrize("index", [0, 1, 44, 87, 88])
 def test_a_shift_is_found(index: int) -> None:
     rotated = REPLY[89 - index :] + REPLY[: 89 - index]
-    assert wire.shift(rotated) == index
+    assert wire.find_shift(rotated) == index
 
 
 def test_no_shift_in_silence() -> None:
-    assert wire.shift(bytes(89)) is None
+    assert wire.find_shift(bytes(89)) is None

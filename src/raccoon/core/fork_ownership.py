@@ -22,15 +22,15 @@ class Owned(Protocol):
 _owned: WeakSet[Owned] = WeakSet()
 
 
-def left_in_forks(thing: Owned) -> None:
+def leave_in_forks(thing: Owned) -> None:
     """From now on, a process that is forked leaves `thing`."""
     _owned.add(thing)
 
 
-def _leave() -> None:
+def _leave_owned() -> None:
     for thing in list(_owned):
         with suppress(OSError, ValueError):
             thing.leave()
 
 
-os.register_at_fork(after_in_child=_leave)
+os.register_at_fork(after_in_child=_leave_owned)

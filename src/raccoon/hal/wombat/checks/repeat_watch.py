@@ -24,7 +24,7 @@ class RepeatWatch:
     """s between two words, of which nobody knows what lay between."""
 
     def __init__(self, most: float | None = None) -> None:
-        self._most = math.inf if most is None else self.NEAR * most
+        self._max_repeats = math.inf if most is None else self.NEAR * most
         self._last = [0.0] * MOTOR_PORTS
         self._repeated = [0.0] * MOTOR_PORTS
         self._time = 0.0
@@ -36,7 +36,7 @@ class RepeatWatch:
         if dt > self.PAUSE:
             dt = 0.0
         for port, value in enumerate(bemf):
-            if value != self._last[port] or not self.TURNING <= abs(value) < self._most:
+            if value != self._last[port] or not self.TURNING <= abs(value) < self._max_repeats:
                 self._last[port], self._repeated[port] = value, 0.0
             else:
                 self._repeated[port] += dt

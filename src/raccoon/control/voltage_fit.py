@@ -15,11 +15,11 @@ import math
 from dataclasses import dataclass
 
 Vector3 = tuple[float, float, float]
-WINDOW = 0.05
+WINDOW_S = 0.05
 """s over which voltage and speed are compared."""
 LEAST_SPEED = 0.4
 """rad/s; a slower wheel may stand."""
-EACH: tuple[Vector3, Vector3, Vector3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+UNIT_ROWS: tuple[Vector3, Vector3, Vector3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Rows that tell one of the three alone."""
 
 
@@ -43,10 +43,10 @@ class Windows:
     """
 
     __slots__ = (
-        "_begin",
         "_direction",
-        "_last",
+        "_last_speed",
         "_seconds",
+        "_start_speed",
         "_volt_seconds",
         "_way",
     )
@@ -58,7 +58,7 @@ class Windows:
         """Start a new window."""
         self._seconds = self._volt_seconds = self._way = 0.0
         self._direction = 0.0
-        self._begin = self._last = 0.0
+        self._start_speed = self._last_speed = 0.0
 
     def add(self, voltage: float, speed: float, dt: float) -> tuple[Vector3, float] | None:
         """A cycle of dt s under `voltage`, at whose end the wheel turns at `speed`: (row, V) when full."""
@@ -67,19 +67,19 @@ class Windows:
             self.clear()
             return None
         if not self._direction:
-            self._direction, self._begin, self._last = direction, speed, speed
+            self._direction, self._start_speed, self._last_speed = direction, speed, speed
             return None
         self._seconds += dt
         self._volt_seconds += voltage * dt
-        self._way += 0.5 * (speed + self._last) * dt
-        self._last = speed
-        if self._seconds < WINDOW:
+        self._way += 0.5 * (speed + self._last_speed) * dt
+        self._last_speed = speed
+        if self._seconds < WINDOW_S:
             return None
         t = self._seconds
-        row = (direction, self._way / t, (speed - self._begin) / t)
+        row = (direction, self._way / t, (speed - self._start_speed) / t)
         volts = self._volt_seconds / t
         self.clear()
-        self._direction, self._begin, self._last = direction, speed, speed
+        self._direction, self._start_speed, self._last_speed = direction, speed, speed
         return row, volts
 
 
@@ -89,25 +89,25 @@ class RecursiveFit:
     prior: values; spread: their prior standard deviations; noise: V of one row; memory: rows that count.
     """
 
-    __slots__ = ("_keep", "_prior", "_variance", "covariance", "rows", "values")
+    __slots__ = ("_forgetting", "_prior", "_variance", "covariance", "rows", "values")
 
     def __init__(self, prior: Vector3, spread: Vector3, noise: float, memory: float = math.inf) -> None:
         self._prior = (prior, spread)
         self._variance = noise * noise
-        self._keep = 1.0 - 1.0 / memory
+        self._forgetting = 1.0 - 1.0 / memory
         self.values = list(prior)
         self.covariance = [[spread[i] ** 2 if i == j else 0.0 for j in range(3)] for i in range(3)]
         self.rows = 0
 
     def add(self, row: Vector3, volts: float, doubt: float = 0.0) -> float:
         """Take a row; the V by which it was off. doubt: V, deviation of this row beyond the noise."""
-        off = self._take(row, volts, self._variance + doubt * doubt)
-        if self._keep < 1.0:
+        off = self._update(row, volts, self._variance + doubt * doubt)
+        if self._forgetting < 1.0:
             self._forget()
         self.rows += 1
         return off
 
-    def _take(self, row: Vector3, value: float, variance: float) -> float:
+    def _update(self, row: Vector3, value: float, variance: float) -> float:
         """Take a sum of the three numbers, with its variance; by what it was off."""
         P = self.covariance
         gain = [sum(P[i][j] * row[j] for j in range(3)) for i in range(3)]
@@ -124,9 +124,9 @@ class RecursiveFit:
         speed tells one sum of friction and speed) the values would walk away otherwise, each row a step.
         """
         for each in self.covariance:
-            each[:] = [value / self._keep for value in each]
-        for row, value, spread in zip(EACH, *self._prior, strict=True):
-            self._take(row, value, spread * spread / (1.0 - self._keep))
+            each[:] = [value / self._forgetting for value in each]
+        for row, value, spread in zip(UNIT_ROWS, *self._prior, strict=True):
+            self._update(row, value, spread * spread / (1.0 - self._forgetting))
 
     def std(self, index: int) -> float:
         """Standard deviation of a value."""

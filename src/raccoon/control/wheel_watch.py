@@ -7,35 +7,35 @@ from collections import deque
 from dataclasses import dataclass
 
 from raccoon.control.feedforward import WheelModel
-from raccoon.control.identify import WINDOW, RecursiveFit, Vector3, Windows
+from raccoon.control.voltage_fit import WINDOW_S, RecursiveFit, Vector3, Windows
 
 STALL_SPEED_SHARE = 0.2
 """Of the speed this voltage gives a nominal wheel; the slowest of the paper's motors reaches far more."""
-STALL_TIME = 0.35
+STALL_TIME_S = 0.35
 """s of it: longer than breaking loose takes at the least voltage that does it."""
 STALL_OVERDRIVE = 0.8
 """V beyond what friction takes before silence means anything."""
-HELD_TIME = 0.06
+HELD_TIME_S = 0.06
 """s of silence after which something holds the wheel; one that starts under full voltage reads by then."""
-LOOSE_TIME = 0.1
+LOOSE_TIME_S = 0.1
 """s after it was let go in which the reading jumps by the filter's law and not by the motor's."""
 ODD_SHARE = 0.25
 """A motor that takes this much more or less than its model, or under load than the other, is reported."""
 ODD_LOADS = (0.5, 2.0)
 """Load factors beyond which both motors together are."""
-LATE = 0.005
+READING_JITTER_S = 0.005
 """s by which a reading may be later or earlier than the others: what a jerk tells is that much in doubt."""
-ALL_LATE = 0.012
+READING_DELAY_S = 0.012
 """s by which the readings of both wheels come late: 5 ms by the smoothing of the speeds, the rest by what
 firmwares do with their samples. It looks like load."""
-CLEAR = 3.0
+CLEAR_ACCELERATION_RATIO = 3.0
 """Times its noise from which on an acceleration is one. Of less, noise would be compared with the voltage
 that answers it, and would say that a load takes none."""
-UNSURE = 5
+HELD_BACK_WINDOWS = 5
 """Windows that are kept back: it takes a quarter of a second until a wall shows in what both wheels carry."""
-RAMP = 1.0
+MAX_RAMP_V = 1.0
 """V by which the voltage of a motion that speeds up changes in a window, at the most."""
-BATTERY_LAG = 0.1
+BATTERY_LAG_S = 0.1
 """s by which the battery's voltage is known late: a motor gets other volts meanwhile than it was meant to."""
 ROW_NOISE, READ_NOISE = 0.06, 0.015
 """V by which a window's voltage is off, whatever the motor; V of back-EMF by which its speeds at either end
@@ -73,7 +73,7 @@ class WheelState:
         return f"takes {self.speed_factor:.2f} times the voltage a speed should: magnet (K_E) or calibration"
 
 
-def oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
+def describe_oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
     """What is odd about the left and about the right wheel, "" where nothing is.
 
     Loads are compared with each other: a reading that comes d s late adds d V/(rad/s) to the voltage that an
@@ -110,14 +110,14 @@ class WheelWatch:
     __slots__ = (
         "_fit",
         "_found",
-        "_high",
+        "_has_sagged",
+        "_high_windows",
         "_least_change",
         "_least_slope",
-        "_loose",
-        "_low",
+        "_loose_seconds",
+        "_low_windows",
         "_model",
-        "_sagged",
-        "_silent",
+        "_silent_seconds",
         "_static",
         "_windows",
         "held",
@@ -133,13 +133,15 @@ class WheelWatch:
         nominal = (model.static_voltage, 1.0 / model.gain, model.acceleration_voltage)
         # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])
-        scatter = math.sqrt(2.0) * READ_NOISE / model.back_emf_constant / WINDOW  # rad/s2, of a window's ends
-        self._least_change = CLEAR * scatter
+        scatter = (
+            math.sqrt(2.0) * READ_NOISE / model.back_emf_constant / WINDOW_S
+        )  # rad/s2, of a window's ends
+        self._least_change = CLEAR_ACCELERATION_RATIO * scatter
         noise = math.hypot(ROW_NOISE, scatter * nominal[2])
         self._fit = RecursiveFit(nominal, spread, noise=noise, memory=120.0)
-        self._found: deque[tuple[Vector3, float, float]] = deque(maxlen=UNSURE)
-        self._low = self._high = 0.0
-        self._silent = self._loose = self._sagged = 0.0
+        self._found: deque[tuple[Vector3, float, float]] = deque(maxlen=HELD_BACK_WINDOWS)
+        self._low_windows = self._high_windows = 0.0
+        self._silent_seconds = self._loose_seconds = self._has_sagged = 0.0
         self.stalled = False
         self.held = False
         """Whether somebody knows that the wheel carries more or less than when it drives straight on: nothing
@@ -154,32 +156,35 @@ class WheelWatch:
         say that it turns, or says that it turns against its voltage, counts as stalled after as long as one
         that stands: a reading that is frozen would have it driven further and further.
         """
-        self._sagged += sagged * voltage
+        self._has_sagged += sagged * voltage
         if speed is None:
             self._windows.clear()
-            self._silent += dt
-            self.stalled = self._silent > STALL_TIME
+            self._silent_seconds += dt
+            self.stalled = self._silent_seconds > STALL_TIME_S
             return
         spare = abs(voltage) - self._static
         moves = math.copysign(speed, speed * voltage) >= self._least_slope * spare
         turns = moves or self.stands or spare <= STALL_OVERDRIVE
-        self._silent = 0.0 if turns else self._silent + dt
-        self.stalled = self._silent > STALL_TIME
-        self._loose = max(0.0, self._loose - dt)
-        if self._silent > HELD_TIME or self.held:
-            if self._loose == 0.0 and self._found:
+        self._silent_seconds = 0.0 if turns else self._silent_seconds + dt
+        self.stalled = self._silent_seconds > STALL_TIME_S
+        self._loose_seconds = max(0.0, self._loose_seconds - dt)
+        if self._silent_seconds > HELD_TIME_S or self.held:
+            if self._loose_seconds == 0.0 and self._found:
                 self._found.pop()
-            self._loose = LOOSE_TIME
-        if self._loose > 0.0:
+            self._loose_seconds = LOOSE_TIME_S
+        if self._loose_seconds > 0.0:
             self._windows.clear()
-            self._sagged = 0.0
+            self._has_sagged = 0.0
         else:
             self._learn(voltage, speed, dt)
 
     def _learn(self, voltage: float, speed: float, dt: float) -> None:
         """Take each window when so many more are full: in the last one before it was silent, and in the last
         ones before it is known that it pushes, a wheel was braked by more than its motor."""
-        self._low, self._high = min(self._low, voltage), max(self._high, voltage)
+        self._low_windows, self._high_windows = (
+            min(self._low_windows, voltage),
+            max(self._high_windows, voltage),
+        )
         found = self._windows.add(voltage, speed, dt)
         if found is not None:
             if len(self._found) == self._found.maxlen:
@@ -188,22 +193,26 @@ class WheelWatch:
             if abs(row[2]) < self._least_change:
                 row = (row[0], row[1], 0.0)
             # What is read is of a moment earlier: of another mean voltage, where that swings.
-            swung = LATE * max(0.0, self._high - self._low - RAMP) / WINDOW
-            sagged = BATTERY_LAG / WINDOW * self._sagged
-            self._found.append((row, volts, math.hypot(LATE * row[2] / self._model.gain, swung, sagged)))
-            self._low = self._high = voltage
-            self._sagged = 0.0
+            swung = (
+                READING_JITTER_S * max(0.0, self._high_windows - self._low_windows - MAX_RAMP_V) / WINDOW_S
+            )
+            sagged = BATTERY_LAG_S / WINDOW_S * self._has_sagged
+            self._found.append(
+                (row, volts, math.hypot(READING_JITTER_S * row[2] / self._model.gain, swung, sagged))
+            )
+            self._low_windows = self._high_windows = voltage
+            self._has_sagged = 0.0
 
-    def doubt(self) -> None:
+    def drop_recent(self) -> None:
         """It turns out to push against something: what was seen last is not learnt."""
         self._found.clear()
 
-    def rest(self) -> None:
+    def stop_learning(self) -> None:
         """The motor is off: nothing more is learnt."""
         while self._found:
             self._fit.add(*self._found.popleft())
         self._windows.clear()
-        self._silent = 0.0
+        self._silent_seconds = 0.0
         self.stalled = self.stands = False
 
     @property
@@ -213,5 +222,5 @@ class WheelWatch:
         speed, speed_std = fit.values[1] * model.gain, fit.std(1) * model.gain
         load = fit.values[2] / model.acceleration_voltage
         load_std = fit.std(2) / model.acceleration_voltage
-        late = ALL_LATE / (model.gain * model.acceleration_voltage)
+        late = READING_DELAY_S / (model.gain * model.acceleration_voltage)
         return WheelState(fit.rows >= LEAST_ROWS, speed, speed_std, load, load_std, late)

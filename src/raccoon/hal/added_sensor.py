@@ -18,7 +18,7 @@ class Closable(Protocol):
         ...
 
 
-class AddingPort:
+class AddedSensorPort:
     """Passes commands on; the wrapped port is closed first, so that motors stop whatever the sensor does."""
 
     def __init__(self, port: Port, sensor: Closable) -> None:

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-SAID_EVERY = 2000
+REPORT_PERIOD_CYCLES = 2000
 """Cycles of a recording after which it is worth a word."""
 _listener: ContextVar[Callable[[str], None] | None] = ContextVar("listener", default=None)
 
 
 @contextmanager
-def watched(by: Callable[[str], None]) -> Iterator[None]:
+def report_to(by: Callable[[str], None]) -> Iterator[None]:
     """Inside, `by` is called with a few words whenever what takes long in this thread goes on."""
     token = _listener.set(by)
     try:
@@ -21,7 +21,7 @@ def watched(by: Callable[[str], None]) -> Iterator[None]:
         _listener.reset(token)
 
 
-def tell(doing: str) -> None:
+def report(doing: str) -> None:
     """Say what comes next, if anybody watches."""
     listener = _listener.get()
     if listener is not None:
