@@ -15,7 +15,7 @@ from diagnosis_trial import POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE
 from raccoon.diagnose.findings.cause_results import TURN_CLASSES
-from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
+from raccoon.diagnose.hypotheses.base_coordinates import MAX_BASE_STDS, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
 from raccoon.diagnose.result import MIN_VISIBLE_CHANGE
 from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES, delay_same_reading
@@ -144,7 +144,7 @@ def _is_within_tolerance(result: Result) -> bool:
     measured = [
         each for each in (_stds_from_nominal(result, name) for name in result["true"]) if each is not None
     ]
-    return bool(measured) and measured[0] <= INSIDE
+    return bool(measured) and measured[0] <= MAX_BASE_STDS
 
 
 def _stds_from_nominal(result: Result, name: str) -> float | None:
@@ -277,7 +277,9 @@ def _hidden_lag(result: Result, name: str) -> float:
     is not hidden."""
     nominal = result["nominal"].get(name, {})
     late = float(sum(value - nominal[key] for key, value in result["true"].get(name, {}).items()))
-    own = (each.value(INSIDE) for each in base_coordinates(RobotConfig()) if each.settings[0][0] == name)
+    own = (
+        each.value(MAX_BASE_STDS) for each in base_coordinates(RobotConfig()) if each.settings[0][0] == name
+    )
     return math.copysign(max(abs(late) - next(own, 0.0), 0.0), late)
 
 
@@ -296,7 +298,9 @@ def _acting_causes(result: Result) -> list[str]:
     """
     names = [next(iter(result["hidden"]))]
     names += [name for name, size in result["alone"].items() if size > PRACTICAL]
-    return names + [name for name in result["true"] if (_stds_from_nominal(result, name) or 0.0) > INSIDE]
+    return names + [
+        name for name in result["true"] if (_stds_from_nominal(result, name) or 0.0) > MAX_BASE_STDS
+    ]
 
 
 def _main_acts_most(result: Result) -> bool:

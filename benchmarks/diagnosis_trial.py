@@ -26,7 +26,7 @@ from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.experiment.advice import rank_manoeuvres
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.noise_model import EVENT_BINS
-from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, base_coordinates
+from raccoon.diagnose.hypotheses.base_coordinates import MAX_BASE_STDS, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Coordinate, Settings, neutral_settings
 from raccoon.diagnose.reports.similar_causes import causes_of_similar_size
 from raccoon.diagnose.result import Diagnosis
@@ -237,7 +237,7 @@ def _classes(said: Diagnosis, blind: Blind) -> dict[str, list[Hidden]]:
 
 def _unabsorbed_rms(change: Array, base: Array, others: Array) -> float:
     """Root mean square of what base numbers, inside their bounds, and others, at any size, do not absorb."""
-    bounds = np.concatenate([np.full(base.shape[1], INSIDE), np.full(others.shape[1], np.inf)])
+    bounds = np.concatenate([np.full(base.shape[1], MAX_BASE_STDS), np.full(others.shape[1], np.inf)])
     columns = np.hstack([base, others])
     absorbed = columns @ lsq_linear(columns, change, (-bounds, bounds)).x
     return float(np.sqrt(((change - absorbed) ** 2).mean()))

@@ -43,9 +43,9 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.diagnose.rollout.dead_zone_evidence import asked_for
+from raccoon.diagnose.rollout.dead_zone_evidence import without_ruled_out_zones
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.log_building import understood
+from raccoon.diagnose.rollout.log_building import build_log
 from raccoon.diagnose.search_outcome import SearchOutcome, conclude, stall_faults
 from raccoon.diagnose.unknown.friction_change import friction_may_have_changed
 from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME
@@ -90,17 +90,17 @@ def diagnose(
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     begin = time.perf_counter()
-    log = understood([columns, *more], robot, firmware)
+    log = build_log([columns, *more], robot, firmware)
     # The matrices are small: threads that wait for each other cost more than they do.
     with threadpool_limits(1):
         if not is_driven(log):
             return _not_identifiable(log, begin, _other_motors_question(columns, robot))
-        tried = asked_for(drive_causes() if causes is None else causes, log)
+        tried = without_ruled_out_zones(drive_causes() if causes is None else causes, log)
         tried = shareable_causes(tried) if log.runs else tried
         other = None
         if holdout is not None:
             with naming_holdout():
-                other = with_channels_of(log, understood([holdout], robot, firmware))
+                other = with_channels_of(log, build_log([holdout], robot, firmware))
                 if not is_driven(other):
                     raise TraceError(f"{NOTHING_MOVES}: nothing can be judged on it; name a drive")
         return Diagnoser(robot, tried, model, firmware, begin).diagnose(log, other)

@@ -25,7 +25,7 @@ from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.backlash_scan import active_backlash
 from raccoon.diagnose.fit.noise_model import whiteness_p_values
 from raccoon.diagnose.habits.notes import habit_notes, with_habit_uncertainty
-from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
+from raccoon.diagnose.hypotheses.per_recording import BATTERY_RESISTANCE
 from raccoon.diagnose.result import (
     MAX_UNEXPLAINED_SHARE,
     STOOD,
@@ -91,7 +91,7 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
         (
             *log.notes,
             *separate_battery_notes(settings, log),
-            *load_notes(log, settings[RESISTANCE]),
+            *load_notes(log, settings[BATTERY_RESISTANCE]),
             *unknown_notes,
             *((disturbance_note(bursts.moments),) if bursts.moments else ()),
             *habit_notes(habits, causes, uncertainty),

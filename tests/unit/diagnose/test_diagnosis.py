@@ -21,7 +21,7 @@ from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.base_coordinates import PRESLIDING, base_coordinates
-from raccoon.diagnose.hypotheses.cause_catalogue import NO_CAUSE, drive_causes
+from raccoon.diagnose.hypotheses.cause_catalogue import NUISANCE_EFFECTS, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.reports.fleet_text import fleet_report
@@ -29,7 +29,7 @@ from raccoon.diagnose.reports.manoeuvre_text import manoeuvre_for
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.rollout.simulated_robot import parameters_of
+from raccoon.diagnose.rollout.simulated_robot import to_parameters
 from raccoon.diagnose.search_outcome import SearchOutcome, _verdict
 from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME
 from raccoon.sim.effects.chain import Chain
@@ -247,7 +247,7 @@ def test_what_both_wheels_have_unlike_is_said_of_each() -> None:
 def test_every_drive_effect_is_a_cause_with_a_sentence_and_a_manoeuvre() -> None:
     causes = {each.id for each in drive_causes()}
     for each in all_effects():
-        if each.group == "tophat" or each.id in NO_CAUSE:
+        if each.group == "tophat" or each.id in NUISANCE_EFFECTS:
             assert each.id not in causes
             continue
         assert each.id in causes
@@ -263,7 +263,7 @@ def test_neutral_coordinates_give_the_nominal_robot_whose_wheels_give_as_usual()
             cause.apply(settings, [0.0] * cause.size)
     usual = {("friction.presliding", None, name): value for name, value in PRESLIDING.items()}
     assert settings == pytest.approx({**neutral_settings(ROBOT), **usual})
-    assert parameters_of(neutral_settings(ROBOT), neutral_settings(ROBOT), ROBOT, Chain()).effects == {}
+    assert to_parameters(neutral_settings(ROBOT), neutral_settings(ROBOT), ROBOT, Chain()).effects == {}
 
 
 def test_a_fleet_tells_common_from_odd(sagging: Diagnosis) -> None:

@@ -33,7 +33,7 @@ from raccoon.diagnose.fit.noise_estimation import classify_regimes, form_error_p
 from raccoon.diagnose.fit.noise_model import CHANGING, EVENT_BINS, white_noise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import creeping_battery_columns, wandering_friction_columns
-from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates, with_usual_stds
+from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates, with_default_stds
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
@@ -147,7 +147,7 @@ class DrivePlan:
 
         As in a diagnosis, what robot.toml gives without a standard deviation is not exact.
         """
-        robot, _ = with_usual_stds(robot)
+        robot, _ = with_default_stds(robot)
         every = {each.name: each for each in drive_causes()}
         problem = _planned_problem(robot, duty, every)
         linear = linearise(problem, problem.nominal(), list(every))

@@ -10,9 +10,9 @@ from raccoon.diagnose.findings.held_out import HeldOut, contributions
 from raccoon.diagnose.findings.joint_numbers import describe_joint_numbers
 from raccoon.diagnose.findings.uncertainty import FitUncertainty, setting_value
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
-from raccoon.diagnose.hypotheses.coordinates import FORMS, WIDTH_FACTOR, Cause
-from raccoon.diagnose.hypotheses.form_errors import form_error, least_error
+from raccoon.diagnose.hypotheses.cause_catalogue import TURN_SCALE_CAUSES
+from raccoon.diagnose.hypotheses.coordinates import FORM_PARAMETERS, WIDTH_FACTOR, Cause
+from raccoon.diagnose.hypotheses.form_errors import min_form_error, relative_form_error
 from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
 from raccoon.diagnose.select.refits import GYRO_LOW_PASS, SHARED_SCALE_CAUSES, delay_same_reading
@@ -25,7 +25,7 @@ from raccoon.diagnose.select.rivals import (
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.effect import Effect
 
-TURN_CLASSES = (frozenset(OF_TURNS),)
+TURN_CLASSES = (frozenset(TURN_SCALE_CAUSES),)
 """Causes of turning that nothing on board tells apart."""
 
 INDISTINGUISHABLE_CLASSES = (*TURN_CLASSES, frozenset(SHARED_SCALE_CAUSES))
@@ -88,13 +88,13 @@ def fitted_parameters(
     """The effect's parameters at the fit, with what the form of any model is off by."""
     found = {}
     for each in cause.effect.parameters:
-        if each.name == FORMS.get(cause.id):
+        if each.name == FORM_PARAMETERS.get(cause.id):
             continue
         key = (cause.id, cause.places[0], each.name)
         value = uncertainty.value_of(key)
         nominal = search.problem.neutral[key]
-        form = form_error(cause.id) * abs(value - nominal if math.isfinite(nominal) else value)
-        least = least_error(cause.id, len(search.fit.point.active)) * WIDTH_FACTOR * each.prior_width
+        form = relative_form_error(cause.id) * abs(value - nominal if math.isfinite(nominal) else value)
+        least = min_form_error(cause.id, len(search.fit.point.active)) * WIDTH_FACTOR * each.prior_width
         std = math.hypot(uncertainty.std(key), form, least)
         found[each.name] = ParameterResult(value, std, each.unit, float(nominal))
     return found

@@ -11,10 +11,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.hypotheses.cause_catalogue import NO_CAUSE
-from raccoon.diagnose.hypotheses.coordinates import Settings, neutral_settings, places
+from raccoon.diagnose.hypotheses.cause_catalogue import NUISANCE_EFFECTS
+from raccoon.diagnose.hypotheses.coordinates import Settings, affected_places, neutral_settings
 from raccoon.diagnose.result import CauseResult
-from raccoon.diagnose.rollout.simulated_robot import parameters_of
+from raccoon.diagnose.rollout.simulated_robot import to_parameters
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Key, Parameters
@@ -31,7 +31,7 @@ def make_fitted_model(
     """The fitted robot of a drive: named causes, and base numbers as they were refitted. A number that a
     simulator does not take, as of another robot's robot.toml, is the nearest that it does."""
     neutral = neutral_settings(problem.robot)
-    model = parameters_of(clamp_to_bounds(uncertainty.settings, neutral), neutral, problem.robot, chain)
+    model = to_parameters(clamp_to_bounds(uncertainty.settings, neutral), neutral, problem.robot, chain)
     robot = _with_inertia_stds(replace(model.robot, motors=problem.robot.motors), uncertainty)
     model = replace(model, robot=robot)
     for key in model.effects:
@@ -59,7 +59,7 @@ def rebase_model(model: Parameters, given: RobotConfig, factors: Mapping[str, fl
     shifted, drive = model.robot.model, given.model.drive
     too_large = set()
     for id_, factor in factors.items():
-        values = {each: factor * model.value(id_, "factor", each) for each in places(id_, None)}
+        values = {each: factor * model.value(id_, "factor", each) for each in affected_places(id_, None)}
         bounds = effect(id_).parameter("factor").bounds
         if not all(bounds.allows(each) for each in values.values()):
             too_large.add(id_)
@@ -111,11 +111,11 @@ def cause_origin(cause: CauseResult) -> Origin:
 def _origin(uncertainty: FitUncertainty, causes: Sequence[CauseResult], key: Key) -> Origin:
     id_, place = key
     for each in causes:
-        if each.id == id_ and place in places(each.id, each.where):
+        if each.id == id_ and place in affected_places(each.id, each.where):
             return cause_origin(each)
     std = {each.name: uncertainty.std((id_, place, each.name)) for each in effect(id_).parameters}
     fitted = {name: each for name, each in std.items() if each > 0.0}
-    refitted = OF_EVERY_ROBOT if id_ in NO_CAUSE else REFITTED
+    refitted = OF_EVERY_ROBOT if id_ in NUISANCE_EFFECTS else REFITTED
     return Origin(fitted, refitted if fitted else FROM_GIVEN_MODEL)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.hypotheses.per_recording import DIFFERS
+from raccoon.diagnose.hypotheses.per_recording import PER_RECORDING_STDS
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
 
 MIN_PART_S = 12.0
@@ -18,7 +18,7 @@ PATH_DEPENDENT_UNKNOWNS = ("wheel angle", "position", "heading")
 of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
 SLOPE_RIVAL = "friction.direction_dependent"
 """What a slope looks like to drives that begin in the same direction on it."""
-PER_RECORDING = tuple(id_ for id_, _, _ in DIFFERS)
+PER_RECORDING = tuple(id_ for id_, _, _ in PER_RECORDING_STDS)
 """Effects that differ from recording to recording, and are no cause of several."""
 GAPS_REASON = "the gaps lose where the wheels and the robot point, on which something here depends"
 DIFFERENT_STARTS_REASON = (

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings
-from raccoon.diagnose.hypotheses.per_recording import RESISTANCE, resistances
+from raccoon.diagnose.hypotheses.per_recording import BATTERY_RESISTANCE, battery_resistances
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 
 MIN_RESISTANCE_RATIO, MIN_RESISTANCE_DIFFERENCE_OHM = 1.4, 0.015
@@ -20,7 +20,7 @@ NOT_SHARED_REASON = "not judged: the recordings do not share a battery"
 
 def batteries_may_differ(found: Diagnosis) -> bool:
     """Whether different batteries may be behind what was found in several recordings together."""
-    named = any(each.id == RESISTANCE[0] for each in found.causes)
+    named = any(each.id == BATTERY_RESISTANCE[0] for each in found.causes)
     return named or found.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
 
 
@@ -31,14 +31,14 @@ def with_own_batteries(log: Log) -> Log:
 
 def without_shared_resistance(causes: Sequence[Cause]) -> tuple[Cause, ...]:
     """The causes that such recordings can have in common."""
-    return tuple(each for each in causes if each.id != RESISTANCE[0])
+    return tuple(each for each in causes if each.id != BATTERY_RESISTANCE[0])
 
 
 def separate_battery_notes(settings: Settings, log: Log) -> tuple[str, ...]:
     """A note that the batteries of several recordings differ, where they do; none where they share one."""
     if not log.separate_batteries:
         return ()
-    found = resistances(settings, len(log.runs))
+    found = battery_resistances(settings, len(log.runs))
     if (
         max(found) < MIN_RESISTANCE_RATIO * min(found)
         or max(found) < min(found) + MIN_RESISTANCE_DIFFERENCE_OHM
@@ -57,4 +57,4 @@ def has_separate_batteries(own: Diagnosis) -> bool:
 
 def with_resistance_not_judged(own: Diagnosis) -> Diagnosis:
     """The diagnosis, with the battery's resistance among what was not judged."""
-    return replace(own, rejected=(*own.rejected, Rejected(RESISTANCE[0], NOT_SHARED_REASON)))
+    return replace(own, rejected=(*own.rejected, Rejected(BATTERY_RESISTANCE[0], NOT_SHARED_REASON)))

@@ -34,7 +34,7 @@ from raccoon.diagnose.fit.noise_model import (
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import Piece, split_into_pieces
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.hypotheses.form_errors import form_factor, form_weight
+from raccoon.diagnose.hypotheses.form_errors import form_error_factor, form_weight
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ CHANGE_SHARE = 0.03
 FORM_ERROR_RMS = 0.006
 """Error, in units of the noise, that any model has in the direction of any effect: no evidence of it."""
 MAX_FORM_ERROR_WIDTHS = 0.0125
-"""Most of that, as a part of the effect's width. Both are multiplied by the effect's `form_factor`."""
+"""Most of that, as a part of the effect's width. Both are multiplied by the effect's `form_error_factor`."""
 FORM_ERROR_SHARE = 0.005
 """Of the response to a cause of usual `form_weight`, its error of form in the direction of any other
 effect."""
@@ -156,7 +156,7 @@ def form_error_parts(
     cross = rows @ plain.T
     absorbed = np.einsum("ij,ji->i", cross, np.linalg.solve(np.eye(len(plain)) + plain @ plain.T, cross.T))
     rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / (size * width))
-    form = np.array([form_factor(name) for name in names])
+    form = np.array([form_error_factor(name) for name in names])
     return np.asarray(form * worse * np.minimum(MAX_FORM_ERROR_WIDTHS, FORM_ERROR_RMS / rms), float)
 
 

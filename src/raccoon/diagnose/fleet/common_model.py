@@ -15,7 +15,7 @@ from raccoon.diagnose.fleet.current_standing import COMMON_SHARE
 from raccoon.diagnose.fleet.series import STD_PER_MAD
 from raccoon.diagnose.fleet.silent_recordings import is_silent
 from raccoon.diagnose.fleet.summary import HEIGHT, Fleet, FleetCause
-from raccoon.diagnose.hypotheses.coordinates import places
+from raccoon.diagnose.hypotheses.coordinates import affected_places
 from raccoon.diagnose.result import Diagnosis
 from raccoon.sim.effects.effect import Parameter, Place, effect
 from raccoon.sim.effects.parameters import Key, Parameters
@@ -147,7 +147,7 @@ def _named_effects(diagnosis: Diagnosis) -> set[Key]:
 
 
 def _effect_places(id_: str, where: str | None) -> tuple[str | None, ...]:
-    return (where,) if effect(id_).place is Place.TOPHAT else places(id_, where)
+    return (where,) if effect(id_).place is Place.TOPHAT else affected_places(id_, where)
 
 
 def _with_common_cause(common: Parameters, cause: FleetCause, pool: _ModelPool, fleet: Fleet) -> Parameters:

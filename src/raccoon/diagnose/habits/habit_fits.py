@@ -16,11 +16,11 @@ from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem, transfer_columns, transfer_point
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, Wheels, base_coordinates
-from raccoon.diagnose.hypotheses.coordinates import added, multiplied
+from raccoon.diagnose.hypotheses.base_coordinates import MAX_BASE_STDS, Wheels, base_coordinates
+from raccoon.diagnose.hypotheses.coordinates import additive_coordinate, multiplicative_coordinate
 from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.rollout.sample_ages import AGE
+from raccoon.diagnose.rollout.sample_ages import SAMPLE_AGE
 
 Array = NDArray[np.float64]
 
@@ -34,9 +34,9 @@ LONGER_WINDOW_STDS = 1.5
 NEGLIGIBLE_ERROR = 1e-9
 """Of each reading's unit: a channel that is simulated that well from any start decides nothing."""
 MASKING_COORDINATES = (
-    multiplied("bemf.scale", "left", 0.05),
-    multiplied("bemf.scale", "right", 0.05),
-    added("actuation.deadband", None, "duty", 0.03, low=0.0),
+    multiplicative_coordinate("bemf.scale", "left", 0.05),
+    multiplicative_coordinate("bemf.scale", "right", 0.05),
+    additive_coordinate("actuation.deadband", None, "duty", 0.03, low=0.0),
 )
 """What no base number can stand in for, and would hide what a filter does. Without them deadbands made the
 simulator's filter look like the firmware's in five of eight rehearsals, and a scale beside others the
@@ -63,7 +63,7 @@ class HabitFit:
         names = [each.settings[0][0] for each in self.problem.base]
         if BEMF_FILTER_LAG not in names:
             return True
-        return abs(float(self.point.base[names.index(BEMF_FILTER_LAG)])) <= INSIDE
+        return abs(float(self.point.base[names.index(BEMF_FILTER_LAG)])) <= MAX_BASE_STDS
 
     def if_better_than(self, other: HabitFit, min_saved: float) -> HabitFit:
         """This fit where it saves so much log misfit, else the other."""
@@ -88,12 +88,14 @@ def with_all_base_free(problem: Problem, wheels: Wheels) -> Problem:
         for each in base_coordinates(problem.robot, inside=BASE_RANGE_STDS, wheels=wheels)
         if each.settings[0][0] not in (BEMF_FILTER_LAG, LATENCY)
     ]
-    kept = {WINDOW, *AGE.values()}
+    kept = {WINDOW, *SAMPLE_AGE.values()}
     base.extend(each for each in problem.base if each.settings[0] in kept)
     std = problem.robot.model.bemf.filter_time_constant.std
     if std > 0.0:
         base.append(
-            added(BEMF_FILTER_LAG, None, "time_constant", std, low=-BASE_RANGE_STDS, high=BASE_RANGE_STDS)
+            additive_coordinate(
+                BEMF_FILTER_LAG, None, "time_constant", std, low=-BASE_RANGE_STDS, high=BASE_RANGE_STDS
+            )
         )
     return replace(problem, base=(*base, *MASKING_COORDINATES))
 

@@ -13,8 +13,8 @@ from raccoon.diagnose.habits.chains import CONTINUOUS_CYCLE_S, pauses_at_cycle_e
 from raccoon.diagnose.habits.controller import SLOW_BATTERY_FILTERS_S
 from raccoon.diagnose.habits.lags import GYRO_LATENCY
 from raccoon.diagnose.habits.motor_driver import DEADBAND
-from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS, LOW_PASS_DELAY, UNKNOWN_PHASE
-from raccoon.diagnose.hypotheses.per_recording import RESISTANCE
+from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS, LOW_PASS_DELAY, SAMPLE_PHASE_STD
+from raccoon.diagnose.hypotheses.per_recording import BATTERY_RESISTANCE
 from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout.encoder_window import WINDOW
@@ -58,10 +58,10 @@ def with_habit_uncertainty(causes: Sequence[CauseResult], habits: Habits) -> tup
     says so: `validate_causes` named it by what the drive alone leaves open."""
     firmware = habits.firmware if habits.knows_battery else None
     share = RESISTANCE_SHARE_BY_READ_TIME if firmware is None else firmware.sag
-    unknown = {RESISTANCE[0]: (share, 0.0)}
+    unknown = {BATTERY_RESISTANCE[0]: (share, 0.0)}
     if habits.firmware is None:
         chip = 0.0 if habits.low_pass else 0.5 * LOW_PASS
-        unknown |= {LATENCY: (0.0, UNKNOWN_PHASE), GYRO_LATENCY: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
+        unknown |= {LATENCY: (0.0, SAMPLE_PHASE_STD), GYRO_LATENCY: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
     return tuple(_with_wider_std(each, *unknown[each.id]) if each.id in unknown else each for each in causes)
 
 

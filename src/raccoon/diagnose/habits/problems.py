@@ -13,12 +13,12 @@ from raccoon.diagnose.fit.problem import BatteryCreep, Point, Problem
 from raccoon.diagnose.habits.habit_fits import with_all_base_free
 from raccoon.diagnose.habits.lost_commands import restore_lost_changes
 from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates
-from raccoon.diagnose.hypotheses.cause_catalogue import counted_from
+from raccoon.diagnose.hypotheses.cause_catalogue import causes_from
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
-from raccoon.diagnose.hypotheses.per_recording import run_coordinates, run_settings
-from raccoon.diagnose.rollout.dead_zone_evidence import told
+from raccoon.diagnose.hypotheses.per_recording import per_recording_coordinates, per_recording_settings
+from raccoon.diagnose.rollout.dead_zone_evidence import dead_zone_evidence
 from raccoon.diagnose.rollout.encoder_window import encoder_coordinates, encoder_settings
-from raccoon.diagnose.rollout.joined_rollout import rollout_of
+from raccoon.diagnose.rollout.joined_rollout import make_rollout
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.sample_ages import age_coordinates, age_settings
 from raccoon.sim.effects.parameters import Parameters
@@ -37,11 +37,11 @@ def drive_problem(
     own = [each.own for each in causes if each.own is not None]
     battery = robot.model.battery.internal_resistance.value if log.separate_batteries else 0.0
     settings = starting_settings(robot, model) | encoder_settings(log)
-    settings |= run_settings(len(log.runs), battery)
+    settings |= per_recording_settings(len(log.runs), battery)
     settings |= age_settings() if habits.any_moment else {}
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
-    by_name = counted_from(causes, settings)
+    by_name = causes_from(causes, settings)
     base = (
         *base_coordinates(
             robot,
@@ -53,16 +53,16 @@ def drive_problem(
         ),
         *encoder_coordinates(log),
         *(age_coordinates() if habits.any_moment else ()),
-        *run_coordinates(len(log.runs), battery),
+        *per_recording_coordinates(len(log.runs), battery),
     )
     return Problem(
         Features.cached(log, habits.swing or bin_width(log)),
-        rollout_of(log, robot, habits, own),
+        make_rollout(log, robot, habits, own),
         robot,
         settings,
         tuple(each.beside(settings) for each in base),
         by_name,
-        told(by_name, log),
+        dead_zone_evidence(by_name, log),
         HELD_BATTERY_CREEP if habits.chain.battery_held else BatteryCreep(),
         habits.chain.coast_share,
         log.friction_may_change,

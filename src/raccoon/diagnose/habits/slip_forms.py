@@ -15,7 +15,7 @@ from raccoon.diagnose.habits.alternatives import (
 from raccoon.diagnose.habits.lags import GYRO_LATENCY, SLIP, note_rival
 from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
 from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS
-from raccoon.diagnose.hypotheses.coordinates import FORMS
+from raccoon.diagnose.hypotheses.coordinates import FORM_PARAMETERS
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.refits import equal_lag
 from raccoon.diagnose.select.set_scoring import overlaps_none
@@ -32,7 +32,7 @@ def try_immediate_slip(search: Search, habits: Habits, trials: HabitTrials) -> S
     without_lags = without_causes(point, lags)
     if not overlaps_none(SLIP, without_lags.active):  # one wheel's slip was named
         return search, habits
-    at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
+    at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORM_PARAMETERS[SLIP])}
     slip = np.sum([equal_lag(search, name, SLIP) for name in lags], axis=0)
     low_pass = LOW_PASS / causes[SLIP].coordinates[0].value(1.0)
     for other, size in ((habits, slip), (replace(habits, low_pass=True), slip - low_pass)):

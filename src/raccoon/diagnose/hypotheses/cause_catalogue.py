@@ -12,34 +12,34 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import (
-    FORMS,
+    FORM_PARAMETERS,
     WIDTH_FACTOR,
     Cause,
     Coordinate,
     Points,
     Settings,
-    added,
-    multiplied,
+    additive_coordinate,
+    affected_places,
+    multiplicative_coordinate,
     neutral_settings,
-    places,
 )
 from raccoon.diagnose.own import OwnEffect
 from raccoon.sim.effects.effect import Place, all_effects, effect
 from raccoon.sim.effects.parameters import SIDES
 
-OF_TURNS = ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
+TURN_SCALE_CAUSES = ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
 """Causes that a gyro and wheels cannot tell apart, turn rate = scale r w / b, and a reference of the pose
 can."""
 
 
 def _limit(settings: Settings, where: str | None, u: Sequence[float]) -> None:
-    for place in places("motor.current_limit", where):
+    for place in affected_places("motor.current_limit", where):
         settings[("motor.current_limit", place, "limit")] = 1.0 / u[0] if u[0] > 1e-3 else math.inf
 
 
 def _eccentricity(settings: Settings, where: str | None, u: Sequence[float]) -> None:
     width = WIDTH_FACTOR * effect("drive.wheel_eccentricity").parameters[0].prior_width
-    for place in places("drive.wheel_eccentricity", where):
+    for place in affected_places("drive.wheel_eccentricity", where):
         settings[("drive.wheel_eccentricity", place, "amplitude")] = width * math.hypot(u[0], u[1])
         settings[("drive.wheel_eccentricity", place, "phase")] = math.atan2(u[1], u[0])
 
@@ -53,7 +53,7 @@ _SHAPES: Mapping[str, tuple[float, tuple[float, ...]]] = {
     "friction.stiction": (0.7, (0.2, 0.5, 1.0)),
     "motor.heating": (0.7, (6.0, 18.0)),
 }
-HIGHEST_LIMIT = 2.0
+MAX_CURRENT_LIMIT = 2.0
 """A; the highest current limit that is tried first."""
 # Starting guesses in widths, for one-sided and kinked effects.
 _GUESSES: Mapping[str, tuple[float, ...]] = {
@@ -63,7 +63,7 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
     "drive.wheel_slip": (0.15, 0.5, 1.5),
     "bemf.dead_zone": (0.15, 0.3, 1.0, 2.0, 4.0),
     "actuation.deadband": (0.15, 0.5, 1.5),
-    "motor.current_limit": (1.0 / HIGHEST_LIMIT, 0.7, 1.0),
+    "motor.current_limit": (1.0 / MAX_CURRENT_LIMIT, 0.7, 1.0),
     "bemf.filter_lag": (-0.5, 0.5),
 }
 # Longer steps where the response, seen closely, is a staircase: effects that shift the moment of something
@@ -75,7 +75,7 @@ _STEPS: Mapping[str, float] = {
 }
 
 
-MOST_UNEVEN = 0.95
+MAX_ASYMMETRY = 0.95
 """Friction that differs more by direction would push."""
 
 
@@ -91,28 +91,31 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
         pair = tuple(Coordinate(f"{id}.{part}", (), lambda u: u) for part in ("cos", "sin"))
         return Cause(id, where, pair, (((0.7, 0.0), (0.0, 0.7)),), lambda s, u: _eccentricity(s, where, u))
     if id in _SHAPES:
-        return _shaped(id, where, width)
+        return _with_shape(id, where, width)
     if id == "friction.direction_dependent":
-        return _uneven(id, where)
-    if len(entry.parameters) == 2 and id not in FORMS:
+        return _direction_dependent(id, where)
+    if len(entry.parameters) == 2 and id not in FORM_PARAMETERS:
         coordinates = tuple(
-            added(id, where, each.name, WIDTH_FACTOR * each.prior_width) for each in entry.parameters
+            additive_coordinate(id, where, each.name, WIDTH_FACTOR * each.prior_width)
+            for each in entry.parameters
         )
         return Cause(id, where, coordinates, (((0.5, 0.0), (0.0, 0.5)),))
     if first.name == "factor":
-        return Cause(id, where, (multiplied(id, where, width),), (((0.5,),),))
+        return Cause(id, where, (multiplicative_coordinate(id, where, width),), (((0.5,),),))
     if id == "friction.coulomb":
         usual = RobotConfig().model.friction.coulomb.value
-        share = replace(multiplied(id, where, width / usual, parameter="torque"), from_zero=width)
+        share = replace(
+            multiplicative_coordinate(id, where, width / usual, parameter="torque"), from_zero=width
+        )
         return Cause(id, where, (share,), (((0.5,),),))
     low = 0.0 if first.neutral == 0.0 and first.bounds.low == 0.0 else -math.inf
     guesses = tuple(((u,),) for u in _GUESSES.get(id, (0.5,)))
-    coordinate = added(id, where, first.name, width, low=low)
+    coordinate = additive_coordinate(id, where, first.name, width, low=low)
     coordinate = replace(coordinate, step=_STEPS.get(id, coordinate.step))
     return Cause(id, where, (coordinate,), guesses)
 
 
-def _uneven(id: str, where: str | None) -> Cause:  # noqa: A002
+def _direction_dependent(id: str, where: str | None) -> Cause:  # noqa: A002
     """Differences by direction, counted in parts of a usual robot's friction.
 
     The effect's parameters are parts of the friction that is there. Counted so, a cause that changes the
@@ -126,23 +129,23 @@ def _uneven(id: str, where: str | None) -> Cause:  # noqa: A002
     usual = neutral_settings(RobotConfig())
 
     def joint(settings: Settings, u: Sequence[float]) -> None:
-        for place in places(id, where):
+        for place in affected_places(id, where):
             for value, (name, friction, parameter) in zip(u, pairs, strict=True):
                 key = (friction, place, parameter)
                 share = usual[key] / max(settings[key], 1e-6)
                 whole = settings[(id, place, name)] + widths[name] * value * share
-                settings[(id, place, name)] = float(np.clip(whole, -MOST_UNEVEN, MOST_UNEVEN))
+                settings[(id, place, name)] = float(np.clip(whole, -MAX_ASYMMETRY, MAX_ASYMMETRY))
 
     coordinates = tuple(Coordinate(f"{id}.{name}", (), lambda u: u) for name, _, _ in pairs)
     return Cause(id, where, coordinates, (((0.5, 0.0), (0.0, 0.5)),), joint)
 
 
-def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
+def _with_shape(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
     entry = effect(id)
     strength, shape = entry.parameters
     log_width, starts = _SHAPES[id]
     centre = starts[len(starts) // 2]
-    keys = tuple((id, place, shape.name) for place in places(id, where))
+    keys = tuple((id, place, shape.name) for place in affected_places(id, where))
 
     def joint(settings: Settings, u: Sequence[float]) -> None:
         for key in keys:
@@ -166,7 +169,7 @@ def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
     return Cause(id, where, (first, second), guesses, joint)
 
 
-NO_CAUSE = ("friction.presliding", "imu.low_pass")
+NUISANCE_EFFECTS = ("friction.presliding", "imu.low_pass")
 """Not a fault, and refitted silently where a robot has it; see `base_coordinates.Wheels` and
 `plant_rollout.Habits`."""
 SIDES_ONLY = ("drive.wheel_eccentricity",)
@@ -179,7 +182,7 @@ def drive_causes() -> tuple[Cause, ...]:
     """
     found: list[Cause] = []
     for entry in all_effects():
-        if entry.place is Place.TOPHAT or entry.id in NO_CAUSE:
+        if entry.place is Place.TOPHAT or entry.id in NUISANCE_EFFECTS:
             continue
         if entry.place is not Place.SIDE or not entry.id.startswith(SIDES_ONLY):
             found.append(_cause(entry.id, None))
@@ -188,13 +191,13 @@ def drive_causes() -> tuple[Cause, ...]:
     return tuple(found)
 
 
-def counted_from(causes: Sequence[Cause], settings: Settings) -> dict[str, Cause]:
+def causes_from(causes: Sequence[Cause], settings: Settings) -> dict[str, Cause]:
     """Causes by name, as they can be from these settings: of what a model to start from has, there may be
     less. A cause that sets its numbers itself counts from none of it."""
-    return {each.name: _from(each, settings) for each in causes}
+    return {each.name: _bounded_from(each, settings) for each in causes}
 
 
-def _from(cause: Cause, settings: Settings) -> Cause:
+def _bounded_from(cause: Cause, settings: Settings) -> Cause:
     first, *others = cause.coordinates
     plain = cause.one_sided and cause.joint is None and cause.own is None
     if not plain or any(settings[key] <= 0.0 for key in first.settings):
@@ -202,9 +205,9 @@ def _from(cause: Cause, settings: Settings) -> Cause:
     return replace(cause, coordinates=(replace(first, low=-math.inf), *others))
 
 
-OWN_START = 0.5
+OWN_EFFECT_START = 0.5
 """Widths at which an effect of a team's own is looked at first."""
-ABOVE_NONE = 1e-6
+MIN_POSITIVE_WIDTHS = 1e-6
 """Usual deviations from 0 to which a number goes that must be above it."""
 
 
@@ -213,18 +216,18 @@ def own_cause(own: OwnEffect) -> Cause:
     coordinates = []
     for each in own.parameters:
         width, neutral = WIDTH_FACTOR * each.prior_width, float(each.neutral or 0.0)
-        least = ABOVE_NONE * each.prior_width if each.bounds.positive else -math.inf
+        least = MIN_POSITIVE_WIDTHS * each.prior_width if each.bounds.positive else -math.inf
         low, high = ((bound - neutral) / width for bound in (max(each.bounds.low, least), each.bounds.high))
         add = partial(mul, width)
         coordinates.append(
             Coordinate(f"{own.id}.{each.name}", ((own.id, None, each.name),), add, False, min(low, 0.0), high)
         )
-    starts = np.diag([_inwards(each) for each in coordinates])
+    starts = np.diag([_start_inside_bounds(each) for each in coordinates])
     points = tuple(tuple(map(float, row)) for row in starts)
     return Cause(own.id, None, tuple(coordinates), (points,), own=own)
 
 
-def _inwards(coordinate: Coordinate) -> float:
+def _start_inside_bounds(coordinate: Coordinate) -> float:
     """Half a width, to where its bounds let it go; less where they let it go no such way."""
-    low, high = max(coordinate.low, -OWN_START), min(coordinate.high, OWN_START)
+    low, high = max(coordinate.low, -OWN_EFFECT_START), min(coordinate.high, OWN_EFFECT_START)
     return high if high >= -low else low

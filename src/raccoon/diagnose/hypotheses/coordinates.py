@@ -70,7 +70,7 @@ class Coordinate:
         return self.value(1.0) / other.value(1.0)
 
 
-FORMS = {"drive.wheel_slip": "at_once"}
+FORM_PARAMETERS = {"drive.wheel_slip": "at_once"}
 """Parameters that choose between two forms of an effect, by id: nothing in between is meant, so no fit moves
 them, and a search has one form or the other."""
 Points = tuple[tuple[float, ...], ...]
@@ -100,7 +100,7 @@ class Cause:
     @property
     def places(self) -> tuple[str | None, ...]:
         """The plant's places that it moves."""
-        return (None,) if self.own is not None else places(self.id, self.where)
+        return (None,) if self.own is not None else affected_places(self.id, self.where)
 
     @property
     def name(self) -> str:
@@ -131,12 +131,12 @@ def cause_name(id: str, where: str | None) -> str:  # noqa: A002
     return id if where is None else f"{id}@{where}"
 
 
-def by_name(table: Mapping[str, float], name: str, otherwise: float) -> float:
+def lookup_by_prefix(table: Mapping[str, float], name: str, otherwise: float) -> float:
     """The number of the first entry with which a cause's name begins."""
     return next((number for start, number in table.items() if name.startswith(start)), otherwise)
 
 
-def places(id: str, where: str | None) -> tuple[str | None, ...]:  # noqa: A002
+def affected_places(id: str, where: str | None) -> tuple[str | None, ...]:  # noqa: A002
     """The plant's places that an effect at `where` moves."""
     if effect(id).place is not Place.SIDE:
         return (None,)
@@ -150,7 +150,7 @@ def neutral_settings(robot: RobotConfig) -> Settings:
         if entry.place is Place.TOPHAT:
             continue
         for parameter in entry.parameters:
-            for place in places(entry.id, None):
+            for place in affected_places(entry.id, None):
                 value = parameter.neutral
                 if value is None:
                     value = parameter.initial
@@ -162,7 +162,7 @@ def neutral_settings(robot: RobotConfig) -> Settings:
     return settings
 
 
-def added(
+def additive_coordinate(
     id: str,  # noqa: A002
     where: str | None,
     parameter: str,
@@ -171,11 +171,11 @@ def added(
     high: float = math.inf,
 ) -> Coordinate:
     """A coordinate whose u adds u widths to an effect's parameter."""
-    keys = tuple((id, place, parameter) for place in places(id, where))
+    keys = tuple((id, place, parameter) for place in affected_places(id, where))
     return Coordinate(f"{id}.{parameter}", keys, lambda u: width * u, False, low, high)
 
 
-def multiplied(
+def multiplicative_coordinate(
     id: str,  # noqa: A002
     where: str | None,
     width: float,
@@ -185,5 +185,5 @@ def multiplied(
     usual: float = 0.0,
 ) -> Coordinate:
     """A coordinate whose u multiplies an effect's parameter, or `usual` where that is 0, by exp(u widths)."""
-    keys = tuple((id, place, parameter) for place in places(id, where))
+    keys = tuple((id, place, parameter) for place in affected_places(id, where))
     return Coordinate(f"{id}.{parameter}", keys, lambda u: math.exp(width * u), True, low, high, usual=usual)

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
-from raccoon.diagnose.hypotheses.coordinates import by_name
+from raccoon.diagnose.hypotheses.coordinates import lookup_by_prefix
 
 _USUAL_SHARE = 0.07
-"""Of a deviation, see `form_error`."""
+"""Of a deviation, see `relative_form_error`."""
 _SHARES = {
     "imu.gyro_bias": 0.0, "battery.open_circuit_voltage": 0.0, "bemf.filter_lag": 0.001,
     "actuation.latency": 0.003, "drive.wheel_eccentricity": 0.003, "imu.gyro_drift": 0.003,
@@ -23,7 +23,7 @@ _SHARES = {
     "drive.wheel_radius": 0.1, "motor.current_limit": 0.1,
 }  # fmt: skip
 _USUAL_LEAST = 0.004
-"""Of a cause's width, see `least_error`."""
+"""Of a cause's width, see `min_form_error`."""
 _LEAST = {"bemf.dead_zone": 0.015, "actuation.deadband": 0.01, "drive.backlash": 0.0025}
 _FACTORS = {
     "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
@@ -39,12 +39,12 @@ _WEIGHTS = {
 }  # fmt: skip
 
 
-def form_error(id_: str) -> float:
+def relative_form_error(id_: str) -> float:
     """Share of a deviation by which its number is off, one standard deviation."""
-    return by_name(_SHARES, id_, _USUAL_SHARE)
+    return lookup_by_prefix(_SHARES, id_, _USUAL_SHARE)
 
 
-def least_error(id_: str, causes: int = 1) -> float:
+def min_form_error(id_: str, causes: int = 1) -> float:
     """Part of a cause's width by which its number is off, however small it is. Of a dead zone that is 0.3
     counts, as readings are whole ones and say no more of where it ends. Beside others a deadband was off by
     0.0014 of the duty (31 robots), whatever its size: friction near standstill does much the same. Play of a
@@ -52,16 +52,16 @@ def least_error(id_: str, causes: int = 1) -> float:
 
     causes: how many are named. What is inexact of each adds to the error of the others, in squares.
     """
-    return by_name(_LEAST, id_, _USUAL_LEAST) * math.sqrt(causes)
+    return lookup_by_prefix(_LEAST, id_, _USUAL_LEAST) * math.sqrt(causes)
 
 
 def form_weight(name: str) -> float:
     """How much of the response to a cause is inexact, over a usual one's. That is not its number's error: a
     late reading is wrong by nothing but its time, and a wider track, however well known, turns on a floor."""
-    return by_name(_WEIGHTS, name, 1.0)
+    return lookup_by_prefix(_WEIGHTS, name, 1.0)
 
 
-def form_factor(name: str) -> float:
+def form_error_factor(name: str) -> float:
     """What the error that any model has in the direction of an effect is multiplied by; a reading's own error
     is known nearly exactly."""
-    return by_name(_FACTORS, name, 1.0)
+    return lookup_by_prefix(_FACTORS, name, 1.0)

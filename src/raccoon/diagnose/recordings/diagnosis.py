@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.holdout import naming_holdout
-from raccoon.diagnose.hypotheses.base_coordinates import with_usual_stds, without_std
+from raccoon.diagnose.hypotheses.base_coordinates import describe_missing_stds, with_default_stds
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.channels.counters import counters_named_in_errors
 from raccoon.diagnose.recordings.drive import NO_MODEL, Drive, diagnose_drive
@@ -103,14 +103,14 @@ def diagnose_recording(
     elif kind is Kind.NOTHING:
         found = diagnose_without_comparison(columns, robot)
     else:
-        open_robot, exact = with_usual_stds(robot)
+        open_robot, exact = with_default_stds(robot)
         identity = recognise_firmware(identify_firmware(device, columns, robot, port), columns, open_robot)
         with counters_named_in_errors(columns):
             found = diagnose_drive(
                 Drive(columns, open_robot, identity, holdout, more, model, truth_free, own)
             )
         overridden = overridden_model_notes(found.causes, robot)
-        found = replace(found, notes=(*found.notes, *without_std(exact), *overridden))
+        found = replace(found, notes=(*found.notes, *describe_missing_stds(exact), *overridden))
     if kind in (Kind.DRIVE, Kind.NOTHING):
         problems = (*problems, *filter(None, (unnamed(columns),)))
     unused = {

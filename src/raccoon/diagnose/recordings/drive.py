@@ -178,10 +178,10 @@ def _behind_firmware(drive: Drive) -> Drive:
         firmware = replace(firmware, units=False)
     return replace(
         drive,
-        robot=firmware.known_of(robot),
-        columns=firmware.before_cutting(drive.columns),
-        holdout=None if drive.holdout is None else firmware.before_cutting(drive.holdout),
-        more=[firmware.before_cutting(each) for each in drive.more],
+        robot=firmware.with_battery_uncertainty(robot),
+        columns=firmware.undo_truncation(drive.columns),
+        holdout=None if drive.holdout is None else firmware.undo_truncation(drive.holdout),
+        more=[firmware.undo_truncation(each) for each in drive.more],
         firmware=firmware,
         has_device_filter=has_device_filter,
     )
@@ -199,7 +199,7 @@ def _compare_by_duty(drive: Drive) -> Diagnosis:
     start = search_start(drive.columns, drive.robot, drive.model, drive.device)
     causes, model = start.undecided([*drive_causes(), *map(own_cause, drive.own)]), drive.model
     if drive.firmware is not None:
-        causes = drive.firmware.asked_for(causes, filters=drive.has_device_filter)
+        causes = drive.firmware.without_known_causes(causes, filters=drive.has_device_filter)
         model = drive.firmware.start(start.robot, model)
     found = diagnose(
         drive.columns,

@@ -7,7 +7,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
-from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
+from raccoon.diagnose.hypotheses.cause_catalogue import TURN_SCALE_CAUSES
 from raccoon.diagnose.reports.headline import verdict_text, visible_sizes_text
 from raccoon.diagnose.reports.numbers import parameter_text
 from raccoon.diagnose.reports.similar_causes import similar_size_text
@@ -176,7 +176,7 @@ def compensation_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
     first = cause.rank == 1 and len(diagnosis.causes) > 1
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
     referred = any(name.endswith(" by the reference") for name in diagnosis.identified)
-    if referred and cause.id in OF_TURNS and without < MAX_COMPENSATED_RATIO * after:
+    if referred and cause.id in TURN_SCALE_CAUSES and without < MAX_COMPENSATED_RATIO * after:
         return "the reference of the pose shows it (measured on the way); the sensors' errors hardly do"
     alike = (
         without != after and without < MAX_COMPENSATED_RATIO * after

@@ -20,24 +20,24 @@ from raccoon.sim.effects.parameters import SIDES
 Array = NDArray[np.float64]
 
 ZONE = "bemf.dead_zone"
-SILENT = 0.1
+MAX_SHARE_IN_GAP = 0.1
 """Part of the readings that are to be expected below a gap, up to which it is one."""
-HEARS = 0.5
+MIN_SHARE_HEARD = 0.5
 """The same from which a wheel has small readings like any other."""
-LIFTED = 0.05
+LIFTED_SHARE = 0.05
 """Part of them that noise lifts out of a zone."""
-FEWEST = 20.0
+MIN_EXPECTED_READINGS = 20.0
 """Readings that are to be expected there, below which a histogram says nothing."""
-ALIKE = 0.2
+SAME_GAP_TOLERANCE = 0.2
 """Part of it, or that many counts and one, by which two wheels' gaps may differ and be one zone."""
-WIDEST = 200
+MAX_ZONE_COUNTS = 200
 """Counts: what is silent up to more is no dead zone."""
-MOST = 40.0
+MAX_GAP_EVIDENCE = 40.0
 """Log evidence that a gap has at most: it is sure then, and need not help elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
-class Gaps:
+class ReadingGaps:
     """What the readings of both wheels say. histograms: how often each size comes; widths: of the gaps, 0
     where there is none or nothing can be said."""
 
@@ -45,32 +45,32 @@ class Gaps:
     widths: Mapping[str, int]
 
     @classmethod
-    def of(cls, log: Log) -> Gaps:
+    def of(cls, log: Log) -> ReadingGaps:
         """Those of a log."""
         histograms = {side: _histogram(log, side) for side in SIDES}
-        return cls(histograms, {side: gap(each) for side, each in histograms.items()})
+        return cls(histograms, {side: find_gap(each) for side, each in histograms.items()})
 
     def places(self) -> tuple[str | None, ...]:
         """Where a dead zone may be: on both wheels (None), or on one."""
         wide = [side for side in SIDES if self.widths[side]]
         if len(wide) == len(SIDES):
             narrow, other = sorted(self.widths.values())
-            return (None,) if other - narrow <= 1.0 + ALIKE * narrow else SIDES
+            return (None,) if other - narrow <= 1.0 + SAME_GAP_TOLERANCE * narrow else SIDES
         if not wide:
             return (None, *SIDES)
-        other_hears = _heard_below(self.histograms[_other(wide[0])], self.widths[wide[0]]) > HEARS
+        other_hears = _share_below(self.histograms[_other(wide[0])], self.widths[wide[0]]) > MIN_SHARE_HEARD
         return (wide[0],) if other_hears else (None, wide[0])
 
     def evidence(self, place: str | None) -> float:
-        """Log evidence of a dead zone at one of the places, by what is missing there; the best has `MOST` at
-        most, and the others as much less as they have."""
+        """Log evidence of a dead zone at one of the places, by what is missing there; the best has at most
+        `MAX_GAP_EVIDENCE`, and the others as much less as they have."""
         best = max(self._missing(each) for each in self.places())
-        return self._missing(place) - max(best - MOST, 0.0)
+        return self._missing(place) - max(best - MAX_GAP_EVIDENCE, 0.0)
 
     def _missing(self, place: str | None) -> float:
         widest = max(self.widths.values())
         sides = {side: self.widths[side] or widest for side in (SIDES if place is None else (place,))}
-        return sum(_missing(self.histograms[side], each) for side, each in sides.items())
+        return sum(_missing_evidence(self.histograms[side], each) for side, each in sides.items())
 
     def least(self, place: str | None) -> float:
         """Counts: half of what a zone there must have."""
@@ -78,17 +78,17 @@ class Gaps:
         return 0.5 * min((self.widths[side] for side in sides if self.widths[side]), default=0)
 
 
-def asked_for(causes: Sequence[Cause], log: Log) -> tuple[Cause, ...]:
+def without_ruled_out_zones(causes: Sequence[Cause], log: Log) -> tuple[Cause, ...]:
     """The causes without those dead zones that the readings themselves rule out: of one wheel where both miss
     the same small readings, and of a wheel that has them."""
-    places = Gaps.of(log).places()
+    places = ReadingGaps.of(log).places()
     return tuple(each for each in causes if each.id != ZONE or each.where in places)
 
 
-def told(causes: Mapping[str, Cause], log: Log) -> dict[str, tuple[float, float]]:
+def dead_zone_evidence(causes: Mapping[str, Cause], log: Log) -> dict[str, tuple[float, float]]:
     """The dead zones that the readings show, with the log evidence of that and half of their size in widths:
     as many readings are missing as are to be expected."""
-    gaps = Gaps.of(log)
+    gaps = ReadingGaps.of(log)
     if not any(gaps.widths.values()):
         return {}
     found = [each for each in causes.values() if each.id == ZONE and each.where in gaps.places()]
@@ -102,24 +102,29 @@ def _other(side: str) -> str:
     return SIDES[1 - SIDES.index(side)]
 
 
-def gap(histogram: Array) -> int:
+def find_gap(histogram: Array) -> int:
     """The largest size of a reading below which there are next to none but 0, though there are many of that
     size and up to twice it; 0 where there is no such gap."""
     total = np.concatenate([[0.0], np.cumsum(histogram)])
     widths = np.arange(2, len(histogram) // 2)
     # At least three quarters of numbers are their lower quartile or more: few widths need a closer look.
     most = (widths - 1) * (total[2 * widths + 2] - total[widths]) / (widths + 2) / 0.75
-    near = widths[(total[widths] - total[1] <= SILENT * most) & (most >= FEWEST)]
-    return max((int(width) for width in near if _heard_below(histogram, int(width)) <= SILENT), default=0)
+    near = widths[(total[widths] - total[1] <= MAX_SHARE_IN_GAP * most) & (most >= MIN_EXPECTED_READINGS)]
+    return max(
+        (int(width) for width in near if _share_below(histogram, int(width)) <= MAX_SHARE_IN_GAP), default=0
+    )
 
 
 def _histogram(log: Log, side: str) -> Array:
     """How often each size of a reading comes, from 0 counts on."""
     channel = log.channel(f"bemf_{side}")
     if channel is None:
-        return np.zeros(2 * WIDEST)
+        return np.zeros(2 * MAX_ZONE_COUNTS)
     sizes = np.abs(channel.values[np.isfinite(channel.values)])
-    return np.asarray(np.bincount(np.minimum(sizes, 2.0 * WIDEST).astype(int), minlength=2 * WIDEST), float)
+    return np.asarray(
+        np.bincount(np.minimum(sizes, 2.0 * MAX_ZONE_COUNTS).astype(int), minlength=2 * MAX_ZONE_COUNTS),
+        float,
+    )
 
 
 def _expected_below(histogram: Array, width: int) -> float:
@@ -127,14 +132,14 @@ def _expected_below(histogram: Array, width: int) -> float:
     return (width - 1) * float(np.quantile(histogram[width : 2 * width + 2], 0.25))
 
 
-def _heard_below(histogram: Array, width: int) -> float:
+def _share_below(histogram: Array, width: int) -> float:
     """What part of them there is; NaN where they are too few to expect any."""
     expected = _expected_below(histogram, width)
-    return float(histogram[1:width].sum()) / expected if expected >= FEWEST else math.nan
+    return float(histogram[1:width].sum()) / expected if expected >= MIN_EXPECTED_READINGS else math.nan
 
 
-def _missing(histogram: Array, width: int) -> float:
+def _missing_evidence(histogram: Array, width: int) -> float:
     """Log evidence, of counts by Poisson, that next to none of the readings below a size are there and not as
     many as are to be expected."""
     expected, heard = _expected_below(histogram, width), float(histogram[1:width].sum())
-    return (1.0 - LIFTED) * expected + heard * math.log(LIFTED)
+    return (1.0 - LIFTED_SHARE) * expected + heard * math.log(LIFTED_SHARE)

@@ -13,11 +13,11 @@ Array = NDArray[np.float64]
 
 WINDOW: Setting = ("encoder", None, "window")
 """s over which a speed is counted."""
-WIDTH, MOST = 0.01, 3.5
+WINDOW_STD, MAX_WINDOW_STDS = 0.01, 3.5
 """s, one standard deviation of how much longer than a row of the recording that is (a row, where rows are
 longer), and how many of them it may be. No robot.toml says, and it is no cause: a board counts over its
 cycle, or over some of them where a count is coarse."""
-AT_ONCE = 1e-6
+MIN_WINDOW = 1e-6
 """s; a shorter window is none."""
 
 
@@ -28,35 +28,37 @@ def has_encoders(log: Log) -> bool:
 
 def encoder_settings(log: Log) -> Settings:
     """A row of the log as the window, where it has encoders."""
-    return {WINDOW: _row(log)} if has_encoders(log) else {}
+    return {WINDOW: _row_period(log)} if has_encoders(log) else {}
 
 
 def encoder_coordinates(log: Log) -> tuple[Coordinate, ...]:
     """By how much the window differs from a row; none where there is no encoder."""
     if not has_encoders(log):
         return ()
-    row = _row(log)
-    width = max(WIDTH, row)
-    return (Coordinate("encoder.window", (WINDOW,), lambda u: width * u, low=-row / width, high=MOST),)
+    row = _row_period(log)
+    width = max(WINDOW_STD, row)
+    return (
+        Coordinate("encoder.window", (WINDOW,), lambda u: width * u, low=-row / width, high=MAX_WINDOW_STDS),
+    )
 
 
-def _row(log: Log) -> float:
+def _row_period(log: Log) -> float:
     return median_step(log.time)
 
 
-def counted(time: Array, speeds: Array, windows: Array) -> Array:
+def average_over_window(time: Array, speeds: Array, windows: Array) -> Array:
     """Means of speeds (robots, rows) over the window of each robot (robots,) that ends with each row.
 
     The speed goes straight from row to row, and before the first it was what it is there.
     """
     found = np.array(speeds, dtype=np.float64)
-    for window in np.unique(windows[windows > AT_ONCE]):
+    for window in np.unique(windows[windows > MIN_WINDOW]):
         which = windows == window
-        found[which] = _means(time, found[which], float(window))
+        found[which] = _window_means(time, found[which], float(window))
     return found
 
 
-def _means(time: Array, speeds: Array, window: float) -> Array:
+def _window_means(time: Array, speeds: Array, window: float) -> Array:
     steps = np.diff(time)
     angles = np.zeros_like(speeds)
     np.cumsum(0.5 * (speeds[:, 1:] + speeds[:, :-1]) * steps, axis=1, out=angles[:, 1:])

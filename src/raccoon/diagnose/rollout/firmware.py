@@ -42,7 +42,7 @@ Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
 LAG = "bemf.filter_lag"
-NEAR = 0.75
+KEPT_READING_SHARE = 0.75
 """Part of the largest reading from which one that stays, as its counter does, is kept."""
 
 
@@ -79,7 +79,7 @@ class Firmware:
     smooths: bool = True
     units: bool = True
 
-    def known_of(self, robot: RobotConfig) -> RobotConfig:
+    def with_battery_uncertainty(self, robot: RobotConfig) -> RobotConfig:
         """The robot with as much doubt about its battery's resistance as the readings leave."""
         number = robot.model.battery.internal_resistance
         if not self.sag or number.std == 0.0:
@@ -97,20 +97,20 @@ class Firmware:
             start = start.with_effect(ZONE, side, counts=self.dead_zone)
         return start
 
-    def asked_for(self, causes: Sequence[Cause], *, filters: bool) -> list[Cause]:
+    def without_known_causes(self, causes: Sequence[Cause], *, filters: bool) -> list[Cause]:
         """The causes less what is known: a dead zone, or that there is none; and the filter of back-EMF,
         where the device and not robot.toml says what it is (filters)."""
         known = {ZONE, LAG} if filters else {ZONE}
         return [each for each in causes if not (self.wombat and each.id in known)]
 
-    def before_cutting(self, columns: Columns) -> Columns:
+    def undo_truncation(self, columns: Columns) -> Columns:
         """The columns with the battery as it was before its filter cut fractions of a count off. (What
         back-EMF loses so is made up for where it is read.)"""
         if not self.low or BATTERY not in columns:
             return columns
         return {**columns, BATTERY: columns[BATTERY] + self.low}
 
-    def understood(self, log: Log, columns: Columns, robot: RobotConfig) -> Log:
+    def correct_log(self, log: Log, columns: Columns, robot: RobotConfig) -> Log:
         """The log with commands as the drivers get them, a whole number of PWM levels, of which a motor
         coasts at 0; with the clocks of its samples where their counters tell them, and readings by these."""
         if not self.wombat:
@@ -122,7 +122,7 @@ class Firmware:
             values, position = channels.get(f"bemf_{side}"), columns.get(f"motor.{port}.position")
             clock = None
             if values is not None and position is not None:
-                values = self._in_range(values, position)
+                values = self._without_saturated(values, position)
                 ticks = position * (-1.0 if robot.motor(port).inverted else 1.0)
                 seen = (log.time, values, ticks, self.tick)
                 clock = find_sample_clock(log.time, count_by_ticks(*seen), self.rates, self.waits, self.lead)
@@ -139,17 +139,19 @@ class Firmware:
             duty=np.rint(FULL_PWM * log.duty) / FULL_PWM,
             channels=tuple(replace(each, values=channels[each.role]) for each in log.channels),
             clocks=(clocks[0], clocks[1]),
-            notes=(*log.notes, *_told([each for each in clocks if each is not None])),
+            notes=(*log.notes, *_clock_notes([each for each in clocks if each is not None])),
         )
 
-    def _in_range(self, bemf: Array, position: Array) -> Array:
+    def _without_saturated(self, bemf: Array, position: Array) -> Array:
         """Back-EMF without the readings that are kept while the wheel is faster than can be read."""
-        kept = (np.diff(position, prepend=position[:1]) == 0.0) & (np.abs(bemf) > NEAR * self.most)
+        kept = (np.diff(position, prepend=position[:1]) == 0.0) & (
+            np.abs(bemf) > KEPT_READING_SHARE * self.most
+        )
         twice = kept & (np.roll(kept, 1) | np.roll(kept, -1))
         return np.where(twice, np.nan, bemf)
 
 
-def _told(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
+def _clock_notes(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
     if not clocks:
         return ()
     rate = 1.0 / clocks[0].period

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.hypotheses.per_recording import of_run
+from raccoon.diagnose.hypotheses.per_recording import settings_of_recording
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout, Rollout
 
@@ -24,12 +24,12 @@ class JoinedRollout:
         self._parts = tuple(parts)
 
     def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
-        found = [part(of_run(variants, number)) for number, part in enumerate(self._parts)]
+        found = [part(settings_of_recording(variants, number)) for number, part in enumerate(self._parts)]
         lanes = zip(*(each for each, _ in found), strict=True)
         return (np.concatenate(each, axis=2) for each in lanes), found[0][1]
 
 
-def rollout_of(log: Log, robot: RobotConfig, habits: Habits, own: Sequence[OwnEffect] = ()) -> Rollout:
+def make_rollout(log: Log, robot: RobotConfig, habits: Habits, own: Sequence[OwnEffect] = ()) -> Rollout:
     """The package's plant along a log's commands, recording by recording."""
     parts = [PlantRollout(each, robot, habits, own=own) for each in log.split_recordings()]
     return parts[0] if len(parts) == 1 else JoinedRollout(parts)

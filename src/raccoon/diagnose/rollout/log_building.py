@@ -31,27 +31,27 @@ from raccoon.diagnose.rollout.firmware import Firmware
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-MOSTLY = 0.5
+MAX_LIFTED_SHARE = 0.5
 """Share of a recording: a robot that turns as no wheel does for longer is hardly in a hand all the time."""
 
 
-def understood(every: Sequence[Columns], robot: RobotConfig, firmware: Firmware | None) -> Log:
+def build_log(every: Sequence[Columns], robot: RobotConfig, firmware: Firmware | None) -> Log:
     """Each recording by itself, then all as one log. Raises TraceError for one that cannot be used."""
     if len(every) == 1:
-        return _one(every[0], robot, firmware)
+        return _build_one(every[0], robot, firmware)
     logs = []
     for number, each in enumerate(every):
         with naming_recording(number):
-            logs.append(_one(each, robot, firmware))
+            logs.append(_build_one(each, robot, firmware))
     return join_logs(logs)
 
 
-def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
+def _build_one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
     check_signs(log)
     check_wheel_directions(log, robot)
     held = find_obstructed_stretches(log, robot)
-    if sum(each.end - each.start for each in held if each.why == LIFTED) > MOSTLY * log.seconds:
+    if sum(each.end - each.start for each in held if each.why == LIFTED) > MAX_LIFTED_SHARE * log.seconds:
         # Nobody carries a robot about for so long: it is the sign of one reading or motor, or a gyro's zero.
         check_wheel_signs(log, robot)
         check_motor_directions(log, robot)
@@ -71,7 +71,7 @@ def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     check_row_order(free)
     check_responses(free)
     if firmware is not None:
-        free = without_held_readings(firmware.understood(log, columns, robot))
+        free = without_held_readings(firmware.correct_log(log, columns, robot))
         if not native:  # a logger of a team's own, whose rows are what it makes of them
             free = without_battery_after_commands(with_brake_by_stop(free))
         if firmware.chain.battery_held:  # such a reading is low without a load

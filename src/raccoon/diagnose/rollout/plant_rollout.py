@@ -15,10 +15,10 @@ from raccoon.diagnose.drives.ramp import Ramp
 from raccoon.diagnose.hypotheses.base_coordinates import Wheels
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.own import OwnEffect, Simulated
-from raccoon.diagnose.rollout.censored_readings import LEAST_ZONE, flickering, heard
-from raccoon.diagnose.rollout.encoder_window import WINDOW, counted
+from raccoon.diagnose.rollout.censored_readings import MIN_ZONE_COUNTS, censor_readings, find_flickers
+from raccoon.diagnose.rollout.encoder_window import WINDOW, average_over_window
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.sample_ages import AGE, aged
+from raccoon.diagnose.rollout.sample_ages import SAMPLE_AGE, samples_at_age
 from raccoon.diagnose.rollout.simulated_robot import Variant, gyro_numbers, with_inertia
 from raccoon.sim.effects.chain import SHORTEST_CYCLE, Chain
 from raccoon.sim.effects.nominal import check_nominal, check_section
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 Possible = NDArray[np.bool_]
 
 
-AT_ONCE = 64
+VARIANTS_AT_ONCE = 64
 """Variants that are simulated side by side: their samples in 40 s take some 30 MB."""
 
 
@@ -92,9 +92,9 @@ class Habits:
 class PlantRollout:
     """The package's plant along one log's commands.
 
-    A dead zone of the readings acts where the log's readings are silent; see `heard`. plain: it acts where
-    the simulated ones are small, as in the simulator: for a log that holds no readings yet, and to judge what
-    a simulator would say. own: effects that are Python instead of terms of the plant.
+    A dead zone of the readings acts where the log's readings are silent; see `censor_readings`. plain: it
+    acts where the simulated ones are small, as in the simulator: for a log that holds no readings yet, and
+    to judge what a simulator would say. own: effects that are Python instead of terms of the plant.
     """
 
     def __init__(
@@ -107,9 +107,9 @@ class PlantRollout:
     ) -> None:
         self._robot = robot
         check_nominal(robot.model)
-        cycle = _cycle(median_step(log.time), habits.chain.cycle)
+        cycle = _controller_cycle(median_step(log.time), habits.chain.cycle)
         self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
-        self._heard = {} if plain else _readings(log)
+        self._heard = {} if plain else _bemf_channels(log)
         self._silent = 0.0 if habits.firmware is None else habits.firmware.silent
         names = column_names(robot)
         self._names = tuple(names[each.role] for each in log.channels)
@@ -122,48 +122,59 @@ class PlantRollout:
             self._duty, self._brake = (np.concatenate([a[1:], a[-1:]]) for a in (self._duty, self._brake))
         if habits.ramp is not None:
             self._duty = habits.ramp.given(self._time, self._duty)
-        self._commands = self._commanded(self._duty)
+        self._commands = self._plant_commands(self._duty)
 
     def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
         lanes = self._lanes(variants)
         possible = time_constants(lanes.plant) >= SHORTEST
         step = min(LOOSE_STEP, safe_step(lanes.plant[possible])) if possible.any() else LOOSE_STEP
-        parts = (slice(start, start + AT_ONCE) for start in range(0, len(variants), AT_ONCE))
-        return (self._of(variants[each], _some(lanes, each), possible[each], step) for each in parts), step
+        parts = (
+            slice(start, start + VARIANTS_AT_ONCE) for start in range(0, len(variants), VARIANTS_AT_ONCE)
+        )
+        return (
+            self._simulate_part(variants[each], _select_lanes(lanes, each), possible[each], step)
+            for each in parts
+        ), step
 
     def samples(self, variants: Sequence[Settings]) -> Array:
         """Simulated samples of all variants, (variants, channels, rows)."""
         return np.concatenate(list(self(variants)[0]))
 
-    def _of(self, variants: Sequence[Settings], lanes: Lanes, possible: Possible, step: float) -> Array:
+    def _simulate_part(
+        self, variants: Sequence[Settings], lanes: Lanes, possible: Possible, step: float
+    ) -> Array:
         """No numbers for robots that cannot be: a fit on its way tries such as have next to no inertia."""
         if possible.all():
-            return self._compared(variants, lanes, step)
+            return self._comparable_samples(variants, lanes, step)
         samples = np.full((len(variants), len(self._roles), len(self._time)), np.nan)
         if possible.any():
             able = [each for each, can in zip(variants, possible, strict=True) if can]
-            samples[possible] = self._compared(able, _some(lanes, possible), step)
+            samples[possible] = self._comparable_samples(able, _select_lanes(lanes, possible), step)
         return samples
 
-    def _compared(self, variants: Sequence[Settings], lanes: Lanes, step: float) -> Array:
+    def _comparable_samples(self, variants: Sequence[Settings], lanes: Lanes, step: float) -> Array:
         """Samples as they are compared with the log's: silent where a dead zone makes them so."""
-        samples = self._with_own(variants, step) if self._own else self._samples(lanes, self._commands, step)
+        samples = (
+            self._with_own_effects(variants, step)
+            if self._own
+            else self._samples(lanes, self._commands, step)
+        )
         windows = np.array([each.get(WINDOW, 0.0) for each in variants])
         for index, role in enumerate(self._roles):
             if role.startswith("speed_") and windows.any():
-                samples[:, index] = counted(self._time, samples[:, index], windows)
+                samples[:, index] = average_over_window(self._time, samples[:, index], windows)
             if role.startswith("bemf_") and self._habits.any_moment:
-                ages = np.array([each.get(AGE[role.removeprefix("bemf_")], 0.0) for each in variants])
-                samples[:, index] = aged(self._time, samples[:, index], ages)
+                ages = np.array([each.get(SAMPLE_AGE[role.removeprefix("bemf_")], 0.0) for each in variants])
+                samples[:, index] = samples_at_age(self._time, samples[:, index], ages)
         for index, (side, measured, flickers) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
-            deaf = zones >= LEAST_ZONE
+            deaf = zones >= MIN_ZONE_COUNTS
             some = slice(None) if deaf.all() else np.flatnonzero(deaf)
             loud = samples[some, index]
-            samples[some, index] = heard(loud, zones[some, None], measured, flickers, self._silent)
+            samples[some, index] = censor_readings(loud, zones[some, None], measured, flickers, self._silent)
         return samples
 
-    def _commanded(self, duty: Array) -> Commands:
+    def _plant_commands(self, duty: Array) -> Commands:
         given = Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._brake)
         wheels = ((given.left, given.closed_left), (given.right, given.closed_right))
         (left, closed_left), (right, closed_right) = (
@@ -178,10 +189,10 @@ class PlantRollout:
         lying = np.stack([run[name].T for name in self._names])  # in memory as the lanes lie: no turning
         return lying.transpose(2, 0, 1)
 
-    def _with_own(self, variants: Sequence[Settings], step: float) -> Array:
+    def _with_own_effects(self, variants: Sequence[Settings], step: float) -> Array:
         """The same with a team's own effects: robots whose commands are the same run side by side."""
         acting = [
-            [(own, values) for own in self._own if (values := _values(own, each)) != own.neutral()]
+            [(own, values) for own in self._own if (values := _own_values(own, each)) != own.neutral()]
             for each in variants
         ]
         alike: dict[str, list[int]] = {}
@@ -194,7 +205,7 @@ class PlantRollout:
             for own, values in acting[same[0]]:
                 duty = own.change_commands(self._time, duty, values)
             lanes = self._lanes([variants[each] for each in same])
-            samples[same] = self._samples(lanes, self._commanded(duty), step)
+            samples[same] = self._samples(lanes, self._plant_commands(duty), step)
         for index, found in enumerate(acting):
             for own, values in found:
                 readings = dict(zip(self._roles, samples[index], strict=True))
@@ -237,12 +248,12 @@ class PlantRollout:
         return made[straight, turn]
 
 
-def _some(lanes: Lanes, which: slice | Possible) -> Lanes:
+def _select_lanes(lanes: Lanes, which: slice | Possible) -> Lanes:
     """Some of the robots."""
     return replace(lanes, plant=lanes.plant[which], gyro=lanes.gyro[which])
 
 
-def _cycle(row: float, usual: float) -> float:
+def _controller_cycle(row: float, usual: float) -> float:
     """How often the controller samples, s: the recording's usual row is a whole number of its cycles.
 
     Rows much shorter than a cycle say nothing of it, and rows shorter than any cycle are one each.
@@ -251,14 +262,14 @@ def _cycle(row: float, usual: float) -> float:
     return max(row / cycles, SHORTEST_CYCLE) if cycles else usual
 
 
-def _values(own: OwnEffect, settings: Settings) -> dict[str, float]:
+def _own_values(own: OwnEffect, settings: Settings) -> dict[str, float]:
     return {each.name: settings[(own.id, None, each.name)] for each in own.parameters}
 
 
-def _readings(log: Log) -> dict[int, tuple[str, Array, NDArray[np.bool_]]]:
+def _bemf_channels(log: Log) -> dict[int, tuple[str, Array, NDArray[np.bool_]]]:
     """The back-EMF channels of a log by their place: side, samples, which of them flicker."""
     return {
-        index: (each.role.removeprefix("bemf_"), each.values, flickering(each.values))
+        index: (each.role.removeprefix("bemf_"), each.values, find_flickers(each.values))
         for index, each in enumerate(log.channels)
         if each.role.startswith("bemf_")
     }

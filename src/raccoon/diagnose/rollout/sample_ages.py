@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.hypotheses.base_coordinates import UNKNOWN_PHASE
+from raccoon.diagnose.hypotheses.base_coordinates import SAMPLE_PHASE_STD
 from raccoon.diagnose.hypotheses.coordinates import Coordinate, Setting, Settings
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 
-AGE: dict[str, Setting] = {side: ("sample", side, "age") for side in SIDES}
+SAMPLE_AGE: dict[str, Setting] = {side: ("sample", side, "age") for side in SIDES}
 """s by which a side's are older than the chain has them."""
-MOST = 1.75
-"""Of `UNKNOWN_PHASE`: half a cycle, from the middle of one to its ends."""
+MAX_PHASE_STDS = 1.75
+"""Of `SAMPLE_PHASE_STD`: half a cycle, from the middle of one to its ends."""
 
 
 def age_settings() -> Settings:
     """As old as the chain has them."""
-    return dict.fromkeys(AGE.values(), 0.0)
+    return dict.fromkeys(SAMPLE_AGE.values(), 0.0)
 
 
 def age_coordinates() -> tuple[Coordinate, ...]:
@@ -27,12 +27,14 @@ def age_coordinates() -> tuple[Coordinate, ...]:
     is in step with the rows may stay anywhere, and a filter of another time constant does not make up for
     it where wheels speed up: a gear that loses torque, or a slip, of sound robots."""
     return tuple(
-        Coordinate("sample.age", (each,), lambda u: UNKNOWN_PHASE * u, low=-MOST, high=MOST)
-        for each in AGE.values()
+        Coordinate(
+            "sample.age", (each,), lambda u: SAMPLE_PHASE_STD * u, low=-MAX_PHASE_STDS, high=MAX_PHASE_STDS
+        )
+        for each in SAMPLE_AGE.values()
     )
 
 
-def aged(time: Array, samples: Array, ages: Array) -> Array:
+def samples_at_age(time: Array, samples: Array, ages: Array) -> Array:
     """Samples (robots, rows) as they were that much (robots,) before each row, or will be after it."""
     if not ages.any():
         return samples

@@ -10,7 +10,7 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 
 
-def parameters_of(settings: Settings, neutral: Settings, robot: RobotConfig, chain: Chain) -> Parameters:
+def to_parameters(settings: Settings, neutral: Settings, robot: RobotConfig, chain: Chain) -> Parameters:
     """The simulator's parameters with everything switched on that differs from neutral; effects of a team's
     own are none of the simulator's."""
     effects: dict[tuple[str, str | None], dict[str, float]] = {}

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.hypotheses.cause_catalogue import HIGHEST_LIMIT
+from raccoon.diagnose.hypotheses.cause_catalogue import MAX_CURRENT_LIMIT
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause, Coordinate, Setting, Settings
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.state import Search
@@ -115,7 +115,7 @@ def format_detection_limit(parameter: Parameter, power: float, gate: float, *, o
     u = _detection_score(power, gate) / math.sqrt(power)
     width = WIDTH_FACTOR * parameter.prior_width
     if parameter.name == "limit" and not own:
-        limit = min(1.0 / u, HIGHEST_LIMIT)
+        limit = min(1.0 / u, MAX_CURRENT_LIMIT)
         return f"below about {limit:.2g} {parameter.unit}" if limit >= MIN_CURRENT_LIMIT else ""
     factor = parameter.name == "factor" and not own
     high = parameter.bounds.high

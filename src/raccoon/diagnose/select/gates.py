@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection
 from functools import cache
 
-from raccoon.diagnose.hypotheses.coordinates import by_name
+from raccoon.diagnose.hypotheses.coordinates import lookup_by_prefix
 
 EVIDENCE_GATE = 8.0
 """For most causes."""
@@ -49,7 +49,7 @@ def gate(name: str, alone: bool = False) -> float:
     """Log evidence from which a cause is named. alone: with no other beside it."""
     if "@" in name and name.startswith(_ONE_WHEEL):
         return WHEEL_GATE
-    needed = by_name(_GATES, name, EVIDENCE_GATE)
+    needed = lookup_by_prefix(_GATES, name, EVIDENCE_GATE)
     if not alone or needed > EVIDENCE_GATE or name.startswith(_IMITATED_BY_NOISE):
         return needed
     return LONE_WHEEL_GATE if name.startswith("drive.wheel_radius") else LONE_GATE

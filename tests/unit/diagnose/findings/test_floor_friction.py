@@ -13,7 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.findings.floor_friction import friction_line_covariance, without_floor_friction
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.hypotheses.base_coordinates import OWN
+from raccoon.diagnose.hypotheses.base_coordinates import WHEEL_STD_SHARE
 
 FRICTION = RobotConfig().model.friction
 COULOMB, VISCOUS = "friction.coulomb", "friction.viscous"
@@ -79,8 +79,8 @@ def test_a_number_is_expected_as_a_regression_on_what_is_found_says(problem: Pro
         base = np.zeros(len(problem.base))
         base[list(places.values())] = robot
         for side, floor in zip(("left", "right"), floors, strict=True):
-            base[places[(COULOMB, side)]] += floor[draw, 0] / (OWN * FRICTION.coulomb.std)
-            base[places[(VISCOUS, side)]] += floor[draw, 1] / (OWN * FRICTION.viscous.std)
+            base[places[(COULOMB, side)]] += floor[draw, 0] / (WHEEL_STD_SHARE * FRICTION.coulomb.std)
+            base[places[(VISCOUS, side)]] += floor[draw, 1] / (WHEEL_STD_SHARE * FRICTION.viscous.std)
         left.append(_lines(without_floor_friction(problem, Point(base), wander).base, places))
         base = np.zeros(len(problem.base))
         base[list(places.values())] = robot
@@ -117,7 +117,7 @@ def test_a_recording_without_wheels_keeps_what_no_mean_explains(problem: Problem
 def _lines(base: np.ndarray, places: dict[tuple[str, str | None], int]) -> list[float]:
     """Level and slope at either wheel, in deviations of robot.toml."""
     return [
-        float(base[places[(id_, None)]] + OWN * base[places[(id_, side)]])
+        float(base[places[(id_, None)]] + WHEEL_STD_SHARE * base[places[(id_, side)]])
         for side in ("left", "right")
         for id_ in (COULOMB, VISCOUS)
     ]

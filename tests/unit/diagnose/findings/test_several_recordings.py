@@ -20,24 +20,29 @@ from raccoon.diagnose.findings.separate_batteries import (
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.per_recording import (
-    DIFFERS,
-    RESISTANCE,
+    BATTERY_RESISTANCE,
+    PER_RECORDING_STDS,
     RUN,
-    resistances,
-    run_coordinates,
-    run_settings,
+    battery_resistances,
+    per_recording_coordinates,
+    per_recording_settings,
 )
 from raccoon.diagnose.result import Verdict
 
 LOG = Log(np.zeros(2), np.zeros((2, 2)), (), runs=(Run(0.0, (None, None)), Run(9.0, (None, None))))
 
 
-OF_RESISTANCE = make_cause(RESISTANCE[0], said="")
+OF_RESISTANCE = make_cause(BATTERY_RESISTANCE[0], said="")
 
 
 def settings(*ohm: float) -> Settings:
-    own = {(RUN, str(number), RESISTANCE[0]): each - 0.05 for number, each in enumerate(ohm)}
-    return dict.fromkeys(DIFFERS, 0.0) | {RESISTANCE: 0.05} | run_settings(len(ohm), 0.05) | own
+    own = {(RUN, str(number), BATTERY_RESISTANCE[0]): each - 0.05 for number, each in enumerate(ohm)}
+    return (
+        dict.fromkeys(PER_RECORDING_STDS, 0.0)
+        | {BATTERY_RESISTANCE: 0.05}
+        | per_recording_settings(len(ohm), 0.05)
+        | own
+    )
 
 
 @pytest.mark.parametrize(
@@ -48,7 +53,7 @@ def test_batteries_that_differ_are_said_with_the_resistance_of_each(
     ohm: tuple[float, float], told: bool
 ) -> None:
     asked = settings(*ohm)
-    assert resistances(asked, 2) == pytest.approx(ohm)
+    assert battery_resistances(asked, 2) == pytest.approx(ohm)
     said = separate_battery_notes(asked, replace(LOG, separate_batteries=True))
     assert bool(said) is told
     if told:
@@ -71,23 +76,25 @@ def test_a_battery_for_each_is_taken_where_they_differ_and_is_no_cause() -> None
     own = make_diagnosis(notes=(f"{SEPARATE_BATTERIES_NOTE}...",))
     assert has_separate_batteries(own)
     assert [(each.id, each.reason) for each in with_resistance_not_judged(own).rejected] == [
-        (RESISTANCE[0], NOT_SHARED_REASON)
+        (BATTERY_RESISTANCE[0], NOT_SHARED_REASON)
     ]
 
 
 def test_no_battery_is_asked_for_that_recordings_share_once_each_has_its_own() -> None:
     names = {each.id for each in drive_causes()}
-    assert names - {each.id for each in without_shared_resistance(drive_causes())} == {RESISTANCE[0]}
+    assert names - {each.id for each in without_shared_resistance(drive_causes())} == {BATTERY_RESISTANCE[0]}
 
 
 def test_an_own_resistance_is_never_below_none() -> None:
-    coordinates = [each for each in run_coordinates(2, 0.05) if each.name.startswith(RESISTANCE[0])]
+    coordinates = [
+        each for each in per_recording_coordinates(2, 0.05) if each.name.startswith(BATTERY_RESISTANCE[0])
+    ]
     assert len(coordinates) == 2
     for each in coordinates:
         assert 0.05 + each.value(each.low) > 0.0175  # by which robot.toml's may be less
         assert 0.05 + each.value(each.high) > 0.3
         assert each.value(0.0) == 0.0
-    assert not any(each.name.startswith(RESISTANCE[0]) for each in run_coordinates(2))
+    assert not any(each.name.startswith(BATTERY_RESISTANCE[0]) for each in per_recording_coordinates(2))
 
 
 def test_friction_of_a_direction_may_be_a_slope_that_several_are_not_asked_for() -> None:

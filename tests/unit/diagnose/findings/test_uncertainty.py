@@ -25,7 +25,7 @@ from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause, Settings
-from raccoon.diagnose.hypotheses.form_errors import form_error, least_error
+from raccoon.diagnose.hypotheses.form_errors import min_form_error, relative_form_error
 from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.select.rivals import LEAD_PER_E_FOLD, MAX_CLASS_LEAD
 from raccoon.diagnose.select.state import Rival
@@ -200,12 +200,12 @@ def test_a_number_has_the_error_of_its_form_as_well(problem: Problem) -> None:
     for name, cause in CAUSES.items():
         (parameter,) = (each for each in cause.effect.parameters if each.name != "at_once")
         found = fitted_parameters(search, cause, known)[parameter.name]
-        least = least_error(name, 1) * np.sqrt(2.0) * WIDTH_FACTOR * parameter.prior_width
+        least = min_form_error(name, 1) * np.sqrt(2.0) * WIDTH_FACTOR * parameter.prior_width
         assert found.std == pytest.approx(
-            np.hypot(form_error(cause.id) * (found.value - found.nominal), least)
+            np.hypot(relative_form_error(cause.id) * (found.value - found.nominal), least)
         )
     late = fitted_parameters(search, CAUSES["imu.latency"], known)["seconds"]
-    assert late.std > form_error("imu.latency") * late.value > 0.0
+    assert late.std > relative_form_error("imu.latency") * late.value > 0.0
 
 
 def test_an_inertia_is_counted_with_what_is_open_of_it_straight_and_turning() -> None:

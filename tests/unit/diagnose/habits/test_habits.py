@@ -42,12 +42,12 @@ from raccoon.diagnose.habits.lags import try_lagging_readings
 from raccoon.diagnose.habits.notes import COMMAND_IN_FORCE_BEFORE, habit_notes
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.trials import MAX_CACHED_STARTS, HabitTrials, RunSearch, start_afresh
-from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, LOOP_LATENCY, Wheels
+from raccoon.diagnose.hypotheses.base_coordinates import LOOP_LATENCY, MAX_BASE_STDS, Wheels
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout.firmware import FIRMWARES, Firmware
-from raccoon.diagnose.rollout.plant_rollout import Habits, _cycle
+from raccoon.diagnose.rollout.plant_rollout import Habits, _controller_cycle
 from raccoon.diagnose.select.alternative_sets import lead_over_search
 from raccoon.diagnose.select.gates import CROWDED_CAUSES
 from raccoon.diagnose.select.search import continue_selection, run_search, start_selection
@@ -526,7 +526,7 @@ def test_a_point_carried_to_habits_that_leave_more_open_keeps_its_times_and_how_
     assert columns is not None  # as much as a point is carried by, its columns change the readings by less
     np.testing.assert_allclose(there.base @ columns, point.base)
     far = transfer_point(replace(point, base=6.0 * point.base), runs, steps)
-    assert steps.settings(far)[late] == pytest.approx(INSIDE * LOOP_LATENCY)
+    assert steps.settings(far)[late] == pytest.approx(MAX_BASE_STDS * LOOP_LATENCY)
 
 
 @pytest.mark.parametrize(("cause", "named"), [(None, "friction.load_dependent"), ("drive.inertia",) * 2])
@@ -613,7 +613,7 @@ def test_commands_from_their_rows_on_are_taken_so() -> None:
 def test_a_row_is_a_whole_number_of_the_controllers_cycles(row: float, cycle: float) -> None:
     log = planned_log(exciting(np.random.default_rng(1), 2.0))
     shaken = row * (np.arange(len(log.time)) + np.random.default_rng(2).uniform(-0.05, 0.05, len(log.time)))
-    assert _cycle(median_step(shaken), 0.005) == pytest.approx(cycle, rel=0.02)
+    assert _controller_cycle(median_step(shaken), 0.005) == pytest.approx(cycle, rel=0.02)
 
 
 def test_wheels_that_are_filtered_once_a_row_have_no_other_filter() -> None:

@@ -12,11 +12,11 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.problems import drive_problem, starting_settings
-from raccoon.diagnose.hypotheses.base_coordinates import INSIDE, LOOP_LATENCY, base_coordinates
-from raccoon.diagnose.hypotheses.cause_catalogue import counted_from, drive_causes
+from raccoon.diagnose.hypotheses.base_coordinates import LOOP_LATENCY, MAX_BASE_STDS, base_coordinates
+from raccoon.diagnose.hypotheses.cause_catalogue import causes_from, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, cause_name, neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.rollout.simulated_robot import Variant, parameters_of
+from raccoon.diagnose.rollout.simulated_robot import Variant, to_parameters
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import SIDES, Parameters
@@ -30,7 +30,7 @@ def test_a_variant_has_the_numbers_of_the_parameters_it_stands_for(problem: Prob
     point = Point(np.full(len(problem.base), 0.3), {"motor.heating@left": np.array([0.5, 0.2])})
     settings = problem.settings(point)
     chain = Chain.firmware()
-    whole = parameters_of(settings, problem.neutral, ROBOT, chain)
+    whole = to_parameters(settings, problem.neutral, ROBOT, chain)
     variant = Variant(whole.robot, chain, settings)
     assert plant_numbers(variant) == pytest.approx(plant_numbers(whole))  # type: ignore[arg-type]
 
@@ -53,7 +53,7 @@ def test_friction_is_found_where_robot_toml_has_none() -> None:
 def test_a_model_file_brings_its_inertia_along(problem: Problem) -> None:
     settings = neutral_settings(ROBOT)
     settings[("inertia", None, "straight")], settings[("inertia", None, "turn")] = 1.3, 0.8
-    model = parameters_of(settings, neutral_settings(ROBOT), ROBOT, Chain.firmware())
+    model = to_parameters(settings, neutral_settings(ROBOT), ROBOT, Chain.firmware())
     assert starting_settings(ROBOT, model) == pytest.approx(settings)
 
 
@@ -72,7 +72,7 @@ def test_of_what_a_model_to_start_from_has_there_may_be_less_down_to_none(
     key, name = (id_, where, parameter), cause_name(id_, where)
     known = neutral_settings(ROBOT)
     known[key] = 0.3 * CAUSES[name].coordinates[0].value(1.0)
-    causes = counted_from(list(CAUSES.values()), known)
+    causes = causes_from(list(CAUSES.values()), known)
     there = replace(problem, causes=causes, neutral=known, base=())
     low, high = there.limits(there.nominal().with_cause(name, np.zeros(1)))
     assert high == np.inf
@@ -95,17 +95,17 @@ def test_what_is_left_open_goes_down_to_none_of_what_a_model_has_as_well() -> No
     )
     lowest = [each.settings(Point(each.limits(each.nominal())[0])) for each in (plain, there)]
     assert [lowest[0][key] for key in keys] == [0.0, 0.0]
-    assert [lowest[1][key] for key in keys] == pytest.approx([0.0, 0.03 - INSIDE * LOOP_LATENCY])
+    assert [lowest[1][key] for key in keys] == pytest.approx([0.0, 0.03 - MAX_BASE_STDS * LOOP_LATENCY])
     late = there.nominal().with_cause("actuation.latency", np.zeros(1))
     assert there.settings(late.moved(there.limits(late)[0]))[keys[1]] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_of_what_a_model_has_at_one_wheel_both_have_no_less() -> None:
     known = neutral_settings(ROBOT) | {("bemf.dead_zone", "left", "counts"): 9.0}
-    causes = counted_from(list(CAUSES.values()), known)
+    causes = causes_from(list(CAUSES.values()), known)
     assert causes["bemf.dead_zone"].one_sided
     assert causes["bemf.dead_zone@right"].one_sided
-    assert counted_from(list(CAUSES.values()), neutral_settings(ROBOT)) == CAUSES
+    assert causes_from(list(CAUSES.values()), neutral_settings(ROBOT)) == CAUSES
 
 
 @pytest.mark.parametrize(("wombat", "own"), [(False, 0.0003), (True, 0.0025)])

@@ -13,8 +13,18 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
-from raccoon.diagnose.rollout.censored_readings import IMPOSSIBLE, flickering, heard
-from raccoon.diagnose.rollout.dead_zone_evidence import SILENT, Gaps, _heard_below, asked_for, gap
+from raccoon.diagnose.rollout.censored_readings import (
+    IMPOSSIBLE_READING_FACTOR,
+    censor_readings,
+    find_flickers,
+)
+from raccoon.diagnose.rollout.dead_zone_evidence import (
+    MAX_SHARE_IN_GAP,
+    ReadingGaps,
+    _share_below,
+    find_gap,
+    without_ruled_out_zones,
+)
 
 ROBOT = RobotConfig()
 
@@ -23,23 +33,25 @@ def test_a_silent_reading_says_that_the_speed_is_inside_the_zone_and_no_more() -
     samples = np.array([[3.0, 14.0, -14.0, 14.0, -5.0, 7.0]])
     measured = np.array([0.0, 0.0, 0.0, 12.0, -2.0, np.nan])
     steady = np.zeros(6, bool)
-    (none,) = heard(samples, np.array([[0.0]]), measured, steady)
+    (none,) = censor_readings(samples, np.array([[0.0]]), measured, steady)
     np.testing.assert_array_equal(none, samples[0])
-    (zone,) = heard(samples, np.array([[10.0]]), measured, steady)
-    np.testing.assert_array_equal(zone, [0.0, 4.0, -4.0, 14.0, -5.0 - 7.5 * IMPOSSIBLE, 7.0])
+    (zone,) = censor_readings(samples, np.array([[10.0]]), measured, steady)
+    np.testing.assert_array_equal(zone, [0.0, 4.0, -4.0, 14.0, -5.0 - 7.5 * IMPOSSIBLE_READING_FACTOR, 7.0])
 
 
 def test_a_filter_that_leaves_0_late_is_silent_up_to_there() -> None:
     samples, measured, steady = np.array([[30.0, -45.0, 30.0, 8.0]]), np.array([0.0, 0.0, 30.0, 8.0]), False
-    said = heard(samples, np.array([[11.5]]), measured, np.full(4, steady), silent=40.0)
-    np.testing.assert_allclose(said, [[0.0, -5.0, 30.0, 8.0 + IMPOSSIBLE * 3.0]])
-    none = heard(samples, np.array([[0.0]]), measured, np.full(4, steady), silent=40.0)
+    said = censor_readings(samples, np.array([[11.5]]), measured, np.full(4, steady), silent=40.0)
+    np.testing.assert_allclose(said, [[0.0, -5.0, 30.0, 8.0 + IMPOSSIBLE_READING_FACTOR * 3.0]])
+    none = censor_readings(samples, np.array([[0.0]]), measured, np.full(4, steady), silent=40.0)
     np.testing.assert_array_equal(none, samples)
 
 
 def test_whole_counts_are_no_dead_zone() -> None:
     samples, measured = np.array([[0.6, -0.9]]), np.array([0.0, 0.0])
-    np.testing.assert_array_equal(heard(samples, np.array([[1.0]]), measured, np.zeros(2, bool)), samples)
+    np.testing.assert_array_equal(
+        censor_readings(samples, np.array([[1.0]]), measured, np.zeros(2, bool)), samples
+    )
 
 
 def test_a_reading_that_noise_lifts_out_of_the_zone_says_what_a_silent_one_says() -> None:
@@ -47,15 +59,15 @@ def test_a_reading_that_noise_lifts_out_of_the_zone_says_what_a_silent_one_says(
     measured[[50, 51, 120]] = -11.0  # far from an offset of -4, and away from 0 as noise can only be here
     measured[160:] = 30.0
     measured[130] = np.nan
-    flickers = flickering(measured)
+    flickers = find_flickers(measured)
     assert list(np.flatnonzero(flickers)) == [50, 51, 120]
     samples = np.where(measured == 30.0, 29.0, -4.0)[None]
-    (inside,) = heard(samples, np.array([[10.0]]), measured, flickers)
+    (inside,) = censor_readings(samples, np.array([[10.0]]), measured, flickers)
     np.testing.assert_array_equal((measured - inside)[:130], 0.0)
     np.testing.assert_array_equal(inside[160:], 29.0)
-    (outside,) = heard(samples - 8.0, np.array([[10.0]]), measured, flickers)
+    (outside,) = censor_readings(samples - 8.0, np.array([[10.0]]), measured, flickers)
     np.testing.assert_array_equal((measured - outside)[:130], 2.0)
-    np.testing.assert_array_equal(heard(samples, np.array([[0.0]]), measured, flickers), samples)
+    np.testing.assert_array_equal(censor_readings(samples, np.array([[0.0]]), measured, flickers), samples)
 
 
 @pytest.mark.parametrize("width", [0.5, 8.0, 13.0, 14.0, 20.0, 60.0])
@@ -64,8 +76,10 @@ def test_nothing_jumps_over_the_width_of_a_zone(width: float) -> None:
     samples, measured = 40.0 * rng.standard_normal((1, 500)), 40.0 * rng.standard_normal(500)
     measured[np.abs(measured) < 13.5] = 0.0
     steady = np.zeros(500, bool)
-    before, after = (heard(samples, np.array([[width + each]]), measured, steady) for each in (-1e-6, 1e-6))
-    assert np.abs(after - before).max() <= 2.1e-6 * IMPOSSIBLE
+    before, after = (
+        censor_readings(samples, np.array([[width + each]]), measured, steady) for each in (-1e-6, 1e-6)
+    )
+    assert np.abs(after - before).max() <= 2.1e-6 * IMPOSSIBLE_READING_FACTOR
 
 
 def test_a_small_dead_zone_is_found_and_nothing_beside_it() -> None:
@@ -100,7 +114,7 @@ def test_the_readings_say_which_wheels_have_a_dead_zone(
     for name, zone in (("motor.0.bemf", left), ("motor.1.bemf", right)):
         columns[name] = np.where(np.abs(columns[name]) > zone, columns[name], 0.0)
     every = drive_causes()
-    kept = {each.name for each in asked_for(every, log_from_columns(columns, ROBOT))}
+    kept = {each.name for each in without_ruled_out_zones(every, log_from_columns(columns, ROBOT))}
     assert kept == {each.name for each in every} - ZONES | asked
 
 
@@ -108,21 +122,21 @@ def test_the_readings_say_which_wheels_have_a_dead_zone(
 def test_a_gap_is_as_wide_as_the_readings_that_are_missing(seed: int, zone: int) -> None:
     """Of readings that are as frequent below as above, a tenth of whose width is as many as chance needs."""
     sizes = np.random.default_rng(seed).exponential(80.0, 20000).astype(int)
-    assert gap(np.bincount(sizes, minlength=400).astype(float)) == 0
+    assert find_gap(np.bincount(sizes, minlength=400).astype(float)) == 0
     heard_ones = np.where(sizes >= zone, sizes, 0)
-    assert zone <= gap(np.bincount(heard_ones, minlength=400).astype(float)) <= 1.15 * zone + 1.0
+    assert zone <= find_gap(np.bincount(heard_ones, minlength=400).astype(float)) <= 1.15 * zone + 1.0
 
 
 def test_a_robot_that_hardly_drives_slowly_says_nothing_of_dead_zones() -> None:
     """At 200 counts nearly all the time, and through what is below in some samples."""
     sizes = np.concatenate([np.full(4000, 200), np.arange(0, 200, 9), np.arange(4, 200, 9)])
-    assert gap(np.bincount(sizes, minlength=400).astype(float)) == 0
+    assert find_gap(np.bincount(sizes, minlength=400).astype(float)) == 0
 
 
 def test_a_wheel_of_which_little_is_known_has_the_zone_of_the_other() -> None:
     clear, few = np.zeros(400), np.zeros(400)
     clear[[0, 3, 4, 5, 6, 7]], few[[0, 3, 4, 5, 6, 7]] = 40.0, 8.0
-    gaps = Gaps({"left": clear, "right": few}, {"left": gap(clear), "right": gap(few)})
+    gaps = ReadingGaps({"left": clear, "right": few}, {"left": find_gap(clear), "right": find_gap(few)})
     assert gaps.widths == {"left": 3, "right": 0}
     assert gaps.places() == (None, "left")
     assert gaps.evidence("left") < gaps.evidence(None)
@@ -137,7 +151,7 @@ def test_the_widest_gap_is_found_by_looking_at_few_widths() -> None:
         zone, seldom = rng.integers(2, 40), rng.uniform(0.0, 0.3)
         histogram = np.where(rng.random(200) < seldom, 0.0, 12.0)
         histogram[1:zone] = np.where(rng.random(zone - 1) < 0.1, 11.0, 0.0)
-        every = [each for each in range(2, 100) if _heard_below(histogram, each) <= SILENT]
-        assert gap(histogram) == max(every, default=0)
+        every = [each for each in range(2, 100) if _share_below(histogram, each) <= MAX_SHARE_IN_GAP]
+        assert find_gap(histogram) == max(every, default=0)
         found += bool(every)
     assert found > 20

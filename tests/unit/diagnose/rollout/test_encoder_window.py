@@ -13,7 +13,12 @@ from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.habits.habit_fits import choose_start
 from raccoon.diagnose.habits.problems import drive_problem, free_problem_of
-from raccoon.diagnose.rollout.encoder_window import WINDOW, counted, encoder_coordinates, encoder_settings
+from raccoon.diagnose.rollout.encoder_window import (
+    WINDOW,
+    average_over_window,
+    encoder_coordinates,
+    encoder_settings,
+)
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 
@@ -24,7 +29,7 @@ TIME = np.arange(0.0, 2.0, 0.005)
 def test_a_count_is_half_its_window_late(window: float) -> None:
     later = TIME[window < TIME]
     speeds = np.stack([3.0 * TIME, np.sin(5.0 * TIME)])
-    found = counted(TIME, speeds, np.array([window, window]))[:, -len(later) :]
+    found = average_over_window(TIME, speeds, np.array([window, window]))[:, -len(later) :]
     means = (np.cos(5.0 * (later - window)) - np.cos(5.0 * later)) / (5.0 * window)
     np.testing.assert_allclose(found[0], 3.0 * (later - 0.5 * window), atol=1e-12)
     np.testing.assert_allclose(found[1], means, atol=1e-4)
@@ -32,7 +37,7 @@ def test_a_count_is_half_its_window_late(window: float) -> None:
 
 def test_no_window_changes_nothing_and_a_robot_at_its_start_was_as_fast_before() -> None:
     speeds = np.array([np.cos(TIME), np.cos(TIME), np.full_like(TIME, 2.0)])
-    found = counted(TIME, speeds, np.array([0.0, 1e-3, 0.03]))
+    found = average_over_window(TIME, speeds, np.array([0.0, 1e-3, 0.03]))
     assert (found[0] == speeds[0]).all()
     np.testing.assert_allclose(found[1], speeds[1], atol=1e-3)
     np.testing.assert_allclose(found[2], 2.0, rtol=1e-12)

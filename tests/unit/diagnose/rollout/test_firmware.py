@@ -76,7 +76,7 @@ def understood(request: pytest.FixtureRequest) -> tuple[Firmware, Log, Log]:
     recording = record_emulated_drive(firmware, Parameters.from_robot(ROBOT), duty, seed=5)
     log, known = log_from_columns(recording.columns, ROBOT), firmware_of(recording.device)
     assert known is not None
-    return firmware, log, known.understood(log, recording.columns, ROBOT)
+    return firmware, log, known.correct_log(log, recording.columns, ROBOT)
 
 
 def test_samples_tell_their_clock(understood: tuple[Firmware, Log, Log]) -> None:
@@ -111,7 +111,7 @@ def test_a_wheel_that_is_faster_than_can_be_read_has_no_reading(firmware: Firmwa
     recording = record_emulated_drive(firmware, fast, duty, seed=2)
     known = firmware_of(recording.device)
     assert known is not None
-    log = known.understood(log_from_columns(recording.columns, ROBOT), recording.columns, ROBOT)
+    log = known.correct_log(log_from_columns(recording.columns, ROBOT), recording.columns, ROBOT)
     for side, port in (("left", 0), ("right", 1)):
         channel = log.channel(f"bemf_{side}")
         assert channel is not None
@@ -160,10 +160,10 @@ def test_a_dead_zone_and_a_filter_that_are_known_are_not_asked_for() -> None:
     """A line's steering made 15 ms of the stock firmware's filter 10, beside a wheel that was too small."""
     newer, older = FIRMWARES[RACCOON_21.name], FIRMWARES[RACCOON_17.name]
     causes = drive_causes()
-    assert FIRMWARES[SIMULATOR.name].asked_for(causes, filters=True) == list(causes)
+    assert FIRMWARES[SIMULATOR.name].without_known_causes(causes, filters=True) == list(causes)
     for each in (FIRMWARES[STOCK.name], newer, older):
         for filters, known in ((True, {ZONE, LAG}), (False, {ZONE})):
-            left = each.asked_for(causes, filters=filters)
+            left = each.without_known_causes(causes, filters=filters)
             assert {cause.id for cause in causes} - {cause.id for cause in left} == known
     assert older.start(ROBOT, None) is None
     model = Parameters.from_robot(ROBOT).with_effect("imu.latency", None, seconds=0.01)
@@ -174,12 +174,12 @@ def test_a_dead_zone_and_a_filter_that_are_known_are_not_asked_for() -> None:
 
 def test_the_battery_is_as_unsure_as_its_readings() -> None:
     stock = FIRMWARES[STOCK.name]
-    number = stock.known_of(ROBOT).model.battery.internal_resistance
+    number = stock.with_battery_uncertainty(ROBOT).model.battery.internal_resistance
     assert number.value == ROBOT.model.battery.internal_resistance.value
     assert number.std == pytest.approx(np.hypot(0.005, stock.sag * number.value))
     exact = replace(ROBOT.model.battery, internal_resistance=replace(number, std=0.0))
     robot = replace(ROBOT, model=replace(ROBOT.model, battery=exact))
-    assert stock.known_of(robot) is robot
+    assert stock.with_battery_uncertainty(robot) is robot
 
 
 def truncated(raw: np.ndarray[Any, Any], share: float = 0.25, start: int = 0) -> np.ndarray[Any, Any]:
@@ -219,7 +219,7 @@ def test_the_battery_is_held_where_it_rises_and_followed_where_it_falls(drive: s
         counts = 740.0 - np.where(since < 90, 10.0 + 35.0 * np.exp(-since / 19.0), 0.0)
     raw = np.round(counts + np.random.default_rng(4).standard_normal(1200))
     volts = BATTERY_VOLTS_PER_COUNT * truncated(raw, 0.05, start=760)
-    seen = FIRMWARES[STOCK.name].before_cutting({"battery.voltage": volts})["battery.voltage"]
+    seen = FIRMWARES[STOCK.name].undo_truncation({"battery.voltage": volts})["battery.voltage"]
     reading, held = counts[0] * BATTERY_VOLTS_PER_COUNT, Chain.stock().battery_held
     simulated = []
     for volt in counts * BATTERY_VOLTS_PER_COUNT:

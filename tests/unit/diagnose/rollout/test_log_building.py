@@ -13,7 +13,7 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.battery_timing import BATTERY_AFTER_COMMAND_NOTE
 from raccoon.diagnose.rollout.firmware import FIRMWARES
-from raccoon.diagnose.rollout.log_building import understood
+from raccoon.diagnose.rollout.log_building import build_log
 
 ROBOT = RobotConfig()
 
@@ -39,10 +39,10 @@ def driven_straight_and_turned_on_one_wheel() -> dict[str, np.ndarray]:
 def test_a_motor_of_the_other_sign_is_no_robot_in_a_hand_all_the_time() -> None:
     """What it did straight ahead turned the robot "as no wheel did", and too little was left to be judged."""
     columns = driven_straight_and_turned_on_one_wheel()
-    assert not understood([columns], ROBOT, None).held
+    assert not build_log([columns], ROBOT, None).held
     other = {name: -each if name.startswith("motor.1") else each for name, each in columns.items()}
     with pytest.raises(TraceError, match=r"motor 1 turns the other way .* inverted = true under"):
-        understood([other], ROBOT, None)
+        build_log([other], ROBOT, None)
 
 
 @pytest.mark.parametrize("made_by", [None, "simulator", "wombat-stock", "wombat-raccoon-21"])
@@ -52,7 +52,7 @@ def test_a_wheel_that_stood_is_said_and_left_out_whoever_made_the_recording(made
     del columns["imu.gyro.z"]
     unplugged = (columns["t"] >= 4.3) & (columns["t"] < 5.9)
     columns["motor.0.bemf"] = np.where(unplugged, np.sin(50.0 * columns["t"]), columns["motor.0.bemf"])
-    log = understood([columns], ROBOT, None if made_by is None else FIRMWARES[made_by])
+    log = build_log([columns], ROBOT, None if made_by is None else FIRMWARES[made_by])
     ((column, text),) = log.stalls
     assert column == "motor.0.duty"
     assert text.startswith("from 4.3 to 5.9 s motor 0 (left) did not turn")
@@ -72,4 +72,4 @@ def test_a_logger_of_ones_own_may_read_the_battery_after_the_command(named_besid
         sag += 0.1 * duty * (6.8 * duty - volts) / 1.8
     columns["battery.voltage"] = 6.8 - sag
     made_by = replace(FIRMWARES["wombat-raccoon-21"], units=not named_beside)
-    assert (BATTERY_AFTER_COMMAND_NOTE in understood([columns], ROBOT, made_by).notes) is named_beside
+    assert (BATTERY_AFTER_COMMAND_NOTE in build_log([columns], ROBOT, made_by).notes) is named_beside

@@ -17,7 +17,7 @@ from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.rollout.sample_ages import AGE, age_coordinates, aged
+from raccoon.diagnose.rollout.sample_ages import SAMPLE_AGE, age_coordinates, samples_at_age
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from simulated_drives import record_simulated_drive
@@ -28,12 +28,12 @@ TIME = np.arange(0.0, 1.0, 0.005)
 
 def test_a_reading_is_what_it_was_so_long_ago_and_will_be_so_much_later() -> None:
     samples = np.stack([3.0 * TIME, 3.0 * TIME, np.sin(6.0 * TIME)])
-    found = aged(TIME, samples, np.array([0.002, -0.0015, 0.0025]))[:, 1:-1]
+    found = samples_at_age(TIME, samples, np.array([0.002, -0.0015, 0.0025]))[:, 1:-1]
     within = TIME[1:-1]
     np.testing.assert_allclose(found[0], 3.0 * (within - 0.002), atol=1e-12)
     np.testing.assert_allclose(found[1], 3.0 * (within + 0.0015), atol=1e-12)
     np.testing.assert_allclose(found[2], np.sin(6.0 * (within - 0.0025)), atol=2e-4)
-    assert aged(TIME, samples, np.zeros(3)) is samples
+    assert samples_at_age(TIME, samples, np.zeros(3)) is samples
 
 
 def test_half_a_cycle_either_way_is_open_and_moves_one_wheels_readings_alone() -> None:
@@ -41,7 +41,7 @@ def test_half_a_cycle_either_way_is_open_and_moves_one_wheels_readings_alone() -
     log = planned_log(exciting(np.random.default_rng(1), 3.0))
     problem = drive_problem(log, ROBOT, (), Habits(FREE_RUNNING, brake=False, any_moment=True), None)
     usual = problem.nominal()
-    (index,) = (place for place, each in enumerate(problem.base) if each.settings == (AGE["right"],))
+    (index,) = (place for place, each in enumerate(problem.base) if each.settings == (SAMPLE_AGE["right"],))
     base = usual.base.copy()
     base[index] = 1.0
     before, after = problem.predict([usual, replace(usual, base=base)])
@@ -55,7 +55,7 @@ def test_of_a_firmware_that_is_named_nothing_of_it_is_open() -> None:
     log = planned_log(exciting(np.random.default_rng(1), 1.0))
     stock = FIRMWARES["wombat-stock"]
     problem = drive_problem(log, ROBOT, (), Habits(stock.chain, brake=False, firmware=stock), None)
-    assert not {each.settings[0] for each in problem.base} & set(AGE.values())
+    assert not {each.settings[0] for each in problem.base} & set(SAMPLE_AGE.values())
 
 
 def test_samples_of_another_moment_are_no_other_filter() -> None:

@@ -26,7 +26,7 @@ from raccoon.diagnose.fit.wander import wandering_friction_columns
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
-from raccoon.diagnose.hypotheses.form_errors import form_error, form_weight
+from raccoon.diagnose.hypotheses.form_errors import form_weight, relative_form_error
 from raccoon.diagnose.select.alternative_sets import (
     _best_relatives,
     _linear_leads,
@@ -250,7 +250,7 @@ def test_a_fit_of_everything_starts_where_nothing_has_changed(problem: Problem) 
 
 
 def test_an_effect_whose_form_is_exact_is_known_better_than_one_that_is_not() -> None:
-    for known in (form_error, form_weight):
+    for known in (relative_form_error, form_weight):
         assert known("battery.open_circuit_voltage") < known("battery.discharge") < known("drive.backlash")
         assert known("drive.backlash") < known("drive.wheel_radius")
 

@@ -20,7 +20,7 @@ from raccoon.diagnose.findings.joint_numbers import (
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.hypotheses.coordinates import added
+from raccoon.diagnose.hypotheses.coordinates import additive_coordinate
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.diagnose.select.alternative_sets import find_better_set
 from raccoon.diagnose.select.rivals import compare_rivals
@@ -285,7 +285,7 @@ def test_a_friction_that_robot_toml_has_none_of_is_counted_in_what_is_added_to_i
     """A factor of none is none, so a cause adds to it; taken for a factor its torque was a hundred times too
     large in robot.toml's deviations."""
     (cause,) = problem.causes["friction.coulomb"].coordinates
-    base = added("friction.coulomb", None, "torque", 0.01)
+    base = additive_coordinate("friction.coulomb", None, "torque", 0.01)
     torque = dict.fromkeys(cause.settings, 0.0)
     cause.apply(torque, 0.3)
     (size,) = set(torque.values())

@@ -25,7 +25,7 @@ from raccoon.diagnose.recordings.channels.volt_commands import has_volt_commands
 from raccoon.diagnose.recordings.firmware.filter_prior import with_device_filter
 from raccoon.diagnose.recordings.firmware.identity import FirmwareIdentity
 from raccoon.diagnose.rollout.firmware import Firmware, firmware_of
-from raccoon.diagnose.rollout.log_building import understood
+from raccoon.diagnose.rollout.log_building import build_log
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -65,11 +65,11 @@ def _controller_misfit(
     robot = with_device_filter(device, robot)
     if firmware is not None:
         firmware = replace(firmware, units=False)
-        columns = firmware.before_cutting(columns)
-    log = understood([columns], robot, firmware)
+        columns = firmware.undo_truncation(columns)
+    log = build_log([columns], robot, firmware)
     if any(each is not None for each in log.clocks):
         return CLOCK_FOUND
-    causes = zone_firmware.asked_for(drive_causes(), filters=firmware is not None)
+    causes = zone_firmware.without_known_causes(drive_causes(), filters=firmware is not None)
     return (
         fit_habits(log, robot, causes, zone_firmware.start(robot, None), firmware).log_misfit
         if is_driven(log)

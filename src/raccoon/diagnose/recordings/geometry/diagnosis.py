@@ -16,7 +16,7 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.time_column import check_time
 from raccoon.diagnose.findings.fitted_model import with_causes
-from raccoon.diagnose.hypotheses.cause_catalogue import OF_TURNS
+from raccoon.diagnose.hypotheses.cause_catalogue import TURN_SCALE_CAUSES
 from raccoon.diagnose.recordings.channels.review import wrong_robot_notes
 from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
 from raccoon.diagnose.recordings.geometry.fit import (
@@ -268,7 +268,7 @@ def _curves(fit: GeometryFit, before: Array, after: Array) -> tuple[Curve, ...]:
 
 
 def _not_identifiable(reason: str, runs: Sequence[Manoeuvre], robot: RobotConfig, begin: float) -> Diagnosis:
-    rejected = tuple(Rejected(each, f"not identifiable: {reason}") for each in OF_TURNS)
+    rejected = tuple(Rejected(each, f"not identifiable: {reason}") for each in TURN_SCALE_CAUSES)
     channels: tuple[ChannelResult, ...] = ()
     if runs and all(each.truth is not None for each in runs):
         nominal = GeometryFit(robot, np.ones(3), np.zeros(3), runs, runs).errors(np.ones(3))

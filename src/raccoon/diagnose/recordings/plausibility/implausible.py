@@ -26,7 +26,7 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.diagnose.rollout.firmware import Firmware
-from raccoon.diagnose.rollout.log_building import understood
+from raccoon.diagnose.rollout.log_building import build_log
 from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
@@ -96,7 +96,7 @@ def diagnose_speed_commands(
     begin = time.perf_counter()
     loop = find_speed_loop(arrange_columns(columns, robot), robot)
     if loop is not None:
-        loop = find_speed_loop(understood([columns], robot, firmware), robot)
+        loop = find_speed_loop(build_log([columns], robot, firmware), robot)
     if loop is None or not loop.clear:
         return None
     rejected = tuple(Rejected(id_, "") for id_ in dict.fromkeys(each.id for each in drive_causes()))

@@ -11,7 +11,7 @@ import numpy as np
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.fitted_model import cause_origin, rebase_model
 from raccoon.diagnose.findings.joint_numbers import BACK_EMF_CONSTANT, GYRO_EXPONENTS
-from raccoon.diagnose.hypotheses.base_coordinates import INSIDE
+from raccoon.diagnose.hypotheses.base_coordinates import MAX_BASE_STDS
 from raccoon.diagnose.recordings.reference.factors import Factor, ReferenceFactors
 from raccoon.diagnose.recordings.reference.gyro_rescaling import GYRO_COLUMN, GyroRescaling
 from raccoon.diagnose.recordings.reference.search_start import (
@@ -84,7 +84,7 @@ def _relative_to_robot(found: Diagnosis, start: SearchStart) -> Diagnosis:
             }  # fmt: skip
             text = explanation_sentence(each.id, each.where, values)
             each = replace(each, parameters=values, explanation=text)
-            if abs(values["factor"].value - number.nominal) < INSIDE * values["factor"].std:
+            if abs(values["factor"].value - number.nominal) < MAX_BASE_STDS * values["factor"].std:
                 continue  # the search undid the reference's factor: something else was wrong
         causes.append(each)
     return replace(found, causes=tuple(causes))
@@ -113,7 +113,7 @@ def _with_reference_causes(
         possible = max(size_before, without) ** 2 - 1.0
         gain_share = float(np.clip((without**2 - size_after**2) / max(possible, 1e-6), 0.0, 1.0))
         change = rescaling.reading_change(factor.value**-power)
-        prior_range = INSIDE * _prior_std(start.configured)
+        prior_range = MAX_BASE_STDS * _prior_std(start.configured)
         unabsorbed = (
             change * max(1.0 - prior_range / abs(factor.value - 1.0), 0.0) / math.sqrt(len(found.channels))
         )
@@ -243,7 +243,7 @@ def _identified(found: Diagnosis, start: SearchStart, model: Parameters | None) 
     if len(sides) == len(SIDES):
         left, right = sides
         ratio = reference.wheel_ratio
-        if ratio is not None and abs(ratio.value - 1.0) > INSIDE * ratio.std:
+        if ratio is not None and abs(ratio.value - 1.0) > MAX_BASE_STDS * ratio.std:
             factors |= {f"left wheel's {length}": left, f"right wheel's {length}": right}
         else:
             mean = 0.5 * (left.value + right.value)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.diagnose.hypotheses.base_coordinates import INSIDE
+from raccoon.diagnose.hypotheses.base_coordinates import MAX_BASE_STDS
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.recordings.reference.factors import Factor, ReferenceFactors, factors_of_reference
 from raccoon.diagnose.recordings.reference.stretches import Columns
@@ -77,7 +77,7 @@ def search_start(
         factor = _relative_to(factor, assumed_factor(model, id_))
         prior_std = number.std / number.value
         sigmas = abs(factor.value - 1.0) / math.hypot(factor.std, prior_std)
-        if sigmas > INSIDE:
+        if sigmas > MAX_BASE_STDS:
             significant[id_], factors[id_] = sigmas, factor
         elif sigmas < MAX_AGREEING_SIGMAS and factor.std < MAX_AGREEING_STD:
             factors[id_] = _weighted_mean(factor, Factor(1.0, prior_std))

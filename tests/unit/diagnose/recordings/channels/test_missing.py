@@ -10,7 +10,7 @@ from blind.hidden import draw
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import SI_WORDS
-from raccoon.diagnose.hypotheses.base_coordinates import with_usual_stds
+from raccoon.diagnose.hypotheses.base_coordinates import with_default_stds
 from raccoon.diagnose.recordings import drive as drive_diagnosis
 from raccoon.diagnose.recordings.channels.counters import (
     CounterBemf,
@@ -159,7 +159,7 @@ def test_the_reading_of_one_side_is_not_known_where_only_the_other_is_recorded(w
 def test_numbers_without_std_are_as_well_known_as_by_default() -> None:
     model = {"motor": {"armature_resistance": 3.6, "right": {"back_emf_constant": 1.0}}}
     robot = parse_robot({"model": {**model, "bemf": {"offset": -4.0}, "friction": {"coulomb": 0.0}}})
-    opened, keys = with_usual_stds(robot)
+    opened, keys = with_default_stds(robot)
     assert opened.model.left.armature_resistance.std == pytest.approx(0.06)
     assert opened.model.bemf.offset.std == 1.0
     assert opened.model.friction.coulomb.std == 0.0
@@ -168,7 +168,7 @@ def test_numbers_without_std_are_as_well_known_as_by_default() -> None:
         "model.motor.left.armature_resistance", "model.motor.right.armature_resistance",
         "model.motor.right.back_emf_constant", "model.bemf.offset",
     }  # fmt: skip
-    assert with_usual_stds(ROBOT) == (ROBOT, ())
+    assert with_default_stds(ROBOT) == (ROBOT, ())
 
 
 def test_numbers_without_std_are_said_in_one_note(
@@ -183,7 +183,7 @@ def test_numbers_without_std_are_said_in_one_note(
 
     monkeypatch.setattr(drive_diagnosis, "diagnose", said)
     found = diagnose_recording(weak_right, robot)
-    assert asked == [with_usual_stds(robot)[0]]
+    assert asked == [with_default_stds(robot)[0]]
     notes = [each for each in found.notes if "no std" in each]
     assert len(notes) == 1
     assert "no std for model.motor.armature_resistance, model.imu.gyro_scale: " in notes[0]

@@ -31,7 +31,7 @@ from raccoon.diagnose.result import (
     Rejected,
     Verdict,
 )
-from raccoon.diagnose.rollout.simulated_robot import parameters_of
+from raccoon.diagnose.rollout.simulated_robot import to_parameters
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
@@ -445,7 +445,7 @@ def test_a_number_that_no_simulator_takes_is_the_nearest_that_it_does(tmp_path: 
     """A robot.toml with wheels of twice the size ended in an error about a number that nobody had written."""
     neutral = neutral_settings(ROBOT)
     here = neutral | {("drive.wheel_radius", "left", "factor"): 0.4916}
-    model = parameters_of(clamp_to_bounds(here, neutral), neutral, ROBOT, Chain())
+    model = to_parameters(clamp_to_bounds(here, neutral), neutral, ROBOT, Chain())
     model.save(tmp_path / "model.toml")
     read = Parameters.from_model_file(tmp_path / "model.toml")
     assert read.value("drive.wheel_radius", "factor", "left") == 0.5
