@@ -12,7 +12,7 @@ from raccoon.estimate.tophat import Tophat, TophatCalibration, calibrate, calibr
 from raccoon.estimate.tophat.standing_calibration import calibrate_standing
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
-from raccoon.model.reflectance import AMBIENT, TEXTURE, WAY_A_READING
+from raccoon.model.reflectance import AMBIENT, DISTANCE_PER_READING, TEXTURE
 
 Array = NDArray[np.float64]
 RATE, LENGTH, STOOD = 200.0, 0.6, 200
@@ -43,9 +43,9 @@ def white_only(rng: np.random.Generator, draws: int) -> None:
         for draw in range(draws):
             condition, ambient = sensors[draw % len(sensors)]
             radius = reflectance.spot_radius(condition.height)
-            times = floor(np.arange(0.0, LENGTH, WAY_A_READING), radius)
+            times = floor(np.arange(0.0, LENGTH, DISTANCE_PER_READING), radius)
             counts = _readings(rng, condition, np.zeros_like(times), ambient, times)
-            verdicts[calibrate(counts, np.full(len(counts), WAY_A_READING)).verdict] += 1
+            verdicts[calibrate(counts, np.full(len(counts), DISTANCE_PER_READING)).verdict] += 1
         print(f"  {name:48}" + ", ".join(f"{each} {count}" for each, count in verdicts.most_common()))
 
 
@@ -104,7 +104,7 @@ def _wrong(rng: np.random.Generator, condition: TophatReading, calibration: Toph
     tophat = Tophat(calibration)
     black = np.array(
         [
-            tophat.update(index / RATE, float(counts), None, WAY_A_READING).black
+            tophat.update(index / RATE, float(counts), None, DISTANCE_PER_READING).black
             for index, counts in enumerate(samples)
         ],
         dtype=float,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Device
-from raccoon.model.bemf import foreign_ticks
+from raccoon.model.bemf import foreign_ticks_reason
 
 PLAUSIBLE_CONSTANT_SHARES = (0.4, 2.5)
 """Between which shares of the nominal K_E a calibrated counter is taken to tell the motor's."""
@@ -118,7 +118,7 @@ def _wheel_model(config: RobotConfig, side: str, device: Device | None) -> Wheel
     model, motor = getattr(config.model, side), config.wheel_motor(side)
     constant = model.back_emf_constant.value
     told = None if device is None else calibrated_constant(config, side, device)
-    if device is not None and (foreign := foreign_ticks(config, side, device)):
+    if device is not None and (foreign := foreign_ticks_reason(config, side, device)):
         raise ConfigError(f"{foreign}; calibrate again (raccoon calibrate drive), or take the line out")
     if told is not None and PLAUSIBLE_CONSTANT_SHARES[0] < told / constant < PLAUSIBLE_CONSTANT_SHARES[1]:
         constant = told

@@ -13,11 +13,11 @@ import math
 from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.readings import Device
 
-FOREIGN = 10.0
-"""Times robot.toml's K_E, up or down, that no motor, gear or wheel makes of it: another counter's ticks."""
+MAX_K_E_RATIO = 10.0
+"""Ratio to robot.toml's K_E, up or down, that no motor, gear or wheel makes: ticks of another counter."""
 
 
-def believable(share: float) -> bool:
+def is_plausible_k_e_share(share: float) -> bool:
     """Whether a motor may have this share of robot.toml's K_E. Ticks that say otherwise are those of another
     counter, or a mistake.
     """
@@ -42,13 +42,13 @@ def radians_per_count(motor: MotorConfig, back_emf_constant: float, device: Devi
     return device.bemf_volts / back_emf_constant
 
 
-def foreign_ticks(robot: RobotConfig, side: str, device: Device) -> str:
+def foreign_ticks_reason(robot: RobotConfig, side: str, device: Device) -> str:
     """Why the `radians_per_tick` of a driven motor are none of this device's; "" where they may be, or where
     it has none.
     """
     ticks, constant = robot.wheel_motor(side).radians_per_tick, getattr(robot.model, side).back_emf_constant
     share = device.bemf_volts / constant.value / counts_scale(robot, side, device)
-    if ticks is None or 1.0 / FOREIGN < share < FOREIGN:
+    if ticks is None or 1.0 / MAX_K_E_RATIO < share < MAX_K_E_RATIO:
         return ""
     return (
         f"motor.{getattr(robot.drive, side)}.radians_per_tick is {ticks.value:.3g}, where a tick of "

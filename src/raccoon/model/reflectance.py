@@ -38,11 +38,11 @@ from raccoon.model.paper import TophatReading, tophat_reading
 
 FULL_SCALE = float(ANALOG_FULL_SCALE)
 GENERATIONS = ("old", "new")
-NEAR, FAR = 0.007, 0.023  # m, the heights of Tables II and III
-LEAST_HEIGHT, MOST_HEIGHT = 0.002, 0.06  # m; nearer, the light misses the receiver and the law of R(h) ends
+NEAR_HEIGHT, FAR_HEIGHT = 0.007, 0.023  # m, the heights of Tables II and III
+MIN_HEIGHT, MAX_HEIGHT = 0.002, 0.06  # m; nearer, the light misses the receiver and the law of R(h) ends
 AMBIENT = {"normal": 0.0, "sun": 1.0}
 """Ambient level of the paper's two lights."""
-LINE_WIDTH, WAY_A_READING = 0.015, 0.24 / 200.0  # m, of a simulated calibration drive at 0.24 m/s
+LINE_WIDTH, DISTANCE_PER_READING = 0.015, 0.24 / 200.0  # m, of a simulated calibration drive at 0.24 m/s
 TEXTURE = 0.02  # sd of the floor's own brightness as a share of it, from reading to reading
 
 Number = TypeVar("Number", float, NDArray[np.float64])
@@ -90,17 +90,15 @@ class SensorModel:
 
         Raises ConfigError for a height outside 2..60 mm or a gain that is not above 0.
         """
-        if not LEAST_HEIGHT <= height <= MOST_HEIGHT:
-            raise ConfigError(
-                f"height = {height} m: allowed are numbers from {LEAST_HEIGHT} to {MOST_HEIGHT}"
-            )
+        if not MIN_HEIGHT <= height <= MAX_HEIGHT:
+            raise ConfigError(f"height = {height} m: allowed are numbers from {MIN_HEIGHT} to {MAX_HEIGHT}")
         if not (gain > 0.0 and math.isfinite(gain)):
             raise ConfigError(f"gain = {gain}: allowed are numbers above 0")
         return Optics(
-            reflected=gain * self.reflected_near * (NEAR / height) ** self.falloff,
+            reflected=gain * self.reflected_near * (NEAR_HEIGHT / height) ** self.falloff,
             reflected_by_black=self.reflected_by_black,
             leak=gain * self.leak,
-            sun=gain * self.sun_near * (height / NEAR) ** self.sun_exponent,
+            sun=gain * self.sun_near * (height / NEAR_HEIGHT) ** self.sun_exponent,
             sun_by_black=self.sun_by_black,
         )
 
@@ -118,7 +116,7 @@ def fit(generation: str) -> SensorModel:
     """
     if generation not in GENERATIONS:
         raise ConfigError(f"generation = {generation!r}: allowed are {', '.join(GENERATIONS)}")
-    near, far = (tophat_reading(generation, height, "normal") for height in (NEAR, FAR))
+    near, far = (tophat_reading(generation, height, "normal") for height in (NEAR_HEIGHT, FAR_HEIGHT))
     white, black = light_of(near.white), light_of(near.black)
     white_far, black_far = light_of(far.white), light_of(far.black)
     # Differences over height drop L: r = (black - black_far) / (white - white_far).
@@ -129,7 +127,7 @@ def fit(generation: str) -> SensorModel:
     return SensorModel(
         generation=generation,
         reflected_near=reflected,
-        falloff=math.log(reflected / reflected_far) / math.log(FAR / NEAR),
+        falloff=math.log(reflected / reflected_far) / math.log(FAR_HEIGHT / NEAR_HEIGHT),
         reflected_by_black=by_black,
         leak=white - reflected,
         sun_near=sun_near,
@@ -140,8 +138,8 @@ def fit(generation: str) -> SensorModel:
 
 def _fit_sun(generation: str) -> tuple[float, float, float]:
     """(S7, m, s): log of the added light = log S7 + m log(h/7mm) + [black] log s, by least squares."""
-    near, far = (tophat_reading(generation, height, "sun") for height in (NEAR, FAR))
-    dim_near, dim_far = (tophat_reading(generation, height, "normal") for height in (NEAR, FAR))
+    near, far = (tophat_reading(generation, height, "sun") for height in (NEAR_HEIGHT, FAR_HEIGHT))
+    dim_near, dim_far = (tophat_reading(generation, height, "normal") for height in (NEAR_HEIGHT, FAR_HEIGHT))
     white, white_far, black, black_far = (
         math.log(light_of(bright) - light_of(dim))
         for bright, dim in (
@@ -154,7 +152,7 @@ def _fit_sun(generation: str) -> tuple[float, float, float]:
     rise = 0.5 * (white_far - white + black_far - black)
     by_black = 0.5 * (black - white + black_far - white_far)
     level = 0.25 * (white + white_far + black + black_far) - 0.5 * rise - 0.5 * by_black
-    return math.exp(level), rise / math.log(FAR / NEAR), math.exp(by_black)
+    return math.exp(level), rise / math.log(FAR_HEIGHT / NEAR_HEIGHT), math.exp(by_black)
 
 
 def counts(darkness: Number, generation: str, height: float, ambient: Number | float = 0.0) -> Number:
@@ -172,7 +170,9 @@ def height_doubt(height: float) -> float:
     A power of the height and an exponential go through both, and differ by up to 340 counts: of two laws, one
     as likely as the other, the deviation is their difference over the square root of 2.
     """
-    exponential = NEAR + (FAR - NEAR) * math.log(height / NEAR) / math.log(FAR / NEAR)
+    exponential = NEAR_HEIGHT + (FAR_HEIGHT - NEAR_HEIGHT) * math.log(height / NEAR_HEIGHT) / math.log(
+        FAR_HEIGHT / NEAR_HEIGHT
+    )
     return abs(exponential - height) / math.sqrt(2.0)
 
 
@@ -180,8 +180,8 @@ def black_doubt(generation: str, height: float) -> float:
     """Counts by which black may be off at a height that white tells: what cross-talk and tape send back there
     goes with the light over white only as far as the two measured heights say. The difference to a power of
     the height that black has for itself."""
-    near, far, here = (fit(generation).at(each) for each in (NEAR, FAR, height))
-    share = math.log(height / NEAR) / math.log(FAR / NEAR)
+    near, far, here = (fit(generation).at(each) for each in (NEAR_HEIGHT, FAR_HEIGHT, height))
+    share = math.log(height / NEAR_HEIGHT) / math.log(FAR_HEIGHT / NEAR_HEIGHT)
     own = near.light(1.0) * (far.light(1.0) / near.light(1.0)) ** share
     return float(abs(FULL_SCALE / (1.0 + own) - here.counts(1.0)))
 
@@ -238,7 +238,7 @@ def drive_over_line(
     the spot on black (0 white, 1 black, between at the edges). The line lies at random, not near the ends.
     """
     radius = spot_radius(condition.height)
-    position = np.arange(0.0, distance, WAY_A_READING)
+    position = np.arange(0.0, distance, DISTANCE_PER_READING)
     darkness = line_coverage(position, rng.uniform(0.2, 0.8) * distance, LINE_WIDTH, radius)
     optics = fit(condition.generation).at(condition.height, gain)
     samples = read(rng, darkness, optics, ambient=AMBIENT[condition.light], noise=noise)

@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.estimate.ekf.state import OdometrySettings
-from raccoon.model.bemf import believable
+from raccoon.model.bemf import is_plausible_k_e_share
 from raccoon.sim.effects.calibrated import calibrated_factor, simulated_device
 from raccoon.sim.effects.effect import Place, effect
 from raccoon.sim.effects.parameters import Parameters
@@ -147,7 +147,7 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
 def _is_calibrated(robot: RobotConfig, side: str) -> bool:
     """Whether robot.toml has calibrated ticks of the wheel that can be its."""
     known = robot.wheel_motor(side).radians_per_tick is not None
-    return known and believable(_back_emf_factor(robot, side))
+    return known and is_plausible_k_e_share(_back_emf_factor(robot, side))
 
 
 def _back_emf_constant_prior(robot: RobotConfig, side: str) -> tuple[float, float]:

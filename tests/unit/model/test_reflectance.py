@@ -10,7 +10,7 @@ from raccoon.model.reflectance import (
     AMBIENT,
     FULL_SCALE,
     GENERATIONS,
-    NEAR,
+    NEAR_HEIGHT,
     SensorModel,
     drive_over_line,
     fit,
@@ -127,7 +127,7 @@ def miss(model: SensorModel, white: float, black: float) -> float:
     reflected, ambient = np.linalg.solve(mixing, lights)
     if ambient < 0.0:
         reflected, ambient = lights[0], 0.0
-    height = NEAR * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
+    height = NEAR_HEIGHT * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
     if not 0.003 < height < 0.03:
         return float("inf")
     optics = model.at(height)

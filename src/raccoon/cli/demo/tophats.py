@@ -29,11 +29,15 @@ def tophat_results(seed: int) -> list[TophatResult]:
     for number, condition in enumerate(TOPHAT_READINGS):
         rng = np.random.default_rng((seed, number))
         calibration = calibrate(drive_over_line(rng, condition)[0])
-        results.append(TophatResult(condition, calibration, _wrong_share(calibration, rng, condition)))
+        results.append(
+            TophatResult(condition, calibration, _misclassified_share(calibration, rng, condition))
+        )
     return results
 
 
-def _wrong_share(calibration: TophatCalibration, rng: np.random.Generator, condition: TophatReading) -> float:
+def _misclassified_share(
+    calibration: TophatCalibration, rng: np.random.Generator, condition: TophatReading
+) -> float:
     if calibration.threshold is None:
         return 1.0
     samples, darkness = drive_over_line(rng, condition)

@@ -13,7 +13,7 @@ from raccoon.trace.pose_error import field_truth
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MOST = 16
+MAX_RUNS = 16
 """Drives in one picture; more could not be told apart."""
 
 
@@ -21,7 +21,7 @@ def draw(drives: list[Drive], path: Path) -> None:
     """Draw the paths side by side (m, x to the right) into a file of the format its ending names."""
     from matplotlib.figure import Figure
 
-    shown = drives[:MOST]
+    shown = drives[:MAX_RUNS]
     columns = math.ceil(math.sqrt(len(shown)))
     rows = math.ceil(len(shown) / columns)
     # A figure of its own: no global state, no window.
@@ -31,8 +31,8 @@ def draw(drives: list[Drive], path: Path) -> None:
         axes.set_visible(False)
     for axes, drive in zip(grid.flat, shown, strict=False):
         _draw_one(axes, drive)
-    if len(drives) > MOST:
-        figure.suptitle(f"the first {MOST} of {len(drives)} runs")
+    if len(drives) > MAX_RUNS:
+        figure.suptitle(f"the first {MAX_RUNS} of {len(drives)} runs")
     save_figure(figure, path, dpi=120)
 
 

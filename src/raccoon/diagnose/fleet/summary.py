@@ -14,7 +14,7 @@ from raccoon.diagnose.fleet.refitted_values import refitted_values
 from raccoon.diagnose.fleet.series import MIN_FOR_OUTLIERS, Course, Series, make_series
 from raccoon.diagnose.fleet.silent_recordings import is_silent
 from raccoon.diagnose.result import Diagnosis, ParameterResult
-from raccoon.model.reflectance import LEAST_HEIGHT, height_doubt
+from raccoon.model.reflectance import MIN_HEIGHT, height_doubt
 
 HEIGHT = "tophat.height"
 
@@ -163,7 +163,7 @@ def _with_comparable_stds(name: str, found: Mapping[str, ParameterResult]) -> Ma
         return found
 
     def own(number: ParameterResult) -> float:
-        doubt = height_doubt(max(number.value, LEAST_HEIGHT))
+        doubt = height_doubt(max(number.value, MIN_HEIGHT))
         return math.sqrt(max(number.std**2 - doubt**2, 0.0))
 
     return {key: replace(each, std=own(each)) for key, each in found.items()}

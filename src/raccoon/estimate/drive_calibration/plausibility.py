@@ -10,7 +10,7 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
 from raccoon.estimate.drive.prior import scale_std
 from raccoon.estimate.ekf.state import OdometrySettings
-from raccoon.model.bemf import believable, counts_scale
+from raccoon.model.bemf import counts_scale, is_plausible_k_e_share
 
 SURPRISING_STDS, ALIKE_SHARE = 3.0, 0.03
 """Standard deviations off robot.toml that are worth a word, and by how much both wheels may differ in it
@@ -20,7 +20,7 @@ where one tape is the cause of both."""
 def check_plausible(robot: RobotConfig, side: str, device: Device, value: Measured, cause: str) -> None:
     """Raise CalibrationError where radians a tick of a side cannot be true. cause: what to check."""
     factor = _ratio_to_config(robot, side, device, value)
-    if not believable(factor):
+    if not is_plausible_k_e_share(factor):
         port = getattr(robot.drive, side)
         told = "has the wrong sign" if factor < 0.0 else f"is {factor:.2f} times the expected one"
         raise CalibrationError(

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import cache
 
-from raccoon.model.reflectance import GENERATIONS, NEAR, SensorModel, fit, light_of
+from raccoon.model.reflectance import GENERATIONS, NEAR_HEIGHT, SensorModel, fit, light_of
 
 LEAST_HEIGHT, MOST_HEIGHT = 0.003, 0.035  # m; where people mount them
 BLACK_MISFIT, WHITE_MISFIT = 0.10, 0.015  # of the lights v and u: tapes and sensors differ
@@ -76,8 +76,8 @@ def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:
     sun = max(u - model.leak - reflected, 0.0)
     if abs(r * reflected + model.leak + s * sun - v) > BLACK_MISFIT * v + WHITE_MISFIT * u:
         return None
-    height = NEAR * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
-    ambient = sun / (model.sun_near * (height / NEAR) ** model.sun_exponent)
+    height = NEAR_HEIGHT * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
+    ambient = sun / (model.sun_near * (height / NEAR_HEIGHT) ** model.sun_exponent)
     doubt = math.hypot(BLACK_MISFIT * v, SUN_BY_BLACK_SD * sun) / (s - r)
     farthest = FARTHEST_LIGHT_SHARE * least
     sure = max(DARKEST_WHITE_SHARE * reflected - 2.0 * doubt, farthest)

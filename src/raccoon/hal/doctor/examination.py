@@ -13,7 +13,7 @@ from raccoon.hal.doctor.report import Finding, Report, Verdict
 from raccoon.hal.doctor.session import Session, session
 from raccoon.hal.doctor.trial import MotorTrial, try_motor
 from raccoon.hal.doctor.wiring import wiring_finding
-from raccoon.model.bemf import foreign_ticks
+from raccoon.model.bemf import foreign_ticks_reason
 
 WARM_UP_S = 0.3
 """s after opening that are not judged: filters of a controller that has just started still fill."""
@@ -108,7 +108,7 @@ def _calibration_findings(config: RobotConfig, device: Device) -> list[Finding]:
     if not found:
         return []
     told = f"{', '.join(found)}: programs go by these before what [model] says"
-    foreign = [each for side in ("left", "right") if (each := foreign_ticks(config, side, device))]
+    foreign = [each for side in ("left", "right") if (each := foreign_ticks_reason(config, side, device))]
     if not foreign:
         return [Finding("calibrations", Verdict.NOT_CHECKED, told)]
     remedy = "calibrate again (raccoon calibrate drive), or take the lines out"

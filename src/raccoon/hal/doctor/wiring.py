@@ -13,7 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import mean
 from raccoon.hal.doctor.trial import MotorTrial
-from raccoon.model.bemf import counts_scale, foreign_ticks
+from raccoon.model.bemf import counts_scale, foreign_ticks_reason
 
 TURN_LIMIT = 0.05
 """rad/s that one driven wheel must turn the robot by, to tell which way."""
@@ -66,7 +66,7 @@ def _gyro_share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) 
     robot.toml says of it is another firmware's.
     """
     readings = [abs(move.bemf) for move in trial.moves if move.bemf is not None]
-    if not readings or mean(readings) == 0.0 or foreign_ticks(config, side, trial.device):
+    if not readings or mean(readings) == 0.0 or foreign_ticks_reason(config, side, trial.device):
         return None
     drive, per_count = config.model.drive, counts_scale(config, side, trial.device)
     return abs(turn) * drive.track_width.value / (mean(readings) * per_count * drive.wheel_radius.value)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device
-from raccoon.model.bemf import believable, counts_scale
+from raccoon.model.bemf import counts_scale, is_plausible_k_e_share
 from raccoon.sim.effects.parameters import SIDES, Parameters
 
 
@@ -20,7 +20,7 @@ def simulated_device(robot: RobotConfig) -> Device:
     """The simulator's words, whose ticks are those of robot.toml."""
     factors = [calibrated_factor(robot, side, SIMULATOR) for side in SIDES if _calibrated(robot, side)]
     middle = math.exp(sum(map(math.log, factors)) / len(factors)) if factors else 1.0
-    if believable(middle):
+    if is_plausible_k_e_share(middle):
         return SIMULATOR
     return replace(SIMULATOR, position_counts_seconds=1.0 / middle)
 
@@ -39,7 +39,7 @@ def calibrated_robot(robot: RobotConfig, device: Device) -> Parameters:
     parameters = Parameters.from_robot(robot)
     for side in SIDES:
         factor = calibrated_factor(robot, side, device)
-        if _calibrated(robot, side) and believable(factor):
+        if _calibrated(robot, side) and is_plausible_k_e_share(factor):
             parameters = parameters.with_effect("motor.back_emf_constant", side, factor=factor)
     return parameters
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from raccoon.core.schema import Bounds
-from raccoon.model.reflectance import LEAST_HEIGHT, MOST_HEIGHT
+from raccoon.model.reflectance import MAX_HEIGHT, MIN_HEIGHT
 from raccoon.sim.effects.effect import Effect, Parameter, Place
 
 _POSITIVE = Bounds(positive=True)
@@ -264,7 +264,7 @@ _TOPHAT = (
     Effect(
         "tophat.height",
         "The tophat sits higher or lower above the floor than assumed.",
-        (Parameter("height", "m", 0.007, Bounds(LEAST_HEIGHT, MOST_HEIGHT), 0.003),),
+        (Parameter("height", "m", 0.007, Bounds(MIN_HEIGHT, MAX_HEIGHT), 0.003),),
         Place.TOPHAT,
     ),
     Effect(

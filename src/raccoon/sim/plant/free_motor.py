@@ -6,7 +6,7 @@ import math
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device
-from raccoon.model.bemf import believable, radians_per_count
+from raccoon.model.bemf import is_plausible_k_e_share, radians_per_count
 from raccoon.model.motor import speed_after
 
 
@@ -34,7 +34,7 @@ class FreeMotor:
         self._resistance = motor.armature_resistance.value
         constant = motor.back_emf_constant.value
         own = device.bemf_volts / radians_per_count(config.motor(port), constant, device)
-        self._constant = own if believable(own / constant) else constant
+        self._constant = own if is_plausible_k_e_share(own / constant) else constant
         self._coulomb, self._viscous = friction.coulomb.value, friction.viscous.value
         self._inertia = inertia
         self._filter = max(config.model.bemf.filter_time_constant.value, 1e-6)

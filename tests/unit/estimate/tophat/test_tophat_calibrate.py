@@ -14,7 +14,7 @@ from raccoon.estimate.tophat.mixture import best_mixture
 from raccoon.estimate.tophat.quality import is_restless
 from raccoon.estimate.tophat.standing_calibration import calibrate_standing
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
-from raccoon.model.reflectance import LINE_WIDTH, WAY_A_READING, fit, line_coverage, read, spot_radius
+from raccoon.model.reflectance import DISTANCE_PER_READING, LINE_WIDTH, fit, line_coverage, read, spot_radius
 
 PAPER = [(180, 2930), (50, 170), (1270, 3800), (140, 250), (1830, 3810), (50, 130), (3440, 4030), (130, 220)]
 
@@ -315,8 +315,8 @@ def test_what_is_narrower_than_any_line_is_a_seam_where_the_way_is_known(conditi
     is."""
     rng = np.random.default_rng(5)
     optics, radius = fit(condition.generation).at(condition.height), spot_radius(condition.height)
-    position = np.arange(0.0, 0.6, WAY_A_READING)
-    ways = np.full(len(position), WAY_A_READING)
+    position = np.arange(0.0, 0.6, DISTANCE_PER_READING)
+    ways = np.full(len(position), DISTANCE_PER_READING)
     seam = read(rng, 0.95 * line_coverage(position, 0.3, 0.003, radius), optics)
     tape = read(rng, line_coverage(position, 0.3, LINE_WIDTH, radius), optics)
     assert calibrate(seam, ways).verdict is Verdict.ONE_SURFACE

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from raccoon.diagnose.recordings.tophats.sentences import AMBIENT_LIGHT, GAIN, HEIGHT
 from raccoon.model.reflectance import (
     FULL_SCALE,
-    LEAST_HEIGHT,
-    MOST_HEIGHT,
+    MAX_HEIGHT,
+    MIN_HEIGHT,
     black_doubt,
     counts,
     height_doubt,
@@ -105,7 +105,7 @@ class LevelFit:
 
 def _clip_height(height: float) -> float:
     """The height, m, clipped to where the reflectance model holds."""
-    return float(np.clip(height, LEAST_HEIGHT, MOST_HEIGHT))
+    return float(np.clip(height, MIN_HEIGHT, MAX_HEIGHT))
 
 
 def fit_levels(table: Array, nominal: NominalSensor, clipped: tuple[int, int] = (0, 0)) -> list[LevelFit]:
