@@ -95,6 +95,10 @@ class Servo(Part):
         return way / self.config.speed_us
 
 
+SLOWEST_S = 60.0
+"""s of a servo's way, half a match; more are milliseconds."""
+
+
 def servo(name: str, to: str | float, seconds: float | None = None) -> Action[None]:
     """Send the servo `name` to a place: a name of its `positions_us`, or a pulse in us.
 
@@ -105,6 +109,8 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
     """
     check_name(name=name)
     check_times(seconds=seconds)
+    if seconds is not None and seconds > SLOWEST_S:
+        raise ValueError(f"seconds is {seconds}: allowed are numbers up to {SLOWEST_S:g} s (500 ms are 0.5)")
     if not isinstance(to, str):
         check_number("to", to, "a pulse in us, or a name")
         if not math.isfinite(to):

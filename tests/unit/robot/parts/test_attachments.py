@@ -191,6 +191,8 @@ def test_a_pulse_the_mechanism_does_not_stand_is_refused() -> None:
         servo("claw", math.nan)
     with pytest.raises(ValueError, match="seconds is -1"):
         servo("claw", "open", seconds=-1)
+    with pytest.raises(ValueError, match=r"seconds is 500: allowed are .* up to 60 s \(500 ms are 0\.5\)"):
+        servo("claw", "open", seconds=500)
 
 
 @pytest.mark.parametrize("inverted", [False, True])
