@@ -1,4 +1,4 @@
-"""What can be seen from one working point: fit, noise, columns in every direction."""
+"""State of the search at a working point (fit, noise, columns of every direction), and leads between fits."""
 
 from __future__ import annotations
 
@@ -47,8 +47,9 @@ class Rival:
 class Search:
     """State of the search, and what it found in the end.
 
-    gains: log evidence that each cause adds to all others. held_out: the same on blocks that were not fitted.
-    rivals: causes that explain nearly as much in its place.
+    leads: log evidence that each cause adds to all others. held_out_leads: the same on held-out blocks.
+    rivals: causes that explain nearly as much in its place. rejections: why a cause is not named.
+    table, table_without_wander: Gram numbers of all columns under the whole noise, and without what wanders.
     unknown: probes that explain what no cause does, with the evidence they add.
     """
 
@@ -84,12 +85,12 @@ def block_grams(fit: Fit) -> list[Gram]:
 
 @dataclass(frozen=True, slots=True)
 class HeldOutPrediction:
-    """How a fit does on data that it has not seen. left (rows,): whitened residual of each block of time, as
-    all others foresee it. bent: what it pays for bending what robot.toml says with a standard deviation,
-    which is data as well."""
+    """How a fit does on held-out data. residual (rows,): whitened residual of each block of time, predicted
+    by a fit of all others. prior_cost: half the squared base coordinates, since what robot.toml says is data
+    as well."""
 
-    left: Array
-    bent: float
+    residual: Array
+    prior_cost: float
 
     @classmethod
     def of(cls, fit: Fit) -> HeldOutPrediction:
@@ -102,7 +103,11 @@ class HeldOutPrediction:
 
 def held_out_lead(problem: Problem, one: HeldOutPrediction, other: HeldOutPrediction) -> float:
     """Log predictive score of one fit over another; each half second is clipped as in `log_evidence_lead`."""
-    return other.bent - one.bent + float(_clip_events(_lead_by_event(problem, one.left, other.left)).sum())
+    return (
+        other.prior_cost
+        - one.prior_cost
+        + float(_clip_events(_lead_by_event(problem, one.residual, other.residual)).sum())
+    )
 
 
 def start_search(problem: Problem, probes: Callable[[LinearModel], Sequence[ColumnGroup]]) -> Search:

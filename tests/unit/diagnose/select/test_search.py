@@ -338,11 +338,11 @@ def test_what_is_foretold_of_a_block_is_what_all_others_say_and_bending_is_paid(
     columns, white = rng.normal(size=(count + 1, 96)), rng.normal(size=96)
     fit = replace(Fit.of(problem, point, white, columns), free=np.arange(count + 1) != 2)
     told = HeldOutPrediction.of(fit)
-    assert told.bent == pytest.approx(0.5 * (point.base**2).sum())
+    assert told.prior_cost == pytest.approx(0.5 * (point.base**2).sum())
     free = columns[fit.free]
     target = white + point.vector()[fit.free] @ free
     mean = np.linalg.solve(np.eye(count) + free[:, 12:] @ free[:, 12:].T, free[:, 12:] @ target[12:])
-    np.testing.assert_allclose(told.left[:12], target[:12] - mean @ free[:, :12])
+    np.testing.assert_allclose(told.residual[:12], target[:12] - mean @ free[:, :12])
 
 
 def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
