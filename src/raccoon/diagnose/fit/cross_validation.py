@@ -50,7 +50,7 @@ def log_evidence_of_wander(parts: Sequence[RecordingPart], wander: float) -> flo
     """Log evidence of all columns, of what wanders with that standard deviation and of the others with 1."""
     grams = [each.scaled(wander) for each in parts]
     alone = sum(gram.take(range(each.slow)).evidence() for gram, each in zip(grams, parts, strict=True))
-    return alone + reduce(add, map(Gram.without, grams, (each.slow for each in parts))).evidence()
+    return alone + reduce(add, map(Gram.eliminate_leading, grams, (each.slow for each in parts))).evidence()
 
 
 def held_out_error(parts: Sequence[RecordingPart], sizes: Array, wander: float, event: int) -> Array:
@@ -61,7 +61,7 @@ def held_out_error(parts: Sequence[RecordingPart], sizes: Array, wander: float, 
     of what wanders. To a part the others say of the former no more than a mean and a covariance (what wanders
     is eliminated there), which are its prior. event: bins in half a second; parts are of whole ones.
     """
-    said = [each.scaled(wander).without(each.slow) for each in parts]
+    said = [each.scaled(wander).eliminate_leading(each.slow) for each in parts]
     errors = []
     for number, part in enumerate(parts):
         others = [*said[:number], *said[number + 1 :]]  # less one of the sum of all would lose digits

@@ -122,7 +122,7 @@ class Gram:
         """The target less what the columns at `held` make of it."""
         return Gram(self.matrix, self.projection - self.matrix @ held)
 
-    def without(self, always: int) -> Gram:
+    def eliminate_leading(self, always: int) -> Gram:
         """Eliminate the first `always` columns, which keep their unit prior: what is left behaves as new
         data."""
         inner = np.linalg.inv(np.eye(always) + self.matrix[:always, :always])
@@ -142,18 +142,18 @@ class Gram:
         """
         count = len(low)
         own, inner = list(range(count)), Gram(np.eye(len(self.matrix)) + self.matrix, self.projection)
-        first, before = inner.take(own)._least(low, high, None)
+        first, before = inner.take(own)._minimise_in_bounds(low, high, None)
         inverse = np.linalg.inv(inner.matrix[:count, :count])
         for span in spans:
             far, none = np.full(len(span), np.inf), np.zeros(len(span))
             whole = inner.take([*own, *span])
             limits = np.concatenate([low, -far]), np.concatenate([high, far])
-            mean, cost = whole._least(*limits, np.concatenate([first, none]))
+            mean, cost = whole._minimise_in_bounds(*limits, np.concatenate([first, none]))
             cross = whole.matrix[count:, :count]
             left = whole.matrix[count:, count:] - cross @ inverse @ cross.T
             yield mean[count:], -0.5 * (cost - before + float(np.linalg.slogdet(left)[1]))
 
-    def _least(self, low: Array, high: Array, near: Array | None) -> tuple[Array, float]:
+    def _minimise_in_bounds(self, low: Array, high: Array, near: Array | None) -> tuple[Array, float]:
         """Most likely coordinates inside bounds, and what they cost, where the priors are in the matrix."""
         mean = minimise_in_bounds(self.matrix, self.projection, low, high, near)
         return mean, float(mean @ self.matrix @ mean - 2.0 * self.projection @ mean)

@@ -150,21 +150,21 @@ class GramTable:
     come first. off: what may come in, of which probes are bare."""
 
     gram: Gram
-    base: int
+    base_count: int
     active: dict[str, list[int]]
-    off: tuple[tuple[ColumnGroup, list[int]], ...]
+    inactive: tuple[tuple[ColumnGroup, list[int]], ...]
 
     def with_parts(self) -> GramTable:
         """The same with each part of a group beside the group."""
-        off = list(self.off)
-        for group, span in self.off:
+        off = list(self.inactive)
+        for group, span in self.inactive:
             for part in group.parts:
                 paid = math.log(len(group.parts))
                 less = replace(
                     group, columns=group.columns[list(part)], parts=(), choice_penalty=paid, part=part
                 )
                 off.append((less, [span[index] for index in part]))
-        return replace(self, off=tuple(off))
+        return replace(self, inactive=tuple(off))
 
 
 def gram_tables(

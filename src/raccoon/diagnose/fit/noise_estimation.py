@@ -4,8 +4,8 @@ The residual of a model also holds what a missing effect does, and noise estimat
 effect. So all directions in which the model may differ, probes among them, are fitted first, and what they
 leave is taken for noise. But a fit of two hundred directions also swallows noise, most of all in the few
 moments in which everything acts at once: reversals, wheels that break loose. There its residual is several
-times too small. What counts is therefore the error with which each half second is *foreseen* by a fit of all
-the others.
+times too small. The noise is therefore estimated from the *held-out* error: that with which each half second
+is predicted by a fit of all the others.
 """
 
 from __future__ import annotations
@@ -39,37 +39,38 @@ from raccoon.diagnose.hypotheses.form_errors import form_error_factor, form_weig
 Array = NDArray[np.float64]
 
 VAR_ORDER = 6
-"""Bins of 20 ms that the noise's memory has."""
+"""Order of the noise's autoregression, in bins of 20 ms."""
 VAR_ORDER_SHORT_BINS = 12
-"""The same of bins of a quarter of that. With 6, two of six faults that a wheel loop drove with had a small
-friction beside them, with 12 one."""
+"""The same for bins of a quarter of that. With 6, two of six faults that a wheel loop drove with had a small
+friction named beside them, with 12 one."""
 STANDSTILL_SHARE = 0.03
-"""Of the largest reading of a wheel: below it the wheel is taken to stand."""
+"""Share of the largest reading of a wheel: below it the wheel is taken to stand."""
 CREEP_SHARE = 0.15
-"""Part of the largest reading of a wheel: below it stick and slip rule."""
+"""Share of the largest reading of a wheel: below it stick and slip rule."""
 CHANGE_SHARE = 0.03
 """Change of a wheel's reading in 20 ms, of its largest: above it the wheel speeds up or brakes."""
 FORM_ERROR_RMS = 0.006
-"""Error, in units of the noise, that any model has in the direction of any effect: no evidence of it."""
+"""Error of form, in units of the noise, that any model has in the direction of any effect: it is no evidence
+of the effect."""
 MAX_FORM_ERROR_WIDTHS = 0.0125
-"""Most of that, as a part of the effect's width. Both are multiplied by the effect's `form_error_factor`."""
+"""Most of that, in the effect's widths. Both are multiplied by the effect's `form_error_factor`."""
 FORM_ERROR_SHARE = 0.005
-"""Of the response to a cause of usual `form_weight`, its error of form in the direction of any other
-effect."""
+"""Share of the response to a cause of usual `form_weight` that is an error of form in the direction of any
+other effect."""
 EXEMPT_RESPONSE_RMS = 1.8
 """Root mean square of that response, in units of the noise, up to which the gates are enough against it."""
 MAX_FORM_ERROR_FACTOR = 2.5
-"""Most by which that raises what is faint."""
+"""Largest factor by which that raises `FORM_ERROR_RMS`."""
 FEW_SPEED_CHANGES = 8
-"""Changes of speed up to which a drive may show too few of them to foresee one from the others: a leg there
+"""Changes of speed up to which a drive may show too few of them to predict one from the others: a leg there
 and back has four, 10 s as the tool advises 9 at least, 12 s of an exciting drive 11, a contest drive 17."""
 MAX_HELD_OUT_RATIO = 1.25
-"""Times what a working point leaves, of one channel, from which what is foreseen is worse than that for want
-of anything to foresee it from: on a leg there and back it is up to 5."""
+"""Held-out error of a channel, over the residual at the working point, above which too little was left to
+predict it from: on a leg there and back it is up to 5."""
 PRIOR_SHRINKAGES = (0.3, 0.1, 0.03)
-"""Parts of their usual size in which all directions but the model's own are tried then."""
+"""Factors on the prior widths of all directions but the model's own that are tried then."""
 WANDER_SHARES = (0.0, 0.02, 0.04, 0.07)
-"""Of Coulomb friction, by which a floor may let it wander: those that are compared."""
+"""Shares of Coulomb friction by which a floor may let it wander, root mean square, that are compared."""
 
 
 def estimate_whitener(
@@ -80,16 +81,18 @@ def estimate_whitener(
     unknown: Sequence[str] = (),
     tolerant: bool = True,
 ) -> Whitener:
-    """Noise of what nothing in the catalogue explains.
+    """Estimate the noise of what nothing in the catalogue explains.
 
-    tolerant: whether a little of every effect that is off is noise. A search needs it; a last fit does not:
-    causes would be found too small by it, and base numbers that resemble an effect would hardly count.
+    extra: probes. before: the whitener so far, whose noise model the estimation starts from.
+
+    tolerant: whether a little of every inactive effect counts as noise. A search needs it; a last fit does
+    not: causes would come out too small, and base numbers that resemble an effect would hardly count.
 
     unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
     known cause is blamed for what they do.
     """
     order = VAR_ORDER if problem.features.width > BIN_S / 2 else VAR_ORDER_SHORT_BINS
-    slow = [Piece.of(problem, linear, bins, order) for bins in split_into_pieces(problem.features)]
+    pieces = [Piece.of(problem, linear, bins, order) for bins in split_into_pieces(problem.features)]
     known = [linear.jacobian, *(each.columns for each in (*linear.groups, *extra))]
     floors, event, regimes = problem.features.floors, problem.features.event, classify_regimes(problem)
     noise = (
@@ -97,46 +100,45 @@ def estimate_whitener(
         if before is not None
         else white_noise(np.maximum(linear.residual.std(axis=0), floors), regimes)
     )
-    rest, wander = linear.residual, 0.0
-    few = len(runs_of_true(regimes == CHANGING)) <= FEW_SPEED_CHANGES
-    left = np.maximum(_rms_by_regime(rest, regimes), floors) if few else None
+    unexplained, wander = linear.residual, 0.0
+    has_few_changes = len(runs_of_true(regimes == CHANGING)) <= FEW_SPEED_CHANGES
+    residual_rms = np.maximum(_rms_by_regime(unexplained, regimes), floors) if has_few_changes else None
     for _ in range(1 if before is not None else 2):
-        rest, wander = _estimate_unexplained(noise, known, slow, linear.target, left, event)
-        noise = fit_noise_model(rest, order, floors, regimes, event)
-    own = noise.whiten(linear.jacobian[: len(problem.base)])
-    last = {each.name: place for place, each in enumerate(linear.groups)}
-    places = [place for place, each in enumerate(linear.groups) for _ in each.columns]
-    names = [linear.groups[place].name for place in places]
+        unexplained, wander = _estimate_unexplained(noise, known, pieces, linear.target, residual_rms, event)
+        noise = fit_noise_model(unexplained, order, floors, regimes, event)
+    base = noise.whiten(linear.jacobian[: len(problem.base)])
+    last_group = {each.name: index for index, each in enumerate(linear.groups)}
+    group_of_column = [index for index, each in enumerate(linear.groups) for _ in each.columns]
+    names = [linear.groups[index].name for index in group_of_column]
     columns = np.concatenate([linear.jacobian[:0], *(each.columns for each in linear.groups)])
     white = noise.whiten(columns)
     width = problem.features.width / BIN_S
-    parts = form_error_parts(names, own, white, active_response_rms(linear.cause_responses, noise), width)[
-        :, None, None
-    ]
-    one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
-    spread = ((parts[one] * columns[one]) ** 2).sum(axis=0)
+    strength = active_response_rms(linear.cause_responses, noise)
+    parts = form_error_parts(names, base, white, strength, width)[:, None, None]
+    counted = [i for i, index in enumerate(group_of_column) if last_group[names[i]] == index]  # one variant
+    held_out_variance = ((parts[counted] * columns[counted]) ** 2).sum(axis=0)
     wandering = []
-    for piece in slow:
-        every = np.concatenate([wander * piece.friction, piece.creep])
-        spread[piece.bins] += (piece.inside(every) ** 2).sum(axis=0)
-        wandering.append(piece.whitened(noise, every))
+    for piece in pieces:
+        wandering_columns = np.concatenate([wander * piece.friction, piece.creep])
+        held_out_variance[piece.bins] += (piece.inside(wandering_columns) ** 2).sum(axis=0)
+        wandering.append(piece.whitened(noise, wandering_columns))
     unnamed = [noise.whiten(each.columns) for each in extra if each.name in unknown]
     common = np.concatenate([white[:0], *unnamed, *([parts * white] if tolerant else [])])
-    return Whitener.of(noise, wandering, common, rest, spread, wander)
+    return Whitener.of(noise, wandering, common, unexplained, held_out_variance, wander)
 
 
 def active_response_rms(responses: Mapping[str, Array], noise: NoiseModel) -> float:
-    """Root mean square, in units of the noise, of the responses (bins, channels) to causes that are on, each
-    counted for as much as its form is inexact: a latency is wrong by nothing but its size."""
+    """Root mean square, in units of the noise, of the responses (bins, channels) to the active causes, each
+    weighted by how inexact its form is: a latency is wrong by nothing but its size."""
     weights = [form_weight(name) for name in responses]
     powers = [float((noise.whiten(each) ** 2).mean()) for each in responses.values()]
     return math.sqrt(sum(weight**2 * power for weight, power in zip(weights, powers, strict=True)))
 
 
 def form_error_rms(strength: float, width: float = 1.0) -> float:
-    """Error of form, in units of the noise, in the direction of any effect, of causes that do so much.
+    """Error of form, in units of the noise, that the active causes make in the direction of any effect.
 
-    strength: see `active_response_rms`. width: of a bin, in 20 ms, for which all errors are given.
+    strength: see `active_response_rms`. width: of a bin, in units of the 20 ms that all errors are for.
     """
     return FORM_ERROR_SHARE * math.sqrt(max(strength**2 / width - EXEMPT_RESPONSE_RMS**2, 0.0))
 
@@ -144,24 +146,24 @@ def form_error_rms(strength: float, width: float = 1.0) -> float:
 def form_error_parts(
     names: Sequence[str], base: Array, columns: Array, strength: float = 0.0, width: float = 1.0
 ) -> Array:
-    """The part of each whitened column that no model is expected to get right, (columns,).
+    """The share of each whitened column that no model is expected to get right, (columns,).
 
     names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
-    under their unit priors. strength: how much the causes that are on do; see `active_response_rms`.
-    width: of a bin, in 20 ms, for which all errors are given.
+    under their unit priors. strength: response to the active causes; see `active_response_rms`. width: of a
+    bin, in units of the 20 ms that all errors are for.
     """
-    worse = min(math.hypot(1.0, form_error_rms(strength, width) / FORM_ERROR_RMS), MAX_FORM_ERROR_FACTOR)
+    factor = min(math.hypot(1.0, form_error_rms(strength, width) / FORM_ERROR_RMS), MAX_FORM_ERROR_FACTOR)
     size = int(np.prod(columns.shape[1:]))
     plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)
     cross = rows @ plain.T
     absorbed = np.einsum("ij,ji->i", cross, np.linalg.solve(np.eye(len(plain)) + plain @ plain.T, cross.T))
     rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / (size * width))
     form = np.array([form_error_factor(name) for name in names])
-    return np.asarray(form * worse * np.minimum(MAX_FORM_ERROR_WIDTHS, FORM_ERROR_RMS / rms), float)
+    return np.asarray(form * factor * np.minimum(MAX_FORM_ERROR_WIDTHS, FORM_ERROR_RMS / rms), float)
 
 
 def classify_regimes(problem: Problem) -> NDArray[np.intp]:
-    """Whether each bin belongs to standing, steady driving or a change; without wheels all is steady."""
+    """Regime of each bin (bins,): standing, steady, changing or creeping; without wheels all are steady."""
     features = problem.features
     wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
     if not wheels:
@@ -178,6 +180,7 @@ def classify_regimes(problem: Problem) -> NDArray[np.intp]:
 
 
 def _dilate(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
+    """The flags, and so many bins before and after each run of them."""
     wide = flags.copy()
     for shift in range(1, before + 1):
         wide[:-shift] |= flags[shift:]
@@ -189,23 +192,23 @@ def _dilate(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.boo
 def _estimate_unexplained(
     noise: NoiseModel,
     known: Sequence[Array],
-    slow: Sequence[Piece],
+    pieces: Sequence[Piece],
     target: Array,
-    left: Array | None,
+    residual_rms: Array | None,
     event: int,
 ) -> tuple[Array, float]:
-    """The foreseen error, (bins, channels), and the share of wandering friction that is expected.
+    """The held-out error, (bins, channels), and the expected share of wandering friction.
 
-    known: directions, the model's own first. left: of a drive with few changes of speed, how
-    much a working point leaves, (bins, channels), on average over its regime.
+    known: directions, the model's own first. residual_rms: for a drive with few changes of speed, the
+    residual at the working point (bins, channels), root mean square over its regime; else None.
 
-    A drive with four ramps foresees none of them from the others, once two hundred directions may differ: the
+    A drive with four ramps predicts none of them from the others, once two hundred directions may differ: the
     error is then what is not known, as smooth as a model is, and beside such noise smooth errors of a model
-    cost nothing. There all but the model's own are kept as small as foresees best.
+    cost nothing. There the priors of all but the model's own directions are narrowed to what predicts best.
     """
     goal = noise.whiten(target)
     parts = []
-    for piece in slow:
+    for piece in pieces:
         columns = np.concatenate([piece.friction, *(each[:, piece.span] for each in known)])
         white, bins = piece.whitened(noise, columns), piece.bins
         parts.append(
@@ -213,20 +216,21 @@ def _estimate_unexplained(
         )
     wander = expected_wander_share([log_evidence_of_wander(parts, share) for share in WANDER_SHARES])
 
-    def foreseen(part: float) -> Array:
-        """The error with all but the model's own so much smaller."""
-        sizes = np.repeat([1.0, part], [len(known[0]), sum(len(each) for each in known[1:])])
-        return held_out_error(parts, sizes, wander, event)
+    def error_with_shrinkage(shrinkage: float) -> Array:
+        """The held-out error with the prior widths of all but the model's own directions shrunk."""
+        widths = np.repeat([1.0, shrinkage], [len(known[0]), sum(len(each) for each in known[1:])])
+        return held_out_error(parts, widths, wander, event)
 
-    rest = foreseen(1.0)
-    if left is not None and _worst_channel_ratio(rest, left) > MAX_HELD_OUT_RATIO:
-        rest = min((rest, *map(foreseen, PRIOR_SHRINKAGES)), key=partial(_worst_channel_ratio, left=left))
-    return rest, wander
+    error = error_with_shrinkage(1.0)
+    if residual_rms is not None and _worst_channel_ratio(error, residual_rms) > MAX_HELD_OUT_RATIO:
+        ratio = partial(_worst_channel_ratio, residual_rms=residual_rms)
+        error = min((error, *map(error_with_shrinkage, PRIOR_SHRINKAGES)), key=ratio)
+    return error, wander
 
 
-def _worst_channel_ratio(error: Array, left: Array) -> float:
-    """How large an error is, in parts of what is left, of the channel where that is most."""
-    return float(np.sqrt(((error / left) ** 2).mean(axis=0)).max())
+def _worst_channel_ratio(error: Array, residual_rms: Array) -> float:
+    """Root mean square of an error over the residual's, of the channel where that is largest."""
+    return float(np.sqrt(((error / residual_rms) ** 2).mean(axis=0)).max())
 
 
 def _rms_by_regime(values: Array, regimes: NDArray[np.intp]) -> Array:
@@ -239,10 +243,11 @@ def _rms_by_regime(values: Array, regimes: NDArray[np.intp]) -> Array:
 
 
 def expected_wander_share(evidence: Sequence[float]) -> float:
-    """Root mean square share of wandering friction by the log evidence of `WANDER_SHARES`, all alike before.
+    """Posterior root mean square share of wandering friction, by the log evidence of `WANDER_SHARES` and a
+    uniform prior over them.
 
-    40 s tell which it is. 12 s do not: the likeliest share was 0 in most of them, as all that is fitted
-    beside it takes its place, and a cause was named on 7 of 160 clean ones (now on 2).
+    40 s decide between them. 12 s do not: the likeliest share was 0 in most of them, as all that is fitted
+    beside it takes its place, and a cause was named on 7 of 160 clean ones (on 2 with the mean).
     """
     weights = np.exp(np.array(evidence) - max(evidence))
     return float(np.sqrt(weights @ np.square(WANDER_SHARES) / weights.sum()))

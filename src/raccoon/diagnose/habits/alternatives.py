@@ -24,7 +24,7 @@ from raccoon.diagnose.habits.controller import (
     with_battery_filter,
 )
 from raccoon.diagnose.habits.trials import HabitTrials, RunSearch, SearchAndHabits, start_afresh
-from raccoon.diagnose.hypotheses.base_coordinates import Wheels
+from raccoon.diagnose.hypotheses.base_coordinates import WheelSliding
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.alternative_sets import lead_over_search
 from raccoon.diagnose.select.gates import CROWDED_CAUSES
@@ -187,7 +187,7 @@ def try_friction_forms(search: Search, habits: Habits, trials: HabitTrials) -> S
     Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
     little friction: the same drive, in which what gives is stiffer.
     """
-    others = [replace(habits, wheels=each) for each in Wheels if each is not habits.wheels]
+    others = [replace(habits, sliding=each) for each in WheelSliding if each is not habits.sliding]
     return adopt_first_ahead(search, habits, others, trials)
 
 

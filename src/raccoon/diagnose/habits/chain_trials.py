@@ -116,5 +116,5 @@ def try_commands_until_row(search: Search, habits: Habits, trials: HabitTrials) 
     # A plain filter that stood in for it may have taken the battery's with it.
     seen = replace(firmware, battery_time_constant=habits.chain.battery_time_constant)
     chains = dict.fromkeys((habits.chain, seen, firmware))
-    others = [replace(habits, chain=chain, past=True) for chain in chains]
+    others = [replace(habits, chain=chain, commands_precede_rows=True) for chain in chains]
     return adopt_first_ahead(search, habits, others, trials)

@@ -31,7 +31,7 @@ from raccoon.diagnose.habits.habit_fits import (
 from raccoon.diagnose.habits.lost_commands import restore_lost_changes
 from raccoon.diagnose.habits.problems import free_problem_of
 from raccoon.diagnose.habits.ramp_detection import MIN_MISFIT_SAVED_BY_RAMP, with_ramp_if_clear
-from raccoon.diagnose.hypotheses.base_coordinates import Wheels
+from raccoon.diagnose.hypotheses.base_coordinates import WheelSliding
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.plant_rollout import Habits
@@ -84,7 +84,7 @@ def _initial_habits(log: Log, firmware: Firmware | None) -> Habits:
     """What is tried first. Whoever reads no back-EMF need not let motors coast for it: with encoders a sound
     robot had a resistance that was 10 % low."""
     if firmware is not None:
-        return Habits(firmware.chain, False, low_pass=firmware.smooths, firmware=firmware)
+        return Habits(firmware.chain, False, low_pass=firmware.has_gyro_low_pass, firmware=firmware)
     return Habits(_usual_chains(log)[0], False)
 
 
@@ -147,11 +147,11 @@ def fit_habits(
         if back_emf and not best.filter_as_specified and row_cycle == Chain().cycle:
             any_moment = fit_under(_with_free_sample_moments(best.habits))
             best = any_moment.if_better_than(best, MIN_MISFIT_SAVED_BY_FILTER)
-        plain = replace(best.habits, chain=_usual_chains(log)[1], any_moment=False)
+        plain = replace(best.habits, chain=_usual_chains(log)[1], fits_sample_ages=False)
         best = likelier_filter(plain if slow is None else with_battery_filter(plain, slow), best)
         if (once_a_row := with_sample_cycle(best.habits, row_cycle)) != best.habits:
             best = better_of(once_a_row, best, MIN_MISFIT_SAVED_BY_FILTER)
-    rigid = replace(best.habits, wheels=Wheels.RIGID)
+    rigid = replace(best.habits, sliding=WheelSliding.RIGID)
     best = better_of(rigid, best, MIN_MISFIT_SAVED_BY_RIGID_WHEELS)
     slowed = with_pause_slowdown_toggled(best.habits.chain)
     if firmware is None and slowed is not None and back_emf:
@@ -163,7 +163,7 @@ def _with_free_sample_moments(habits: Habits) -> Habits:
     """With samples of any moment of a row. It is tried before another filter, which with a latency looks
     like it."""
     time = habits.chain.battery_time_constant
-    return replace(habits, chain=replace(FREE_RUNNING, battery_time_constant=time), any_moment=True)
+    return replace(habits, chain=replace(FREE_RUNNING, battery_time_constant=time), fits_sample_ages=True)
 
 
 def _detect_battery_filter(

@@ -16,7 +16,7 @@ from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem, transfer_columns, transfer_point
 from raccoon.diagnose.fit.whitener import Whitener
-from raccoon.diagnose.hypotheses.base_coordinates import MAX_BASE_STDS, Wheels, base_coordinates
+from raccoon.diagnose.hypotheses.base_coordinates import MAX_BASE_STDS, WheelSliding, base_coordinates
 from raccoon.diagnose.hypotheses.coordinates import additive_coordinate, multiplicative_coordinate
 from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.rollout.plant_rollout import Habits
@@ -79,13 +79,13 @@ class HabitFit:
         return fit_with_frozen_columns(problem, whitener, [start], whitener(columns), ROUGH_STEPS)[0].point
 
 
-def with_all_base_free(problem: Problem, wheels: Wheels) -> Problem:
+def with_all_base_free(problem: Problem, wheels: WheelSliding) -> Problem:
     """The problem with all base numbers free, the filter's time constant among them: kept near robot.toml, a
     robot with a shorter filter would seem to have another one. It is one for both wheels, and no loop's delay
     is free: the firmware's slots could be anything then. `MASKING_COORDINATES` are free as well."""
     base = [
         each.beside(problem.neutral)
-        for each in base_coordinates(problem.robot, inside=BASE_RANGE_STDS, wheels=wheels)
+        for each in base_coordinates(problem.robot, inside=BASE_RANGE_STDS, sliding=wheels)
         if each.settings[0][0] not in (BEMF_FILTER_LAG, LATENCY)
     ]
     kept = {WINDOW, *SAMPLE_AGE.values()}

@@ -137,7 +137,7 @@ def search_with_habits(
     search, habits = _begin(first, trials)
     if len(search.named) > 1 and (seconds := swing_period(log)):
         report("comparing over whole swings of the commands")
-        search, habits = _begin(replace(first, swing=seconds), trials)
+        search, habits = _begin(replace(first, swing_period=seconds), trials)
     search, habits = _grow(search, habits, trials)
     search = refine_selection(search)
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)

@@ -120,7 +120,7 @@ def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> S
     other = _without_clock_and_low_pass(habits)
     max_lead = CLEAR_LOG_EVIDENCE_LEAD
     if clock:
-        max_lead = -MIN_LOW_PASS_LEAD if habits.any_moment else -MIN_LOG_EVIDENCE_LEAD
+        max_lead = -MIN_LOW_PASS_LEAD if habits.fits_sample_ages else -MIN_LOG_EVIDENCE_LEAD
     problem = trials.problem_of(other)  # if rejected, too: without lags it is far behind a clock
     fit = fit_best_start(search, problem, _starts_with_lags_as_causes(search, problem))
     settled = fit_point(search.problem, search.whitener, search.fit)  # as the other is
@@ -141,7 +141,7 @@ def _without_clock_and_low_pass(habits: Habits) -> Habits:
     if not habits.chain.free_running:
         return other
     usual = replace(Chain.firmware(), coast_share=habits.chain.coast_share)
-    other = replace(other, chain=with_driver_of(usual, habits.chain), any_moment=False)
+    other = replace(other, chain=with_driver_of(usual, habits.chain), fits_sample_ages=False)
     return with_battery_filter(other, habits.chain.battery_time_constant)
 
 

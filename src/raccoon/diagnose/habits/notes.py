@@ -57,7 +57,7 @@ def with_habit_uncertainty(causes: Sequence[CauseResult], habits: Habits) -> tup
     taken. None is more probable than such a number allows, and where that may be all of it the explanation
     says so: `validate_causes` named it by what the drive alone leaves open."""
     firmware = habits.firmware if habits.knows_battery else None
-    share = RESISTANCE_SHARE_BY_READ_TIME if firmware is None else firmware.sag
+    share = RESISTANCE_SHARE_BY_READ_TIME if firmware is None else firmware.unread_resistance_share
     unknown = {BATTERY_RESISTANCE[0]: (share, 0.0)}
     if habits.firmware is None:
         chip = 0.0 if habits.low_pass else 0.5 * LOW_PASS
@@ -99,14 +99,14 @@ def _firmware_note(firmware: Firmware) -> str:
 def _controller_notes(habits: Habits, causes: Sequence[CauseResult]) -> tuple[str, ...]:
     """Of the controller's commands, its samples and its battery's readings."""
     chain, notes = habits.chain, []
-    if habits.past:
+    if habits.commands_precede_rows:
         notes.append(COMMAND_IN_FORCE_BEFORE)
     if habits.ramp is not None:
         notes.append(_ramp_note(habits.ramp))
-    if habits.swing:
+    if habits.swing_period:
         notes.append(
-            f"the commands swing {1.0 / habits.swing:.1f} times a second, as where bang-bang follows a "
-            "line, and answer what disturbs the robot before its wheels' readings show it: compared over "
+            f"the commands swing {1.0 / habits.swing_period:.1f} times a second, as where bang-bang follows "
+            "a line, and answer what disturbs the robot before its wheels' readings show it: compared over "
             "whole swings, which hide what only fast changes show, as lags, filters and inertia; a drive of "
             "`raccoon excite` shows them"
         )

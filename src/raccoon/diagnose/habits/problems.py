@@ -38,25 +38,25 @@ def drive_problem(
     battery = robot.model.battery.internal_resistance.value if log.separate_batteries else 0.0
     settings = starting_settings(robot, model) | encoder_settings(log)
     settings |= per_recording_settings(len(log.runs), battery)
-    settings |= age_settings() if habits.any_moment else {}
+    settings |= age_settings() if habits.fits_sample_ages else {}
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     by_name = causes_from(causes, settings)
     base = (
         *base_coordinates(
             robot,
-            wheels=habits.wheels,
+            sliding=habits.sliding,
             low_pass=habits.low_pass,
             free_running=habits.chain.free_running,
             wombat=habits.wombat,
-            any_moment=habits.any_moment,
+            fit_sample_ages=habits.fits_sample_ages,
         ),
         *encoder_coordinates(log),
-        *(age_coordinates() if habits.any_moment else ()),
+        *(age_coordinates() if habits.fits_sample_ages else ()),
         *per_recording_coordinates(len(log.runs), battery),
     )
     return Problem(
-        Features.cached(log, habits.swing or bin_width(log)),
+        Features.cached(log, habits.swing_period or bin_width(log)),
         make_rollout(log, robot, habits, own),
         robot,
         settings,
@@ -89,7 +89,7 @@ def free_problem_of(
     robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
 ) -> Callable[[Log], Problem]:
     """The problem of a log under habits, with all base numbers free: see `with_all_base_free`."""
-    return lambda log: with_all_base_free(drive_problem(log, robot, causes, habits, model), habits.wheels)
+    return lambda log: with_all_base_free(drive_problem(log, robot, causes, habits, model), habits.sliding)
 
 
 def with_lost_changes(
@@ -101,5 +101,5 @@ def with_lost_changes(
     point: Point,
 ) -> Log:
     """The log with changes of commands in rows that it lost, when they suit the simulation of `point`."""
-    habits = replace(habits, swing=0.0)  # a wheel answers within one
+    habits = replace(habits, swing_period=0.0)  # a wheel answers within one
     return restore_lost_changes(log, lambda each: drive_problem(each, robot, causes, habits, model), point)

@@ -20,11 +20,11 @@ MAX_BASE_STDS = 3.5
 """Standard deviations around robot.toml's value inside which a parameter is refitted silently."""
 
 
-class Wheels(Enum):
+class WheelSliding(Enum):
     """How wheels slide: at once, giving a little before, or creeping at every torque."""
 
     RIGID = auto()
-    GIVING = auto()
+    COMPLIANT = auto()
     CREEPING = auto()
 
 
@@ -110,11 +110,11 @@ def describe_missing_stds(keys: Sequence[str]) -> tuple[str, ...]:
 def base_coordinates(
     robot: RobotConfig,
     inside: float = MAX_BASE_STDS,
-    wheels: Wheels = Wheels.GIVING,
+    sliding: WheelSliding = WheelSliding.COMPLIANT,
     low_pass: bool = False,
     free_running: bool = False,
     wombat: bool = False,
-    any_moment: bool = False,
+    fit_sample_ages: bool = False,
 ) -> tuple[Coordinate, ...]:
     """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
 
@@ -128,8 +128,8 @@ def base_coordinates(
         *_battery(model, inside),
         *_motors(robot, inside),
         *_friction(model, inside),
-        *_presliding(wheels, inside),
-        *_delays(model, inside, free_running, wombat, any_moment),
+        *_presliding(sliding, inside),
+        *_delays(model, inside, free_running, wombat, fit_sample_ages),
         *_gyro(robot, inside, low_pass, wombat),
         *_drive(model, inside),
     )
@@ -196,12 +196,12 @@ def _for_place(number: Measured, place: str | None) -> Measured:
     return number if place is None else replace(number, std=WHEEL_STD_SHARE * number.std)
 
 
-def _presliding(wheels: Wheels, inside: float) -> Iterator[Coordinate]:
+def _presliding(wheels: WheelSliding, inside: float) -> Iterator[Coordinate]:
     id_, width, most = "friction.presliding", PRESLIDING_WIDTH, PRESLIDING_MAX_STDS
-    if wheels is Wheels.GIVING:
+    if wheels is WheelSliding.COMPLIANT:
         for parameter, usual in PRESLIDING.items():
             yield multiplicative_coordinate(id_, None, width, -most, most, parameter, usual)
-    if wheels is Wheels.CREEPING:
+    if wheels is WheelSliding.CREEPING:
         yield multiplicative_coordinate(id_, None, width, -inside, inside, "creep", CREEP_SPEED)
         yield additive_coordinate(id_, None, "creep_tail", CREEP_TAIL, 0.0, 1.0 / CREEP_TAIL)
 

@@ -175,7 +175,7 @@ def _behind_firmware(drive: Drive) -> Drive:
     if firmware is None:
         return replace(drive, robot=robot, has_device_filter=has_device_filter)
     if drive.identity.is_external:
-        firmware = replace(firmware, units=False)
+        firmware = replace(firmware, is_named_by_recording=False)
     return replace(
         drive,
         robot=firmware.with_battery_uncertainty(robot),
@@ -200,7 +200,7 @@ def _compare_by_duty(drive: Drive) -> Diagnosis:
     causes, model = start.undecided([*drive_causes(), *map(own_cause, drive.own)]), drive.model
     if drive.firmware is not None:
         causes = drive.firmware.without_known_causes(causes, filters=drive.has_device_filter)
-        model = drive.firmware.start(start.robot, model)
+        model = drive.firmware.with_dead_zone(start.robot, model)
     found = diagnose(
         drive.columns,
         start.robot,

@@ -42,54 +42,55 @@ Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
 LAG = "bemf.filter_lag"
-KEPT_READING_SHARE = 0.75
-"""Part of the largest reading from which one that stays, as its counter does, is kept."""
+HELD_READING_SHARE = 0.75
+"""Share of the largest reading above which one that does not change, as its counter does not, is held."""
 
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """A firmware's habits.
+    """What a firmware is known to do.
 
-    name: as a report says it. chain: of its samples. wombat: whether it is a Wombat's; of the simulator the
-    chain alone is known, and all that it rehearses is asked for. rates: samples of each motor a second, at
-    least and at most, and gyro_rates of the gyro where they follow no row. tick: counts of one sample that
-    move a position by one. sums: whether its positions are all that it shows of samples. waits: how many
-    times from sample to sample commands come into force. lead: s from then until a sample can be read. most:
-    counts of back-EMF, of which it keeps the last less than these. dead_zone: counts below which it says 0.
-    silent: counts up to which it may say 0. units: whether the recording itself names it, and with it the
-    units of all words. low: V by which the battery's readings are too low where it
-    falls. sag: part of the battery's resistance that its readings do not tell. smooths: whether the gyro is
-    the board's own, which it sets to 41 Hz.
+    name: as a report says it. chain: its sensor chain. wombat: whether it is a Wombat's; of the simulator
+    only the chain is known, and every effect is searched for. sample_rates: lowest and highest samples of
+    each motor per second; gyro_rates: the same of the gyro, None where it has no clock of its own.
+    counts_per_tick: back-EMF counts of one sample that move a position by one. shows_only_positions: whether
+    samples show in the positions alone. command_slots_per_sample: how often commands come into force in one
+    sample period. command_to_sample_time: s from then until a sample can be read. max_bemf: counts; above
+    it the last reading below is held. dead_zone: counts below which it reads 0. max_silent_counts: counts up
+    to which a reading may be 0. battery_bias: V by which the battery reads too low where its voltage falls.
+    unread_resistance_share: share of the battery's resistance that its readings do not show.
+    has_gyro_low_pass: whether the gyro is the board's own, which it sets to 41 Hz. is_named_by_recording:
+    whether the recording itself names it, and so the units of all numbers.
     """
 
     name: str
     chain: Chain
     wombat: bool = True
-    rates: tuple[float, float] = (0.0, 0.0)
-    tick: float = 0.0
+    sample_rates: tuple[float, float] = (0.0, 0.0)
+    counts_per_tick: float = 0.0
     gyro_rates: tuple[float, float] | None = None
-    sums: bool = False
-    waits: int = 1
-    lead: float = 0.0
-    most: float = math.inf
+    shows_only_positions: bool = False
+    command_slots_per_sample: int = 1
+    command_to_sample_time: float = 0.0
+    max_bemf: float = math.inf
     dead_zone: float = 0.0
-    silent: float = 0.0
-    low: float = 0.0
-    sag: float = 0.0
-    smooths: bool = True
-    units: bool = True
+    max_silent_counts: float = 0.0
+    battery_bias: float = 0.0
+    unread_resistance_share: float = 0.0
+    has_gyro_low_pass: bool = True
+    is_named_by_recording: bool = True
 
     def with_battery_uncertainty(self, robot: RobotConfig) -> RobotConfig:
-        """The robot with as much doubt about its battery's resistance as the readings leave."""
+        """The robot whose battery's resistance has as large a standard deviation as the readings leave."""
         number = robot.model.battery.internal_resistance
-        if not self.sag or number.std == 0.0:
+        if not self.unread_resistance_share or number.std == 0.0:
             return robot
-        less_sure = replace(number, std=math.hypot(number.std, self.sag * number.value))
-        battery = replace(robot.model.battery, internal_resistance=less_sure)
+        widened = replace(number, std=math.hypot(number.std, self.unread_resistance_share * number.value))
+        battery = replace(robot.model.battery, internal_resistance=widened)
         return replace(robot, model=replace(robot.model, battery=battery))
 
-    def start(self, robot: RobotConfig, model: Parameters | None) -> Parameters | None:
-        """The simulation that a search starts from, with the dead zone that the firmware has."""
+    def with_dead_zone(self, robot: RobotConfig, model: Parameters | None) -> Parameters | None:
+        """The simulation to start a search from, with the firmware's dead zone; None for the nominal one."""
         if not self.dead_zone:
             return model
         start = Parameters.from_robot(robot) if model is None else model
@@ -98,21 +99,22 @@ class Firmware:
         return start
 
     def without_known_causes(self, causes: Sequence[Cause], *, filters: bool) -> list[Cause]:
-        """The causes less what is known: a dead zone, or that there is none; and the filter of back-EMF,
-        where the device and not robot.toml says what it is (filters)."""
+        """The causes without those that the firmware settles: the dead zone, and the filter of back-EMF where
+        the device and not robot.toml says what it is (filters)."""
         known = {ZONE, LAG} if filters else {ZONE}
         return [each for each in causes if not (self.wombat and each.id in known)]
 
     def undo_truncation(self, columns: Columns) -> Columns:
-        """The columns with the battery as it was before its filter cut fractions of a count off. (What
-        back-EMF loses so is made up for where it is read.)"""
-        if not self.low or BATTERY not in columns:
+        """The columns with the battery's voltage as it was before its filter truncated it to whole counts.
+        (The truncation of back-EMF is undone where it is read.)"""
+        if not self.battery_bias or BATTERY not in columns:
             return columns
-        return {**columns, BATTERY: columns[BATTERY] + self.low}
+        return {**columns, BATTERY: columns[BATTERY] + self.battery_bias}
 
     def correct_log(self, log: Log, columns: Columns, robot: RobotConfig) -> Log:
-        """The log with commands as the drivers get them, a whole number of PWM levels, of which a motor
-        coasts at 0; with the clocks of its samples where their counters tell them, and readings by these."""
+        """The log with commands as the motor drivers get them, in whole PWM levels (at level 0 a motor
+        coasts); where position counters reveal the sample clocks, with these, and with readings resampled to
+        one age."""
         if not self.wombat:
             return log
         channels = {each.role: each.values for each in log.channels}
@@ -124,10 +126,18 @@ class Firmware:
             if values is not None and position is not None:
                 values = self._without_saturated(values, position)
                 ticks = position * (-1.0 if robot.motor(port).inverted else 1.0)
-                seen = (log.time, values, ticks, self.tick)
-                clock = find_sample_clock(log.time, count_by_ticks(*seen), self.rates, self.waits, self.lead)
+                samples = (log.time, values, ticks, self.counts_per_tick)
+                clock = find_sample_clock(
+                    log.time,
+                    count_by_ticks(*samples),
+                    self.sample_rates,
+                    self.command_slots_per_sample,
+                    self.command_to_sample_time,
+                )
                 if clock is not None:
-                    values = resample_wheel_to_one_age(clock, *seen, self.sums, self.dead_zone)
+                    values = resample_wheel_to_one_age(
+                        clock, *samples, self.shows_only_positions, self.dead_zone
+                    )
                 channels[f"bemf_{side}"] = values
             clocks.append(clock)
         if "gyro" in channels and self.gyro_rates is not None:
@@ -143,12 +153,12 @@ class Firmware:
         )
 
     def _without_saturated(self, bemf: Array, position: Array) -> Array:
-        """Back-EMF without the readings that are kept while the wheel is faster than can be read."""
-        kept = (np.diff(position, prepend=position[:1]) == 0.0) & (
-            np.abs(bemf) > KEPT_READING_SHARE * self.most
+        """Back-EMF with NaN for readings that are held while the wheel is faster than can be read."""
+        held = (np.diff(position, prepend=position[:1]) == 0.0) & (
+            np.abs(bemf) > HELD_READING_SHARE * self.max_bemf
         )
-        twice = kept & (np.roll(kept, 1) | np.roll(kept, -1))
-        return np.where(twice, np.nan, bemf)
+        repeated = held & (np.roll(held, 1) | np.roll(held, -1))
+        return np.where(repeated, np.nan, bemf)
 
 
 def _clock_notes(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
@@ -165,7 +175,7 @@ RACCOON_PAUSE = 0.000544
 """s: 500 us of coasting and 44 of conversion."""
 RACCOON_BATTERY = 0.004
 """s by which the battery's reading is late: the mean of 4 ms of conversions, 0 to 4 ms old. A current that
-dies away with 60 ms is 7 % larger that much earlier, as a resistance was."""
+decays in 60 ms is 7 % larger that much earlier, and so much too large was a resistance."""
 _RACCOON = Chain(
     median=True,
     free_running=True,
@@ -175,56 +185,57 @@ _RACCOON = Chain(
 )
 RACCOON_RATES = (172.0, 199.0)
 """Of four motors 175 to 187 were measured, of 200 by design."""
-RACCOON_LEAD = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - RACCOON_PAUSE
-"""s: a motor's slot less its pause. Then it is driven as commanded, and its reading is ready at the end
-of the slot. Version 17 drives each motor anew in every slot."""
-STOCK_SILENT = 10.0 / 0.25
-"""Counts: a quarter of a sample must be 10 for the filter to leave 0."""
-STOCK_LOW = 2.0 * BATTERY_VOLTS_PER_COUNT
+RACCOON_COMMAND_TO_SAMPLE = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - RACCOON_PAUSE
+"""s: a motor's slot less its pause. After the pause it is driven as commanded, and its reading is ready at
+the end of the slot. Version 17 sets every motor's command in every slot."""
+STOCK_MAX_SILENT_COUNTS = 10.0 / 0.25
+"""Counts: a quarter of a sample must be 10 for the filtered reading to leave 0."""
+STOCK_BATTERY_BIAS = 2.0 * BATTERY_VOLTS_PER_COUNT
 """V, with a count of noise: int(0.95 old + 0.05 new) loses a count whenever a sample is below it."""
-SAG = 0.06
-"""When in a slot the converter gets to the battery is in no source, and how many slots RaccoonOS's mean of
-some 50 conversions takes. A reading that never sees its motors coast sags by a ninth more than the mean."""
+UNREAD_RESISTANCE_SHARE = 0.06
+"""No source says when in a slot the converter gets to the battery, nor how many slots RaccoonOS's mean of
+some 50 conversions takes. A reading that never falls into a motor's pause sags by a ninth more than the
+mean."""
 FIRMWARES = {
-    SIMULATOR.name: Firmware("the simulator", Chain(), wombat=False, smooths=False),
+    SIMULATOR.name: Firmware("the simulator", Chain(), wombat=False, has_gyro_low_pass=False),
     "wombat-stock": Firmware(
         "the stock firmware",
         Chain.stock(),
-        rates=(225.0, 275.0),
-        tick=STOCK_COUNTS_PER_TICK,
+        sample_rates=(225.0, 275.0),
+        counts_per_tick=STOCK_COUNTS_PER_TICK,
         gyro_rates=(170.0, 199.0),
-        sums=True,
+        shows_only_positions=True,
         dead_zone=10.0 + StockBemf.TRUNCATION,
-        silent=STOCK_SILENT,
-        low=STOCK_LOW,
-        sag=SAG,
+        max_silent_counts=STOCK_MAX_SILENT_COUNTS,
+        battery_bias=STOCK_BATTERY_BIAS,
+        unread_resistance_share=UNREAD_RESISTANCE_SHARE,
     ),
     "wombat-raccoon-17": Firmware(
         "RaccoonOS 17",
         _RACCOON,
-        rates=RACCOON_RATES,
-        tick=1.0,
-        waits=MOTOR_PORTS,
-        lead=RACCOON_LEAD,
-        most=LARGEST_BEMF,
-        sag=SAG,
+        sample_rates=RACCOON_RATES,
+        counts_per_tick=1.0,
+        command_slots_per_sample=MOTOR_PORTS,
+        command_to_sample_time=RACCOON_COMMAND_TO_SAMPLE,
+        max_bemf=LARGEST_BEMF,
+        unread_resistance_share=UNREAD_RESISTANCE_SHARE,
     ),
     "wombat-raccoon-21": Firmware(
         "RaccoonOS 21",
         _RACCOON,
-        rates=RACCOON_RATES,
-        tick=RACCOON_BEMF_RATE_HZ,
-        most=LARGEST_BEMF,
-        lead=RACCOON_LEAD,
+        sample_rates=RACCOON_RATES,
+        counts_per_tick=RACCOON_BEMF_RATE_HZ,
+        max_bemf=LARGEST_BEMF,
+        command_to_sample_time=RACCOON_COMMAND_TO_SAMPLE,
         dead_zone=RACCOON_21_DEAD_ZONE,
-        sag=SAG,
+        unread_resistance_share=UNREAD_RESISTANCE_SHARE,
     ),
 }
-"""By the name of the device of a recording."""
+"""Firmwares by the name of a recording's device."""
 
 
 def firmware_of(device: Device) -> Firmware | None:
     """The firmware that a recording names, None where it does not or nothing is known of it."""
     name, _, added = device.name.partition("+")
     known = FIRMWARES.get(name)
-    return replace(known, smooths=False, gyro_rates=None) if known is not None and added else known
+    return replace(known, has_gyro_low_pass=False, gyro_rates=None) if known is not None and added else known

@@ -56,7 +56,7 @@ def _build_one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) 
         check_wheel_signs(log, robot)
         check_motor_directions(log, robot)
         check_gyro_zero(log, robot)
-    native = firmware is not None and firmware.units
+    native = firmware is not None and firmware.is_named_by_recording
     check_units(only_free_driving(log, robot, spans_of(held)), robot, native=native)
     try:
         log = leave_out_obstructed(log, held)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log, column_names
 from raccoon.diagnose.drives.ramp import Ramp
-from raccoon.diagnose.hypotheses.base_coordinates import Wheels
+from raccoon.diagnose.hypotheses.base_coordinates import WheelSliding
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.diagnose.rollout.censored_readings import MIN_ZONE_COUNTS, censor_readings, find_flickers
@@ -48,9 +48,9 @@ class Rollout(Protocol):
     """What a diagnosis asks of a simulator."""
 
     def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
-        """Simulated samples (some variants, channels, rows) of the log's channels at the log's times, a part
-        of the variants after the other, and s of the steps that make them, as long for all: what steps of
-        another length make is a little different."""
+        """Simulated samples of the log's channels at the log's times, chunk of variants by chunk (variants of
+        the chunk, channels, rows), and the integration step in s. It is the same for all variants, since
+        results of different steps differ a little and cannot be compared."""
         ...
 
 
@@ -59,22 +59,25 @@ _ZONES = [Plant._fields.index(f"dead_zone_{side}") for side in ("left", "right")
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes (where
-    it does say, its rows decide), whether the command of a row was in force until then (past) instead of from
-    then on, how wheels slide, and whether the gyro's chip smooths the turn rate (low_pass). swing: s in which
-    commands swing, 0 where they do not; see `excitation.swing_period`. firmware: the controller's, where the
-    recording names it; nothing of it is asked for then. any_moment: whether it may sample each motor at any
-    moment of a row, with which it is in step; a clock of its own is at any on average. ramp: what is between
-    commands and motors, None where they get what is commanded."""
+    """What the recording does not say of controller and gears.
+
+    chain: the sensor chain. brake: whether duty 0 brakes; rows that say so themselves decide for themselves.
+    commands_precede_rows: whether the command of a row was in force until the row instead of from it on.
+    sliding: how wheels slide. low_pass: whether the gyro's chip filters the turn rate. swing_period: s in
+    which commands swing, 0 where they do not; see `excitation.swing_period`. firmware: the controller's,
+    where the recording names it; none of its habits is searched for then. fits_sample_ages: whether each
+    motor's sample age is fitted, as a controller in step with the rows may sample at any moment of them; one
+    with a clock of its own samples in the middle on average. ramp: what changes commands before the motors
+    get them, None where nothing does."""
 
     chain: Chain
     brake: bool
-    past: bool = False
-    wheels: Wheels = Wheels.GIVING
+    commands_precede_rows: bool = False
+    sliding: WheelSliding = WheelSliding.COMPLIANT
     low_pass: bool = False
-    swing: float = 0.0
+    swing_period: float = 0.0
     firmware: Firmware | None = None
-    any_moment: bool = False
+    fits_sample_ages: bool = False
     ramp: Ramp | None = None
 
     @property
@@ -84,17 +87,18 @@ class Habits:
 
     @property
     def knows_battery(self) -> bool:
-        """Whether nothing but the firmware filters the battery's readings, as the recording itself names it.
-        What is written as CSV may be filtered more: RaccoonOS's programs add 0.05 of each new reading."""
-        return self.firmware is not None and self.firmware.units
+        """Whether only the firmware filters the battery's readings, as where the recording itself names it.
+        Those in a CSV file may be filtered further: RaccoonOS's programs add 0.05 of each new reading."""
+        return self.firmware is not None and self.firmware.is_named_by_recording
 
 
 class PlantRollout:
     """The package's plant along one log's commands.
 
     A dead zone of the readings acts where the log's readings are silent; see `censor_readings`. plain: it
-    acts where the simulated ones are small, as in the simulator: for a log that holds no readings yet, and
-    to judge what a simulator would say. own: effects that are Python instead of terms of the plant.
+    acts where the simulated readings are small, as in the simulator: for a log that has no readings yet, and
+    to judge what a simulator would read. own: a team's effects, written in Python instead of as terms of the
+    plant.
     """
 
     def __init__(
@@ -109,8 +113,8 @@ class PlantRollout:
         check_nominal(robot.model)
         cycle = _controller_cycle(median_step(log.time), habits.chain.cycle)
         self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
-        self._heard = {} if plain else _bemf_channels(log)
-        self._silent = 0.0 if habits.firmware is None else habits.firmware.silent
+        self._bemf = {} if plain else _bemf_channels(log)
+        self._max_silent_counts = 0.0 if habits.firmware is None else habits.firmware.max_silent_counts
         names = column_names(robot)
         self._names = tuple(names[each.role] for each in log.channels)
         self._roles = tuple(each.role for each in log.channels)
@@ -118,7 +122,7 @@ class PlantRollout:
         self._time, self._duty = log.time, np.clip(log.duty, -1.0, 1.0)
         self._brake = np.full(log.duty.shape, habits.brake) if log.brake is None else log.brake
         self._clocks = log.clocks
-        if habits.past:
+        if habits.commands_precede_rows:
             self._duty, self._brake = (np.concatenate([a[1:], a[-1:]]) for a in (self._duty, self._brake))
         if habits.ramp is not None:
             self._duty = habits.ramp.given(self._time, self._duty)
@@ -143,7 +147,7 @@ class PlantRollout:
     def _simulate_part(
         self, variants: Sequence[Settings], lanes: Lanes, possible: Possible, step: float
     ) -> Array:
-        """No numbers for robots that cannot be: a fit on its way tries such as have next to no inertia."""
+        """Samples, NaN for impossible robots: a fit on its way tries some that have next to no inertia."""
         if possible.all():
             return self._comparable_samples(variants, lanes, step)
         samples = np.full((len(variants), len(self._roles), len(self._time)), np.nan)
@@ -153,7 +157,7 @@ class PlantRollout:
         return samples
 
     def _comparable_samples(self, variants: Sequence[Settings], lanes: Lanes, step: float) -> Array:
-        """Samples as they are compared with the log's: silent where a dead zone makes them so."""
+        """Samples as they are compared with the log's: averaged, delayed, and censored by dead zones."""
         samples = (
             self._with_own_effects(variants, step)
             if self._own
@@ -163,15 +167,17 @@ class PlantRollout:
         for index, role in enumerate(self._roles):
             if role.startswith("speed_") and windows.any():
                 samples[:, index] = average_over_window(self._time, samples[:, index], windows)
-            if role.startswith("bemf_") and self._habits.any_moment:
+            if role.startswith("bemf_") and self._habits.fits_sample_ages:
                 ages = np.array([each.get(SAMPLE_AGE[role.removeprefix("bemf_")], 0.0) for each in variants])
                 samples[:, index] = samples_at_age(self._time, samples[:, index], ages)
-        for index, (side, measured, flickers) in self._heard.items():
+        for index, (side, measured, flickers) in self._bemf.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
-            deaf = zones >= MIN_ZONE_COUNTS
-            some = slice(None) if deaf.all() else np.flatnonzero(deaf)
-            loud = samples[some, index]
-            samples[some, index] = censor_readings(loud, zones[some, None], measured, flickers, self._silent)
+            has_zone = zones >= MIN_ZONE_COUNTS
+            censored = slice(None) if has_zone.all() else np.flatnonzero(has_zone)
+            readings = samples[censored, index]
+            samples[censored, index] = censor_readings(
+                readings, zones[censored, None], measured, flickers, self._max_silent_counts
+            )
         return samples
 
     def _plant_commands(self, duty: Array) -> Commands:
@@ -184,49 +190,53 @@ class PlantRollout:
         return Commands(self._time, left, right, closed_left, closed_right)
 
     def _samples(self, lanes: Lanes, commands: Commands, step: float) -> Array:
-        """What the sensors say, (variants, channels, rows)."""
+        """Sensor readings, (variants, channels, rows)."""
         run = rollout(lanes, commands, channels=self._names, longest_step=step, readings_only=True)
-        lying = np.stack([run[name].T for name in self._names])  # in memory as the lanes lie: no turning
-        return lying.transpose(2, 0, 1)
+        stacked = np.stack([run[name].T for name in self._names])  # in the lanes' memory order
+        return stacked.transpose(2, 0, 1)
 
     def _with_own_effects(self, variants: Sequence[Settings], step: float) -> Array:
-        """The same with a team's own effects: robots whose commands are the same run side by side."""
+        """`_samples` with a team's own effects: robots with the same commands are simulated side by side."""
         acting = [
             [(own, values) for own in self._own if (values := _own_values(own, each)) != own.neutral()]
             for each in variants
         ]
-        alike: dict[str, list[int]] = {}
-        for index, found in enumerate(acting):
-            driven = [(own.id, values) for own, values in found if own.commands is not None]
-            alike.setdefault(repr(driven), []).append(index)
+        by_commands: dict[str, list[int]] = {}
+        for index, effects in enumerate(acting):
+            changing = [(own.id, values) for own, values in effects if own.commands is not None]
+            by_commands.setdefault(repr(changing), []).append(index)
         samples = np.empty((len(variants), len(self._roles), len(self._time)))
-        for same in alike.values():
+        for group in by_commands.values():
             duty = self._duty
-            for own, values in acting[same[0]]:
+            for own, values in acting[group[0]]:
                 duty = own.change_commands(self._time, duty, values)
-            lanes = self._lanes([variants[each] for each in same])
-            samples[same] = self._samples(lanes, self._plant_commands(duty), step)
-        for index, found in enumerate(acting):
-            for own, values in found:
+            lanes = self._lanes([variants[each] for each in group])
+            samples[group] = self._samples(lanes, self._plant_commands(duty), step)
+        for index, effects in enumerate(acting):
+            for own, values in effects:
                 readings = dict(zip(self._roles, samples[index], strict=True))
                 changed = own.change_readings(Simulated(self._time, self._duty, readings), values)
                 samples[index] = [changed[role] for role in self._roles]
         return samples
 
     def path(self, settings: Settings) -> tuple[Array, Array]:
-        """x and y in m along the commands."""
-        asked = ("truth.x", "truth.y")
-        run = rollout(self._lanes([settings]), self._commands, channels=asked, longest_step=LOOSE_STEP)
+        """Simulated x and y in m, each (rows,), of a robot with these settings."""
+        channels = ("truth.x", "truth.y")
+        run = rollout(self._lanes([settings]), self._commands, channels=channels, longest_step=LOOSE_STEP)
         return run["truth.x"][0], run["truth.y"][0]
 
     def _lanes(self, variants: Sequence[Settings]) -> Lanes:
-        """Packed by hand, since `Lanes.of` asks for one robot.toml and the inertias differ."""
+        """Plant numbers of all variants. Packed here, since `Lanes.of` wants one robot.toml and inertias
+        differ."""
         chain = self._habits.chain
-        turned: dict[tuple[float, float], RobotConfig] = {}
-        robots = [cast(Parameters, Variant(self._turned(each, turned), chain, each)) for each in variants]
+        robots_by_inertia: dict[tuple[float, float], RobotConfig] = {}
+        robots = [
+            cast(Parameters, Variant(self._robot_with_inertias(each, robots_by_inertia), chain, each))
+            for each in variants
+        ]
         first = robots[0]
         plant = np.array([plant_numbers(each, checked=True) for each in robots])
-        if self._heard:
+        if self._bemf:
             plant[:, _ZONES] = 0.0
         return Lanes(
             plant=plant,
@@ -237,8 +247,10 @@ class PlantRollout:
             cycle=chain.cycle,
         )
 
-    def _turned(self, settings: Settings, made: dict[tuple[float, float], RobotConfig]) -> RobotConfig:
-        """The robot with these inertias. made: those by their factors, of which most variants share one."""
+    def _robot_with_inertias(
+        self, settings: Settings, made: dict[tuple[float, float], RobotConfig]
+    ) -> RobotConfig:
+        """The robot with the settings' inertias. made: robots by their factors, which most variants share."""
         straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
         if (straight, turn) not in made:
             plain = straight == turn == 1.0
@@ -254,9 +266,9 @@ def _select_lanes(lanes: Lanes, which: slice | Possible) -> Lanes:
 
 
 def _controller_cycle(row: float, usual: float) -> float:
-    """How often the controller samples, s: the recording's usual row is a whole number of its cycles.
+    """Period in s at which the controller samples: the recording's usual row is a whole number of its cycles.
 
-    Rows much shorter than a cycle say nothing of it, and rows shorter than any cycle are one each.
+    Rows much shorter than a cycle say nothing of it; otherwise a row shorter than any cycle is one cycle.
     """
     cycles = round(row / usual)
     return max(row / cycles, SHORTEST_CYCLE) if cycles else usual
@@ -267,7 +279,7 @@ def _own_values(own: OwnEffect, settings: Settings) -> dict[str, float]:
 
 
 def _bemf_channels(log: Log) -> dict[int, tuple[str, Array, NDArray[np.bool_]]]:
-    """The back-EMF channels of a log by their place: side, samples, which of them flicker."""
+    """The back-EMF channels of a log by their index: side, samples, which of them flicker."""
     return {
         index: (each.role.removeprefix("bemf_"), each.values, find_flickers(each.values))
         for index, each in enumerate(log.channels)

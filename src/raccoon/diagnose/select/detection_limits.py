@@ -38,10 +38,12 @@ def evidence_per_width(search: Search) -> dict[str, float]:
     secants, and where next to no noise is, how far these are bent would seem to be evidence.
     """
     table = search.table
-    count = table.base + sum(len(each) for each in table.active.values())
-    rest = table.gram.take([*range(count), *(i for _, span in table.off for i in span)]).without(count)
+    count = table.base_count + sum(len(each) for each in table.active.values())
+    rest = table.gram.take(
+        [*range(count), *(i for _, span in table.inactive for i in span)]
+    ).eliminate_leading(count)
     found: dict[str, float] = {}
-    for group, span in table.off:
+    for group, span in table.inactive:
         if group.name in search.problem.causes:
             cause = search.problem.causes[group.name]
             power = float(rest.matrix[span[0] - count, span[0] - count])

@@ -205,7 +205,7 @@ def find_similar_causes(
     pull = np.asarray(whole.matrix[:, own] @ u, float)
     size = max(float(u @ pull[own]), 1e-9)
     found: list[Replacement] = []
-    for group, span in search.table.off:
+    for group, span in search.table.inactive:
         if group.name not in search.problem.causes:
             continue
         matrix = whole.matrix[np.ix_(span, span)] + 1e-9 * np.eye(len(span))

@@ -39,7 +39,7 @@ class Member:
 class SetScorer:
     """The linear model, what robot.toml leaves open eliminated, and the scores that were computed."""
 
-    rest: Gram
+    gram: Gram
     members: tuple[Member, ...]
     scores: dict[MemberSet, float] = field(default_factory=dict)
 
@@ -52,11 +52,11 @@ class SetScorer:
         ]
         found.extend(
             Member(group.name, tuple(span), group, group.one_sided)
-            for group, span in table.off
+            for group, span in table.inactive
             if group.name in causes
         )
         columns = [i for each in found for i in each.span]
-        rest = table.gram.take([*range(table.base), *columns]).without(table.base)
+        rest = table.gram.take([*range(table.base_count), *columns]).eliminate_leading(table.base_count)
         members, position = [], 0
         for each in found:
             span = tuple(range(position, position + len(each.span)))
@@ -73,8 +73,8 @@ class SetScorer:
         index = [i for each in sorted(chosen) for i in self.members[each].span]
         if not index:
             return np.zeros(0), 0.0
-        factor = np.linalg.cholesky(np.eye(len(index)) + self.rest.matrix[np.ix_(index, index)])
-        half = np.linalg.solve(factor, self.rest.projection[index])
+        factor = np.linalg.cholesky(np.eye(len(index)) + self.gram.matrix[np.ix_(index, index)])
+        half = np.linalg.solve(factor, self.gram.projection[index])
         mean = np.linalg.solve(factor.T, half)
         if self._wrong_sign(chosen, mean):
             return mean, -np.inf
@@ -94,9 +94,9 @@ class SetScorer:
             alike.setdefault(len(index), []).append((chosen, index))
         for size, same in alike.items():
             columns = np.array([its for _, its in same], int)
-            matrices = np.eye(size) + self.rest.matrix[columns[:, :, None], columns[:, None, :]]
+            matrices = np.eye(size) + self.gram.matrix[columns[:, :, None], columns[:, None, :]]
             factors = np.linalg.cholesky(matrices)
-            halves = np.linalg.solve(factors, self.rest.projection[columns][..., None])
+            halves = np.linalg.solve(factors, self.gram.projection[columns][..., None])
             means = np.linalg.solve(factors.transpose(0, 2, 1), halves)[..., 0]
             diagonals = np.diagonal(factors, axis1=1, axis2=2)
             found = 0.5 * (halves[..., 0] ** 2).sum(axis=1) - np.log(diagonals).sum(axis=1)
@@ -131,7 +131,7 @@ class SetScorer:
             chosen = best
         return chosen
 
-    def best(self, count: int) -> list[MemberSet]:
+    def best_sets(self, count: int) -> list[MemberSet]:
         """The best of all sets that were scored; variants of the same causes count once."""
         found: dict[frozenset[str], MemberSet] = {}
         for each in sorted(self.scores, key=lambda each: -self.scores[each]):

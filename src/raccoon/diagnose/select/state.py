@@ -179,12 +179,12 @@ def screen_groups(search: Search, table: GramTable | None = None, hold_bounds: b
     held: what a bound holds stays there; else it goes where it is best beside each.
     """
     table = search.table if table is None else table
-    limits, spans = search.problem.limits(search.fit.point), [span for _, span in table.off]
+    limits, spans = search.problem.limits(search.fit.point), [span for _, span in table.inactive]
     stays = hold_bounds or bool(search.fit.free.all())
     solved = _solve_beside_held(search, table) if stays else table.gram.solve_beside_bounded(*limits, spans)
     found = [
         (gain, group, mean)
-        for (group, _), (mean, gain) in zip(table.off, solved, strict=True)
+        for (group, _), (mean, gain) in zip(table.inactive, solved, strict=True)
         if not group.one_sided or mean[0] > 0.0
     ]
     found.sort(key=lambda each: -each[0])
@@ -198,9 +198,11 @@ def _solve_beside_held(search: Search, table: GramTable) -> Iterator[tuple[Array
     stay = np.zeros(len(table.gram.projection))
     stay[: len(free)] = np.where(free, 0.0, search.fit.point.vector())
     whole = table.gram.shifted(stay)
-    rest = whole.take([*always, *(i for _, span in table.off for i in span)]).without(len(always))
+    rest = whole.take([*always, *(i for _, span in table.inactive for i in span)]).eliminate_leading(
+        len(always)
+    )
     position = 0
-    for _, span in table.off:
+    for _, span in table.inactive:
         mean, gain, _ = rest.take(range(position, position + len(span))).solve()
         position += len(span)
         yield mean, gain

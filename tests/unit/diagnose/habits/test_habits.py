@@ -42,7 +42,7 @@ from raccoon.diagnose.habits.lags import try_lagging_readings
 from raccoon.diagnose.habits.notes import COMMAND_IN_FORCE_BEFORE, habit_notes
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.trials import MAX_CACHED_STARTS, HabitTrials, RunSearch, start_afresh
-from raccoon.diagnose.hypotheses.base_coordinates import LOOP_LATENCY, MAX_BASE_STDS, Wheels
+from raccoon.diagnose.hypotheses.base_coordinates import LOOP_LATENCY, MAX_BASE_STDS, WheelSliding
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Verdict
@@ -63,10 +63,10 @@ Effects = dict[tuple[str, str | None], dict[str, float]]
 
 ROBOT = RobotConfig()
 CAUSES = drive_causes()
-SLIDING: dict[Wheels, Effects] = {
-    Wheels.RIGID: {},
-    Wheels.GIVING: {("friction.presliding", None): {"compliance": 0.001, "damping": 0.3}},
-    Wheels.CREEPING: {("friction.presliding", None): {"creep": 0.08, "creep_tail": 0.3}},
+SLIDING: dict[WheelSliding, Effects] = {
+    WheelSliding.RIGID: {},
+    WheelSliding.COMPLIANT: {("friction.presliding", None): {"compliance": 0.001, "damping": 0.3}},
+    WheelSliding.CREEPING: {("friction.presliding", None): {"creep": 0.08, "creep_tail": 0.3}},
 }
 
 
@@ -93,7 +93,7 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
 def test_the_filter_of_a_gentle_drive_is_the_one_under_which_robot_toml_is_right(chain: Chain) -> None:
     """Commands that go up and down within 0.4 s, and 20 counts of noise: the plain filter saves less than is
     asked of it, but the firmware's would need another time constant, which was named."""
-    robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], chain)
+    robot = Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], chain)
     columns = record_simulated_drive(
         robot, 8.0, softened=80, noise={"motor.0.bemf": 20.0, "motor.1.bemf": 20.0}
     )
@@ -105,14 +105,16 @@ def test_the_filter_of_a_gentle_drive_is_the_one_under_which_robot_toml_is_right
 def test_a_slow_filter_of_the_battery_is_seen_before_any_cause_is_known(seconds: float) -> None:
     """Beside a deadband one of 0.1 s was taken for 0.05, once a wrong scale and friction were named."""
     chain = replace(Chain.firmware(), battery_time_constant=seconds)
-    robot = Parameters(ROBOT, SLIDING[Wheels.GIVING] | {("actuation.deadband", None): {"duty": 0.05}}, chain)
+    robot = Parameters(
+        ROBOT, SLIDING[WheelSliding.COMPLIANT] | {("actuation.deadband", None): {"duty": 0.05}}, chain
+    )
     _, habits = find_habits(log_from_columns(record_simulated_drive(robot, 8.0), ROBOT), ROBOT, CAUSES, None)
     assert habits.chain == chain
 
 
 def test_a_battery_that_creeps_after_its_current_is_nothing_unknown() -> None:
     """By 10 mohm more after 8 s."""
-    robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain.firmware())
+    robot = Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], Chain.firmware())
     columns = dict(record_simulated_drive(robot, 20.0))
     sag = ROBOT.model.battery.open_circuit_voltage.value - columns["battery.voltage"]
     late, stays = np.zeros_like(sag), math.exp(-0.005 / 8.0)
@@ -146,8 +148,8 @@ def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
     """What is measured of a motor is the same where it is unpowered a tenth of the time."""
     lower: Effects = {("motor.armature_resistance", place): {"factor": 0.9} for place in ("left", "right")}
     for robot in (
-        Parameters(ROBOT, SLIDING[Wheels.GIVING] | lower, Chain.firmware()),
-        Parameters(ROBOT, SLIDING[Wheels.GIVING], replace(Chain.firmware(), coast_share=0.0)),
+        Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT] | lower, Chain.firmware()),
+        Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], replace(Chain.firmware(), coast_share=0.0)),
     ):
         said = diagnose(record_simulated_drive(robot, 6.0), ROBOT)
         assert [each.name for each in said.causes] == ["motor.armature_resistance"]
@@ -183,7 +185,7 @@ def test_where_nothing_is_named_no_other_filter_is_asked_for() -> None:
         raise AssertionError(habits)
 
     search, _ = standing(
-        record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain()), 3.0), FIRMWARE, {}
+        record_simulated_drive(Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], Chain()), 3.0), FIRMWARE, {}
     )
     assert try_sensor_chains(search, FIRMWARE, HabitTrials(ask)) == (search, FIRMWARE)
 
@@ -203,8 +205,8 @@ def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
     named: dict[str, float], ahead: float, other: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A sound robot whose friction creeps had something unknown over the speed, which is 8 behind."""
-    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING]), 3.0)
-    creeps = replace(FIRMWARE, wheels=Wheels.CREEPING)
+    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT]), 3.0)
+    creeps = replace(FIRMWARE, sliding=WheelSliding.CREEPING)
     search, trials = standing(columns, FIRMWARE, {"friction.viscous": 0.5})
     second, _ = standing(columns, creeps, named)
     trials.started[creeps] = second
@@ -229,7 +231,7 @@ def test_habits_are_asked_for_before_a_search_takes_longest(
     search, trials = standing(
         record_simulated_drive(Parameters(ROBOT, {}), 3.0), FIRMWARE, {"friction.viscous": 0.5}
     )
-    creeps, rests = replace(FIRMWARE, wheels=Wheels.CREEPING), []
+    creeps, rests = replace(FIRMWARE, sliding=WheelSliding.CREEPING), []
 
     def rest(search: Search) -> Search:
         rests.append(search)
@@ -291,7 +293,9 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median() -> None
 def test_a_median_and_a_filtered_gyro_are_no_late_commands() -> None:
     """Both delay by a sample of 5 ms: as if all commands were late under the plain filter, which the wheels
     alone hardly tell from it."""
-    columns = dict(record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 5.0))
+    columns = dict(
+        record_simulated_drive(Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], Chain(median=True)), 5.0)
+    )
     lag = 1.0 / (2.0 * math.pi * 41.0)
     rate, follows = columns["imu.gyro.z"], 0.005 / (0.005 + lag)
     filtered = [rate[0]]
@@ -339,31 +343,33 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
 
         monkeypatch.setattr("raccoon.diagnose.habits.habit_search.start_selection", begun)
         _, habits, _ = search_with_habits(log, ROBOT, CAUSES, None)
-        assert habits == replace(known, swing=seconds)
-    said = habit_notes(replace(known, swing=swing_period(log)), (), NOTHING_FITTED)
+        assert habits == replace(known, swing_period=seconds)
+    said = habit_notes(replace(known, swing_period=swing_period(log)), (), NOTHING_FITTED)
     assert any("times a second" in each for each in said)
 
 
-@pytest.mark.parametrize("wheels", [Wheels.RIGID, Wheels.GIVING])
-def test_whether_wheels_give_before_they_slide_is_found_out(wheels: Wheels) -> None:
+@pytest.mark.parametrize("wheels", [WheelSliding.RIGID, WheelSliding.COMPLIANT])
+def test_whether_wheels_give_before_they_slide_is_found_out(wheels: WheelSliding) -> None:
     robot = Parameters(ROBOT, SLIDING[wheels], Chain.firmware())
     _, habits = find_habits(log_from_columns(record_simulated_drive(robot, 12.0), ROBOT), ROBOT, CAUSES, None)
-    assert habits == Habits(Chain.firmware(), False, wheels=wheels)
+    assert habits == Habits(Chain.firmware(), False, sliding=wheels)
 
 
 @pytest.mark.parametrize(
     ("wheels", "taken"),
-    [(Wheels.RIGID, Wheels.GIVING), (Wheels.CREEPING, Wheels.GIVING)],
+    [(WheelSliding.RIGID, WheelSliding.COMPLIANT), (WheelSliding.CREEPING, WheelSliding.COMPLIANT)],
 )
-def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(wheels: Wheels, taken: Wheels) -> None:
+def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(
+    wheels: WheelSliding, taken: WheelSliding
+) -> None:
     """Where it was taken for the other all the same. Rigid wheels, taken for ones that give, had a fifth of
     their inertia and five times their resistance; friction that is a curve over the speed was viscous."""
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
     columns = record_simulated_drive(Parameters(ROBOT, heavy | SLIDING[wheels], Chain.firmware()), 14.0)
-    first = replace(FIRMWARE, wheels=taken)
+    first = replace(FIRMWARE, sliding=taken)
     search, trials = standing(columns, first, {"drive.inertia": 0.5})
     search, habits = try_friction_forms(search, first, trials)
-    assert habits == replace(FIRMWARE, wheels=wheels)
+    assert habits == replace(FIRMWARE, sliding=wheels)
     assert set(search.fit.point.active) == {"drive.inertia"}
     settings = search.problem.settings(search.fit.point)
     creep = SLIDING[wheels].get(("friction.presliding", None), {}).get("creep", 0.0)
@@ -390,7 +396,7 @@ def test_a_beginning_is_searched_once_and_handed_out_as_it_was(
     other = trials.start(FIRMWARE, problem)
     assert [*other.rejections, *other.leads, *other.held_out_leads] == []
     assert len(made) == 1
-    others = [replace(FIRMWARE, swing=0.1 * each) for each in range(1, MAX_CACHED_STARTS + 1)]
+    others = [replace(FIRMWARE, swing_period=0.1 * each) for each in range(1, MAX_CACHED_STARTS + 1)]
     for each in (*others, others[0], FIRMWARE):  # which the last of the others took the place of
         trials.start(each, problem)
     assert len(made) == 1 + MAX_CACHED_STARTS + 1
@@ -439,11 +445,11 @@ def test_beside_a_crowd_what_explains_less_under_other_habits_is_not_gone_on_wit
 def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() -> None:
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
     log = log_from_columns(
-        record_simulated_drive(Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING]), 10.0), ROBOT
+        record_simulated_drive(Parameters(ROBOT, heavy | SLIDING[WheelSliding.COMPLIANT]), 10.0), ROBOT
     )
     gives, slides = (
-        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, wheels=wheels), None)
-        for wheels in (Wheels.GIVING, Wheels.RIGID)
+        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, sliding=wheels), None)
+        for wheels in (WheelSliding.COMPLIANT, WheelSliding.RIGID)
     )
     nothing = gives.nominal()
     starts = [nothing.with_cause("actuation.latency", np.array([0.3])), nothing]
@@ -467,7 +473,7 @@ def test_habits_that_are_far_behind_are_given_up_with_the_columns_that_are_known
     """The simulator's filter is none that a start with the search's cause, or with another one, makes up
     for."""
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
-    robot = Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING], Chain.firmware())
+    robot = Parameters(ROBOT, heavy | SLIDING[WheelSliding.COMPLIANT], Chain.firmware())
     log = log_from_columns(record_simulated_drive(robot, 20.0), ROBOT)
     right, wrong = (
         drive_problem(log, ROBOT, CAUSES, Habits(chain, False), None) for chain in (Chain.firmware(), Chain())
@@ -486,8 +492,8 @@ def test_habits_that_are_far_behind_are_given_up_with_the_columns_that_are_known
 def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> None:
     log = planned_log(exciting(np.random.default_rng(1), 2.0))
     gives, slides = (
-        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, wheels=wheels), None)
-        for wheels in (Wheels.GIVING, Wheels.RIGID)
+        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, sliding=wheels), None)
+        for wheels in (WheelSliding.COMPLIANT, WheelSliding.RIGID)
     )
     rng = np.random.default_rng(2)
     point = gives.inside(Point(rng.standard_normal(len(gives.base)), {"drive.inertia": np.array([0.3])}))
@@ -539,11 +545,13 @@ def test_commands_that_were_in_force_until_their_rows_are_no_fault(cause: str | 
     search, trials = standing(columns, FIRMWARE, {named: 0.4})
     search, habits = try_commands_until_row(search, FIRMWARE, trials)
     assert list(search.fit.point.active) == [each.name for each in hidden]
-    assert habits == replace(FIRMWARE, past=True)
+    assert habits == replace(FIRMWARE, commands_precede_rows=True)
 
 
 def test_a_logger_of_what_was_done_is_said() -> None:
-    assert habit_notes(replace(FIRMWARE, past=True), (), NOTHING_FITTED) == (COMMAND_IN_FORCE_BEFORE,)
+    assert habit_notes(replace(FIRMWARE, commands_precede_rows=True), (), NOTHING_FITTED) == (
+        COMMAND_IN_FORCE_BEFORE,
+    )
     assert habit_notes(FIRMWARE, (), NOTHING_FITTED) == ()
 
 
@@ -568,10 +576,10 @@ def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | No
 @pytest.mark.parametrize("itself", [True, False])
 def test_a_csv_may_filter_the_battery_more_than_the_firmware_that_robot_toml_names(itself: bool) -> None:
     """A sound robot had a battery of a third of its resistance, with a probability of 1."""
-    firmware = replace(FIRMWARES["wombat-raccoon-17"], units=itself)
+    firmware = replace(FIRMWARES["wombat-raccoon-17"], is_named_by_recording=itself)
     chain = replace(firmware.chain, battery_time_constant=0.1)
     log = log_from_columns(
-        record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0), ROBOT
+        record_simulated_drive(Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], chain), 8.0), ROBOT
     )
     _, habits = find_habits(log, ROBOT, CAUSES, None, firmware)
     assert habits.chain == (firmware.chain if itself else chain)
@@ -581,7 +589,7 @@ def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_
     chain = Chain(median=True, battery_time_constant=0.02)
     weak: Effects = {("motor.armature_resistance", "left"): {"factor": 1.2}}
     slow = Habits(replace(chain, battery_time_constant=0.05), brake=False)
-    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING] | weak, chain), 8.0)
+    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT] | weak, chain), 8.0)
     search, trials = standing(columns, slow, {"motor.armature_resistance@left": 0.8})
     search, habits = try_battery_filters(search, slow, trials)
     assert habits.chain == chain
@@ -591,7 +599,7 @@ def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_
 def test_a_clock_is_asked_for_behind_a_quick_filter_of_the_battery() -> None:
     """Between none and the firmware's neither fits, and a pause at the end of a row with a latency did."""
     chain = replace(FREE_RUNNING, battery_time_constant=0.005)
-    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0)
+    columns = record_simulated_drive(Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], chain), 8.0)
     seen = Habits(PAUSING_AT_CYCLE_END, brake=False)
     search, trials = standing(columns, seen, {"actuation.latency": 0.25})
     search, habits = try_lagging_readings(search, seen, trials)
@@ -604,7 +612,7 @@ def test_commands_from_their_rows_on_are_taken_so() -> None:
     search, trials = standing(columns, FIRMWARE, {"actuation.latency": 0.4})
     search, habits = try_commands_until_row(search, FIRMWARE, trials)
     assert list(search.fit.point.active) == ["actuation.latency"]
-    assert not habits.past
+    assert not habits.commands_precede_rows
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from raccoon.diagnose.habits.sample_cycles import (
     try_pause_slowdown_beside_causes,
 )
 from raccoon.diagnose.habits.trials import HabitTrials
-from raccoon.diagnose.hypotheses.base_coordinates import Wheels
+from raccoon.diagnose.hypotheses.base_coordinates import WheelSliding
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
@@ -37,7 +37,7 @@ from unit.diagnose.searches import standing
 ROBOT = RobotConfig()
 DEADBAND = "actuation.deadband"
 NOTHING_FITTED = FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
-PLAIN = Habits(Chain(), False, wheels=Wheels.RIGID)
+PLAIN = Habits(Chain(), False, sliding=WheelSliding.RIGID)
 
 
 def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
@@ -89,7 +89,7 @@ def test_what_led_with_the_same_causes_leads(
     assert (habits == fine) is taken
 
 
-BEHIND = Habits(Chain.firmware(), False, wheels=Wheels.RIGID)
+BEHIND = Habits(Chain.firmware(), False, sliding=WheelSliding.RIGID)
 PAUSED = replace(BEHIND, chain=replace(Chain.firmware(), pause=0.0005))
 
 

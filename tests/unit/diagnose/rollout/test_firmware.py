@@ -150,10 +150,10 @@ def test_a_firmware_is_known_by_its_devices_name() -> None:
     stock = firmware_of(STOCK)
     assert stock is not None
     assert firmware_of(replace(STOCK, name="wombat-stock+mpu6050")) == replace(
-        stock, smooths=False, gyro_rates=None
+        stock, has_gyro_low_pass=False, gyro_rates=None
     )
     assert FIRMWARES["wombat-raccoon-21"].dead_zone == RACCOON_21.bemf_dead_zone
-    assert FIRMWARES["wombat-stock"].silent == STOCK.bemf_dead_zone
+    assert FIRMWARES["wombat-stock"].max_silent_counts == STOCK.bemf_dead_zone
 
 
 def test_a_dead_zone_and_a_filter_that_are_known_are_not_asked_for() -> None:
@@ -165,9 +165,9 @@ def test_a_dead_zone_and_a_filter_that_are_known_are_not_asked_for() -> None:
         for filters, known in ((True, {ZONE, LAG}), (False, {ZONE})):
             left = each.without_known_causes(causes, filters=filters)
             assert {cause.id for cause in causes} - {cause.id for cause in left} == known
-    assert older.start(ROBOT, None) is None
+    assert older.with_dead_zone(ROBOT, None) is None
     model = Parameters.from_robot(ROBOT).with_effect("imu.latency", None, seconds=0.01)
-    start = newer.start(ROBOT, model)
+    start = newer.with_dead_zone(ROBOT, model)
     assert start is not None
     assert start.value("imu.latency", "seconds") == 0.01
 
@@ -176,7 +176,7 @@ def test_the_battery_is_as_unsure_as_its_readings() -> None:
     stock = FIRMWARES[STOCK.name]
     number = stock.with_battery_uncertainty(ROBOT).model.battery.internal_resistance
     assert number.value == ROBOT.model.battery.internal_resistance.value
-    assert number.std == pytest.approx(np.hypot(0.005, stock.sag * number.value))
+    assert number.std == pytest.approx(np.hypot(0.005, stock.unread_resistance_share * number.value))
     exact = replace(ROBOT.model.battery, internal_resistance=replace(number, std=0.0))
     robot = replace(ROBOT, model=replace(ROBOT.model, battery=exact))
     assert stock.with_battery_uncertainty(robot) is robot

@@ -71,5 +71,5 @@ def test_a_logger_of_ones_own_may_read_the_battery_after_the_command(named_besid
         duty, volts = columns[f"motor.{port}.duty"], BEMF_VOLTS_PER_COUNT * columns[f"motor.{port}.bemf"]
         sag += 0.1 * duty * (6.8 * duty - volts) / 1.8
     columns["battery.voltage"] = 6.8 - sag
-    made_by = replace(FIRMWARES["wombat-raccoon-21"], units=not named_beside)
+    made_by = replace(FIRMWARES["wombat-raccoon-21"], is_named_by_recording=not named_beside)
     assert (BATTERY_AFTER_COMMAND_NOTE in build_log([columns], ROBOT, made_by).notes) is named_beside

@@ -39,7 +39,7 @@ def test_a_reading_is_what_it_was_so_long_ago_and_will_be_so_much_later() -> Non
 def test_half_a_cycle_either_way_is_open_and_moves_one_wheels_readings_alone() -> None:
     assert [each.value(each.high) for each in age_coordinates()] == pytest.approx([0.0025, 0.0025], rel=0.02)
     log = planned_log(exciting(np.random.default_rng(1), 3.0))
-    problem = drive_problem(log, ROBOT, (), Habits(FREE_RUNNING, brake=False, any_moment=True), None)
+    problem = drive_problem(log, ROBOT, (), Habits(FREE_RUNNING, brake=False, fits_sample_ages=True), None)
     usual = problem.nominal()
     (index,) = (place for place, each in enumerate(problem.base) if each.settings == (SAMPLE_AGE["right"],))
     base = usual.base.copy()

@@ -232,7 +232,7 @@ def test_what_a_bound_holds_stays_there_beside_each_cause(problem: Problem) -> N
     search.fit = replace(search.fit, point=Point(base), free=free)
     whole, own = search.table.gram, np.flatnonzero(free).tolist()
     left = replace(whole, projection=whole.projection - 2.5 * whole.matrix[:, 3])
-    spans = {id(group): span for group, span in search.table.off}
+    spans = {id(group): span for group, span in search.table.inactive}
     found = screen_groups(search, hold_bounds=True)
     assert set(few) <= {group.name for _, group, _ in found}
     for gain, group, mean in found:
@@ -355,7 +355,7 @@ def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
     whitener = Whitener.of(noise, wandering, np.zeros((0, 40, 1)), rest, rest, 0.0).with_wander_share(0.3)
     rows = rng.normal(size=(3, 40))
     powers, vectors = np.linalg.eigh(np.eye(40) + 0.09 * columns @ columns.T)
-    exact, slowed = rows @ (vectors / np.sqrt(powers)) @ vectors.T, whitener.slowed(rows)
+    exact, slowed = rows @ (vectors / np.sqrt(powers)) @ vectors.T, whitener.whiten_uncertain(rows)
     np.testing.assert_allclose(slowed, exact, rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(rows @ rows.T - whitener.gram_reduction(rows), exact @ exact.T, rtol=1e-6)
     nothing = whitener.noise_only()
@@ -372,7 +372,7 @@ def test_where_nothing_wanders_only_what_is_common_is_made_white() -> None:
     rows = rng.normal(size=(3, 20))
     exact = rows @ np.linalg.solve(np.eye(20) + np.ones((20, 20)), rows.T)
     for parts in ([np.zeros((0, 20, 1))], [np.zeros((0, 5, 1)), np.zeros((0, 15, 1))]):
-        slowed = Whitener.of(noise, parts, common, rest, rest, 0.0).slowed(rows)
+        slowed = Whitener.of(noise, parts, common, rest, rest, 0.0).whiten_uncertain(rows)
         np.testing.assert_allclose(slowed @ slowed.T, exact, rtol=1e-5, atol=1e-5)
 
 
@@ -390,7 +390,7 @@ def test_what_wanders_by_pieces_and_what_is_common_are_whitened_together() -> No
         covariance[span, span] += flat.T @ flat
     rows = rng.normal(size=(5, 60))
     exact = rows @ np.linalg.solve(covariance, rows.T)
-    slowed = whitener.slowed(rows)
+    slowed = whitener.whiten_uncertain(rows)
     np.testing.assert_allclose(slowed @ slowed.T, exact, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(rows @ rows.T - whitener.gram_reduction(rows), exact, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(whitener(rows.reshape(5, 30, 2)), slowed)

@@ -30,7 +30,7 @@ def test_a_set_is_scored_by_its_evidence_less_its_gates() -> None:
     columns, target = imitated(1)
     sets = sets_of(columns, target)
     chosen = frozenset({0, 3})
-    _, evidence, _ = sets.rest.take([0, 3]).solve()
+    _, evidence, _ = sets.gram.take([0, 3]).solve()
     assert sets.solve(chosen)[1] == pytest.approx(evidence)
     assert sets.score(chosen) == pytest.approx(evidence - 2 * EVIDENCE_GATE)
     assert sets.solve(frozenset())[1] == 0.0
@@ -42,7 +42,7 @@ def test_climbing_replaces_one_that_imitates_two(start: frozenset[int]) -> None:
     alone = max(range(7), key=lambda i: sets.score(frozenset({i})))
     assert alone == 2
     sets.climb(start)
-    assert sets.best(1) == [frozenset({0, 1})]
+    assert sets.best_sets(1) == [frozenset({0, 1})]
 
 
 def test_sets_that_are_solved_at_once_have_the_scores_of_each_alone() -> None:
@@ -58,7 +58,7 @@ def test_a_one_sided_cause_must_have_its_sign() -> None:
     columns, target = imitated(3)
     sets = sets_of(columns, -target, 0, 1)
     assert sets.score(frozenset({0})) == -np.inf
-    assert all(not {0, 1} & each for each in sets.best(5))
+    assert all(not {0, 1} & each for each in sets.best_sets(5))
 
 
 def test_dropping_leaves_what_is_worth_its_gate() -> None:
@@ -72,7 +72,7 @@ def test_variants_of_the_same_causes_count_once() -> None:
     sets = sets_of(twice, target)
     sets.members = (*sets.members[:-1], Member("cause0", (7,), None, False))
     sets.climb(frozenset())
-    names = [sets.names(each) for each in sets.best(10)]
+    names = [sets.names(each) for each in sets.best_sets(10)]
     assert len(names) == len(set(names))
     assert not any({0, 7} <= each for each in sets.scores)
 

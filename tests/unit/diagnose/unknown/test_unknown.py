@@ -188,7 +188,9 @@ def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has(size: float, 
 
 def test_a_table_in_parts_has_each_part_beside_its_group(problem: Problem) -> None:
     search = start_search(problem, make_probe_function(problem))
-    waves = [each for each in search.table.with_parts().off if each[0].name == "unknown: wheel angle right"]
+    waves = [
+        each for each in search.table.with_parts().inactive if each[0].name == "unknown: wheel angle right"
+    ]
     (whole, span), *parts = waves
     assert len(parts) == len(whole.parts)
     assert {index for _, its in parts for index in its} == set(span)

@@ -64,14 +64,14 @@ def _controller_misfit(
     columns = without_faulty_channels(with_counter_bemf(columns, robot, device).columns, robot).columns
     robot = with_device_filter(device, robot)
     if firmware is not None:
-        firmware = replace(firmware, units=False)
+        firmware = replace(firmware, is_named_by_recording=False)
         columns = firmware.undo_truncation(columns)
     log = build_log([columns], robot, firmware)
     if any(each is not None for each in log.clocks):
         return CLOCK_FOUND
     causes = zone_firmware.without_known_causes(drive_causes(), filters=firmware is not None)
     return (
-        fit_habits(log, robot, causes, zone_firmware.start(robot, None), firmware).log_misfit
+        fit_habits(log, robot, causes, zone_firmware.with_dead_zone(robot, None), firmware).log_misfit
         if is_driven(log)
         else np.inf
     )
