@@ -368,7 +368,7 @@ def test_whoever_waits_for_a_long_recording_is_told_how_far_it_is(
     program: bool, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("trace.format", "trace.columns", "trace.replay", "cli.replay.drive"):
-        monkeypatch.setattr(f"raccoon.{module}.SAID_EVERY", 50)
+        monkeypatch.setattr(f"raccoon.{module}.REPORT_PERIOD_CYCLES", 50)
     monkeypatch.setattr(sys, "stderr", screen := Terminal())
     script = tmp_path / "program.py"
     script.write_text(PROGRAM.format("seq(wait(0.2), straight(0.05))"))

@@ -14,7 +14,7 @@ PROGRAM = """
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.sim.effects.parameters import Parameters
-from simulated_drives import recorded
+from simulated_drives import record_simulated_drive
 
 def peak():
     # Of this program alone: what getrusage says may be that of the process it was started from.
@@ -23,7 +23,7 @@ def peak():
 
 robot = RobotConfig()
 for seconds in (4.0, 40.0):
-    found = diagnose(recorded(Parameters.from_robot(robot), seconds), robot)
+    found = diagnose(record_simulated_drive(Parameters.from_robot(robot), seconds), robot)
     print(peak(), found.verdict.value)
 """
 

@@ -189,7 +189,7 @@ def test_what_is_there_instead_of_a_set_is_said(tmp_path: Path) -> None:
     store = tmp_path / "tophats.json"
     with open_robot(CONFIG, port=simulated_port(world=table(tmp_path))) as robot:
         with pytest.raises(
-            CalibrationError, match=r"there is none at all: calibrate_tophats\(\.\.\., store=\)"
+            CalibrationError, match=r"there is no such file: calibrate_tophats\(\.\.\., store=\)"
         ):
             load_tophats(robot, store)
         robot.run(wait(0.3))
