@@ -199,7 +199,9 @@ def test_the_ports_of_the_tophats_are_watched_for_the_ends_of_their_range(
 
 def test_a_port_of_a_programs_own_that_gives_no_readings_or_no_time_is_told() -> None:
     nothing: Any = InterceptingPort(simulated_port(), seen=lambda _: cast(Inputs, None))
-    no_readings = pytest.raises(TypeError, match=r"read\(\) of InterceptingPort gives None: it must give Inputs")
+    no_readings = pytest.raises(
+        TypeError, match=r"read\(\) of InterceptingPort gives None: it must give Inputs"
+    )
     with open_robot(RobotConfig(), port=nothing) as robot, no_readings:
         robot.tick()
     short = InterceptingPort(simulated_port(), seen=lambda inputs: replace(inputs, bemf=(1.0,)))
