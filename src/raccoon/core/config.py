@@ -33,6 +33,7 @@ from raccoon.core.sections import (
     REAL_CONTROLLERS,
     BatteryConfig,
     BodyConfig,
+    BumperConfig,
     ControllerConfig,
     DriveConfig,
     MechanismConfig,
@@ -48,6 +49,7 @@ __all__ = [
     "BatteryModel",
     "BemfModel",
     "BodyConfig",
+    "BumperConfig",
     "ControllerConfig",
     "DriveConfig",
     "DriveModel",
@@ -91,6 +93,7 @@ class RobotConfig:
     body: BodyConfig = field(default_factory=BodyConfig)
     motors: Mapping[int, MotorConfig] = field(default_factory=dict)
     tophats: Mapping[str, TophatConfig] = field(default_factory=dict)
+    bumpers: Mapping[str, BumperConfig] = field(default_factory=dict)
     servos: Mapping[str, ServoConfig] = field(default_factory=dict)
     mechanisms: Mapping[str, MechanismConfig] = field(default_factory=dict)
     motion: MotionConfig = field(default_factory=MotionConfig)
@@ -101,7 +104,8 @@ class RobotConfig:
             raise ConfigError(
                 f"drive.left and drive.right are both motor port {self.drive.left}: they must differ"
             )
-
+        for name, bumper in self.bumpers.items():
+            bumper.check_on(self.body, f"bumper.{name}")
         for name, each in self.mechanisms.items():
             if each.motor in (self.drive.left, self.drive.right):
                 raise ConfigError(f"mechanism.{name}.motor = {each.motor}: the drive is on that port")
@@ -184,7 +188,7 @@ _SINGLE: Mapping[str, type[Any]] = {
     "motion": MotionConfig,
 }
 """Sections of which there is one, by their names, which are those of RobotConfig's fields."""
-_SEVERAL = ("motor", "tophat", "servo", "mechanism")
+_SEVERAL = ("motor", "tophat", "bumper", "servo", "mechanism")
 """Those that stand in groups, `[GROUP.NAME]`."""
 
 
@@ -216,9 +220,6 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
     name = table.get("name", "robot")
     if not isinstance(name, str):
         raise ConfigError(f"name = {format_value(name)}: it must be a text")
-    tophats = _parse_named(table, "tophat", TophatConfig, "analog")
-    servos = _parse_named(table, "servo", ServoConfig, "port")
-    mechanisms = _parse_named(table, "mechanism", MechanismConfig, "motor")
     return RobotConfig(
         name=name,
         **{key: section(kind, table.get(key, {}), key) for key, kind in _SINGLE.items()},
@@ -226,9 +227,10 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
             _motor_port(key): section(MotorConfig, entry, f"motor.{key}")
             for key, entry in subtable(table, "motor", "").items()
         },
-        tophats=tophats,
-        servos=servos,
-        mechanisms=mechanisms,
+        tophats=_parse_named(table, "tophat", TophatConfig, "analog"),
+        bumpers=_parse_named(table, "bumper", BumperConfig, "digital"),
+        servos=_parse_named(table, "servo", ServoConfig, "port"),
+        mechanisms=_parse_named(table, "mechanism", MechanismConfig, "motor"),
         model=parse_model(subtable(table, "model", "")),
     )
 
@@ -237,6 +239,7 @@ _SECTION_NOTES = {
     "body": "  # the box around the wheels, for the walls of the simulator",
     "motor.0": "  # one section a motor port, 0 to 3",
     "tophat.front": "  # one section a tophat, by any name",
+    "bumper.front": "  # one section a switch that walls and objects press, by any name",
     "servo.claw": "  # one section a servo, by any name",
     "mechanism.arm": "  # one section a motor that moves something else than the robot, by any name",
     "model.motor": "  # both motors; [model.motor.left] and [model.motor.right] override it",
@@ -273,7 +276,7 @@ def _motor_port(key: str) -> int:
 def template() -> str:
     """A `robot.toml` with every key, its default, unit, bounds and meaning; all commented out.
 
-    So are the headers of what not every robot has: a section is a tophat, a servo or a mechanism.
+    So are the headers of what not every robot has: a section is a tophat, bumper, servo or mechanism.
     """
     sections: tuple[tuple[str, type[Any]], ...] = (
         ("controller", ControllerConfig),
@@ -282,6 +285,7 @@ def template() -> str:
         ("body", BodyConfig),
         ("motor.0", MotorConfig),
         ("tophat.front", TophatConfig),
+        ("bumper.front", BumperConfig),
         ("servo.claw", ServoConfig),
         ("mechanism.arm", MechanismConfig),
         ("motion", MotionConfig),
@@ -290,7 +294,7 @@ def template() -> str:
     lines = ['# name = "robot"']
     for name, kind in sections:
         header = f"[{name}]{_SECTION_NOTES.get(name, '')}"
-        owned = kind in (TophatConfig, ServoConfig, MechanismConfig)
+        owned = kind in (TophatConfig, BumperConfig, ServoConfig, MechanismConfig)
         lines += ["", f"# {header}; uncomment this with its keys" if owned else header]
         lines += [template_line(each) for each in fields(kind)]
     return "\n".join(lines) + "\n"

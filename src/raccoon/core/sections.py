@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS, SERVO_PULSE_US
+from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, MOTOR_PORTS, SERVO_PORTS, SERVO_PULSE_US
 from raccoon.core.schema import (
     BATTERY_VOLTAGE,
     Bounds,
@@ -150,6 +150,49 @@ class TophatConfig:
     analog: int = port(0, "analog port", ANALOG_PORTS)
     forward: float = number(0.11, "m", "ahead of the wheel axis", Bounds(-1.0, 1.0))
     left: float = number(0.0, "m", "to the left of the middle", Bounds(-1.0, 1.0))
+
+
+BOX_SIDES = ("front", "back", "left", "right")
+"""Of the box that a robot is."""
+PART_END = Bounds(-1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class BumperConfig:
+    """`[bumper.NAME]`: one switch, and the part of the box whose touch closes it in simulation."""
+
+    digital: int = port(0, "digital port", DIGITAL_PORTS)
+    side: str = word("front", "of [body], that presses it in simulation", BOX_SIDES)
+    begin: Measured | None = optional(
+        "m",
+        "where the part that presses it begins: left of the middle (below 0: right of it); on the left and"
+        " right side ahead of the wheel axis; where the side begins when absent",
+        PART_END,
+    )
+    end: Measured | None = optional("m", "where it ends, likewise", PART_END)
+
+    def __post_init__(self) -> None:
+        low, high = self.part
+        if low >= high:
+            raise ConfigError(f"begin = {low:g}: it must be below end = {high:g}")
+
+    @property
+    def part(self) -> tuple[float, float]:
+        """m along its side, to the left or ahead, from where to where it is pressed."""
+        begin, end = self.begin, self.end
+        return -math.inf if begin is None else begin.value, math.inf if end is None else end.value
+
+    def check_on(self, body: BodyConfig, where: str) -> None:
+        """Raise ConfigError where nothing of this side of the box can press it."""
+        half = 0.5 * body.width
+        side_low, side_high = (-half, half) if self.side in ("front", "back") else (-body.back, body.front)
+        low, high = self.part
+        if low >= side_high or high <= side_low:
+            key, value = ("begin", low) if low >= side_high else ("end", high)
+            raise ConfigError(
+                f"{where}.{key} = {value:g}: the part is beyond the {self.side} side of [body], which goes"
+                f" from {side_low:g} to {side_high:g} m"
+            )
 
 
 PULSE_BOUNDS = Bounds(float(SERVO_PULSE_US[0]), float(SERVO_PULSE_US[1]))

@@ -21,6 +21,7 @@ from raccoon.sim.plant.free_motor import FreeMotor
 from raccoon.sim.plant.quantities import Plant
 from raccoon.sim.plant.stepped import Steps
 from raccoon.sim.tophats import Tophat
+from raccoon.sim.world.bumpers import Bumpers
 from raccoon.sim.world.contact import NO_SLIP, Contact, with_pose
 from raccoon.sim.world.table import World
 
@@ -51,6 +52,7 @@ class SimulatedPlant:
         self._signs = wiring_signs(parameters)
         self._world = replace(World.default(), walls=()) if world is None else world
         self._tophats = [Tophat(each, parameters) for each in robot.tophats.values()]
+        self._bumpers = Bumpers(robot.bumpers.values(), self._world, robot.body)
         self._state = state_at_rest(self._numbers)
         self._steps = Steps()
         self._contact = Contact(self._world, robot.body, self._numbers, LONGEST_STEP_S, (0.0, 0.0, 0.0))
@@ -113,6 +115,7 @@ class SimulatedPlant:
             gyro=(0.0, pitch_rate, turn_rate),
             accel=specific_force(change, speed, turn_rate, lean),
             analog=self._analog(),
+            digital=self._bumpers.digital(self.pose),
             button=self.button or self.bystander.button is True,
         )
 

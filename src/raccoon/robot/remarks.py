@@ -237,7 +237,7 @@ class EndlessRemark:
         if self._robot.time > self._due:
             self._due = math.inf
             simulated = self._robot.config.controller.port not in REAL_CONTROLLERS
-            waits = " (in simulation nobody presses a switch)" if simulated else ""
+            waits = " (in simulation only what touches a [bumper] presses a switch)" if simulated else ""
             lasts = f"{self._label} has gone on for {ENDLESS_AFTER_S:g} s and nothing has ended it"
             add_remark(self._robot, f"{lasts}: append {self._append}{waits}")
 

@@ -10,7 +10,6 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import (
-    DIGITAL_PORTS,
     MOTOR_PORTS,
     SIMULATOR,
     STOP,
@@ -33,6 +32,7 @@ from raccoon.sim.plant.sensing import period_of
 from raccoon.sim.robot import SimulatedRobot, bridge_commands
 from raccoon.sim.tophats import Tophat
 from raccoon.sim.words import AnalogConverter, Imu, NormalNumbers
+from raccoon.sim.world.bumpers import Bumpers
 from raccoon.sim.world.table import World
 
 
@@ -93,6 +93,7 @@ class SimPort:
             for each in config.mechanisms.values()
         }
         """The motors of the mechanisms by port."""
+        self._bumpers = Bumpers(config.bumpers.values(), self._world, parameters.robot.body)
         self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz, lag)
         tophats = [Tophat(each, parameters) for each in config.tophats.values()]
         self.bystander = SimulatedBystander()
@@ -154,7 +155,7 @@ class SimPort:
             gyro=imu[0] if imu else None,
             accel=imu[1] if imu else None,
             analog=analog,
-            digital=(False,) * DIGITAL_PORTS,
+            digital=self._bumpers.digital(pose),
             battery=self._converter.battery(state.battery),
             truth=Truth(*pose, surface) if self._truth else None,
             extra=None if button is None else {"button": float(button)},

@@ -101,6 +101,7 @@ def robot_table(config: RobotConfig) -> dict[str, Any]:
         "body": _plain(config.body),
         "motor": {str(port): _plain(motor) for port, motor in config.motors.items()},
         "tophat": {name: _plain(tophat) for name, tophat in config.tophats.items()},
+        "bumper": {name: _plain(bumper) for name, bumper in config.bumpers.items()},
         "servo": {name: _plain(servo) for name, servo in config.servos.items()},
         "mechanism": {name: _plain(mechanism) for name, mechanism in config.mechanisms.items()},
         "motion": _plain(config.motion),

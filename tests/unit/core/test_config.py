@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from raccoon.core.config import (
+    BumperConfig,
     DriveConfig,
     Measured,
     MechanismConfig,
@@ -150,6 +151,21 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
             r"servo.claw.lowest_us = 2000: it must be below highest_us = 1000",
         ),
         ("[servo.a]\n[servo.b]", r"servo.b.port = 0: the port is taken by servo.a"),
+        ("[bumper.a]\n[bumper.b]", r"bumper.b.digital = 0: the port is taken by bumper.a"),
+        ("[bumper.a]\ndigital = 10", r"bumper.a.digital = 10: allowed are the ports 0 to 9"),
+        (
+            '[bumper.a]\nside = "top"',
+            r"bumper.a.side = 'top': allowed is front \| back \| left \| right$",
+        ),
+        ("[bumper.a]\nbegin = 0.05\nend = -0.05", r"bumper.a.begin = 0.05: it must be below end = -0.05$"),
+        (
+            "[bumper.a]\nend = -0.1",
+            r"bumper.a.end = -0.1: the part is beyond the front side of \[body\], which goes from -0.09 to",
+        ),
+        (
+            '[body]\nfront = 0.2\n[bumper.a]\nside = "left"\nbegin = 0.21',
+            r"bumper.a.begin = 0.21: the part is beyond the left side of \[body\], .* from -0.09 to 0.2 m$",
+        ),
         ("[mechanism.arm]\nmotor = 1", r"mechanism.arm.motor = 1: the drive is on that port"),
         ("[mechanism.a]\n[mechanism.b]", r"mechanism.b.motor = 2: the port is taken by mechanism.a"),
         ("name = ", r"not a TOML file"),
@@ -249,6 +265,7 @@ def test_the_template_is_the_default_robot_and_names_every_key(tmp_path: Path) -
     assert load_robot(write(tmp_path, switched_on)) == RobotConfig(
         motors={0: MotorConfig()},
         tophats={"front": TophatConfig()},
+        bumpers={"front": BumperConfig()},
         servos={"claw": ServoConfig()},
         mechanisms={"arm": MechanismConfig()},
     )

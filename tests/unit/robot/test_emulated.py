@@ -21,7 +21,7 @@ from raccoon import (
     wait,
 )
 from raccoon.core.clock import SteppedClock
-from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.config import BumperConfig, Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Fault, Inputs, Outputs, Status
 from raccoon.hal.wombat.emulator import COAST, Drive, Emulator, Firmware, PlantState
@@ -60,10 +60,12 @@ def test_the_right_wheel_alone_turns_left() -> None:
 
 def test_walls_and_ramps_of_a_table_that_is_handed_in_count() -> None:
     """As on the simulator's own port: a program ended 0.4 m behind the wall that it drove at."""
-    plant = SimulatedPlant(Parameters.from_robot(RobotConfig()), World.default())
+    bumpers = {"front": BumperConfig(3), "back": BumperConfig(9, "back")}
+    plant = SimulatedPlant(Parameters.from_robot(RobotConfig(bumpers=bumpers)), World.default())
     for _ in range(300):
-        plant.advance(0.01, (-0.8, -0.8, None, None))
+        state = plant.advance(0.01, (-0.8, -0.8, None, None))
     assert plant.pose[0] == pytest.approx(-0.3 + 0.09, abs=5e-4)
+    assert [port for port, closed in enumerate(state.digital) if closed] == [9]
     steep = Ramp(Box((-1.0, -1.0), (1.0, 1.0)), along_x=0.5)
     plant = SimulatedPlant(Parameters.from_robot(RobotConfig()), replace(World.empty(), ramps=(steep,)))
     for _ in range(100):

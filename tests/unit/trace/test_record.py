@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.config import BumperConfig, Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.readings import SI_WORDS, SIMULATOR, Fault, Inputs, Outputs, Truth
 from raccoon.trace.format import read_trace
 from raccoon.trace.record import RecordingPort, recording_paths
@@ -97,6 +97,7 @@ def test_header_keeps_robot_seed_and_port(tmp_path: Path) -> None:
         "drumbot",
         motors={1: MotorConfig(inverted=True, radians_per_tick=fitted)},
         tophats={"front_left": TophatConfig(2, 0.1, 0.02)},
+        bumpers={"back": BumperConfig(4, "back", end=Measured(-0.03))},
     )
     port = RecordingPort(ScriptedPort([]), tmp_path / "run", config=config, seed=11, revision="abc123")
     port.close()

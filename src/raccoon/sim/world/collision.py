@@ -54,11 +54,15 @@ class Obstacles:
 
     def touches(self, pose: Pose) -> list[Touch]:
         """Every point at which a robot that stands there overlaps something."""
+        return [touch for touches in self.touches_by_obstacle(pose) for touch in touches]
+
+    def touches_by_obstacle(self, pose: Pose) -> list[list[Touch]]:
+        """The same points, of each wall and each object that it overlaps."""
         x, y, heading = pose
         if self.is_far(x, y):
             return []
         cosine, sine = math.cos(heading), math.sin(heading)
-        found: list[Touch] = []
+        found: list[list[Touch]] = []
         nearest = math.inf
         for wall in self._walls:
             gap = _distance(wall, x, y) - self._reach
@@ -66,12 +70,13 @@ class Obstacles:
             if gap < 0.0:
                 start = _seen(wall[0] - x, wall[1] - y, cosine, sine)
                 end = _seen(wall[2] - x, wall[3] - y, cosine, sine)
-                found += self._against_wall(start, end)
+                found.append(list(self._against_wall(start, end)))
         for centre_x, centre_y, radius in self._objects:
             gap = math.hypot(centre_x - x, centre_y - y) - radius - self._reach
             nearest = min(nearest, gap)
             if gap < 0.0:
-                found += self._against_disc(_seen(centre_x - x, centre_y - y, cosine, sine), radius)
+                centre = _seen(centre_x - x, centre_y - y, cosine, sine)
+                found.append(list(self._against_disc(centre, radius)))
         self._x, self._y, self._clearance = x, y, nearest
         return found
 
