@@ -64,7 +64,7 @@ def _examine(
     report.add(
         *sensors.imu_findings(config, rest),
         *sensors.analog_findings(config, rest),
-        sensors.button_findings(rest),
+        sensors.button_findings(rest, config.bumpers),
     )
     at_rest = len(running.cycles)
     if move:

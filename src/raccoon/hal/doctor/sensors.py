@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import BumperConfig, RobotConfig
 from raccoon.core.readings import (
     ANALOG_BOTTOM,
     ANALOG_PORTS,
@@ -163,13 +163,14 @@ def _find_followed_port(port: int, series: Sequence[Sequence[float]], noise: flo
     return None
 
 
-def button_findings(rest: Sequence[Inputs]) -> Finding:
-    """Which digital ports read pressed; what that means only the team knows."""
+def button_findings(rest: Sequence[Inputs], bumpers: Mapping[str, BumperConfig]) -> Finding:
+    """Which digital ports read pressed, with the names of bumpers; what that means only the team knows."""
     last = rest[-1].digital
     if all(flag is None for flag in last):
         return Finding("digital", Verdict.NOT_CHECKED, "none")
     pressed = [port for port in range(DIGITAL_PORTS) if last[port]]
-    listed = ", ".join(map(str, pressed)) or "none"
+    names = {bumper.digital: f" (bumper {name})" for name, bumper in bumpers.items()}
+    listed = ", ".join(f"{port}{names.get(port, '')}" for port in pressed) or "none"
     return Finding("digital", Verdict.OK, f"pressed: {listed}", values={"pressed": float(len(pressed))})
 
 

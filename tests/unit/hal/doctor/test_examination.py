@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from faulty_robot import FaultyRobot
-from raccoon.core.config import DriveConfig, Measured, MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.config import BumperConfig, DriveConfig, Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, SIMULATOR, STOP, Fault, Inputs
 from raccoon.hal.create import CREATE_2
 from raccoon.hal.doctor import Finding, Report, Verdict, examine
@@ -296,7 +296,8 @@ def test_ticks_of_another_firmware_are_told_and_blame_no_gyro() -> None:
 
 
 def test_pressed_buttons_are_told() -> None:
-    assert examined("digital", pressed=(3, 9)).measured == "pressed: 3, 9"
+    config = replace(ROBOT, bumpers={"front": BumperConfig(digital=9)})
+    assert examined("digital", config, pressed=(3, 9)).measured == "pressed: 3, 9 (bumper front)"
 
 
 def test_a_base_with_encoders_and_no_imu_is_examined_too() -> None:
