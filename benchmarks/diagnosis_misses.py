@@ -45,16 +45,11 @@ from raccoon.diagnose.fit.fitting import fit_point, fit_starts
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
+from raccoon.diagnose.select.fit_comparison import log_evidence_lead
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.rivals import MIN_NET_LEAD, net_lead
 from raccoon.diagnose.select.search import run_search
-from raccoon.diagnose.select.state import (
-    Search,
-    linearise_search,
-    log_evidence_lead,
-    refit_with_final_noise,
-    start_search,
-)
+from raccoon.diagnose.select.state import Search, linearise_search, refit_with_final_noise, start_search
 from raccoon.diagnose.unknown.probes import make_probe_function
 
 if TYPE_CHECKING:

@@ -25,10 +25,11 @@ from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.held_out import evaluate_held_out
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
+from raccoon.diagnose.select.fit_comparison import log_evidence_lead
 from raccoon.diagnose.select.gates import FLOOR_GATE, gate
 from raccoon.diagnose.select.probe_scores import find_best_probe
 from raccoon.diagnose.select.refits import refit_candidates
-from raccoon.diagnose.select.state import Search, log_evidence_lead, refit_with_final_noise, start_search
+from raccoon.diagnose.select.state import Search, refit_with_final_noise, start_search
 from raccoon.diagnose.unknown.probes import make_probe_function
 
 Array = NDArray[np.float64]

@@ -38,8 +38,8 @@ from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.diagnose.select.detection_limits import MIN_VISIBLE_EVIDENCE, format_detection_limit
+from raccoon.diagnose.select.fit_comparison import MAX_EVENT_LEAD
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.state import MAX_EVENT_LEAD
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
 

@@ -14,8 +14,9 @@ from raccoon.diagnose.findings.floor_friction import without_floor_friction
 from raccoon.diagnose.fit.fitting import costs_at
 from raccoon.diagnose.hypotheses.coordinates import Setting, Settings
 from raccoon.diagnose.rollout.encoder_window import WINDOW
+from raccoon.diagnose.select.fit_comparison import block_grams
 from raccoon.diagnose.select.refits import SEVERAL_CAUSES
-from raccoon.diagnose.select.state import Search, block_grams
+from raccoon.diagnose.select.state import Search
 
 Array = NDArray[np.float64]
 

@@ -34,12 +34,13 @@ from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
 from raccoon.diagnose.hypotheses.base_coordinates import LOW_PASS
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.alternative_sets import lead_over_search
+from raccoon.diagnose.select.fit_comparison import log_evidence_lead
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.refits import GYRO_LOW_PASS, equal_lag
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import resume_search, run_search
 from raccoon.diagnose.select.set_scoring import overlaps_none
-from raccoon.diagnose.select.state import Rival, Search, linearise_search, log_evidence_lead
+from raccoon.diagnose.select.state import Rival, Search, linearise_search
 from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import SIDES
@@ -62,8 +63,7 @@ and more it led by 1 to 4, once by 11, of wheels that slip, and by 3 to 24 where
 
 
 def try_lagging_readings(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with a gyro whose chip smooths, or a controller by its own clock as well, where something
-    lags as such readings do and that explains it better.
+    """The search with a gyro whose chip smooths, or also a controller's own clock, where lags fit it better.
 
     The clock comes first: it is how a Wombat works, and need not be ahead before it has been searched under,
     nor by more than the gates of the lags that it takes up. So it is with a gyro that smooths where lags are

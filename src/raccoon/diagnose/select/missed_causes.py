@@ -9,9 +9,10 @@ from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.linear_model import gram_tables
 from raccoon.diagnose.fit.noise_estimation import active_response_rms, form_error_rms
+from raccoon.diagnose.select.fit_comparison import nested_lead
 from raccoon.diagnose.select.gates import MANY_CAUSES, WHEEL_GATE, gate
 from raccoon.diagnose.select.refits import refit_candidates, refit_relinearised
-from raccoon.diagnose.select.state import Search, nested_lead
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import accept_cause
 
 FULL_SET, LEAD_PER_LACKING_CAUSE = 7, 2.0

@@ -11,7 +11,9 @@ from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.fit.linear_model import ColumnGroup
 from raccoon.diagnose.fit.noise_estimation import WANDER_SHARES
 from raccoon.diagnose.fit.wander import wandering_friction_columns
-from raccoon.diagnose.select.state import MAX_EVENT_LEAD, Search, event_excess, screen_groups
+from raccoon.diagnose.select.fit_comparison import MAX_EVENT_LEAD, event_excess
+from raccoon.diagnose.select.screening import screen_groups
+from raccoon.diagnose.select.state import Search
 
 Array = NDArray[np.float64]
 

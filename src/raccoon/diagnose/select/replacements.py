@@ -10,9 +10,10 @@ from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.alternative_sets import find_better_set
+from raccoon.diagnose.select.fit_comparison import log_evidence_lead
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES, both_signs, may_miss_causes
-from raccoon.diagnose.select.state import Search, log_evidence_lead
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import (
     accept_cause,
     drop_cause,

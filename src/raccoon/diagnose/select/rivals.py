@@ -13,11 +13,12 @@ from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import cost_with_last_held, fit_point, fit_starts, fit_with_frozen_columns
 from raccoon.diagnose.fit.linear_model import ColumnGroup
 from raccoon.diagnose.fit.problem import Point
+from raccoon.diagnose.select.fit_comparison import log_evidence_lead
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, MANY_CAUSES, log_odds_against_another, total_gate
 from raccoon.diagnose.select.one_way_drives import one_way_equivalents
 from raccoon.diagnose.select.refits import GYRO_LOW_PASS, delay_same_reading, first_guess, split_lags
 from raccoon.diagnose.select.set_scoring import SetScorer, overlaps_none
-from raccoon.diagnose.select.state import Rival, Search, log_evidence_lead
+from raccoon.diagnose.select.state import Rival, Search
 from raccoon.diagnose.select.twins import fit_twins
 
 Array = NDArray[np.float64]

@@ -9,6 +9,7 @@ from raccoon.core.progress import report
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point
+from raccoon.diagnose.select.fit_comparison import HeldOutPrediction, held_out_lead, log_evidence_lead
 from raccoon.diagnose.select.gates import MANY_CAUSES, gate
 from raccoon.diagnose.select.probe_scores import ProbeScore, find_best_probe
 from raccoon.diagnose.select.refits import (
@@ -20,7 +21,7 @@ from raccoon.diagnose.select.refits import (
 )
 from raccoon.diagnose.select.replacements import merge_sides, replace_by_better_sets, simplify_to_one_cause
 from raccoon.diagnose.select.rivals import compare_rivals, mark_as_likely
-from raccoon.diagnose.select.state import HeldOutPrediction, Search, held_out_lead, log_evidence_lead
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import (
     EXPLAINED_BETTER_TOGETHER,
     accept_cause,

@@ -8,8 +8,9 @@ from raccoon.diagnose.fit.backlash_scan import fit_with_backlash_scan
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_point, fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import Point
+from raccoon.diagnose.select.fit_comparison import log_evidence_lead
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
-from raccoon.diagnose.select.state import Rival, Search, linearise_search, log_evidence_lead
+from raccoon.diagnose.select.state import Rival, Search, linearise_search
 
 EXPLAINED_BETTER_TOGETHER = "others explain it better together"
 """Reason of a rejection: the other causes explain together what this one did."""

@@ -8,8 +8,9 @@ from raccoon.diagnose.fit.backlash_scan import active_backlash
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Point
+from raccoon.diagnose.select.fit_comparison import nested_lead
 from raccoon.diagnose.select.search import required_evidence
-from raccoon.diagnose.select.state import Search, nested_lead
+from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import refit_current
 
 MAX_DOUBTED_EXCESS = 25.0

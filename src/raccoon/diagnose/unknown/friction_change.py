@@ -8,9 +8,10 @@ from dataclasses import replace
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.linear_model import LinearModel
 from raccoon.diagnose.result import Diagnosis
+from raccoon.diagnose.select.fit_comparison import log_evidence_lead
 from raccoon.diagnose.select.gates import CROWDED_CAUSES
 from raccoon.diagnose.select.probe_scores import find_best_probe
-from raccoon.diagnose.select.state import Search, linearise_search, log_evidence_lead
+from raccoon.diagnose.select.state import Search, linearise_search
 from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME, make_probe_function
 from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX, Probe
 

@@ -35,6 +35,12 @@ from raccoon.diagnose.select.alternative_sets import (
     _with_all_nearly_linear,
 )
 from raccoon.diagnose.select.detection_limits import format_detection_limit
+from raccoon.diagnose.select.fit_comparison import (
+    MAX_EVENT_LEAD,
+    HeldOutPrediction,
+    held_out_lead,
+    log_evidence_lead,
+)
 from raccoon.diagnose.select.gates import (
     EVIDENCE_GATE,
     LONE_GATE,
@@ -43,6 +49,7 @@ from raccoon.diagnose.select.gates import (
     log_odds_against_another,
     total_gate,
 )
+from raccoon.diagnose.select.screening import screen_groups
 from raccoon.diagnose.select.search import (
     EXPLAINS_NOTHING,
     HELD_OUT_EXEMPT_LEAD,
@@ -52,16 +59,7 @@ from raccoon.diagnose.select.search import (
     reconsider_unknown,
     select_forward,
 )
-from raccoon.diagnose.select.state import (
-    MAX_EVENT_LEAD,
-    HeldOutPrediction,
-    Rival,
-    held_out_lead,
-    log_evidence_lead,
-    refit_with_final_noise,
-    screen_groups,
-    start_search,
-)
+from raccoon.diagnose.select.state import Rival, refit_with_final_noise, start_search
 from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.sim.effects.effect import Parameter, effect
 from unit.diagnose.searches import search_at, searched

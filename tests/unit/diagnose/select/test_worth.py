@@ -9,7 +9,7 @@ import pytest
 
 from raccoon.diagnose.fit.fit_result import Fit
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.select.state import log_evidence_lead, nested_lead
+from raccoon.diagnose.select.fit_comparison import log_evidence_lead, nested_lead
 
 PLAY, SCALE = "drive.backlash", "bemf.scale@left"
 
