@@ -9,8 +9,8 @@ together. With U = R I + K w at the motor, K I its torque and e = K w what its r
 * both wheels' radius and the track by s: the same turns.
 
 What robot.toml says of them decides. A search by single causes can stop in one such set of numbers where
-another needs a cause less, and no step between the two helps. So each cause that is on is taken back to
-nominal along each of these lines, and what then no longer fits robot.toml is a cause in its place.
+another needs a cause less, and no step between the two helps. So each active cause is taken back to nominal
+along each of these lines, and what then no longer fits robot.toml becomes a cause in its place.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 SymmetryLine = Mapping[tuple[str, str], float]
 
 INERTIA = "drive.inertia"
-"""The cause of both numbers that robot.toml has of it."""
+"""The one cause of both inertias of robot.toml."""
 BACK_EMF_LINE: SymmetryLine = {
     ("motor.back_emf_constant", "factor"): 1.0,
     ("drive.track_width", "factor"): -1.0,
@@ -50,7 +50,7 @@ BACK_EMF_LINE: SymmetryLine = {
     ("drive.slope", "along_y"): 1.0,
     ("drive.backlash", "angle"): -1.0,
 }
-"""Along which K_E of both motors changes."""
+"""The line along which K_E of both motors changes: the power with which each parameter follows."""
 SYMMETRY_LINES: tuple[SymmetryLine, ...] = (
     BACK_EMF_LINE,
     {
@@ -78,13 +78,13 @@ SYMMETRY_LINES: tuple[SymmetryLine, ...] = (
 """Power with which each parameter follows. Friction that differs by direction is counted in parts of a usual
 robot's friction, and so as a torque."""
 MAX_OPEN_STDS = 2.5
-"""Standard deviations of robot.toml up to which a number is left to it, and no cause."""
+"""Standard deviations of robot.toml up to which a deviation stays in the base number and becomes no cause."""
 MIN_LOG_FACTOR, MAX_LOG_FACTOR = 0.01, 0.5
-"""Of the logarithm of the factor along a line: less is the same set, and more no robot."""
+"""Bounds of the logarithm of the factor along a line: less is the same set, and more no plausible robot."""
 
 
 def exact_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
-    """Each cause that is on, and a point without it that is the same drive, for each line that has one."""
+    """Each active cause, and a point without it that is the same drive, for each line that has one."""
     for name in point.active:
         for line in SYMMETRY_LINES:
             factor = _factor_to_nominal(problem, point, name, line)
@@ -97,22 +97,22 @@ def exact_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
 def causes_of_strained_numbers(
     problem: Problem, point: Point, deviations: float
 ) -> Iterator[tuple[str, Point]]:
-    """Each cause that is off and whose numbers are all bent one way by more than that many of robot.toml's
-    standard deviations, and the same drive with the cause on instead."""
+    """Each inactive cause whose base numbers all deviate in one direction by more than that many of
+    robot.toml's standard deviations, and the same drive with the cause active instead."""
     for name, cause in problem.causes.items():
-        own = cause.coordinates
-        if len(own) > 1 or not overlaps_none(name, point.active):
+        if len(cause.coordinates) > 1 or not overlaps_none(name, point.active):
             continue
         indices = _base_indices_of(problem, cause)
-        bent = point.base[indices]
-        if indices and (np.all(bent > deviations) or np.all(bent < -deviations)):
+        strained = point.base[indices]
+        if indices and (np.all(strained > deviations) or np.all(strained < -deviations)):
             base, active = point.base.copy(), dict(point.active)
             _move_mean_to_cause(problem, active, [name], indices, base)
             yield name, problem.inside(Point(base, active))
 
 
 def _base_indices_of(problem: Problem, cause: Cause) -> list[int]:
-    """The base numbers that a cause changes alike: of one wheel, or of both without what each has beyond."""
+    """Indices of the base numbers that a cause changes alike: of its wheel, or those of both wheels without
+    the offsets of each."""
     return [
         index
         for index, each in enumerate(problem.base)
@@ -126,12 +126,12 @@ def _base_indices_of(problem: Problem, cause: Cause) -> list[int]:
 
 
 def move_along_line(problem: Problem, point: Point, line: SymmetryLine, factor: float) -> Point | None:
-    """The same drive, every parameter of a line times the factor to its power. None where what is needed for
-    that is not among the causes.
+    """The same drive with every parameter of a line times the factor to its power. None where a cause that
+    is needed for that is not among the candidates.
 
-    What robot.toml gives stays inside it where it can; otherwise its cause is on. Causes of one side where
-    robot.toml has one number for both stay as they are where they are a factor on it, and follow where they
-    are added.
+    Deviations stay in robot.toml's numbers where they fit; otherwise the number's cause becomes active.
+    Causes of one side where robot.toml has one number for both stay as they are where they are a factor on
+    it, and follow where they are added to it.
     """
     base, active = point.base.copy(), dict(point.active)
     moved: dict[str, list[int]] = {}
@@ -144,8 +144,8 @@ def move_along_line(problem: Problem, point: Point, line: SymmetryLine, factor: 
             moved.setdefault(cause_id_of(each), []).append(index)
     for name, u in point.active.items():
         cause = problem.causes[name]
-        its = {each for index in moved.get(cause.id, ()) for each in _causes_moving(problem, index)}
-        if not its or not (name in its or cause.coordinates[0].factor):
+        movers = {each for index in moved.get(cause.id, ()) for each in _causes_moving(problem, index)}
+        if not movers or not (name in movers or cause.coordinates[0].factor):
             active[name] = _scale_effect(cause, u, line, factor)
     for id_, indices in moved.items():
         if not _share_with_causes(problem, active, id_, indices, base):
@@ -154,7 +154,8 @@ def move_along_line(problem: Problem, point: Point, line: SymmetryLine, factor: 
 
 
 def _factor_to_nominal(problem: Problem, point: Point, name: str, line: SymmetryLine) -> float:
-    """The factor along a line at which what a cause changes is nominal again; 1 where there is none."""
+    """The factor along a line at which the number that a cause changes is nominal again; 1 where there is
+    none."""
     for index, each in enumerate(problem.base):
         power = _exponent(line, each)
         if not power or is_wheel_offset(problem, index) or name not in _causes_moving(problem, index):
@@ -163,30 +164,31 @@ def _factor_to_nominal(problem: Problem, point: Point, name: str, line: Symmetry
         if each.factor:
             return math.exp(-total * math.log(each.value(1.0)) / power)
         nominal = problem.neutral[each.settings[0]]
-        there = nominal + each.value(total)
-        return (nominal / there) ** (1.0 / power) if nominal > 0.0 and there > 0.0 else 1.0
+        current = nominal + each.value(total)
+        return (nominal / current) ** (1.0 / power) if nominal > 0.0 and current > 0.0 else 1.0
     return 1.0
 
 
 def _exponent(line: SymmetryLine, coordinate: Coordinate) -> float:
+    """The power with which a base coordinate follows along a line, 0 where it does not."""
     id_, _, parameter = coordinate.settings[0]
     return line.get((id_, parameter), 0.0)
 
 
 def is_wheel_offset(problem: Problem, index: int) -> bool:
-    """Whether a base coordinate is only what one wheel has beyond a number of both, another coordinate."""
+    """Whether a base coordinate is one wheel's offset from a number of both wheels, which is another one."""
     settings = set(problem.base[index].settings)
     return any(settings < set(each.settings) for each in problem.base)
 
 
 def cause_id_of(coordinate: Coordinate) -> str:
-    """The id of the cause that moves what a base coordinate moves."""
+    """The id of the cause that changes the same number as a base coordinate."""
     id_ = coordinate.settings[0][0]
     return INERTIA if id_ == "inertia" else id_
 
 
 def _causes_moving(problem: Problem, index: int) -> list[str]:
-    """The causes that move all that a base coordinate moves."""
+    """The causes that change all settings that a base coordinate changes."""
     each = problem.base[index]
     places = {place for _, place, _ in each.settings}
     where = next(iter(places)) if len(places) == 1 else None
@@ -198,7 +200,8 @@ def _causes_moving(problem: Problem, index: int) -> list[str]:
 
 
 def total_stds(problem: Problem, point: Point, index: int) -> float:
-    """How far a number is from robot.toml's in all, in its standard deviations."""
+    """Deviation of a number from robot.toml's in all, by base coordinate and causes, in standard
+    deviations."""
     each, total = problem.base[index], float(point.base[index])
     for name in _causes_moving(problem, index):
         if name in point.active:
@@ -207,14 +210,14 @@ def total_stds(problem: Problem, point: Point, index: int) -> float:
 
 
 def _in_base_units(base: Coordinate, cause: Coordinate, u: float) -> float:
-    """A cause's coordinate in the units of a base coordinate."""
+    """A cause's coordinate u converted to the units of a base coordinate."""
     if base.factor:
         return math.log(cause.value(u)) / math.log(base.value(1.0))
     return (cause.from_zero * u if cause.factor else cause.value(u)) / base.value(1.0)
 
 
 def _multiply_number(problem: Problem, each: Coordinate, total: float, factor: float) -> float:
-    """Where a base coordinate is when its number is that many times what it was."""
+    """The base coordinate at which a number is `factor` times what it is at `total`."""
     if each.factor:
         return total + math.log(factor) / math.log(each.value(1.0))
     nominal = problem.neutral[each.settings[0]]
@@ -222,8 +225,8 @@ def _multiply_number(problem: Problem, each: Coordinate, total: float, factor: f
 
 
 def _scale_effect(cause: Cause, u: Array, line: SymmetryLine, factor: float) -> Array:
-    """Coordinates of an effect that a textbook robot has none of, its size times a factor to its power, and
-    so its shape."""
+    """Coordinates of an effect that the nominal robot lacks, its parameters times the factor to their
+    powers."""
     sizes = [factor ** line.get((cause.id, each.name), 0.0) for each in cause.effect.parameters]
     if cause.id == "motor.current_limit":  # counted by its inverse
         return np.asarray(u / sizes[0], float)
@@ -238,31 +241,32 @@ def _scale_effect(cause: Cause, u: Array, line: SymmetryLine, factor: float) -> 
 def _share_with_causes(
     problem: Problem, active: dict[str, Array], id_: str, indices: Sequence[int], base: Array
 ) -> bool:
-    """Share what numbers of one effect are off by between robot.toml's deviations and a cause; whether the
-    cause that is needed is one that is asked for."""
+    """Share the deviations of one effect's numbers between base coordinates and causes, in place; whether a
+    cause that is needed for it is among the candidates."""
     for index in indices:
         for name in _causes_moving(problem, index):
             active.pop(name, None)
-    off = [index for index in indices if abs(base[index]) > MAX_OPEN_STDS]
-    if not off:
+    deviating = [index for index in indices if abs(base[index]) > MAX_OPEN_STDS]
+    if not deviating:
         return True
-    alone = len(indices) > 1 and (len(off) == 1 or np.ptp(base[indices]) > 2.0 * MAX_OPEN_STDS)
-    if alone and id_ != INERTIA:
+    differ = len(indices) > 1 and (len(deviating) == 1 or np.ptp(base[indices]) > 2.0 * MAX_OPEN_STDS)
+    if differ and id_ != INERTIA:
         return all(
             _move_mean_to_cause(problem, active, _causes_moving(problem, each)[-1:], [each], base)
-            for each in off
+            for each in deviating
         )
-    return _move_mean_to_cause(problem, active, _causes_moving(problem, off[0])[:1], indices, base)
+    return _move_mean_to_cause(problem, active, _causes_moving(problem, deviating[0])[:1], indices, base)
 
 
 def _move_mean_to_cause(
     problem: Problem, active: dict[str, Array], names: Sequence[str], indices: Sequence[int], base: Array
 ) -> bool:
-    """Put what these have in common into the first of the causes."""
+    """Move the mean deviation of these base numbers into the first of the causes, in place; False where there
+    is no cause."""
     if not names:
         return False
-    own = problem.causes[names[0]].coordinates[0]
-    widths = np.array([_in_base_units(problem.base[index], own, 1.0) for index in indices])
+    coordinate = problem.causes[names[0]].coordinates[0]
+    widths = np.array([_in_base_units(problem.base[index], coordinate, 1.0) for index in indices])
     common = float(np.mean(base[list(indices)] / widths))
     active[names[0]] = np.array([common])
     base[list(indices)] -= common * widths

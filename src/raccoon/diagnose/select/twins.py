@@ -1,8 +1,8 @@
-"""The likely ones of the sets of causes that are the same drive in other numbers, fitted.
+"""Twins: sets of causes that are the same drive in other numbers; the likely ones are fitted.
 
 Beside the lines of `symmetry` there is one that may be nearly the same drive. A gear that loses a share l of
-its torque is one that loses none, with 1 / (1 - l) times the inertia and the friction, as long as its motor
-drives it or coasts; only where the motor brakes it differs.
+its torque acts as one that loses none, with 1 / (1 - l) times the inertia and the friction, as long as its
+motor drives it or coasts; only where the motor brakes it differs.
 """
 
 from __future__ import annotations
@@ -31,39 +31,39 @@ from raccoon.diagnose.select.symmetry import (
 )
 
 MAX_TWIN_DEFICIT = 20.0
-"""Log evidence, less the gates, that one may lack before it is fitted: one lacked 12 and led by 15 then."""
+"""Log evidence, less the gates, that a twin may lack to be fitted: one lacked 12 and then led by 15."""
 MAX_TWINS = 4
-"""That are fitted, of those that are the same drive."""
+"""Most exact twins that are fitted."""
 GEAR_LOSS = "friction.load_dependent"
 _ELECTRICAL = ("motor.armature_resistance", "battery.", "motor.heating", "motor.current_limit")
 GEAR_LOSS_LINE: SymmetryLine = {
     key: -power for key, power in SYMMETRY_LINES[1].items() if not key[0].startswith(_ELECTRICAL)
 }
-"""Along which all that a motor has to move changes, and what it has for that stays."""
+"""The line along which everything that a motor has to move changes, and its torque stays."""
 
 
 def fit_twins(search: Search) -> list[tuple[str, Fit]]:
-    """Each cause that a likely twin does without, and that twin fitted: with other base numbers its columns
-    are others, and simulated anew."""
+    """Each cause that a likely twin does without, and the twin's fit. Its columns are simulated anew, since
+    its base numbers are others."""
     twins = find_likely_twins(search.problem, search.fit.point)
     fits = fit_starts(search.problem, search.whitener, [point for _, point in twins], 4)
     return [(name, fit) for (name, _), fit in zip(twins, fits, strict=True)]
 
 
 def find_likely_twins(problem: Problem, point: Point) -> list[tuple[str, Point]]:
-    """Of the same drives those that are not much less likely, the likeliest first. The misfit is the same, so
-    robot.toml and the gates decide."""
+    """The twins of a point that are not much less likely, likeliest first, each with the cause that it does
+    without. The misfit is the same, so the priors and the gates decide."""
 
-    def worth(each: Point) -> float:
+    def log_prior(each: Point) -> float:
         vector = each.vector()
         return -0.5 * float(vector @ vector) - total_gate(each.active)
 
-    def likeliest(drives: Iterator[tuple[str, Point]], most: int) -> list[tuple[str, Point]]:
-        found = [(worth(other) - now, name, other) for name, other in drives]
+    def likeliest(drives: Iterator[tuple[str, Point]], max_count: int) -> list[tuple[str, Point]]:
+        found = [(log_prior(other) - current, name, other) for name, other in drives]
         found.sort(key=lambda each: -each[0])
-        return [(name, other) for lead, name, other in found[:most] if lead > -MAX_TWIN_DEFICIT]
+        return [(name, other) for lead, name, other in found[:max_count] if lead > -MAX_TWIN_DEFICIT]
 
-    now = worth(point)
+    current = log_prior(point)
     return [
         *likeliest(exact_twins(problem, point), MAX_TWINS),
         *likeliest(_approximate_twins(problem, point), 1),
@@ -71,7 +71,8 @@ def find_likely_twins(problem: Problem, point: Point) -> list[tuple[str, Point]]
 
 
 def _approximate_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
-    """Each cause that is on, and a point without it, with other gears, that may nearly be the same drive."""
+    """Each active cause, and a point without it and with other gear losses that may nearly be the same
+    drive."""
     drives = [(name, point) for name in point.active] + list(exact_twins(problem, point))
     for name, drive in drives:
         other = gear_loss_twin(problem, drive)
@@ -80,8 +81,8 @@ def _approximate_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Po
 
 
 def gear_loss_twin(problem: Problem, point: Point) -> Point | None:
-    """Nearly the same drive with gears that lose as much torque as makes the inertia that of robot.toml, or
-    with none that do where there are some; None where there is no such drive."""
+    """Nearly the same drive with the gear loss that makes the inertia that of robot.toml, or, where there is
+    a gear loss, without it; None where there is no such drive."""
     cause, u = problem.causes.get(GEAR_LOSS), point.active.get(GEAR_LOSS)
     inertias = [index for index, each in enumerate(problem.base) if cause_id_of(each) == INERTIA]
     if cause is None or not inertias or not (u is not None or overlaps_none(GEAR_LOSS, point.active)):
@@ -91,8 +92,10 @@ def gear_loss_twin(problem: Problem, point: Point) -> Point | None:
         factor = 1.0 / (1.0 - own.value(float(u[0])))
         point = point.without_cause(GEAR_LOSS)
     else:
-        bent = [math.log(problem.base[each].value(total_stds(problem, point, each))) for each in inertias]
-        factor = math.exp(-float(np.mean(bent)))
+        log_factors = [
+            math.log(problem.base[each].value(total_stds(problem, point, each))) for each in inertias
+        ]
+        factor = math.exp(-float(np.mean(log_factors)))
     if not MIN_LOG_FACTOR < abs(math.log(factor)) < MAX_LOG_FACTOR or (u is None and factor > 1.0):
         return None
     other = move_along_line(problem, point, GEAR_LOSS_LINE, factor)

@@ -106,7 +106,7 @@ def test_what_no_reading_shows_is_no_rival(problem: Problem, size: float) -> Non
     whole = np.array([[1.0, 0.0, size], [0.0, 1.0, 0.0], [size, 0.0, size**2]])
     group = SimpleNamespace(name=other, one_sided=False, start=(), points=((1.0,),))
     table = SimpleNamespace(
-        gram=SimpleNamespace(matrix=whole), active={name: slice(0, 2)}, off=[(group, [2])]
+        gram=SimpleNamespace(matrix=whole), active={name: slice(0, 2)}, inactive=[(group, [2])]
     )
     point = problem.nominal().with_cause(name, np.array([0.8, 0.0]))
     search: Any = SimpleNamespace(problem=problem, table=table, fit=SimpleNamespace(point=point))

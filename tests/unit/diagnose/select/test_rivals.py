@@ -153,7 +153,7 @@ def test_a_quarter_of_a_lag_may_be_anothers_where_it_costs_two_deviations(
     search = searched(problem, late, late)
     search.rivals = {"imu.latency": []}
     monkeypatch.setattr(rivals, "cost_with_last_held", lambda *_: search.fit.cost + more)
-    found = [(name, other, lacks) for name, other, _, lacks in rivals._lag_sums(search, search.fit)]
+    found = [(name, other, lacks) for name, other, _, lacks in rivals._split_lag_deficits(search, search.fit)]
     assert [each[:2] for each in found] == [("imu.latency", "drive.wheel_slip")] * beside
     assert [lacks for *_, lacks in found] == pytest.approx([0.5 * more] * beside)
 
