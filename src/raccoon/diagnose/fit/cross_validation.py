@@ -1,4 +1,4 @@
-"""The error with which each half second is foreseen by a fit of all the others."""
+"""Held-out errors: those with which each half second is predicted by a fit of all the others."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ Array = NDArray[np.float64]
 MIN_DIRECTION_VARIANCE = 0.02
 """Variance, in units of the noise, below which a direction is left out: it would change nothing."""
 MIN_HELD_OUT_SHARE = 0.003
-"""Part of a direction's variance that noise must make for other half seconds to foresee it."""
+"""Share of a direction's variance below which other half seconds say too little of it to predict it."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingPart:
-    """A part of a recording: what may differ in all of it, and what wanders in this part alone.
+    """A part of a recording, with directions that the whole recording shares and directions that wander in
+    this part alone.
 
-    white (columns, rows), goal (rows,): whitened columns of what wanders, which are so many, then of what may
-    differ, and the target. columns (columns, bins, channels), target (bins, channels): before whitening.
+    white (columns, rows), goal (rows,): whitened columns, those of the `slow` wandering directions first, and
+    the whitened target. columns (columns, bins, channels), target (bins, channels): before whitening.
     """
 
     columns: Array
@@ -42,45 +43,45 @@ class RecordingPart:
         return cls(columns, rows, target, flat, Gram.of(rows.T, flat), slow)
 
     def scaled(self, wander: float) -> Gram:
-        """Its products, for what wanders with that standard deviation."""
+        """Its inner products, for wandering directions of that standard deviation."""
         return self.gram.scaled(np.repeat([wander, 1.0], [self.slow, len(self.columns) - self.slow]))
 
 
 def log_evidence_of_wander(parts: Sequence[RecordingPart], wander: float) -> float:
-    """Log evidence of all columns, of what wanders with that standard deviation and of the others with 1."""
+    """Log evidence of all columns, for a standard deviation `wander` of the wandering ones and 1 of
+    others."""
     grams = [each.scaled(wander) for each in parts]
     alone = sum(gram.take(range(each.slow)).evidence() for gram, each in zip(grams, parts, strict=True))
     return alone + reduce(add, map(Gram.eliminate_leading, grams, (each.slow for each in parts))).evidence()
 
 
 def held_out_error(parts: Sequence[RecordingPart], sizes: Array, wander: float, event: int) -> Array:
-    """What was measured less what columns fitted to all other half seconds make of each half second, (bins,
-    channels).
+    """Error of the prediction of each half second by columns fitted to all others, (bins, channels).
 
-    sizes (known,), wander: standard deviations of the priors of what may differ in the whole recording, and
-    of what wanders. To a part the others say of the former no more than a mean and a covariance (what wanders
-    is eliminated there), which are its prior. event: bins in half a second; parts are of whole ones.
+    sizes (known,), wander: standard deviations of the priors of the shared and of the wandering directions.
+    To a part all other parts amount to a mean and a covariance of the shared directions (their wandering ones
+    are eliminated), which are its prior. event: bins in half a second; parts consist of whole ones.
     """
-    said = [each.scaled(wander).eliminate_leading(each.slow) for each in parts]
+    shared = [each.scaled(wander).eliminate_leading(each.slow) for each in parts]
     errors = []
     for number, part in enumerate(parts):
-        others = [*said[:number], *said[number + 1 :]]  # less one of the sum of all would lose digits
+        others = [*shared[:number], *shared[number + 1 :]]  # subtracting from a total would lose digits
         covariance = np.linalg.inv(sum((each.matrix for each in others), np.diag(1.0 / sizes**2)))
-        pulled = sum((each.projection for each in others), np.zeros(len(sizes)))
+        projection = sum((each.projection for each in others), np.zeros(len(sizes)))
         prior = np.zeros((len(part.columns),) * 2)
         prior[: part.slow, : part.slow] = wander * np.eye(part.slow)
         prior[part.slow :, part.slow :] = np.linalg.cholesky(0.5 * (covariance + covariance.T))
         mean = np.zeros(len(prior))
-        mean[part.slow :] = covariance @ pulled
+        mean[part.slow :] = covariance @ projection
         errors.append(_held_out_error_of_part(part, prior, mean, event))
     return np.concatenate(errors)
 
 
 def _held_out_error_of_part(part: RecordingPart, prior: Array, expected: Array, event: int) -> Array:
-    """The same of a part, for a prior of that mean and of the covariance S = prior prior'.
+    """`held_out_error` of one part, for a prior with mean `expected` and covariance S = prior prior'.
 
-    The fit's mean is m = C X' y, C = (S^-1 + X' X)^-1, y without what the prior's mean makes of it. Leaving
-    rows b out moves it to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury).
+    The fit's mean is m = C X' y, C = (S^-1 + X' X)^-1, y less the prior mean's prediction. Leaving rows b out
+    moves it to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury).
     """
     powers, vectors = np.linalg.eigh(prior.T @ part.gram.matrix @ prior)
     strong = powers > MIN_DIRECTION_VARIANCE
@@ -101,20 +102,20 @@ def _held_out_error_of_part(part: RecordingPart, prior: Array, expected: Array, 
 
 
 def _influence(part: Array, rest: Array) -> Array:
-    """P (1 - P' P)^-1 times the rest of a half second, P (directions, rows) with P' P = X_b C X_b', where the
-    other half seconds say anything: by as many equations as there are rows, or directions if these are fewer,
-    since it is (1 - P P')^-1 P as well.
+    """P (1 - P' P)^-1 times the residual of a half second, P (directions, rows) with P' P = X_b C X_b':
+    solved in rows or in directions, whichever are fewer, since it is (1 - P P')^-1 P as well.
 
-    A direction that only this half second shows is not foreseen by the others at all. A wheel that slips and
-    stops gives one: a reading jumps there if a number moves by next to nothing. Its rest tells no noise.
+    A direction that only this half second shows is not predicted by the others at all. A wheel that slips and
+    stops gives one: a reading jumps there if a number moves by next to nothing. Its residual is no measure of
+    noise, so `MIN_HELD_OUT_SHARE` bounds its influence.
     """
     few = len(part) < len(rest)
     inner, goal = (part @ part.T, part @ rest) if few else (part.T @ part, rest)
-    unforeseen = np.eye(len(inner)) - inner
+    left_out = np.eye(len(inner)) - inner
     try:
-        np.linalg.cholesky(unforeseen - MIN_HELD_OUT_SHARE * np.eye(len(inner)))
-        pull = np.linalg.solve(unforeseen, goal)
+        np.linalg.cholesky(left_out - MIN_HELD_OUT_SHARE * np.eye(len(inner)))
+        pull = np.linalg.solve(left_out, goal)
     except np.linalg.LinAlgError:
-        shares, vectors = np.linalg.eigh(unforeseen)
+        shares, vectors = np.linalg.eigh(left_out)
         pull = vectors @ ((vectors.T @ goal) / np.maximum(shares, MIN_HELD_OUT_SHARE))
     return np.asarray(pull if few else part @ pull, float)

@@ -1,7 +1,7 @@
-"""What a fit is: a point, what it leaves of the data, and its columns.
+"""The result of a fit: a point, its whitened residual, and its columns.
 
-Minimised is ||w(u)||^2 + ||u||^2: the whitened residual and the prior, both in units of one standard
-deviation. The log evidence of the model that was fitted is then, up to a constant, by Laplace's method
+The cost ||w(u)||^2 + ||u||^2 is minimised: the whitened residual and the prior, both in units of one standard
+deviation. The log evidence of the fitted model is then, up to a constant, by Laplace's method
 
     -1/2 (||w||^2 + ||u||^2) - 1/2 log det(1 + J J')
 """
@@ -21,9 +21,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted point. white (rows,): its whitened residual. jacobian (coordinates, rows): whitened
-    columns. free: coordinates that are not
-    held at a bound."""
+    """A fitted point. whitened_residual (rows,). jacobian (coordinates, rows): whitened columns. free
+    (coordinates,): which coordinates are not at a bound."""
 
     point: Point
     whitened_residual: Array
@@ -33,17 +32,17 @@ class Fit:
 
     @classmethod
     def of(cls, problem: Problem, point: Point, white: Array, jacobian: Array) -> Fit:
-        """With its cost, and what is free."""
+        """The fit with its cost and its free coordinates computed."""
         return cls(point, white, jacobian, cost_of(point, white), inside_bounds(problem, point))
 
     @cached_property
     def curvature(self) -> Array:
-        """1 + J J', that of half the cost."""
+        """1 + J J', the curvature of half the cost."""
         return np.asarray(self.jacobian @ self.jacobian.T + np.eye(len(self.jacobian)), float)
 
     @property
     def is_finite(self) -> bool:
-        """Whether the simulation gave numbers, at the point and a step away from it."""
+        """Whether the simulation gave finite numbers, at the point and a step away from it."""
         return bool(np.isfinite(self.cost) and np.isfinite(np.diag(self.curvature)).all())
 
     @cached_property
@@ -56,21 +55,20 @@ class Fit:
 
     @property
     def target(self) -> Array:
-        """What the free columns must explain, counted from u = 0."""
+        """What the free columns must explain, as seen from u = 0."""
         free = self.free
         return np.asarray(self.whitened_residual + self.point.vector()[free] @ self.jacobian[free], float)
 
 
 def cost_of(point: Point, white: Array) -> float:
-    """What a point costs whose whitened residual this is; where the simulation gives no numbers more than any
-    other."""
+    """The cost of a point with this whitened residual; infinite where the simulation gives no numbers."""
     vector = point.vector()
     cost = float(white @ white + vector @ vector)
     return cost if np.isfinite(cost) else np.inf
 
 
 def inside_bounds(problem: Problem, point: Point) -> NDArray[np.bool_]:
-    """Which coordinates are inside their bounds."""
+    """Which coordinates are strictly inside their bounds, (coordinates,)."""
     vector = point.vector()
     low, high = problem.limits(point)
     return np.asarray((vector > low + 1e-9) & (vector < high - 1e-9))

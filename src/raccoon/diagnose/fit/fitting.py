@@ -17,11 +17,11 @@ from raccoon.diagnose.fit.whitener import WhiteningMap
 Array = NDArray[np.float64]
 
 MAX_STEPS_WITHOUT_COLUMNS = 9
-"""Most steps that a start takes with the columns that it has, between two looks at all of them."""
+"""Most steps that a descent takes with its present columns, between two linearisations."""
 RESIDUALS_AT_ONCE = 128
 """Residuals that are whitened together: of 40 s they take some 30 MB."""
 PROFILE_STEPS = 4
-"""Steps of a fit of which one coordinate stays."""
+"""Steps of a fit with one coordinate held."""
 
 
 def fit_with_frozen_columns(
@@ -33,47 +33,50 @@ def fit_with_frozen_columns(
     give_up: GiveUpRule | None = None,
 ) -> list[Fit]:
     """Fit every start. frozen (m, rows): whitened columns of the first m coordinates, taken as they are;
-    columns of later coordinates are simulated where the last ones no longer do, `looks` times at most. lost:
-    which are left as they are. A start that is a fit under this whitener has its columns, all simulated."""
+    columns of the other coordinates are simulated where the last ones predict too badly, at most
+    `linearisations` times. give_up: which fits are abandoned. A start that is a fit must be one under this
+    whitener; its columns count as simulated."""
     descents = [_descent_from(problem, each) for each in starts]
     for _ in range(linearisations):
-        going = [track for track in descents if track.is_running(give_up)]
-        if not going:
+        running = [descent for descent in descents if descent.is_running(give_up)]
+        if not running:
             break
-        going = _needing_columns(problem, whitener, going, give_up)
-        if not going:
+        running = _needing_columns(problem, whitener, running, give_up)
+        if not running:
             continue
-        seen = [(track, *neighbouring_points(problem, track.trial, len(frozen))) for track in going]
-        white = whitened_residuals(
-            problem, whitener, [each for track, near, _ in seen for each in (track.trial, *near)]
+        neighbours = [
+            (descent, *neighbouring_points(problem, descent.trial, len(frozen))) for descent in running
+        ]
+        residuals = whitened_residuals(
+            problem, whitener, [each for descent, near, _ in neighbours for each in (descent.trial, *near)]
         )
-        for descent, _, steps in seen:
-            own = next(white).copy()  # not with all that was whitened beside it
-            jacobian = np.empty((len(frozen) + len(steps), len(own)))
+        for descent, _, steps in neighbours:
+            residual = next(residuals).copy()  # a view would keep the whole chunk in memory
+            jacobian = np.empty((len(frozen) + len(steps), len(residual)))
             jacobian[: len(frozen)] = frozen
             for row, step in enumerate(steps, len(frozen)):
-                jacobian[row] = (own - next(white)) / step
-            descent.consider(problem, Fit.of(problem, descent.trial, own, jacobian))
-    return [track.best for track in descents if track.best is not None]
+                jacobian[row] = (residual - next(residuals)) / step
+            descent.consider(problem, Fit.of(problem, descent.trial, residual, jacobian))
+    return [descent.best for descent in descents if descent.best is not None]
 
 
 def _descent_from(problem: Problem, start: Point | Fit) -> Descent:
     if isinstance(start, Point):
         return Descent(problem.inside(start))
-    track = Descent(start.point)
-    track.consider(problem, start)
-    return track
+    descent = Descent(start.point)
+    descent.consider(problem, start)
+    return descent
 
 
 def whitened_residuals(problem: Problem, whitener: WhiteningMap, points: Sequence[Point]) -> Iterator[Array]:
-    """The whitened residual (rows,) of one point after the other: of many points not all are in memory."""
+    """The whitened residual (rows,) of one point after the other, made as they are consumed."""
     predictions = problem.predictions(points)
-    while some := list(islice(predictions, RESIDUALS_AT_ONCE)):
-        yield from whitener(problem.features.measured - np.stack(some))
+    while chunk := list(islice(predictions, RESIDUALS_AT_ONCE)):
+        yield from whitener(problem.features.measured - np.stack(chunk))
 
 
 def costs_at(problem: Problem, whitener: WhiteningMap, points: Sequence[Point]) -> Array:
-    """What each point costs as it is, (points,)."""
+    """The cost of each point as it is, nothing fitted, (points,)."""
     whites = whitened_residuals(problem, whitener, points)
     return np.array([cost_of(point, white) for point, white in zip(points, whites, strict=True)])
 
@@ -81,24 +84,24 @@ def costs_at(problem: Problem, whitener: WhiteningMap, points: Sequence[Point]) 
 def _needing_columns(
     problem: Problem, whitener: WhiteningMap, descents: Sequence[Descent], give_up: GiveUpRule | None
 ) -> list[Descent]:
-    """Those whose trial needs columns: at their start, or better than what they have and not as foretold.
+    """The descents whose trial needs columns: at their start, or better than their best but not as predicted.
 
-    The others go on with the columns that they have: a third of all trials is no better, and goes less far
-    next, and half of the rest is as foretold. Columns are what takes time.
+    The others go on with the columns that they have: a third of all trials is no better and takes a shorter
+    step next, and half of the rest is as predicted. Columns are what takes time.
     """
-    found = [track for track in descents if track.best is None]
-    running = [track for track in descents if track.best is not None]
+    found = [descent for descent in descents if descent.best is None]
+    running = [descent for descent in descents if descent.best is not None]
     for _ in range(MAX_STEPS_WITHOUT_COLUMNS):
         if not running:
             break
-        straight = []
-        for descent, own in zip(
+        well_predicted = []
+        for descent, residual in zip(
             running, whitened_residuals(problem, whitener, [each.trial for each in running]), strict=True
         ):
-            cost = cost_of(descent.trial, own)
+            cost = cost_of(descent.trial, residual)
             if descent.is_well_predicted(cost):
-                descent.accept_with_updated_columns(problem, own)
-                straight.append(descent)
+                descent.accept_with_updated_columns(problem, residual)
+                well_predicted.append(descent)
             elif not descent.is_no_better(cost):
                 found.append(descent)
             elif descent.is_misled:
@@ -106,7 +109,7 @@ def _needing_columns(
                 found.append(descent)
             else:
                 descent.shorten_step(problem)
-        running = [track for track in straight if track.is_running(give_up)]
+        running = [descent for descent in well_predicted if descent.is_running(give_up)]
     return found
 
 
@@ -117,7 +120,7 @@ def fit_starts(
     linearisations: int,
     give_up: GiveUpRule | None = None,
 ) -> list[Fit]:
-    """Fit every start, all columns simulated: so many times at most."""
+    """Fit every start with all columns simulated, at most `linearisations` times."""
     none = np.zeros((0, problem.features.measured.size))
     return fit_with_frozen_columns(problem, whitener, starts, none, linearisations, give_up)
 
@@ -129,33 +132,34 @@ def fit_point(
     linearisations: int = 10,
     give_up: GiveUpRule | None = None,
 ) -> Fit:
-    """Fit everything from one start until it has arrived or is lost, or its columns were simulated so many
-    times. A start that is a fit under this whitener has its columns, which are not counted."""
+    """Fit all coordinates from one start until it has converged or is given up, or its columns were simulated
+    `linearisations` times. A start that is a fit must be one under this whitener; its columns do not
+    count."""
     return fit_starts(problem, whitener, [start], linearisations, give_up)[0]
 
 
 def evaluate_fit(problem: Problem, whitener: WhiteningMap, point: Point) -> Fit:
-    """The point as it is, with its columns, under a whitener."""
+    """The point as it is, nothing fitted, as a fit with its columns under a whitener."""
     return fit_point(problem, whitener, point, 1)
 
 
 def cost_with_last_held(
-    problem: Problem, whitener: WhiteningMap, settled: Fit, point: Point, held: Sequence[int]
+    problem: Problem, whitener: WhiteningMap, current: Fit, point: Point, held: Sequence[int]
 ) -> float:
-    """What a fit costs whose last coordinate stays, all others going from a point to where they are best.
+    """Cost of a fit that starts at a point and holds its last coordinate (a step of a profile likelihood).
 
-    settled: the fit without it, whose columns are as good as those of the point. held: coordinates of it that
-    stay as well.
+    current: the fit without that coordinate, whose columns serve for those of the point. held: coordinates of
+    it that are held as well.
     """
-    moving = np.delete(np.arange(len(settled.jacobian)), held)
-    columns = settled.jacobian[moving]
-    low, high = (each[moving] for each in problem.limits(settled.point))
+    moving = np.delete(np.arange(len(current.jacobian)), held)
+    columns = current.jacobian[moving]
+    low, high = (each[moving] for each in problem.limits(current.point))
     gram, costs = columns @ columns.T + np.eye(len(columns)), []
     for _ in range(PROFILE_STEPS):
         white = whitener(problem.features.measured - problem.predict([point]))[0]
         vector = point.vector()
         costs.append(float(white @ white + vector @ vector))
-        own = vector[moving]
-        vector[moving] += minimise_in_bounds(gram, columns @ white - own, low - own, high - own)
+        free = vector[moving]
+        vector[moving] += minimise_in_bounds(gram, columns @ white - free, low - free, high - free)
         point = point.moved(vector)
     return min(costs)

@@ -14,31 +14,32 @@ from raccoon.diagnose.fit.problem import Point, Problem
 
 Array = NDArray[np.float64]
 GiveUpRule = Callable[[Fit, float], bool]
-"""Whether a fit whose cost is foretold to fall by so much in its next step is given up."""
+"""Whether to give up a fit, given the cost decrease that is predicted for its next step."""
 
 CONVERGED_DECREASE = 0.05
-"""Decrease of the cost, in an iteration or foretold for the next, from which a fit has arrived."""
+"""Decrease of the cost, in an iteration or predicted for the next, below which a fit has converged."""
 ROUGH_DECREASE = 1.0
-"""The same for a step that was foretold to help and did not: where wheels break loose the cost is rough."""
+"""The same for a step that was predicted to help and did not: where wheels break loose the cost is rough."""
 STALLED_RATIO = 0.1
-"""Part of what was foretold below which so small a decrease is no progress."""
+"""Share of the predicted decrease below which a decrease so small is no progress."""
 MAX_STEP_FACTOR = 2.0
-"""Most by which a step is lengthened where columns turned out too steep, as kinks make them."""
+"""Largest factor by which a step is lengthened where columns turned out too steep, as kinks make them."""
 GOOD_GAIN_RATIOS = (0.6, 1.6)
-"""Decrease of the cost, over what was foretold, between which the columns that led there do for the next
-step as well, bent by what they missed: a step then takes one simulation instead of thirty."""
+"""Gain ratios (decrease of the cost over the predicted one) between which the columns, with a Broyden update,
+serve for the next step as well: a step then takes one simulation instead of thirty."""
 STALE_DECREASE = 20.0
-"""Decrease of the cost that bent columns foretold in vain, from which they are simulated anew."""
+"""Decrease of the cost that updated columns predicted in vain, above which they are simulated anew."""
 STEP_REDUCTION = 0.3
-"""Part of a step that is tried next where the whole of it made things worse."""
+"""Share of a step that is tried next where the whole of it made things worse."""
 
 
 @dataclass(slots=True)
 class Descent:
-    """One start on its way: the best so far, where it goes next, how carefully, whether it has arrived.
+    """A Levenberg-Marquardt descent from one start: its best fit so far, its next trial, damping,
+    convergence.
 
-    foretold: by how much the linear model says that the cost falls from the best to the trial. bent: whether
-    the columns of the best are those of a point before it, bent.
+    predicted_decrease: of the cost from the best to the trial, by the linear model. has_updated_columns:
+    whether the columns of the best are Broyden updates of an earlier point's instead of simulated.
     """
 
     trial: Point
@@ -49,26 +50,26 @@ class Descent:
     has_updated_columns: bool = False
 
     def is_no_better(self, cost: float) -> bool:
-        """Whether the trial, which costs that, is not below the best so far."""
+        """Whether the trial, of this cost, is not below the best so far."""
         return self.best is not None and cost >= self.best.cost
 
     def should_give_up(self, give_up: GiveUpRule | None) -> bool:
-        """Whether going on is in vain."""
+        """Whether the rule gives the best up."""
         return give_up is not None and self.best is not None and give_up(self.best, self.predicted_decrease)
 
     def is_running(self, give_up: GiveUpRule | None) -> bool:
-        """Whether there is a trial left that is worth it."""
+        """Whether it has neither converged nor been given up."""
         return not (self.converged or self.should_give_up(give_up))
 
     def shorten_step(self, problem: Problem) -> None:
-        """Go less far next, after a trial that is no better."""
+        """Shorten the next step, after a trial that is no better."""
         self._scale_step(problem, STEP_REDUCTION)
         self.predicted_decrease *= 1.0 - (1.0 - STEP_REDUCTION) ** 2
         self.damping = min(self.damping * 8.0, 1e6)
         self.converged = self.predicted_decrease < ROUGH_DECREASE
 
     def is_well_predicted(self, cost: float) -> bool:
-        """Whether the best's columns foretold well what the trial, which costs that, gains."""
+        """Whether the best's columns predicted well the gain of the trial, of this cost."""
         if self.best is None:
             return False
         low, high = GOOD_GAIN_RATIOS
@@ -76,40 +77,44 @@ class Descent:
 
     @property
     def is_misled(self) -> bool:
-        """Whether bent columns foretold more than they may where the trial is no better."""
+        """Whether updated columns predicted a large decrease where the trial is no better."""
         return self.has_updated_columns and self.predicted_decrease > STALE_DECREASE
 
     def accept_with_updated_columns(self, problem: Problem, white: Array) -> None:
-        """Go on from the trial, which leaves that whitened residual, with the best's columns bent."""
+        """Go on from the trial, of this whitened residual, with the best's columns updated (Broyden)."""
         assert self.best is not None
-        self.consider(problem, _broyden_update(problem, self.best, self.trial, white), bent=True)
+        self.consider(problem, _broyden_update(problem, self.best, self.trial, white), updated=True)
 
     def return_to_best(self) -> None:
-        """Make the best the trial, to have its columns simulated after all."""
+        """Make the best the next trial, so that its columns are simulated."""
         assert self.best is not None
         self.trial, self.has_updated_columns, self.predicted_decrease = self.best.point, False, np.inf
 
-    def consider(self, problem: Problem, fit: Fit, bent: bool = False) -> None:
-        """Go on from the trial, which this is with its columns, or go less far."""
-        before = None if self.best is None or self.best.point is fit.point else self.best
-        if before is not None and self.is_no_better(fit.cost):
+    def consider(self, problem: Problem, fit: Fit, updated: bool = False) -> None:
+        """Accept the trial's fit and plan the next step from it, or shorten the step where it is no better.
+
+        updated: whether its columns are a Broyden update.
+        """
+        previous = None if self.best is None or self.best.point is fit.point else self.best
+        if previous is not None and self.is_no_better(fit.cost):
             self.shorten_step(problem)
             return
         if not fit.is_finite:
             self.best, self.converged = self.best or fit, True
             return
-        reach = 1.0
-        if before is not None:
-            decrease = before.cost - fit.cost
+        factor = 1.0
+        if previous is not None:
+            decrease = previous.cost - fit.cost
             self.converged = decrease < max(
                 CONVERGED_DECREASE, min(ROUGH_DECREASE, STALLED_RATIO * self.predicted_decrease)
             )
-            reach = 1.0 if bent else _step_factor(decrease / max(self.predicted_decrease, CONVERGED_DECREASE))
-        self.best, self.has_updated_columns = fit, bent
+            gain_ratio = decrease / max(self.predicted_decrease, CONVERGED_DECREASE)
+            factor = 1.0 if updated else _step_factor(gain_ratio)
+        self.best, self.has_updated_columns = fit, updated
         self.damping = max(self.damping / 5.0, 1e-6)
         self.trial, self.predicted_decrease = _damped_step(problem, fit, self.damping)
-        if reach > 1.0:
-            self._scale_step(problem, reach)
+        if factor > 1.0:
+            self._scale_step(problem, factor)
         self.converged |= self.predicted_decrease < CONVERGED_DECREASE
 
     def _scale_step(self, problem: Problem, factor: float) -> None:
@@ -120,8 +125,8 @@ class Descent:
 
 
 def _broyden_update(problem: Problem, fit: Fit, point: Point, white: Array) -> Fit:
-    """A fit at a point near another, with the columns of that one bent so that they foretell the step between
-    the two (Broyden 1965): each by a share of what was missed, as large as its own part in the step."""
+    """A fit at a point near another one, with the other's columns changed so that they predict the step
+    between the two (Broyden 1965): each by a share of the misprediction, as large as its part in the step."""
     step = point.vector() - fit.point.vector()
     missed = fit.whitened_residual - white - step @ fit.jacobian
     share = step * (np.diag(fit.curvature) - 1.0)
@@ -129,7 +134,7 @@ def _broyden_update(problem: Problem, fit: Fit, point: Point, white: Array) -> F
 
 
 def _step_factor(ratio: float) -> float:
-    """By how much to lengthen the next step after one that lowered the cost `ratio` times as foretold.
+    """Factor by which to lengthen the next step after one that lowered the cost `ratio` times as predicted.
 
     Where columns are c times too steep, steps are c times too short and the ratio is 2 - 1/c.
     """
@@ -137,10 +142,10 @@ def _step_factor(ratio: float) -> float:
 
 
 def _damped_step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:
-    """Damped Gauss-Newton step, and the decrease of the cost that the linear model foretells.
+    """The point after a damped Gauss-Newton step, and the cost decrease that the linear model predicts.
 
-    It is kept inside the bounds: a coordinate that would leave goes as far as its bound, and the others to
-    where they are best beside it.
+    The step is kept inside the bounds: a coordinate that would leave goes as far as its bound, and the others
+    to their optimum beside it.
     """
     vector = fit.point.vector()
     low, high = problem.limits(fit.point)

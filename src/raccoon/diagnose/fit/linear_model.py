@@ -1,4 +1,4 @@
-"""The model around a working point: one column for each direction in which it may differ."""
+"""The model linearised at a working point: one column for each direction in which it may differ."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from raccoon.diagnose.fit.whitener import Whitener
 Array = NDArray[np.float64]
 
 FRICTION_STEP_WIDTHS = 0.1
-"""Widths of Coulomb friction over which its torque is as good as straight."""
+"""Widths of Coulomb friction over which its torque is practically linear."""
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnGroup:
-    """Columns that come and go together. start: coordinates at which they were taken (secants of a cause).
-    over_place: whether they are friction that depends on where the robot is. parts: those of the columns
-    that may be all there is, one set of them alone. paid: log evidence that a part pays for the choice.
-    part: those that it has, of such a part. least: log evidence up to which something usual imitates it,
-    as long as its coordinates together are no larger than `usual`, and larger: where they are."""
+    """Columns of one cause or probe, which are added and dropped together.
+
+    start: coordinates at which they were taken (secants of a cause). over_place: whether they are friction
+    that depends on where the robot is. parts: subsets of the columns of which one alone may be all that acts.
+    choice_penalty: log evidence that such a part costs, for the choice among them; part: which columns it
+    has. min_lead: log evidence up to which something usual imitates the group where the norm of its
+    coordinates is below `usual`; min_lead_if_larger: the same above.
+    """
 
     name: str
     columns: Array
@@ -41,17 +44,15 @@ class ColumnGroup:
     min_lead_if_larger: float = 0.0
 
     def without_columns(self) -> ColumnGroup:
-        """The same without what its columns are: some megabytes, which can be made again."""
-        nothing = np.empty((len(self.columns), 0, 0))
-        its = self.start, self.one_sided, self.over_place, self.parts, self.choice_penalty, self.part
-        return ColumnGroup(self.name, nothing, *its, self.min_lead, self.usual, self.min_lead_if_larger)
+        """The same with empty columns: they are some megabytes, and can be made again."""
+        return replace(self, columns=np.empty((len(self.columns), 0, 0)))
 
 
 @dataclass(frozen=True, slots=True)
 class LinearModel:
     """target = residual + columns at the working point times its coordinates, all raw (bins, channels).
 
-    acting: what each cause that is on changes.
+    groups: columns of the inactive causes. cause_responses: what each active cause changes, (bins, channels).
     """
 
     point: Point
@@ -62,12 +63,11 @@ class LinearModel:
 
     @property
     def target(self) -> Array:
-        """What all columns together must explain, counted from u = 0."""
+        """What all columns together must explain, as seen from u = 0."""
         return np.asarray(self.residual + np.tensordot(self.point.vector(), self.jacobian, axes=1))
 
     def column(self, name: str) -> Array | None:
-        """What a cause's first coordinate changes, whether it is on or off; None where it was not looked
-        at."""
+        """The column of a cause's first coordinate, active or not; None where it was not simulated."""
         span = self.point.spans().get(name)
         if span is not None:
             return np.asarray(self.jacobian[span.start], float)
@@ -75,8 +75,8 @@ class LinearModel:
 
 
 def linearise(problem: Problem, point: Point, tried: Sequence[str], sizes: int | None = None) -> LinearModel:
-    """Simulate the point, its neighbours, and each cause in `tried` that is off at its starting guesses, of
-    several sizes at so many of them."""
+    """Simulate the point, its neighbours, and each inactive cause in `tried` at its starting guesses, at most
+    the first `sizes` of them."""
     points, steps = neighbouring_points(problem, point)
     guesses: list[tuple[str, int, tuple[float, ...]]] = []
     for name in tried:
@@ -87,11 +87,11 @@ def linearise(problem: Problem, point: Point, tried: Sequence[str], sizes: int |
             (name, index, u) for index, variant in enumerate(cause.variants[:sizes]) for u in variant
         )
     points = [point, *points, *(point.with_cause(name, np.array(u)) for name, _, u in guesses)]
-    less = [point.without_cause(name) for name in point.active]
-    outputs = problem.predict([*points, *less])
+    without_each = [point.without_cause(name) for name in point.active]
+    outputs = problem.predict([*points, *without_each])
     centre, without = outputs[0], outputs[len(points) :]
     count = len(steps)
-    own = (outputs[1 : count + 1] - centre) / steps[:, None, None]
+    jacobian = (outputs[1 : count + 1] - centre) / steps[:, None, None]
     groups: dict[tuple[str, int], list[tuple[Array, tuple[float, ...]]]] = {}
     for (name, index, u), output in zip(guesses, outputs[count + 1 : len(points)], strict=True):
         scale = sum(u) if _has_linear_coordinates(problem, name) else u[0]
@@ -99,14 +99,14 @@ def linearise(problem: Problem, point: Point, tried: Sequence[str], sizes: int |
     return LinearModel(
         point,
         problem.features.measured - centre,
-        own,
+        jacobian,
         tuple(_group(problem, name, found) for (name, _), found in groups.items()),
         {name: centre - each for name, each in zip(point.active, without, strict=True)},
     )
 
 
 def _has_linear_coordinates(problem: Problem, name: str) -> bool:
-    """Whether a cause's coordinates are all linear: each has a column of its own, of a point along it."""
+    """Whether a cause's coordinates are all linear: each has a column of its own, from a guess along it."""
     cause = problem.causes[name]
     return len(cause.variants[0]) > 1
 
@@ -118,8 +118,8 @@ def _group(problem: Problem, name: str, found: list[tuple[Array, tuple[float, ..
 
 
 def wheel_speed(problem: Problem, columns: Array, side: str) -> Array | None:
-    """rad/s of a wheel, (..., bins), in readings or columns (..., bins, channels); None without a reading of
-    it."""
+    """Speed of a wheel in rad/s, (..., bins), from readings or columns (..., bins, channels); None where the
+    wheel has no reading."""
     roles = problem.features.roles
     if f"speed_{side}" in roles:
         return np.asarray(columns[..., roles.index(f"speed_{side}")], float)
@@ -130,24 +130,27 @@ def wheel_speed(problem: Problem, columns: Array, side: str) -> Array | None:
 
 
 def coulomb_response(problem: Problem, linear: LinearModel, side: str) -> Array | None:
-    """Response to one N m of Coulomb friction at a wheel; None where that was not looked at."""
+    """Response to one N m of Coulomb friction at a wheel; None where that was not simulated."""
     name = f"friction.coulomb@{side}"
     column = linear.column(name)
     if column is None:
         return None
     key = ("friction.coulomb", side, "torque")
-    there, step = linear.point.active.get(name), FRICTION_STEP_WIDTHS
-    if there is None:  # the column is a secant
-        there, step = np.zeros(1), next(each.start[0] for each in linear.groups if each.name == name)
-    moved = problem.settings(linear.point.with_cause(name, there + step))
+    u, step = linear.point.active.get(name), FRICTION_STEP_WIDTHS
+    if u is None:  # the column is a secant
+        u, step = np.zeros(1), next(each.start[0] for each in linear.groups if each.name == name)
+    moved = problem.settings(linear.point.with_cause(name, u + step))
     torque = moved[key] - problem.settings(linear.point)[key]
     return column * (step / torque)
 
 
 @dataclass(frozen=True, slots=True)
 class GramTable:
-    """The whitened columns' Gram numbers, and which columns belong to what. base: how many base coordinates
-    come first. off: what may come in, of which probes are bare."""
+    """Inner products of the whitened columns, and which columns belong to what.
+
+    base_count: number of base coordinates, which come first. active: columns of each active cause. inactive:
+    groups that may be added, with their columns; those of probes have no column data.
+    """
 
     gram: Gram
     base_count: int
@@ -155,23 +158,22 @@ class GramTable:
     inactive: tuple[tuple[ColumnGroup, list[int]], ...]
 
     def with_parts(self) -> GramTable:
-        """The same with each part of a group beside the group."""
-        off = list(self.inactive)
+        """The table with each part of a group as a further group."""
+        inactive = list(self.inactive)
         for group, span in self.inactive:
+            penalty = math.log(len(group.parts)) if group.parts else 0.0
             for part in group.parts:
-                paid = math.log(len(group.parts))
-                less = replace(
-                    group, columns=group.columns[list(part)], parts=(), choice_penalty=paid, part=part
-                )
-                off.append((less, [span[index] for index in part]))
-        return replace(self, inactive=tuple(off))
+                columns = group.columns[list(part)]
+                single = replace(group, columns=columns, parts=(), choice_penalty=penalty, part=part)
+                inactive.append((single, [span[index] for index in part]))
+        return replace(self, inactive=tuple(inactive))
 
 
 def gram_tables(
     linear: LinearModel, extra: Sequence[ColumnGroup], whitener: Whitener
 ) -> tuple[GramTable, GramTable]:
-    """Whiten everything once and keep its inner products: under the whole noise, and without slow
-    friction."""
+    """Whiten all columns once and keep their inner products: under the whole noise, and under the noise
+    model alone, without wandering friction."""
     every = [*linear.groups, *extra]
     columns = np.concatenate([linear.jacobian, *(each.columns for each in every), linear.target[None]])
     groups = (*linear.groups, *(each.without_columns() for each in extra))
@@ -186,9 +188,9 @@ def _table(linear: LinearModel, groups: Sequence[ColumnGroup], gram: Array) -> G
     """gram: inner products of all columns, the target last."""
     whole = Gram(gram[:-1, :-1], gram[:-1, -1])
     active = {name: list(span) for name, span in linear.point.spans().items()}
-    off, position = [], len(linear.jacobian)
+    inactive, position = [], len(linear.jacobian)
     for group in groups:
         size = len(group.columns)
-        off.append((group, list(range(position, position + size))))
+        inactive.append((group, list(range(position, position + size))))
         position += size
-    return GramTable(whole, len(linear.point.base), active, tuple(off))
+    return GramTable(whole, len(linear.point.base), active, tuple(inactive))

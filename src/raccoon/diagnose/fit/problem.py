@@ -1,4 +1,4 @@
-"""A recording and a simulator brought to one linear algebra: points, and what is simulated there."""
+"""A recording and a simulator as one estimation problem: points of the model, and the simulation there."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Array = NDArray[np.float64]
 SettingsKey = tuple[float, ...]
 
 BASE_STEP_STDS = 0.005
-"""Standard deviations over which a base number's column is taken."""
+"""Step, in standard deviations, over which a base number's column is differenced."""
 CACHE_BYTES = 8e6
 """Bytes of the latest simulations that are kept: of some 120 robots on 40 s. Several problems keep theirs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Where in the model we are: base coordinates, and the coordinates of every cause that is on."""
+    """A point of the model: base coordinates, and the coordinates of every active cause by name."""
 
     base: Array
     active: Mapping[str, Array] = field(default_factory=dict)
@@ -42,7 +42,7 @@ class Point:
         return Point(vector[: len(self.base)], active)
 
     def spans(self) -> dict[str, range]:
-        """Where each cause's coordinates are in the vector."""
+        """The indices of each active cause's coordinates in the vector."""
         position, found = len(self.base), {}
         for name, values in self.active.items():
             found[name] = range(position, position + len(values))
@@ -50,23 +50,24 @@ class Point:
         return found
 
     def with_cause(self, name: str, u: Array) -> Point:
-        """Also this cause."""
+        """The point with this cause at coordinates u."""
         return Point(self.base, {**self.active, name: np.asarray(u, float)})
 
     def shrunk(self, base: float, causes: float = 1.0) -> Point:
-        """The same causes, with these parts of what base numbers and causes are off by."""
+        """The same causes, with the base coordinates and the causes' coordinates times these factors."""
         return Point(base * self.base, {name: causes * u for name, u in self.active.items()})
 
     def without_cause(self, name: str) -> Point:
-        """All but this cause."""
+        """The point without this cause."""
         return Point(self.base, {key: value for key, value in self.active.items() if key != name})
 
 
 @dataclass(frozen=True, slots=True)
 class BatteryCreep:
-    """By how many volts a battery's reading wanders, and the correlation time of that, s.
+    """Standard deviation in V by which a battery's reading wanders, and its correlation time in s.
 
-    As it is, a battery's voltage creeps after its current: in ten seconds through some hundredths of an ohm.
+    The defaults are a usual battery's, whose voltage creeps after its current: in ten seconds through some
+    hundredths of an ohm.
     """
 
     volts: float = 0.003
@@ -77,11 +78,10 @@ class BatteryCreep:
 class Problem:
     """Everything a fit needs: what was measured, how to simulate it, what may differ.
 
-    told: causes that the readings show apart from any simulation, with the log evidence of that and the least
-    first coordinate with which they are it. creep: how the battery's reading wanders slowly. coasts: part of
-    the time in which a motor that is driven is unpowered, to be measured. friction_may_change: whether
-    friction may be another from some moment on, as of a robot that took a load. change: what is known to have
-    changed.
+    reading_evidence: log evidence of causes that the readings themselves show, without any simulation, and
+    the smallest first coordinate at which it counts. creep: how the battery's reading wanders slowly.
+    coast_share: share of the time in which a driven motor is unpowered to be measured. friction_may_change:
+    whether friction may change at some moment, as when the robot takes a load. change: a known change.
     """
 
     features: Features
@@ -100,21 +100,21 @@ class Problem:
     )
 
     def reading_evidence_at(self, point: Point) -> float:
-        """Log evidence that the readings have of a point's causes apart from any simulation."""
+        """Log evidence of a point's causes that is in the readings themselves, without any simulation."""
         present = (
             (*self.reading_evidence[name], u[0])
             for name, u in point.active.items()
             if name in self.reading_evidence
         )
-        return sum(evidence for evidence, least, u in present if u >= least)
+        return sum(evidence for evidence, min_u, u in present if u >= min_u)
 
     def settings(self, point: Point) -> Settings:
         """The simulator's settings at a point."""
         settings = dict(self.neutral)
         for coordinate, u in zip(self.base, point.base.tolist(), strict=True):
             coordinate.apply(settings, u)
-        late = sorted(point.active, key=lambda name: self.causes[name].joint is not None)
-        for name in late:  # those that count from what others have set come last
+        ordered = sorted(point.active, key=lambda name: self.causes[name].joint is not None)
+        for name in ordered:  # those that depend on what others have set come last
             self.causes[name].apply(settings, point.active[name].tolist())
         return settings
 
@@ -126,59 +126,59 @@ class Problem:
         return outputs
 
     def predictions(self, points: Sequence[Point]) -> Iterator[Array]:
-        """Simulated bins (bins, channels) of one point after the other, not to be written to: of many points
-        no more are in memory than are asked for."""
+        """Simulated bins (bins, channels) of one point after the other, not to be written to. They are made
+        as they are consumed, so that many points need not be in memory at once."""
         settings = [self.settings(each) for each in points]
         keys = [tuple(each.values()) for each in settings]
         wanted, latest = dict(zip(keys, settings, strict=True)), self._latest
         known = {key: latest[key] for key in wanted if key in latest}
         parts, step = self._simulate_missing([each for key, each in wanted.items() if key not in known])
         if len({each for _, each in known.values()} | ({step} if step else set())) > 1:
-            known = {}  # in steps of one length, or they cannot be compared
+            known = {}  # simulations with different steps cannot be compared
             parts, step = self._simulate_missing(list(wanted.values()))
         for key in known:
             latest.move_to_end(key)
-        left = Counter(keys)
+        remaining = Counter(keys)
         for key in keys:
             bins = known[key][0] if key in known else next(parts)
-            left[key] -= 1
+            remaining[key] -= 1
             if key not in known:
                 self._cache(key, bins, step)
-                if left[key]:
+                if remaining[key]:
                     known[key] = bins, step
             yield bins
 
     def _simulate_missing(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
-        """Bins (bins, channels) of each, and s of the steps that make them, 0 where there are none."""
+        """Bins (bins, channels) of each variant, and the integration step in s, 0 where there are none."""
         if not variants:
             return iter(()), 0.0
         parts, step = self.rollout(variants)
         return chain.from_iterable(map(self.features.simulated, parts)), step
 
     def _cache(self, key: SettingsKey, bins: Array, step: float) -> None:
-        """Keep what was simulated, and no more of the latest than is allowed."""
-        self._latest[key] = bins.copy(), step  # not with all that was simulated beside it
+        """Cache a simulation, and drop the oldest beyond `CACHE_BYTES`."""
+        self._latest[key] = bins.copy(), step  # a view would keep the whole chunk in memory
         self._latest.move_to_end(key)
         while len(self._latest) * bins.nbytes > CACHE_BYTES:
             self._latest.popitem(last=False)
 
     def nominal(self) -> Point:
-        """Everything as robot.toml says."""
+        """The point at which everything is as robot.toml says."""
         return Point(np.zeros(len(self.base)))
 
     def base_indices_of(self, name: str) -> list[int]:
-        """The base coordinates that move what a cause moves: what robot.toml leaves open of it."""
+        """Indices of the base coordinates that change a setting that a cause changes."""
         moved = {key for each in self.causes[name].coordinates for key in each.settings}
         return [index for index, each in enumerate(self.base) if moved & set(each.settings)]
 
     def steps(self, point: Point) -> Array:
-        """How far to move each coordinate of the point's vector for its column."""
+        """The step of each coordinate of the point's vector over which its column is differenced."""
         causes = [coordinate.step for name in point.active for coordinate in self.causes[name].coordinates]
         return np.array([BASE_STEP_STDS] * len(self.base) + causes)
 
     def limits(self, point: Point) -> tuple[Array, Array]:
-        """Bounds of the point's vector: of what robot.toml leaves open as it says, of causes as far as the
-        simulator has such robots."""
+        """Lower and upper bounds of the point's vector: those of the base coordinates, and for causes the
+        range that the simulator allows."""
         causes = [self.causes[name] for name in point.active]
         low = [each.low for each in self.base]
         low += [self._lowest(cause, each) for cause in causes for each in cause.coordinates]
@@ -191,8 +191,8 @@ class Problem:
         return point.moved(np.clip(point.vector(), *self.limits(point)))
 
     def _lowest(self, cause: Cause, coordinate: Coordinate) -> float:
-        """Where a cause's number, whatever is left open of it, is as small as it can be: there is no friction
-        that drives."""
+        """The lowest coordinate at which a cause's parameter stays within its bounds whatever its base
+        coordinates are: no friction can drive a wheel."""
         plain = bool(coordinate.settings) and not coordinate.factor and cause.own is None
         if not plain or coordinate.low > -np.inf:
             return coordinate.low
@@ -202,15 +202,15 @@ class Problem:
             return coordinate.low
 
         def smallest(key: Setting) -> float:
-            opened = sum(each.value(each.low) for each in self.base if key in each.settings)
-            return self.neutral[key] + opened
+            lowest_base = sum(each.value(each.low) for each in self.base if key in each.settings)
+            return self.neutral[key] + lowest_base
 
-        left = min(map(smallest, coordinate.settings))  # of two wheels that which has less
-        return min((bounds.low - left) / coordinate.value(1.0), 0.0)
+        lowest = min(map(smallest, coordinate.settings))  # of two wheels that which has less
+        return min((bounds.low - lowest) / coordinate.value(1.0), 0.0)
 
 
 def neighbouring_points(problem: Problem, point: Point, start: int = 0) -> tuple[list[Point], Array]:
-    """The points one step away along each coordinate from `start` on, and the steps."""
+    """The points one step away along each coordinate of index `start` and above, and the steps."""
     vector = point.vector()
     _, high = problem.limits(point)
     wanted = problem.steps(point)
@@ -227,8 +227,8 @@ def neighbouring_points(problem: Problem, point: Point, start: int = 0) -> tuple
 
 
 def transfer_point(point: Point, here: Problem, there: Problem) -> Point:
-    """A point in another problem, whose base coordinates may be fewer or more, and of other widths: the same
-    numbers, as near as its limits allow."""
+    """A point of problem `here` in problem `there`, whose base coordinates may be others, with other widths:
+    the same numbers, as near as its limits allow."""
     known = {each.settings: (each, u) for each, u in zip(here.base, point.base, strict=True)}
     base = np.zeros(len(there.base))
     for index, each in enumerate(there.base):
@@ -239,8 +239,8 @@ def transfer_point(point: Point, here: Problem, there: Problem) -> Point:
 
 
 def transfer_columns(columns: Array, here: Problem, there: Problem) -> Array | None:
-    """Columns (coordinates, ...) of a problem as those of another, of which it knows all base coordinates,
-    None where it does not. What comes after the base coordinates stays."""
+    """Columns (coordinates, ...) of problem `here` as those of problem `there`; None where `here` lacks one
+    of its base coordinates. Columns after those of the base coordinates are kept as they are."""
     known = {each.settings: index for index, each in enumerate(here.base)}
     rows = [known.get(each.settings, -1) for each in there.base]
     if -1 in rows:

@@ -1,7 +1,7 @@
-"""What robot.toml leaves open: the numbers that every fit may move, and how far.
+"""Base coordinates: the numbers that robot.toml leaves open, which every fit may move, and how far.
 
-It gives most of them with a standard deviation. Of others it says nothing: how wheels slide, a loop's own
-delay, whether the gyro's chip smooths.
+robot.toml gives most of them with a standard deviation. Of others it says nothing: how wheels slide, a loop's
+own delay, whether the gyro's chip filters.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ MAX_BASE_STDS = 3.5
 
 
 class WheelSliding(Enum):
-    """How wheels slide: at once, giving a little before, or creeping at every torque."""
+    """How wheels slide: only beyond friction (RIGID), after yielding a little (COMPLIANT), or slowly at every
+    torque (CREEPING)."""
 
     RIGID = auto()
     COMPLIANT = auto()
@@ -29,35 +30,35 @@ class WheelSliding(Enum):
 
 
 PRESLIDING = {"compliance": 0.001, "damping": 0.3}
-"""rad/(N m) and N m s/rad: how much a wheel gives before it slides. robot.toml does not say, and it is no
-cause: every gear gives a little, and what a robot does when it stops shows how much."""
+"""rad/(N m) and N m s/rad: how much a wheel yields before it slides. robot.toml does not say, and it is no
+cause: every gear yields a little, and what a robot does when it stops shows how much."""
 PRESLIDING_WIDTH = 0.7
-"""Of the logarithm of both: a factor of two is one standard deviation."""
+"""Standard deviation of the logarithm of both: a factor of two."""
 PRESLIDING_MAX_STDS = 1.7
-"""Standard deviations of both: three tenths to three times. Stiffer wheels ask for shorter steps than a
+"""Bound of both in standard deviations: three tenths to three times. Stiffer wheels need shorter steps than a
 millisecond, and differ from rigid ones by less than a reading's noise."""
 CREEP_SPEED, CREEP_TAIL = 0.05, 0.5
-"""rad/s, known to a factor of two as well, and the standard deviation of a number from 0 to 1: the speed at
-which friction that creeps is near its level, and how gradually."""
+"""Speed in rad/s at which creeping friction is near its level, known to a factor of two as well, and the
+standard deviation of a number from 0 to 1 that says how gradually."""
 LOW_PASS, LOW_PASS_WIDTH, LOW_PASS_MAX_STDS = 1.0 / (2.0 * math.pi * 41.0), 0.4, 1.2
-"""s of a gyro's chip that filters at 41 Hz, as the Wombat's firmware sets it, the standard deviation of its
-logarithm, and how many of them it may be off. Wheels that slip by more stay wheels that slip."""
+"""Time constant in s of a gyro's chip that filters at 41 Hz, as the Wombat's firmware sets it, the standard
+deviation of its logarithm, and its bound in these. Wheels that slip by more remain wheels that slip."""
 LOW_PASS_DELAY, LOW_PASS_DELAY_MAX_STDS = 0.0025, 2.0
-"""s, one standard deviation of what its reading is late by beside that, and how many of them it may be: one
-of second order is nearly one of first order and a delay, and an IMU has a clock of its own, so that a row of
-5 ms takes a reading from none to as much old."""
+"""s, one standard deviation of the delay of its reading beside that, and the bound in these: a filter of
+second order is nearly one of first order and a delay, and an IMU has a clock of its own, so that the reading
+in a row of 5 ms is up to 5 ms old."""
 SAMPLE_PHASE_STD = 0.005 / math.sqrt(12.0)
-"""s, one standard deviation of how old the sample of a row is where the controller's cycle of 5 ms is not the
-row's, and of when its command is taken up. A filter that is slower by as much reads nearly the same."""
+"""s, one standard deviation of the age of a row's sample where the controller's cycle of 5 ms is not the
+row's, and of the delay of its command. A filter that is slower by as much reads nearly the same."""
 SELF_DISCHARGE, SELF_DISCHARGE_MAX_STDS = 0.0004, 3.0
-"""V/C, one standard deviation of what any battery loses while it is driven, and how many it may be: its
+"""V/C, one standard deviation of what any battery loses while it is driven, and the bound in these: its
 voltage also creeps after the current, by some mV in ten seconds, and goes on doing so."""
 WHEEL_STD_SHARE = 0.25
-"""Part of robot.toml's standard deviation of a number of both wheels by which each differs from it. With none
-a friction of one wheel that is 2 % higher was its stiction, or its K_E and radius. With 0.5 there were no
-fewer such, and what is gained on unseen data had a tenth percentile of 0.945 instead of 0.965."""
+"""Share of robot.toml's standard deviation of a number of both wheels by which each wheel differs from it.
+With none a friction of one wheel that is 2 % higher was called its stiction, or its K_E and radius. With 0.5
+that was no rarer, and the gain on unseen data had a tenth percentile of 0.945 instead of 0.965."""
 LOOP_LATENCY = 0.0003
-"""s, one standard deviation of what a controller's own work delays commands by. No robot.toml says, and a
+"""s, one standard deviation of the delay of commands by a controller's own work. No robot.toml says it, and a
 fifth of a millisecond is a cause to no team, though it shows in every reading."""
 WOMBAT_LATENCY = 0.0025
 """The same of a Wombat: a command waits for the link and then for its motor's turn, up to a cycle of 5.5 ms
@@ -69,11 +70,12 @@ MAX_KEYS_LISTED = 4
 
 
 def with_default_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
-    """The robot with the default's standard deviation where a number of the model has none, and their keys.
+    """The robot with default standard deviations where the model's numbers have none, and the keys of these.
 
-    robot.toml may give a number alone. Taken as exact, whatever is a little off is a cause, and what is right
-    beside it too. The deviation is the default's part of the value; of a number that may be 0, such as an
-    offset, it is the default's own. A resistance or a friction of 0 is none at all, and stays exact.
+    robot.toml may give a number without one. If it were taken as exact, whatever is a little off would be a
+    cause, and what is right beside it too. The standard deviation is the same share of the value as by
+    default; of a number that may be 0, such as an offset, it is the default's own. A resistance or a friction
+    of 0 means none at all, and stays exact.
     """
     default, model, keys = NominalModel(), robot.model, []
     sections: dict[str, Any] = {}
@@ -92,15 +94,15 @@ def with_default_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]
 
 
 def describe_missing_stds(keys: Sequence[str]) -> tuple[str, ...]:
-    """That numbers of robot.toml were not taken as exact."""
-    both = [each.replace("left", "right") for each in keys if ".left." in each]
-    alike = [each for each in both if each in keys]
-    shown = [each.replace(".left", "") if each.replace("left", "right") in alike else each for each in keys]
-    said = [each for each in dict.fromkeys(shown) if each not in alike]
-    if not said:
+    """The note that numbers of robot.toml without a std were not taken as exact; empty for no keys."""
+    right_keys = [each.replace("left", "right") for each in keys if ".left." in each]
+    on_both = [each for each in right_keys if each in keys]
+    shown = [each.replace(".left", "") if each.replace("left", "right") in on_both else each for each in keys]
+    listed = [each for each in dict.fromkeys(shown) if each not in on_both]
+    if not listed:
         return ()
-    named = ", ".join(said[:MAX_KEYS_LISTED])
-    more = f" and {len(said) - MAX_KEYS_LISTED} more" if len(said) > MAX_KEYS_LISTED else ""
+    named = ", ".join(listed[:MAX_KEYS_LISTED])
+    more = f" and {len(listed) - MAX_KEYS_LISTED} more" if len(listed) > MAX_KEYS_LISTED else ""
     return (
         f"robot.toml gives no std for {named}{more}: taken as well known as by default; write "
         "{ value = ..., std = ... } where you know better, with a tiny std for what is exact",
@@ -116,12 +118,13 @@ def base_coordinates(
     wombat: bool = False,
     fit_sample_ages: bool = False,
 ) -> tuple[Coordinate, ...]:
-    """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
+    """All base coordinates: one for each number of robot.toml with a standard deviation above 0, and those of
+    which it says nothing.
 
-    inside: standard deviations that a number may move. wheels: how they slide, of which it
-    says nothing. low_pass: whether the gyro has one. free_running: whether the controller's cycle has a clock
-    of its own. wombat: whether controller and gyro are known to be a Wombat's, whose own delays are likelier
-    than any fault. any_moment: whether when each motor is sampled is a number of its own.
+    inside: bound of each number in standard deviations. sliding: how wheels slide. low_pass: whether the gyro
+    has one. free_running: whether the controller's cycle has a clock of its own. wombat: whether controller
+    and gyro are known to be a Wombat's, whose own delays are likelier than any fault. fit_sample_ages:
+    whether each motor's sample age is a coordinate of its own, so that the filter lag need not cover it.
     """
     model = robot.model
     return (
@@ -164,8 +167,8 @@ def _battery(model: NominalModel, inside: float) -> Iterator[Coordinate]:
     yield from _additive(
         "battery.internal_resistance", None, "resistance", model.battery.internal_resistance, inside
     )
-    id_, most = "battery.discharge", SELF_DISCHARGE_MAX_STDS
-    yield additive_coordinate(id_, None, "volts_per_coulomb", SELF_DISCHARGE, low=0.0, high=most)
+    id_, high = "battery.discharge", SELF_DISCHARGE_MAX_STDS
+    yield additive_coordinate(id_, None, "volts_per_coulomb", SELF_DISCHARGE, low=0.0, high=high)
 
 
 def _motors(robot: RobotConfig, inside: float) -> Iterator[Coordinate]:
@@ -180,7 +183,7 @@ def _motors(robot: RobotConfig, inside: float) -> Iterator[Coordinate]:
 
 
 def _friction(model: NominalModel, inside: float) -> Iterator[Coordinate]:
-    for place in (None, *SIDES):  # robot.toml has one number of both wheels, which each has about
+    for place in (None, *SIDES):  # one number for both wheels, from which each differs a little
         coulomb, viscous = (
             _for_place(each, place) for each in (model.friction.coulomb, model.friction.viscous)
         )
@@ -192,15 +195,15 @@ def _friction(model: NominalModel, inside: float) -> Iterator[Coordinate]:
 
 
 def _for_place(number: Measured, place: str | None) -> Measured:
-    """A number of both wheels, or what one of them may differ from it by."""
+    """A number of both wheels (place None), or the same with the std by which one wheel differs from it."""
     return number if place is None else replace(number, std=WHEEL_STD_SHARE * number.std)
 
 
 def _presliding(wheels: WheelSliding, inside: float) -> Iterator[Coordinate]:
-    id_, width, most = "friction.presliding", PRESLIDING_WIDTH, PRESLIDING_MAX_STDS
+    id_, width, bound = "friction.presliding", PRESLIDING_WIDTH, PRESLIDING_MAX_STDS
     if wheels is WheelSliding.COMPLIANT:
         for parameter, usual in PRESLIDING.items():
-            yield multiplicative_coordinate(id_, None, width, -most, most, parameter, usual)
+            yield multiplicative_coordinate(id_, None, width, -bound, bound, parameter, usual)
     if wheels is WheelSliding.CREEPING:
         yield multiplicative_coordinate(id_, None, width, -inside, inside, "creep", CREEP_SPEED)
         yield additive_coordinate(id_, None, "creep_tail", CREEP_TAIL, 0.0, 1.0 / CREEP_TAIL)
@@ -224,16 +227,16 @@ def _gyro(robot: RobotConfig, inside: float, low_pass: bool, wombat: bool) -> It
     yield from _additive("imu.gyro_bias", None, "rate", imu.gyro_bias, inside)
     yield from _multiplicative("imu.gyro_scale", None, imu.gyro_scale, inside)
     if low_pass:
-        most = LOW_PASS_MAX_STDS
+        bound = LOW_PASS_MAX_STDS
         yield multiplicative_coordinate(
-            "imu.low_pass", None, LOW_PASS_WIDTH, -most, most, "time_constant", LOW_PASS
+            "imu.low_pass", None, LOW_PASS_WIDTH, -bound, bound, "time_constant", LOW_PASS
         )
-        late = max(LOW_PASS_DELAY, 0.5 / robot.controller.rate_hz)
+        delay_std = max(LOW_PASS_DELAY, 0.5 / robot.controller.rate_hz)
         yield additive_coordinate(
             "imu.latency",
             None,
             "seconds",
-            late,
+            delay_std,
             low=0.0,
             high=MAX_BASE_STDS if wombat else LOW_PASS_DELAY_MAX_STDS,
         )

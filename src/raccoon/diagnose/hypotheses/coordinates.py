@@ -1,8 +1,8 @@
 """What may differ from the nominal model: coordinates, and the causes that are made of them.
 
-Everything is counted in units of its prior's width: u = 0 is the nominal (or neutral) value, u = 1 one width
-away. A *base* coordinate is what robot.toml gives with a standard deviation: it is refitted silently inside
-it. A *cause* is an effect of the catalogue at one place, with the width of an unusual deviation.
+Every coordinate u is in units of its prior's width: u = 0 is the nominal (or neutral) value, u = 1 one width
+away. A *base* coordinate is a number that robot.toml gives with a standard deviation: it is refitted silently
+within it. A *cause* is an effect of the catalogue at one place, with the width of an unusual deviation.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ Setting = tuple[str, str | None, str]
 Settings = dict[Setting, float]
 
 WIDTH_FACTOR = 2.0
-"""Widths of a cause over the catalogue's: deviations that are called a cause are the larger ones."""
+"""Factor on the catalogue's prior widths for causes: deviations that are called a cause are the larger
+ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """One number u. settings: what it moves; each gets `value(u)` added, or multiplied where `factor`.
+    """One number u. settings: those that it changes: `value(u)` is added to each, or multiplies it (factor).
 
-    from_zero: what u = 1 adds instead to a setting of 0, which no factor moves.
-    usual: what a factor multiplies instead of a setting of 0.
-    step: in u, over which columns are taken. Small: where wheels break loose the response has kinks, and
-    columns over longer steps do not add up to nothing along directions in which nothing changes.
+    low, high: bounds of u. from_zero: what u = 1 adds to a setting of 0 instead, which no factor changes.
+    usual: what a factor multiplies in place of a setting of 0. step: difference of u over which columns are
+    taken. Small: where wheels break loose the response has kinks, and columns over longer steps do not cancel
+    along directions in which nothing changes.
     """
 
     name: str
@@ -45,7 +46,7 @@ class Coordinate:
     usual: float = 0.0
 
     def apply(self, settings: Settings, u: float) -> None:
-        """Move the settings."""
+        """Apply the coordinate at u to the settings, in place."""
         change = self.value(u)
         for key in self.settings:
             if not self.factor:
@@ -56,23 +57,23 @@ class Coordinate:
                 settings[key] = max(self.from_zero * u, 0.0)
 
     def beside(self, settings: Settings) -> Coordinate:
-        """The same where these settings have something already that there was none of: by as much as there
-        may be more there may be less, down to none."""
+        """The same for settings that already have some of a one-sided quantity: it may then also be less, by
+        as much as it may be more, down to 0."""
         if self.low != 0.0 or self.factor:
             return self
-        there = min((settings[key] for key in self.settings), default=0.0)
-        return replace(self, low=max(-self.high, -there / self.value(1.0))) if there > 0.0 else self
+        present = min((settings[key] for key in self.settings), default=0.0)
+        return replace(self, low=max(-self.high, -present / self.value(1.0))) if present > 0.0 else self
 
     def units_of(self, other: Coordinate) -> float:
-        """How many units of another, which moves the same settings, one unit of this is."""
+        """One unit of this in units of another coordinate of the same settings."""
         if self.factor:
             return math.log(self.value(1.0)) / math.log(other.value(1.0))
         return self.value(1.0) / other.value(1.0)
 
 
 FORM_PARAMETERS = {"drive.wheel_slip": "at_once"}
-"""Parameters that choose between two forms of an effect, by id: nothing in between is meant, so no fit moves
-them, and a search has one form or the other."""
+"""Parameters that choose between two forms of an effect, by id: values in between mean nothing, so no fit
+changes them, and a search uses one form or the other."""
 Points = tuple[tuple[float, ...], ...]
 
 
@@ -80,9 +81,9 @@ Points = tuple[tuple[float, ...], ...]
 class Cause:
     """An effect of the catalogue at one place.
 
-    variants: for each starting guess the points (one u for each coordinate) whose secants from 0 give its
-    columns. joint: sets the parameters itself, where one depends on several (a strength and its shape). own:
-    an effect that the catalogue does not have.
+    variants: for each starting guess the points (one u per coordinate) whose secants from 0 give its columns.
+    joint: sets the parameters from all coordinates, where one depends on several (a strength and its shape).
+    own: a team's own effect, which the catalogue does not have.
     """
 
     id: str
@@ -94,12 +95,12 @@ class Cause:
 
     @property
     def effect(self) -> Effect:
-        """Its entry in the catalogue, or a team's own."""
+        """Its entry in the catalogue, or the team's own effect."""
         return effect(self.id) if self.own is None else self.own
 
     @property
     def places(self) -> tuple[str | None, ...]:
-        """The plant's places that it moves."""
+        """The plant's places that it affects."""
         return (None,) if self.own is not None else affected_places(self.id, self.where)
 
     @property
@@ -118,7 +119,7 @@ class Cause:
         return self.coordinates[0].low == 0.0
 
     def apply(self, settings: Settings, u: Sequence[float]) -> None:
-        """Move the settings to where this cause has the coordinates u."""
+        """Apply this cause at coordinates u to the settings, in place."""
         if self.joint is not None:
             self.joint(settings, u)
             return
@@ -137,7 +138,7 @@ def lookup_by_prefix(table: Mapping[str, float], name: str, otherwise: float) ->
 
 
 def affected_places(id: str, where: str | None) -> tuple[str | None, ...]:  # noqa: A002
-    """The plant's places that an effect at `where` moves."""
+    """The plant's places that an effect at `where` affects."""
     if effect(id).place is not Place.SIDE:
         return (None,)
     return SIDES if where is None else (where,)

@@ -1,7 +1,7 @@
-"""Which wheels' small readings are missing: what a histogram says of dead zones and a simulation does not.
+"""Evidence of dead zones from histograms of the readings: which wheels lack small readings.
 
-A fit sees where the speed was while a reading was 0, and no more: that no reading of 1 or 2 counts ever came
-is nothing to it. Of a robot whose wheels both were deaf below 3.2 counts one wheel was named.
+A fit sees only what the speed was while a reading was 0, not that no reading of 1 or 2 counts ever came. Of a
+robot whose wheels both read 0 below 3.2 counts one wheel was named.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ Array = NDArray[np.float64]
 
 ZONE = "bemf.dead_zone"
 MAX_SHARE_IN_GAP = 0.1
-"""Part of the readings that are to be expected below a gap, up to which it is one."""
+"""Share of the expected readings below a size, up to which there is a gap."""
 MIN_SHARE_HEARD = 0.5
-"""The same from which a wheel has small readings like any other."""
+"""The same from which a wheel has small readings as usual."""
 LIFTED_SHARE = 0.05
-"""Part of them that noise lifts out of a zone."""
+"""Share of them that noise lifts out of a zone."""
 MIN_EXPECTED_READINGS = 20.0
-"""Readings that are to be expected there, below which a histogram says nothing."""
+"""Expected readings below a size, fewer than which a histogram says nothing."""
 SAME_GAP_TOLERANCE = 0.2
-"""Part of it, or that many counts and one, by which two wheels' gaps may differ and be one zone."""
+"""Share of the narrower gap, beside one count, by which two wheels' gaps may differ and be one zone."""
 MAX_ZONE_COUNTS = 200
-"""Counts: what is silent up to more is no dead zone."""
+"""Counts: a wider gap is no dead zone."""
 MAX_GAP_EVIDENCE = 40.0
-"""Log evidence that a gap has at most: it is sure then, and need not help elsewhere."""
+"""Largest log evidence of a gap: the zone is sure then, and need not help elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingGaps:
-    """What the readings of both wheels say. histograms: how often each size comes; widths: of the gaps, 0
-    where there is none or nothing can be said."""
+    """Gaps in the readings of both wheels. histograms: counts of readings by size; widths: of the gaps in
+    counts, 0 where there is none or too little is known."""
 
     histograms: Mapping[str, Array]
     widths: Mapping[str, int]
 
     @classmethod
     def of(cls, log: Log) -> ReadingGaps:
-        """Those of a log."""
+        """The gaps of a log's readings."""
         histograms = {side: _histogram(log, side) for side in SIDES}
         return cls(histograms, {side: find_gap(each) for side, each in histograms.items()})
 
@@ -62,8 +62,8 @@ class ReadingGaps:
         return (wide[0],) if other_hears else (None, wide[0])
 
     def evidence(self, place: str | None) -> float:
-        """Log evidence of a dead zone at one of the places, by what is missing there; the best has at most
-        `MAX_GAP_EVIDENCE`, and the others as much less as they have."""
+        """Log evidence of a dead zone at one of the places, by the readings missing there. It is lowered for
+        all places alike so that the best has at most `MAX_GAP_EVIDENCE`."""
         best = max(self._missing(each) for each in self.places())
         return self._missing(place) - max(best - MAX_GAP_EVIDENCE, 0.0)
 
@@ -79,15 +79,15 @@ class ReadingGaps:
 
 
 def without_ruled_out_zones(causes: Sequence[Cause], log: Log) -> tuple[Cause, ...]:
-    """The causes without those dead zones that the readings themselves rule out: of one wheel where both miss
+    """The causes without those dead zones that the readings themselves rule out: of one wheel where both lack
     the same small readings, and of a wheel that has them."""
     places = ReadingGaps.of(log).places()
     return tuple(each for each in causes if each.id != ZONE or each.where in places)
 
 
 def dead_zone_evidence(causes: Mapping[str, Cause], log: Log) -> dict[str, tuple[float, float]]:
-    """The dead zones that the readings show, with the log evidence of that and half of their size in widths:
-    as many readings are missing as are to be expected."""
+    """The dead zones that the readings show, with their log evidence and half of their size in widths, the
+    least at which it counts."""
     gaps = ReadingGaps.of(log)
     if not any(gaps.widths.values()):
         return {}
@@ -103,8 +103,8 @@ def _other(side: str) -> str:
 
 
 def find_gap(histogram: Array) -> int:
-    """The largest size of a reading below which there are next to none but 0, though there are many of that
-    size and up to twice it; 0 where there is no such gap."""
+    """The largest size in counts below which next to no readings but 0 are, though there are many from it to
+    twice it; 0 where there is no such gap."""
     total = np.concatenate([[0.0], np.cumsum(histogram)])
     widths = np.arange(2, len(histogram) // 2)
     # At least three quarters of numbers are their lower quartile or more: few widths need a closer look.
@@ -116,7 +116,7 @@ def find_gap(histogram: Array) -> int:
 
 
 def _histogram(log: Log, side: str) -> Array:
-    """How often each size of a reading comes, from 0 counts on."""
+    """Number of readings of each size in counts, from 0 on."""
     channel = log.channel(f"bemf_{side}")
     if channel is None:
         return np.zeros(2 * MAX_ZONE_COUNTS)
@@ -128,18 +128,18 @@ def _histogram(log: Log, side: str) -> Array:
 
 
 def _expected_below(histogram: Array, width: int) -> float:
-    """Readings below a size that are not 0, as many as the rarer ones just above it let expect."""
+    """Expected number of readings below a size that are not 0, by the lower quartile of those just above
+    it."""
     return (width - 1) * float(np.quantile(histogram[width : 2 * width + 2], 0.25))
 
 
 def _share_below(histogram: Array, width: int) -> float:
-    """What part of them there is; NaN where they are too few to expect any."""
+    """Share of the expected readings below a size that exist; NaN where too few are expected."""
     expected = _expected_below(histogram, width)
     return float(histogram[1:width].sum()) / expected if expected >= MIN_EXPECTED_READINGS else math.nan
 
 
 def _missing_evidence(histogram: Array, width: int) -> float:
-    """Log evidence, of counts by Poisson, that next to none of the readings below a size are there and not as
-    many as are to be expected."""
+    """Log evidence (Poisson) for next to no readings below a size, against as many as are expected."""
     expected, heard = _expected_below(histogram, width), float(histogram[1:width].sum())
     return (1.0 - LIFTED_SHARE) * expected + heard * math.log(LIFTED_SHARE)

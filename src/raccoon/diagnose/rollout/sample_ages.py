@@ -1,4 +1,4 @@
-"""How old the wheels' samples are that a row has, of a controller whose cycle is not the row's."""
+"""Ages of the wheels' samples in a row, of a controller whose cycle is not the row's."""
 
 from __future__ import annotations
 
@@ -12,20 +12,22 @@ from raccoon.sim.effects.parameters import SIDES
 Array = NDArray[np.float64]
 
 SAMPLE_AGE: dict[str, Setting] = {side: ("sample", side, "age") for side in SIDES}
-"""s by which a side's are older than the chain has them."""
+"""s by which a side's samples are older than by the sensor chain."""
 MAX_PHASE_STDS = 1.75
-"""Of `SAMPLE_PHASE_STD`: half a cycle, from the middle of one to its ends."""
+"""Bound in units of `SAMPLE_PHASE_STD`: half a cycle, from the middle of one to its ends."""
 
 
 def age_settings() -> Settings:
-    """As old as the chain has them."""
+    """Neutral settings: samples as old as by the sensor chain."""
     return dict.fromkeys(SAMPLE_AGE.values(), 0.0)
 
 
 def age_coordinates() -> tuple[Coordinate, ...]:
-    """Each motor is sampled in a moment of its own. A clock that drifts is in the middle on average; one that
-    is in step with the rows may stay anywhere, and a filter of another time constant does not make up for
-    it where wheels speed up: a gear that loses torque, or a slip, of sound robots."""
+    """Base coordinates of the sample ages, one per side, since each motor is sampled at a moment of its own.
+
+    A clock that drifts samples in the middle of a row on average; one in step with the rows may stay
+    anywhere. A filter of another time constant does not make up for that where wheels speed up: without
+    these, sound robots had a gear that loses torque, or a slip."""
     return tuple(
         Coordinate(
             "sample.age", (each,), lambda u: SAMPLE_PHASE_STD * u, low=-MAX_PHASE_STDS, high=MAX_PHASE_STDS
@@ -35,11 +37,11 @@ def age_coordinates() -> tuple[Coordinate, ...]:
 
 
 def samples_at_age(time: Array, samples: Array, ages: Array) -> Array:
-    """Samples (robots, rows) as they were that much (robots,) before each row, or will be after it."""
+    """Samples (robots, rows) interpolated at ages (robots,) in s before each row; negative ages are after."""
     if not ages.any():
         return samples
-    at = time - ages[:, None]
-    row = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-    part = np.clip((at - time[row]) / (time[row + 1] - time[row]), 0.0, 1.0)
+    sampled = time - ages[:, None]
+    row = np.clip(np.searchsorted(time, sampled, side="right") - 1, 0, len(time) - 2)
+    share = np.clip((sampled - time[row]) / (time[row + 1] - time[row]), 0.0, 1.0)
     robots = np.arange(len(samples))[:, None]
-    return np.asarray(samples[robots, row] * (1.0 - part) + samples[robots, row + 1] * part, np.float64)
+    return np.asarray(samples[robots, row] * (1.0 - share) + samples[robots, row + 1] * share, np.float64)

@@ -1,10 +1,10 @@
-"""Whether another set of causes explains a recording better than the one that was found step by step.
+"""Other sets of causes that may explain a recording better than the one that was found step by step.
 
 Adding one cause at a time can go astray: two wrong ones can stand in for a right one, and neither is worth
-dropping alone. So once several are named, everything whose response is nearly a straight line is fitted at
-once. That model is near the truth wherever the truth is, and from there `set_scoring` proposes sets.
-Each cause is also exchanged for those that act most like it, and the set for those that are the same drive
-in other numbers. The proposals are truly fitted, and compared moment by moment.
+dropping alone. So once several are named, all causes with a nearly linear response are fitted at once. That
+model is near the truth wherever the truth is, and from there `set_scoring` proposes sets. Each cause is also
+exchanged for those with the most similar responses, and the set for its twins. The proposals are refitted
+with the full simulation and compared by `log_evidence_lead`.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from raccoon.diagnose.select.state import Search, linearise_search
 from raccoon.diagnose.select.twins import fit_twins
 
 MAX_PROPOSALS = 3
-"""Sets that each look at the linear model proposes."""
+"""Sets that each linear model proposes."""
 MAX_REFINED = 3
-"""Of all proposals, those that are fitted with every column simulated anew."""
+"""Proposals that are fitted with every column simulated anew."""
 MAX_SAME_DISTANCE = 1.0
-"""Sum of squares, in units of the noise, up to which two fits say the same."""
+"""Sum of squared differences, in units of the noise, up to which two fits predict the same."""
 MAX_DEFICIT_TO_REFINE = 60.0
-"""Log evidence that a proposal may lack before that."""
+"""Log evidence that a proposal may lack to be refined so."""
 MIN_EXCHANGE_COSINE = 0.3
-"""Cosine from which another cause is tried in the place of one."""
+"""Cosine of the responses from which another cause is tried in the place of one."""
 MAX_EXCHANGES = 5
-"""Such causes."""
+"""Most such causes per cause."""
 ONE_SIDED_START = 0.002
-"""Where a one-sided cause starts in a fit of everything: off its bound, and yet too little to do anything. At
-ten times that, latencies that are not there had raised the misfit by 240, and no step led back."""
+"""Widths at which a one-sided cause starts in a fit of everything: off its bound, but too small to matter. At
+ten times that, latencies that the robot did not have raised the misfit by 240, and no step led back."""
 LONE_START = 0.4
-"""Widths at which one begins by itself."""
+"""Widths at which a cause starts by itself."""
 NEARLY_LINEAR_CAUSES = (
     "motor.armature_resistance@left", "motor.armature_resistance@right", "motor.back_emf_constant@left",
     "motor.back_emf_constant@right", "bemf.scale@left", "bemf.scale@right", "drive.wheel_radius@left",
@@ -49,7 +49,7 @@ NEARLY_LINEAR_CAUSES = (
     "battery.internal_resistance", "bemf.offset@left", "bemf.offset@right", "bemf.filter_lag",
     "imu.gyro_bias", "imu.gyro_scale", "imu.latency", "actuation.latency",
 )  # fmt: skip
-"""Causes whose response is nearly a straight line, one of each group of twins."""
+"""Causes whose response is nearly linear, one of each group of twins."""
 
 
 def find_better_set(search: Search) -> Fit | None:
@@ -57,21 +57,21 @@ def find_better_set(search: Search) -> Fit | None:
     problem, whitener = search.problem, search.whitener
     others = _exchange_starts(search) if search.fit.point.active else _single_cause_starts(search)
     starts = [*_propose_from_linear_fit(search), *_propose_from_working_point(search), *others]
-    settled = fit_point(problem, whitener, search.fit, 2)
+    current = fit_point(problem, whitener, search.fit, 2)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_with_frozen_columns(problem, whitener, starts, base, 4)
     fits += [fit for _, fit in fit_twins(search)]
-    fits.sort(key=lambda fit: -net_lead(search, fit, settled))
+    fits.sort(key=lambda fit: -net_lead(search, fit, current))
     best = _select_distinct(fits, MAX_REFINED)
     best += _best_relatives(fits, best)
-    hopeful = [each.point for each in best if net_lead(search, each, settled) > -MAX_DEFICIT_TO_REFINE]
-    polished = [_drop_unneeded(search, fit) for fit in fit_starts(problem, whitener, hopeful, 4)]
-    first = max(polished, key=lambda fit: net_lead(search, fit, settled), default=None)
-    return first if first is not None and net_lead(search, first, settled) > MIN_NET_LEAD else None
+    promising = [each.point for each in best if net_lead(search, each, current) > -MAX_DEFICIT_TO_REFINE]
+    refined = [_drop_unneeded(search, fit) for fit in fit_starts(problem, whitener, promising, 4)]
+    first = max(refined, key=lambda fit: net_lead(search, fit, current), default=None)
+    return first if first is not None and net_lead(search, first, current) > MIN_NET_LEAD else None
 
 
-def _select_distinct(fits: Sequence[Fit], most: int) -> list[Fit]:
-    """The first fits that do not predict what one before them does: twins would take every place."""
+def _select_distinct(fits: Sequence[Fit], max_count: int) -> list[Fit]:
+    """The first fits that do not predict the same as one before them: twins would take every place."""
     found: list[Fit] = []
     for fit in fits:
         if all(
@@ -79,14 +79,14 @@ def _select_distinct(fits: Sequence[Fit], most: int) -> list[Fit]:
             for each in found
         ):
             found.append(fit)
-        if len(found) == most:
+        if len(found) == max_count:
             break
     return found
 
 
 def _best_relatives(fits: Sequence[Fit], best: Sequence[Fit]) -> list[Fit]:
-    """The best fit of each relative of a cause that stands alone among the best: columns of a bent model lead
-    to the wrong one of them."""
+    """The best fit of each relative of a cause that is alone in one of the best sets: columns at a strained
+    point lead to the wrong relative."""
     alone = [next(iter(each.point.active)) for each in best if len(each.point.active) == 1]
     wholes = {name.partition("@")[0] for name in alone}
     relatives = {each for family in CONFOUNDED_FAMILIES if wholes & set(family) for each in family} - set(
@@ -99,56 +99,57 @@ def _best_relatives(fits: Sequence[Fit], best: Sequence[Fit]) -> list[Fit]:
 
 
 def lead_over_search(search: Search, other: Search) -> float:
-    """Log evidence of what one search found over what another did, each less its gates, under the other's
-    noise. Their simulators may differ."""
+    """Log evidence of one search's fit over another's, each less its gates, under the other's noise. Their
+    simulators may differ."""
     fit = evaluate_fit(search.problem, other.whitener, search.fit.point)
     return net_lead(other, fit, other.fit)
 
 
 def _propose_from_linear_fit(search: Search) -> Iterator[Point]:
-    """The best sets as the linear model around a fit of everything straight sees them."""
-    problem, now = search.problem, frozenset(search.fit.point.active)
+    """Starts of the best sets by the linear model around a fit of all nearly linear causes."""
+    problem, active = search.problem, frozenset(search.fit.point.active)
     fit = fit_point(problem, search.whitener, _with_all_nearly_linear(search), 6)
     around = linearise_search(problem, search.probes, fit.point, search.whitener, search.unknown)
     sets = SetScorer.of(around)
-    on = range(len(fit.point.active))
+    fitted = range(len(fit.point.active))
     acting = (
-        i for i in on if not sets.members[i].one_sided or fit.point.active[sets.members[i].name][0] > 0.0
+        i for i in fitted if not sets.members[i].one_sided or fit.point.active[sets.members[i].name][0] > 0.0
     )
     sets.climb(sets.without_unneeded(frozenset(acting)))
-    sets.climb(frozenset(i for i in on if sets.members[i].name in now))
+    sets.climb(frozenset(i for i in fitted if sets.members[i].name in active))
     sets.climb(frozenset())
-    yield from _starts_of_best_sets(around, sets, now)
+    yield from _starts_of_best_sets(around, sets, active)
 
 
 def _propose_from_working_point(search: Search) -> Iterator[Point]:
-    """The best sets as the linear model at the working point sees them: where one cause stands for two
+    """Starts of the best sets by the linear model at the working point: where one cause stands in for two
     others, it was taken when the columns were those of a point without it."""
-    sets, now = SetScorer.of(search), frozenset(range(len(search.fit.point.active)))
-    sets.climb(now)
-    yield from _starts_of_best_sets(search, sets, sets.names(now))
+    sets, active = SetScorer.of(search), frozenset(range(len(search.fit.point.active)))
+    sets.climb(active)
+    yield from _starts_of_best_sets(search, sets, sets.names(active))
 
 
-def _starts_of_best_sets(search: Search, sets: SetScorer, now: frozenset[str]) -> Iterator[Point]:
-    """Where to start the best sets that are not `now`, and each without what would be new in it and is
-    kinked: a dead zone that a straight line foresaw made a set 80 worse that was 28 ahead without it."""
-    found = {now}
+def _starts_of_best_sets(search: Search, sets: SetScorer, active: frozenset[str]) -> Iterator[Point]:
+    """Starts of the best sets other than `active`, and of each without its new causes with kinked responses:
+    a dead zone that the linear model predicted made a set 80 worse that was 28 ahead without it."""
+    found = {active}
     for best in sets.best_sets(MAX_PROPOSALS):
-        straight = frozenset(
-            i for i in best if sets.names(frozenset({i})) <= now or not _is_kinked(sets.members[i])
+        unkinked = frozenset(
+            i for i in best if sets.names(frozenset({i})) <= active or not _is_kinked(sets.members[i])
         )
-        for chosen in (best, straight):
+        for chosen in (best, unkinked):
             if sets.names(chosen) not in found:
                 found.add(sets.names(chosen))
                 yield _start_of_set(search, sets, chosen)
 
 
 def _is_kinked(member: Member) -> bool:
+    """Whether a member's response has a kink at 0."""
     return member.one_sided and member.name not in NEARLY_LINEAR_CAUSES
 
 
 def _with_all_nearly_linear(search: Search) -> Point:
-    """The working point with every straight cause on; one of both sides is taken apart."""
+    """The working point with every nearly linear cause active; causes of both sides are split into sides."""
     point, causes = search.fit.point, search.problem.causes
     for name in [each for each in point.active if f"{each}@left" in NEARLY_LINEAR_CAUSES]:
         u = point.active[name]
@@ -160,7 +161,8 @@ def _with_all_nearly_linear(search: Search) -> Point:
 
 
 def _start_of_set(search: Search, sets: SetScorer, chosen: MemberSet) -> Point:
-    """Where the linear model puts a set; base numbers stay, since a fit moves them at once."""
+    """The point at which the linear model puts a set; base coordinates stay, since a fit moves them at
+    once."""
     mean, _ = sets.solve(chosen)
     point, position = Point(search.fit.point.base), 0
     for each in sorted(chosen):
@@ -176,7 +178,7 @@ def _start_of_set(search: Search, sets: SetScorer, chosen: MemberSet) -> Point:
 
 
 def _single_cause_starts(search: Search) -> Iterator[Point]:
-    """Each straight cause on its own, on one side or both, from either sign."""
+    """Starts of each nearly linear cause on its own, on one side or both, of either sign."""
     for name in sorted(
         {*NEARLY_LINEAR_CAUSES, *(each.partition("@")[0] for each in NEARLY_LINEAR_CAUSES)}
         & set(search.problem.causes)
@@ -186,17 +188,17 @@ def _single_cause_starts(search: Search) -> Iterator[Point]:
 
 
 def _exchange_starts(search: Search) -> Iterator[Point]:
-    """Each cause replaced by those that act most like it."""
+    """Starts with each cause replaced by those of the most similar responses."""
     for name in search.fit.point.active:
         yield from find_similar_causes(search, name, MIN_EXCHANGE_COSINE, MAX_EXCHANGES).values()
 
 
 def _drop_unneeded(search: Search, fit: Fit) -> Fit:
-    """The fit without causes that, beside the others, are no longer worth their gate."""
+    """The fit without causes that, beside the others, no longer pass their gates."""
     while len(fit.point.active) > 1:
-        worth = _linear_leads(fit)
-        weakest = min(worth, key=lambda name: worth[name] - gate(name))
-        if worth[weakest] > gate(weakest):
+        leads = _linear_leads(fit)
+        weakest = min(leads, key=lambda name: leads[name] - gate(name))
+        if leads[weakest] > gate(weakest):
             return fit
         fit = fit_point(search.problem, search.whitener, fit.point.without_cause(weakest), 3)
     return fit
@@ -207,8 +209,8 @@ def _linear_leads(fit: Fit) -> dict[str, float]:
     columns = fit.jacobian[fit.free]
     whole = Gram.of(columns.T, fit.target)
     evidence, place = whole.evidence(), np.cumsum(fit.free) - 1
-    worth = {}
+    leads = {}
     for name, span in fit.point.spans().items():
         own = {int(place[i]) for i in span if fit.free[i]}
-        worth[name] = evidence - whole.take([i for i in range(len(columns)) if i not in own]).evidence()
-    return worth
+        leads[name] = evidence - whole.take([i for i in range(len(columns)) if i not in own]).evidence()
+    return leads

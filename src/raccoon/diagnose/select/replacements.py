@@ -24,11 +24,11 @@ from raccoon.diagnose.select.transitions import (
 )
 
 MAX_SINGLE_DEFICIT = 3.0
-"""Log evidence that one cause alone may lack to stand for several."""
+"""Log evidence that one cause alone may lack to replace several."""
 
 
 def merge_sides(search: Search) -> Search:
-    """One cause for both sides where left and right were named apart and are not worth a cause each."""
+    """Merge causes of left and right into one of both sides where they are not worth a cause each."""
     for name in [each for each in search.fit.point.active if each.endswith("@left")]:
         whole, other = name.removesuffix("@left"), name.replace("@left", "@right")
         active = search.fit.point.active
@@ -38,21 +38,21 @@ def merge_sides(search: Search) -> Search:
         less = search.fit.point.without_cause(name).without_cause(other)
         sizes = (0.5 * (active[name] + active[other]), active[name], active[other])
         starts = [less.with_cause(whole, each) for each in sizes]
-        apart = refit_current(search)
+        separate = refit_current(search)
         fits = fit_with_frozen_columns(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
-        both, ahead = _best_lead(search, fits, apart)
-        # Columns of the two may lead astray: two plays were 80 behind, and 36 ahead once truly fitted.
-        if ahead <= -gate(whole):
+        merged, lead = _best_lead(search, fits, separate)
+        # Columns of the two may lead astray: two plays were 80 behind, and 36 ahead with their own columns.
+        if lead <= -gate(whole):
             fits = [fit_point(search.problem, search.whitener, each.point) for each in fits]
-            both, ahead = _best_lead(search, fits, apart)
-        if ahead > -gate(whole):  # one cause less must be justified
-            return merge_sides(drop_cause(search, other, both))
+            merged, lead = _best_lead(search, fits, separate)
+        if lead > -gate(whole):  # two causes must be justified over one
+            return merge_sides(drop_cause(search, other, merged))
     return search
 
 
 def split_sides(search: Search) -> Search:
-    """Each side by itself where a cause of both has one of a side beside it: the same robot, in numbers that
-    each wheel has. What explains as much as that of both does so in the place of the other side's."""
+    """Split a cause of both sides where one of a single side is active beside it: the same robot, in numbers
+    of each wheel. Its rivals become those of the other side's cause."""
     active = search.fit.point.active
     for name in active:
         whole, _, side = name.partition("@")
@@ -65,25 +65,26 @@ def split_sides(search: Search) -> Search:
         rivals = {key: each for key, each in search.rivals.items() if key != whole}
         rivals[other] = [each for each in search.rivals.get(whole, []) if each.name != other]
         following = move_search(search, fit, rivals)
-        for now, before in (
+        for leads, before in (
             (following.leads, search.leads),
             (following.held_out_leads, search.held_out_leads),
         ):
             if whole in before:
-                now[other] = before[whole]
+                leads[other] = before[whole]
         return split_sides(following)
     return search
 
 
 def _best_lead(search: Search, fits: Sequence[Fit], other: Fit) -> tuple[Fit, float]:
-    """Of some fits that which leads another one most, and by how much."""
+    """The fit with the largest lead over another one, and that lead."""
     leads = [log_evidence_lead(search.problem, each, other) for each in fits]
     best = int(np.argmax(leads))
     return fits[best], leads[best]
 
 
 def simplify_to_one_cause(search: Search) -> tuple[Search, bool]:
-    """One cause instead of several where it explains as much: two wrong ones can imitate a right one."""
+    """Replace several causes by one that explains as much: two wrong ones can imitate a right one. Also
+    whether that was done."""
     active = search.fit.point.active
     others = {each.name for rivals in search.rivals.values() for each in rivals}
     others |= {name.partition("@")[0] for name in (*active, *others)} & set(search.problem.causes)
@@ -101,12 +102,12 @@ def simplify_to_one_cause(search: Search) -> tuple[Search, bool]:
         for point in both_signs(search.problem, name, point)
     ]
     base = search.fit.jacobian[: len(bare.base)]
-    settled = refit_current(search)
+    current = refit_current(search)
     best = max(
         fit_with_frozen_columns(search.problem, search.whitener, starts, base, 5),
         key=lambda fit: fit.evidence,
     )
-    if log_evidence_lead(search.problem, best, settled) < -MAX_SINGLE_DEFICIT:
+    if log_evidence_lead(search.problem, best, current) < -MAX_SINGLE_DEFICIT:
         return search, False
     name = next(iter(best.point.active))
     search.rejections.update(dict.fromkeys(active, f"{name} alone explains as much"))
@@ -114,8 +115,8 @@ def simplify_to_one_cause(search: Search) -> tuple[Search, bool]:
 
 
 def replace_by_better_sets(search: Search) -> tuple[Search, bool]:
-    """Another set of causes where it explains more, again and again; the same one that only fits better led
-    all others already."""
+    """Replace the set of causes by one that explains more, up to three times; also whether that was done. It
+    ends with a better fit of the same set, which led all others already."""
     changed = False
     for _ in range(3):
         fit = find_better_set(search) if may_miss_causes(search.fit) else None

@@ -1,8 +1,7 @@
-"""Which sets of causes explain much, by the linear model alone.
+"""Scores of sets of causes by the linear model alone, and a local search for the best.
 
 Around a working point the algebra of `evidence` scores a set in microseconds, so causes are added, dropped
-and exchanged until no such step helps. A set's score is its log evidence less what each of its causes must
-have to be named.
+and exchanged until no such step helps. A set's score is its log evidence less the gates of its causes.
 """
 
 from __future__ import annotations
@@ -27,7 +26,8 @@ MAX_CLIMB_STEPS = 12
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A cause that can be in a set: on at the working point (group None), or off, from a starting guess."""
+    """A cause that can be in a set: active at the working point (group None), or inactive, with the columns
+    of one starting guess."""
 
     name: str
     span: tuple[int, ...]
@@ -37,7 +37,8 @@ class Member:
 
 @dataclass(slots=True)
 class SetScorer:
-    """The linear model, what robot.toml leaves open eliminated, and the scores that were computed."""
+    """The linear model with base coordinates eliminated, the possible members of sets, and the scores so
+    far."""
 
     gram: Gram
     members: tuple[Member, ...]
@@ -45,7 +46,7 @@ class SetScorer:
 
     @classmethod
     def of(cls, search: Search) -> SetScorer:
-        """Every cause that is on, then every variant of every cause that is off."""
+        """With every active cause, then every variant of every inactive cause, as members."""
         table, causes = search.table, search.problem.causes
         found = [
             Member(name, tuple(span), None, causes[name].one_sided) for name, span in table.active.items()
@@ -69,14 +70,15 @@ class SetScorer:
         return frozenset(self.members[each].name for each in chosen)
 
     def solve(self, chosen: MemberSet) -> tuple[Array, float]:
-        """Coordinates of the members in their order, and log evidence; -inf where one has a wrong sign."""
+        """Coordinates of the members in their order, and log evidence; -inf where one-sided ones are
+        negative."""
         index = [i for each in sorted(chosen) for i in self.members[each].span]
         if not index:
             return np.zeros(0), 0.0
         factor = np.linalg.cholesky(np.eye(len(index)) + self.gram.matrix[np.ix_(index, index)])
         half = np.linalg.solve(factor, self.gram.projection[index])
         mean = np.linalg.solve(factor.T, half)
-        if self._wrong_sign(chosen, mean):
+        if self._has_wrong_sign(chosen, mean):
             return mean, -np.inf
         return mean, float(0.5 * half @ half - np.log(np.diag(factor)).sum())
 
@@ -87,24 +89,24 @@ class SetScorer:
         return self.scores[chosen]
 
     def _score_all(self, sets: Sequence[MemberSet]) -> None:
-        """What `score` says of each: those of as many columns are solved at once."""
-        alike: dict[int, list[tuple[MemberSet, list[int]]]] = {}
+        """Compute the `score` of each set; sets with equally many columns are solved at once."""
+        by_size: dict[int, list[tuple[MemberSet, list[int]]]] = {}
         for chosen in dict.fromkeys(each for each in sets if each not in self.scores):
             index = [i for each in sorted(chosen) for i in self.members[each].span]
-            alike.setdefault(len(index), []).append((chosen, index))
-        for size, same in alike.items():
-            columns = np.array([its for _, its in same], int)
+            by_size.setdefault(len(index), []).append((chosen, index))
+        for size, group in by_size.items():
+            columns = np.array([index for _, index in group], int)
             matrices = np.eye(size) + self.gram.matrix[columns[:, :, None], columns[:, None, :]]
             factors = np.linalg.cholesky(matrices)
             halves = np.linalg.solve(factors, self.gram.projection[columns][..., None])
             means = np.linalg.solve(factors.transpose(0, 2, 1), halves)[..., 0]
             diagonals = np.diagonal(factors, axis1=1, axis2=2)
             found = 0.5 * (halves[..., 0] ** 2).sum(axis=1) - np.log(diagonals).sum(axis=1)
-            for (chosen, _), mean, evidence in zip(same, means, found, strict=True):
-                score = -np.inf if self._wrong_sign(chosen, mean) else float(evidence)
+            for (chosen, _), mean, evidence in zip(group, means, found, strict=True):
+                score = -np.inf if self._has_wrong_sign(chosen, mean) else float(evidence)
                 self.scores[chosen] = score - total_gate([self.members[each].name for each in chosen])
 
-    def _wrong_sign(self, chosen: MemberSet, mean: Array) -> bool:
+    def _has_wrong_sign(self, chosen: MemberSet, mean: Array) -> bool:
         position = 0
         for each in sorted(chosen):
             if self.members[each].one_sided and mean[position] <= 0.0:
@@ -113,7 +115,7 @@ class SetScorer:
         return False
 
     def climb(self, chosen: MemberSet) -> None:
-        """Take the best step until none helps; every score on the way is kept."""
+        """Hill climbing: take the best step until none helps; every score on the way is kept."""
         for _ in range(MAX_CLIMB_STEPS):
             steps = list(self._steps(chosen))
             self._score_all(steps)
@@ -123,16 +125,16 @@ class SetScorer:
             chosen = best
 
     def without_unneeded(self, chosen: MemberSet) -> MemberSet:
-        """Without what is least worth its gate, one after the other."""
+        """Backward elimination: the set without the members whose removal raises the score, one by one."""
         while chosen:
-            best = max((chosen - {out} for out in chosen), key=self.score)
+            best = max((chosen - {dropped} for dropped in chosen), key=self.score)
             if self.score(best) <= self.score(chosen):
                 break
             chosen = best
         return chosen
 
     def best_sets(self, count: int) -> list[MemberSet]:
-        """The best of all sets that were scored; variants of the same causes count once."""
+        """The best `count` sets that were scored; variants of the same causes count once."""
         found: dict[frozenset[str], MemberSet] = {}
         for each in sorted(self.scores, key=lambda each: -self.scores[each]):
             if np.isfinite(self.scores[each]):
@@ -142,23 +144,24 @@ class SetScorer:
         return list(found.values())
 
     def _steps(self, chosen: MemberSet) -> Iterator[MemberSet]:
-        for out in chosen:
-            yield chosen - {out}
+        """All sets that differ by one member dropped, added or exchanged."""
+        for dropped in chosen:
+            yield chosen - {dropped}
         for new in range(len(self.members)):
             if new in chosen:
                 continue
             if self._can_join(new, chosen):
                 yield chosen | {new}
-            for out in chosen:
-                if self._can_join(new, chosen - {out}):
-                    yield (chosen - {out}) | {new}
+            for dropped in chosen:
+                if self._can_join(new, chosen - {dropped}):
+                    yield (chosen - {dropped}) | {new}
 
     def _can_join(self, new: int, chosen: MemberSet) -> bool:
         return overlaps_none(self.members[new].name, self.names(chosen))
 
 
 def overlaps_none(name: str, others: Collection[str]) -> bool:
-    """Whether a cause overlaps none of the others, so that it can be on beside them."""
+    """Whether a cause overlaps none of the others, so that it can be active beside them."""
     return not any(causes_overlap(name, each) for each in others)
 
 

@@ -1,4 +1,4 @@
-"""Whether each cause is needed, asked once more when the search is over."""
+"""Check, when the search is over, whether each cause is still needed."""
 
 from __future__ import annotations
 
@@ -14,37 +14,39 @@ from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import refit_current
 
 MAX_DOUBTED_EXCESS = 25.0
-"""Log evidence beyond what it must have up to which a cause is asked again."""
+"""Log evidence beyond what it required up to which a cause is checked."""
 START_SCALES = ((1.0, 1.0), (1.0, 0.9), (0.5, 1.0))
-"""Parts of what base numbers and the other causes are off by, from which they are fitted without it."""
+"""Factors on the base coordinates and the other causes' coordinates at the starts of fits without it."""
 
 
 def find_unneeded_cause(search: Search) -> tuple[str, Fit] | None:
-    """The cause of an estimated search that lacks most of what it must have, and the fit without it; None
-    where all are needed.
+    """The cause of an estimated search that falls furthest short of the evidence it required, and the fit
+    without it; None where all are needed.
 
-    The misfit of wheels with play is rough, and a fit stands still in it before it has arrived. A cause that
-    moves it on by chance has evidence as long as the others are fitted from where they stood: beside play and
-    a latency of 34 ms a slip of 0.3 ms led by 20, and by 7 once they had been fitted from elsewhere.
+    The misfit of wheels with play is rough, and a fit stalls in it before it has converged. A cause that
+    moves it on by chance has evidence as long as the others are fitted from where they stalled: beside play
+    and a latency of 34 ms a slip of 0.3 ms led by 20, and by 7 once they had been fitted from other starts.
     """
     point, problem, whitener = search.fit.point, search.problem, search.whitener
     if not active_backlash(point):
         return None
-    needs = {each: required_evidence(search, each, len(point.active) == 1) for each in point.active}
-    asked = [
-        name for name, needed in needs.items() if search.leads.get(name, needed) - needed < MAX_DOUBTED_EXCESS
+    required = {each: required_evidence(search, each, len(point.active) == 1) for each in point.active}
+    checked = [
+        name
+        for name, needed in required.items()
+        if search.leads.get(name, needed) - needed < MAX_DOUBTED_EXCESS
     ]
-    if not asked:
+    if not checked:
         return None
 
     def best(starts: Iterable[Point]) -> Fit:
         return min((fit_point(problem, whitener, start) for start in starts), key=lambda fit: fit.cost)
 
-    settled = refit_current(search)
-    settled = best([settled.point, settled.point.shrunk(0.5)])
+    current = refit_current(search)
+    current = best([current.point, current.point.shrunk(0.5)])
     without = {
-        name: best(point.without_cause(name).shrunk(*parts) for parts in START_SCALES) for name in asked
+        name: best(point.without_cause(name).shrunk(*parts) for parts in START_SCALES) for name in checked
     }
-    lacks = {name: needs[name] - nested_lead(problem, settled, fit) for name, fit in without.items()}
-    most = max(lacks, key=lambda name: lacks[name])
-    return (most, without[most]) if lacks[most] > 0.0 else None
+    deficits = {name: required[name] - nested_lead(problem, current, fit) for name, fit in without.items()}
+    weakest = max(deficits, key=lambda name: deficits[name])
+    return (weakest, without[weakest]) if deficits[weakest] > 0.0 else None
