@@ -1,7 +1,7 @@
-"""What wanders slowly and is no robot's fault: the friction of its floor, and the voltage of its battery.
+"""What wanders slowly and is no fault of the robot: the friction of its floor, and its battery's voltage.
 
-Either is a course over time that forgets itself within seconds, so a long recording is followed in pieces: as
-a whole it would take time and memory by the square of its length.
+Either is an Ornstein-Uhlenbeck process with a correlation time of seconds, so a long recording is treated in
+pieces: as a whole it would take time and memory by the square of its length.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ Array = NDArray[np.float64]
 FLOOR_CORRELATION_S = 4.0
 """Correlation time of friction that wanders with the floor."""
 KNOT_SPACING = 0.2
-"""Distance of the knots of a course, of its correlation time."""
+"""Distance of a course's knots, as a share of its correlation time."""
 MAX_GROWTH = 300.0
-"""Correlation times in which a sum may grow by the exponential function before it is scaled anew."""
+"""Correlation times over which a sum may grow exponentially before it is rescaled."""
 PIECE_S = 40.0
-"""What is followed as one: 10 times as long as a floor is remembered, 4 times as a battery is."""
+"""Length of a piece in s: 10 correlation times of a floor, 4 of a battery."""
 
 
 def split_into_pieces(features: Features) -> list[slice]:
-    """Bins of the pieces in which what wanders is followed, of whole half seconds and some 40 s each."""
+    """Bins of each piece, which consists of whole half seconds and lasts some `PIECE_S`."""
     bins, event = len(features.time), features.event
     count = max(int(bins * features.width / PIECE_S + 0.5), 1)
     edges = [event * round(bins / event * part / count) for part in range(count)]
@@ -40,9 +40,9 @@ def split_into_pieces(features: Features) -> list[slice]:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """What wanders in a part of a recording. friction, creep (columns, bins, channels): what courses of all
-    of Coulomb friction, and of a battery as it usually creeps, change there and in the `margin` bins before,
-    which the noise's memory needs. bins: those of the part itself."""
+    """The wandering directions of a part of a recording. friction, creep (columns, bins, channels): responses
+    to a wander of all of Coulomb friction, and of a battery's usual creep, in the part and in the `margin`
+    bins before it, which the noise's memory needs. bins: those of the part itself."""
 
     bins: slice
     margin: int
@@ -67,15 +67,15 @@ class Piece:
         return columns[:, self.margin :]
 
     def whitened(self, noise: NoiseModel, columns: Array) -> Array:
-        """Columns of the span, without correlation in time and among channels, in the part itself."""
+        """Columns of the span, whitened by the noise model, in the part itself."""
         return self.inside(noise.part(self.span).whiten(columns))
 
 
 def wandering_friction_columns(
     problem: Problem, linear: LinearModel, seconds: float = FLOOR_CORRELATION_S, bins: slice = slice(None)
 ) -> Array:
-    """Columns of a torque that wanders within `seconds`, at either wheel, for a wander of all of Coulomb
-    friction, in these bins.
+    """Columns, in these bins, of a torque at either wheel that wanders with that correlation time, by all of
+    Coulomb friction (one standard deviation).
 
     The robot forgets a torque within 0.1 s, so friction that changes over seconds acts as its constant
     response times its course. Only the angle that a wheel lost by it stays lost, which shows where wheels are

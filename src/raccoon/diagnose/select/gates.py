@@ -1,4 +1,4 @@
-"""How much evidence a cause must have to be named."""
+"""Gates: the log evidence that a cause must add to be named."""
 
 from __future__ import annotations
 
@@ -11,28 +11,29 @@ from raccoon.diagnose.hypotheses.coordinates import lookup_by_prefix
 EVIDENCE_GATE = 8.0
 """For most causes."""
 LONE_GATE = 6.0
-"""Where nothing else is named, whose form could be wrong, and chance does not imitate it: on 445 clean robots
-a motor or the IMU got 5.4 at most."""
+"""For a cause alone, beside which no form could be wrong and which chance does not imitate: on 445 clean
+robots a motor or the IMU got 5.4 at most."""
 LONE_WHEEL_GATE = 7.5
-"""A wheel got 6.7 and 7.0 there: what robot.toml leaves open of both, of the motors, the track and the gyro
-adds up in the turn rate."""
+"""For a wheel's radius alone. It got 6.7 and 7.0 there: what robot.toml leaves open of both wheels, of the
+motors, the track and the gyro adds up in the turn rate."""
 FLOOR_GATE = 15.0
 """For what a real floor imitates in ways that no noise model holds: it differs by direction, and pushes tell
 most where a robot creeps. On 105 clean robots stiction got 13.7 and the scale of both readings 11.7; a
 deadband got 10.1 on one of 200, and 13.2 beside another cause."""
 WHEEL_GATE = 20.0
-"""For what holds back one wheel only, which it imitates best: a patch under one side."""
+"""For what holds back one wheel only, which a floor imitates best: by a patch under one side."""
 SLOPE_GATE = 11.0
-"""A floor imitates it less well than it does those: the robot turns on it."""
+"""For a slope, which a floor imitates less well than the others: the robot turns on it."""
 SCALE_GATE = 11.0
-"""One reading's scale differs from the other's as wheels and motors do that are far out in robot.toml."""
+"""For the scale of one reading, which differs from the other's like wheels and motors that are far out in
+robot.toml."""
 MANY_CAUSES = 4
-"""Causes from which others may have been missed, and one more is no wonder."""
+"""Active causes from which others may have been missed, and one more is no surprise."""
 CROWDED_CAUSES = 10
-"""Causes beside which every further question takes as long as the whole search of another recording: only
-those are asked that may well lead to something else."""
+"""Active causes beside which every further trial takes as long as the whole search of another recording: only
+trials that may well change the outcome are made."""
 _IMITATED_BY_NOISE = ("friction.", "drive.turn_scrub", "bemf.")
-"""What else the noise of floor and readings gets 6 and more for."""
+"""Other causes for which the noise of floor and readings gets 6 and more."""
 _ONE_WHEEL = ("friction.", "actuation.deadband")
 _GATES = {
     "friction.direction_dependent": FLOOR_GATE,
@@ -61,6 +62,6 @@ def total_gate(names: Collection[str]) -> float:
 
 
 def log_odds_against_another(named: int, candidates: int) -> float:
-    """Log odds against one cause more, where so many of those that are asked for are named: Laplace's rule of
+    """Log odds against a further cause, where `named` of `candidates` are named: Laplace's rule of
     succession."""
     return math.log((candidates - named + 1) / (named + 1))

@@ -1,4 +1,4 @@
-"""What a search has missed among many causes, asked for under the noise of its last fit."""
+"""Search for causes that were missed beside many others, under the noise of the last fit."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import accept_cause
 
 FULL_SET, LEAD_PER_LACKING_CAUSE = 7, 2.0
-"""Of fewer causes than so many each that is lacking makes another less likely, by so much log evidence.
-Beside four causes a scrub that was not there got 12.9."""
+"""Below that number of causes each one fewer makes a further cause less likely, by so much log evidence.
+Beside four causes a scrub that the robot did not have got 12.9."""
 MAX_LINEARISATIONS = 4
-"""Of what the present causes are fitted on, as far as every other fit is."""
+"""Linearisations of the refit of the present causes, as many as every other fit has."""
 
 
 def add_missed_cause(search: Search) -> Search | None:
-    """An estimated search with the cause that has most beyond what it needs; None where none has.
+    """An estimated search with the further cause that exceeds its needed lead most; None where none does.
 
-    While a search goes on, a little of every effect that is off is noise, so that no cause stands for what
-    the form of another has wrong. The more is named, the more is noise, and where much is wrong it hides what
-    is there: a deadband worth 84 had 7. Friction of one wheel is not asked for: it is what the form of
-    friction on both leaves.
+    While a search goes on, a little of every inactive effect counts as noise, so that no cause stands in for
+    the error of form of another. The more causes are active, the more counts as noise, and where much is
+    wrong it hides what exists: a deadband worth 84 had 7. Friction of one wheel is not considered: it is what
+    the form of friction on both leaves.
     """
     if search.unknown or len(search.fit.point.active) < MANY_CAUSES:
         return None
@@ -36,10 +36,10 @@ def add_missed_cause(search: Search) -> Search | None:
     problem = search.problem
     extra = search.probes(search.linear)
     table, plain = gram_tables(search.linear, extra, search.whitener)
-    seen = replace(search, table=table, table_without_wander=plain)
-    settled = fit_point(problem, search.whitener, search.fit.point, MAX_LINEARISATIONS)
-    refits = refit_relinearised(seen, refit_candidates(seen))
-    ranked = [(name, fit, nested_lead(problem, fit, settled)) for name, fit in refits]
+    final = replace(search, table=table, table_without_wander=plain)
+    current = fit_point(problem, search.whitener, search.fit.point, MAX_LINEARISATIONS)
+    refits = refit_relinearised(final, refit_candidates(final))
+    ranked = [(name, fit, nested_lead(problem, fit, current)) for name, fit in refits]
     further = _extra_lead_needed(search)
     enough = [each for each in ranked if gate(each[0]) + further <= each[2] and gate(each[0]) < WHEEL_GATE]
     if not enough:
@@ -52,9 +52,9 @@ def add_missed_cause(search: Search) -> Search | None:
 
 
 def _extra_lead_needed(search: Search) -> float:
-    """Log evidence beyond its gate that a cause must have: as much as is lacking to a crowd, and twice what
-    the form of what is named makes of any other. A limit of the current that did 9 times the noise had a gear
-    that loses torque beside it with 39, and a filter with 16."""
+    """Log evidence beyond its gate that a cause must have: an amount for each cause that a full set has more,
+    and twice what errors of form of the active causes give any other. Beside a current limit whose response
+    was 9 times the noise a gear that loses torque got 39, and a filter 16."""
     problem, named = search.problem, len(search.fit.point.active)
     strength = active_response_rms(search.linear.cause_responses, search.whitener.noise)
     width = problem.features.width / BIN_S

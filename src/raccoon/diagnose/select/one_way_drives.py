@@ -1,8 +1,8 @@
-"""What is one and the same to wheels that were driven one way only.
+"""Causes that are equivalent for wheels that were driven one way only.
 
-More friction, more of it in the direction that was driven, and a table that pulls against it are one
-torque there. Their columns differ where a wheel breaks loose or stops, at a point at which one of them is on
-already, so straight lines do not lead from one to another: one had probability 1 that was as well another.
+More friction, more of it in the direction that was driven, and a table that pulls against it are one torque
+there. Their columns differ where a wheel breaks loose or stops, at a point at which one of them is already
+active, so the linear model does not lead from one to another: one had probability 1 that was as well another.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from raccoon.diagnose.select.set_scoring import overlaps_none
 FRICTION, FRICTION_BY_DIRECTION, SLOPE = "friction.coulomb", "friction.direction_dependent", "drive.slope"
 ONE_WAY_EQUIVALENTS = (FRICTION, FRICTION_BY_DIRECTION, SLOPE)
 MAX_REVERSE_SHARE = 0.05
-"""Part of its largest reading up to which a wheel was not driven the other way."""
+"""Share of its largest reading up to which a wheel was not driven the other way."""
 IGNORED_SHARE = 0.01
-"""Part of the bins that may read more."""
+"""Share of the bins that may read more."""
 MAX_SIZE_WIDTHS, SIZES_TRIED = 4.0, 161
-"""Widths up to which one may be off, and how many of its sizes are looked at."""
+"""Largest size in widths of an equivalent cause, and number of sizes tried."""
 
 
 def one_way_direction(features: Features) -> int:
@@ -33,15 +33,14 @@ def one_way_direction(features: Features) -> int:
     for index, role in enumerate(features.roles):
         if role in WHEELS:
             back, forth = np.nanquantile(features.measured[:, index], [IGNORED_SHARE, 1.0 - IGNORED_SHARE])
-            there = max(forth, -back)
-            ways.add(
-                1 if -back < MAX_REVERSE_SHARE * there else -1 if forth < MAX_REVERSE_SHARE * there else 0
-            )
+            limit = MAX_REVERSE_SHARE * max(forth, -back)
+            ways.add(1 if -back < limit else -1 if forth < limit else 0)
     return ways.pop() if len(ways) == 1 else 0
 
 
 def one_way_equivalents(problem: Problem, point: Point, name: str) -> Iterator[tuple[str, Point]]:
-    """Of a drive one way only: what else of these a cause may be, as much torque in its place."""
+    """For a drive one way only: each equivalent of a cause, and the point with as much of its torque in the
+    cause's place."""
     way = one_way_direction(problem.features) if name in ONE_WAY_EQUIVALENTS else 0
     less = point.without_cause(name)
     for other in ONE_WAY_EQUIVALENTS if way else ():
@@ -56,10 +55,10 @@ def one_way_equivalents(problem: Problem, point: Point, name: str) -> Iterator[t
 
 
 def _added_holding_torque(problem: Problem, name: str, size: float, way: int) -> float:
-    """N m by which a cause of that size holds each wheel back, beyond what is known to."""
-    cause, there = problem.causes[name], dict(problem.neutral)
-    cause.apply(there, [size, *[0.0] * (cause.size - 1)])
-    return _holding_torque(there, way) - _holding_torque(problem.neutral, way)
+    """N m by which a cause of that size holds each wheel back beyond the nominal robot."""
+    cause, settings = problem.causes[name], dict(problem.neutral)
+    cause.apply(settings, [size, *[0.0] * (cause.size - 1)])
+    return _holding_torque(settings, way) - _holding_torque(problem.neutral, way)
 
 
 def _holding_torque(settings: Settings, way: int) -> float:

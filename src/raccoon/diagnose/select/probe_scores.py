@@ -1,4 +1,4 @@
-"""What a probe would explain of what is left beside the causes that are named."""
+"""Scores of probes: what each would explain beside the active causes."""
 
 from __future__ import annotations
 
@@ -20,16 +20,15 @@ Array = NDArray[np.float64]
 NEAR_BEST_SHARE = 0.7
 """Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
 MAX_PROBES_EXAMINED = 3
-"""Those with most evidence, that are looked at closely."""
+"""Probes with most evidence that are examined closely."""
 MIN_PROBE_EVIDENCE = 10.0
-"""Log evidence of the linear model from which a probe is looked at closely."""
+"""Log evidence by the linear model from which a probe is examined closely."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeScore:
-    """A probe and the log evidence that it would add: all of it, and with no event counting for much.
-
-    least: see `ColumnGroup`."""
+    """A probe and the log evidence that it would add: all of it (evidence), and with each event's share
+    limited (lead). min_lead: see `ColumnGroup`."""
 
     name: str
     evidence: float
@@ -37,39 +36,39 @@ class ProbeScore:
     min_lead: float = 0.0
 
     def exceeds(self, gate: float) -> bool:
-        """Whether its lead is beyond a gate, and beyond what something usual makes of it."""
+        """Whether its lead is beyond a gate, and beyond what something usual imitates."""
         return self.lead > max(gate, self.min_lead)
 
 
 def find_best_probe(search: Search) -> ProbeScore:
-    """The probe that explains most of what is left, moment by moment; see `log_evidence_lead`."""
+    """The probe that explains most of what is left, with events limited as in `log_evidence_lead`."""
     found = [ProbeScore("", 0.0, 0.0)]
-    # What a probe gains by freeing bent base numbers comes on top, and no cause could be compared with it.
+    # What a probe gains by relieving strained base numbers is additional: no cause could compare with it.
     features = search.problem.features
-    most_of_all = MAX_EVENT_LEAD * len(features.time) / features.event
+    max_total_lead = MAX_EVENT_LEAD * len(features.time) / features.event
     likeliest = _rank_probes(search)[:MAX_PROBES_EXAMINED]
     probes = {each.name: each.columns for each in search.probes(search.linear)} if likeliest else {}
     for gain, each in likeliest:
         columns = probes[each.name]
         group = replace(each, columns=columns[list(each.part)] if each.part else columns)
-        least = group.min_lead
+        min_lead = group.min_lead
         if group.over_place:
             gain, limited = (each - group.choice_penalty for each in _evidence_beside_wander(search, group))
         else:
             *residuals, size = _residuals_with_and_without(search, group)
             limited = gain - event_excess(search.problem, *residuals)
-            least = least if size < group.usual else group.min_lead_if_larger
-        found.append(ProbeScore(group.name, gain, min(limited, most_of_all), least))
+            min_lead = min_lead if size < group.usual else group.min_lead_if_larger
+        found.append(ProbeScore(group.name, gain, min(limited, max_total_lead), min_lead))
     shown = [each for each in found if each.exceeds(0.0)] or found
-    most = max(each.lead for each in shown)
+    max_lead = max(each.lead for each in shown)
     return max(
-        (each for each in shown if each.lead >= NEAR_BEST_SHARE * most), key=lambda each: each.evidence
+        (each for each in shown if each.lead >= NEAR_BEST_SHARE * max_lead), key=lambda each: each.evidence
     )
 
 
 def _rank_probes(search: Search) -> list[tuple[float, ColumnGroup]]:
-    """The probes that are worth a closer look, whole or that part which alone explains most, with the log
-    evidence that is left of them once the choice is paid."""
+    """The probes worth a closer examination, whole or the part that alone explains most, with their log
+    evidence less the part's choice penalty; best first."""
     known = {*search.problem.causes, *search.unknown}
     best: dict[str, tuple[float, ColumnGroup]] = {}
     for gain, group, _ in screen_groups(search, search.table.with_parts(), hold_bounds=True):
@@ -92,8 +91,8 @@ def _residuals_with_and_without(search: Search, group: ColumnGroup) -> tuple[Arr
 
 
 def _evidence_beside_wander(search: Search, group: ColumnGroup) -> tuple[float, float]:
-    """Evidence of a probe over the place, whole and limited, where friction may also wander: with the probe
-    and without it as much as is likeliest.
+    """Log evidence of a probe over the place, whole and with events limited, where friction may also wander:
+    with the probe and without it by the likeliest share.
 
     A place at which the robot was once is a moment, and friction over it the same as friction that wanders.
     Both were free when the noise was estimated, and chance decided which of them it was.
@@ -109,8 +108,8 @@ def _evidence_beside_wander(search: Search, group: ColumnGroup) -> tuple[float, 
         gram = Gram.of(every.T, fit.target)
         wanders = [np.repeat([1.0, share], [len(columns), len(slow)]) for share in WANDER_SHARES]
         sizes = max(wanders, key=lambda each: gram.scaled(each).evidence())
-        mean, its, _ = gram.scaled(sizes).solve()
+        mean, log_evidence, _ = gram.scaled(sizes).solve()
         residuals.append(fit.target - (mean * sizes) @ every)
-        evidence.append(its)
+        evidence.append(log_evidence)
     gain = evidence[0] - evidence[1]
     return gain, gain - event_excess(search.problem, *residuals)

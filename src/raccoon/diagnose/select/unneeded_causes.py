@@ -14,13 +14,13 @@ from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import refit_current
 
 MAX_DOUBTED_EXCESS = 25.0
-"""Log evidence beyond what it required up to which a cause is checked."""
+"""Log evidence beyond what it needs up to which a cause is checked."""
 START_SCALES = ((1.0, 1.0), (1.0, 0.9), (0.5, 1.0))
 """Factors on the base coordinates and the other causes' coordinates at the starts of fits without it."""
 
 
 def find_unneeded_cause(search: Search) -> tuple[str, Fit] | None:
-    """The cause of an estimated search that falls furthest short of the evidence it required, and the fit
+    """The cause of an estimated search that falls furthest short of the evidence it needs, and the fit
     without it; None where all are needed.
 
     The misfit of wheels with play is rough, and a fit stalls in it before it has converged. A cause that
