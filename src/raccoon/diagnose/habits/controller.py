@@ -151,8 +151,7 @@ def fit_habits(
         best = likelier_filter(plain if slow is None else with_battery_filter(plain, slow), best)
         if (once_a_row := with_sample_cycle(best.habits, row_cycle)) != best.habits:
             best = better_of(once_a_row, best, MIN_MISFIT_SAVED_BY_FILTER)
-    rigid = replace(best.habits, sliding=WheelSliding.RIGID)
-    best = better_of(rigid, best, MIN_MISFIT_SAVED_BY_RIGID_WHEELS)
+    best = better_of(replace(best.habits, sliding=WheelSliding.RIGID), best, MIN_MISFIT_SAVED_BY_RIGID_WHEELS)
     slowed = with_pause_slowdown_toggled(best.habits.chain)
     if firmware is None and slowed is not None and back_emf:
         best = better_of(replace(best.habits, chain=slowed), best, MIN_MISFIT_SAVED_BY_PAUSE)

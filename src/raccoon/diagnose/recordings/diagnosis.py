@@ -113,16 +113,23 @@ def diagnose_recording(
         found = replace(found, notes=(*found.notes, *describe_missing_stds(exact), *overridden))
     if kind in (Kind.DRIVE, Kind.NOTHING):
         problems = (*problems, *filter(None, (unnamed(columns),)))
-    unused = {
-        NO_MODEL: model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS),
-        NO_CAUSES: bool(own) and kind is not Kind.DRIVE,
-        NO_TRUTH: truth_free and not has_truth,
-    }
-    problems = (*problems, *(note for note, is_unused in unused.items() if is_unused))
+    problems = (*problems, *_unused_option_notes(kind, model, own, truth_free and not has_truth))
     notes = dict.fromkeys(
         (*found.notes, *without_repeats(problems), *row_notes, *filter(None, (holdout_note,)))
     )
     return replace(found, notes=tuple(notes))
+
+
+def _unused_option_notes(
+    kind: Kind, model: Parameters | None, own: Sequence[OwnEffect], is_truth_missing: bool
+) -> list[str]:
+    """What was given and is of no use for a recording of this kind."""
+    unused = {
+        NO_MODEL: model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS),
+        NO_CAUSES: bool(own) and kind is not Kind.DRIVE,
+        NO_TRUTH: is_truth_missing,
+    }
+    return [note for note, is_unused in unused.items() if is_unused]
 
 
 def _without_truth(columns: Columns) -> Columns:

@@ -55,10 +55,8 @@ class ContactMonitor:
         pushed the robot in this one."""
         self._speeds = deque([0.0], KEPT_SPEEDS)  # m/s ahead in the last steps without a fault
         self._mute_seconds = self._mute_way = 0.0  # s and m since there is one
-        self._is_in_contact, self._seconds_since_contact = (
-            False,
-            SAME_CONTACT_S,
-        )  # something, and s since it did first
+        self._is_in_contact = False
+        self._seconds_since_contact = SAME_CONTACT_S  # since it touched something first
 
     def configure(self, device: Device) -> None:
         """Words of this device follow."""
@@ -104,11 +102,8 @@ class ContactMonitor:
             return
         forward_bump, side_bump, sample_period = self._forward_bump, self._side_bump, span / count
         sideways = pending.left_accel_sum / count - velocity * turn_rate  # without that of the bend
-        forward, pitch_rate, jolt = (
-            pending.forward_accel_sum / count,
-            pending.pitch_rate_sum / count,
-            self._duty_jump,
-        )
+        forward, pitch_rate = pending.forward_accel_sum / count, pending.pitch_rate_sum / count
+        jolt = self._duty_jump
         was_struck = forward_bump.update(
             span, forward, velocity, still, sample_period, pitch_rate, turn_rate, jolt
         )
@@ -120,13 +115,17 @@ class ContactMonitor:
             or was_struck
         ):
             self._is_in_contact = True
-            self.pushed_along_variance, self.pushed_across_variance = (
-                forward_bump.place_variance,
-                side_bump.place_variance,
-            )
+            self.pushed_along_variance = forward_bump.place_variance
+            self.pushed_across_variance = side_bump.place_variance
             self._readings.reasons.tell(
                 "bumped: the wheels do not move as the robot does", self._readings.time
             )
+
+    def along_variance(self, span: float, left: float, right: float, turn: float | None) -> float:
+        """m^2 that a step of `span` s adds to the doubt about the place ahead: of load, of mute wheels, and
+        of what pushed the robot in the step before. left, right, turn: as for `mute_variance`."""
+        found = self.load_variance(span, left, right) + self.mute_variance(span, left, right, turn)
+        return found + self.pushed_along_variance
 
     def load_variance(self, span: float, left: float, right: float) -> float:
         """m^2 that a step of `span` s adds to the doubt about the place, because the wheels carry too much.

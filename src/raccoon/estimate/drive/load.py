@@ -111,10 +111,8 @@ class LoadWatch:
 
     def configure(self, device: Device) -> None:
         """Go on with the words of this device."""
-        self._left, self._right = (
-            _wheel_volts(self._robot, "left", device),
-            _wheel_volts(self._robot, "right", device),
-        )
+        self._left = _wheel_volts(self._robot, "left", device)
+        self._right = _wheel_volts(self._robot, "right", device)
 
     def restart(self) -> None:
         """Nobody looked for a while. What it rolls with stays learnt."""

@@ -114,10 +114,7 @@ class FilterStepper:
         self.contact.find_mute_wheels(*speeds, pending.faulty)
         mute = self.contact.mute
         one_mute = mute[0] != mute[1] and pending.gyro_count > 0
-        variances: tuple[float, ...] = (
-            noise.variance(left, values[0], span, still, one_mute and mute[0]),
-            noise.variance(right, values[1], span, still, one_mute and mute[1]),
-        )
+        variances = self._wheel_variances(values, span, still, mute if one_mute else (False, False))
         left.step_speed, right.step_speed = values
         left.blind_time = right.blind_time = left.guessed_angle = right.guessed_angle = 0.0
         turn_acceleration = self._turn_acceleration.update(
@@ -133,9 +130,7 @@ class FilterStepper:
             if self._gyro.repeats < SUSPICIOUS_REPEATS:
                 self._check_signs(span, *values)
         turn = None if len(values) < 3 else (values[2] - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
-        along_variance = self.contact.load_variance(span, *speeds)
-        along_variance += self.contact.mute_variance(span, *speeds, turn)
-        along_variance += self.contact.pushed_along_variance
+        along_variance = self.contact.along_variance(span, *speeds, turn)
         if turn is not None:
             unseen_turn_std = self.contact.unseen_turn_std(span, pending.gyro_span / pending.gyro_count)
             turn_timing_std = hypot(turn_timing_std, unseen_turn_std)
@@ -155,6 +150,13 @@ class FilterStepper:
         )
         self.fusion.advance(reading, self._reasons, self._gyro.repeats >= SUSPICIOUS_REPEATS)
         self.contact.detect_bump(pending, still)
+
+    def _wheel_variances(
+        self, speeds: tuple[float, ...], span: float, still: bool, mute: tuple[bool, bool]
+    ) -> tuple[float, ...]:
+        """(rad/s)^2 of the left and the right wheel's speed over a step."""
+        left = self._noise.variance(self._left, speeds[0], span, still, mute[0])
+        return left, self._noise.variance(self._right, speeds[1], span, still, mute[1])
 
     def _gyro_variance(self, pending: Pending, shaking: float) -> float:
         """(rad/s)^2 of the gyro's mean over a step. shaking: rad/s by which the wheels shake the robot."""

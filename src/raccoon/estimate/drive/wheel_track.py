@@ -79,10 +79,7 @@ class WheelTrack:
         self.has_bemf = False
         self.stuck_source = ""
         self._bemf_angle = self._counter_angle = 0.0
-        self._last_bemf_speed, self._repeated_seconds = (
-            0.0,
-            0.0,
-        )  # the last back-EMF, rad/s, and s for which it has been so
+        self._last_bemf_speed = self._repeated_seconds = 0.0  # the last back-EMF, rad/s, and s since it is so
 
     def update(self, dt: float, speed: float | None, angle: float | None, unseen: float = 0.0) -> None:
         """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent.

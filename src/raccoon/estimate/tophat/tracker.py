@@ -114,11 +114,10 @@ class LightTracker(Levels):
         """
         way_known = self._way_known = way is not None
         way = self._way_since_reading(USUAL_WAY_M if way is None else way)
-        log = self._log
         if self._bank is not None:
             if not self._bank.on_edge or self._is_informative(counts, way):
                 self._log_reading(counts, way)
-            if log:
+            if self._log:
                 self._run_bank(self._bank, others_lost)
             return
         on_black = counts >= self.threshold
@@ -160,8 +159,8 @@ class LightTracker(Levels):
                 self.status = Status.UNCERTAIN
         else:
             self._black_way = 0.0
-        if len(log) >= 2 * MIN_LOGGED:
-            del log[:-MIN_LOGGED]
+        if len(self._log) >= 2 * MIN_LOGGED:
+            del self._log[:-MIN_LOGGED]
             self._start, self._next_start = self._next_start, self._belief()
 
     def _has_crossed_edge(self, way: float, way_known: bool) -> bool:

@@ -58,10 +58,8 @@ class LineSteering:
         self._kept_until = self._kept_from = -math.inf  # m of the way, up to where and from where it did so
         self._crossing_side = 0.0  # the side on which it came to another line first
         self._kept_heading = 0.0  # rad, of the robot where it kept to the edge well
-        self._was_black, self._last_black = (
-            False,
-            0.0,
-        )  # whether it came to black, and m of the way where it was
+        self._was_black = False  # whether it came to black
+        self._last_black = 0.0  # m of the way, where it was
         self.is_crossing = False
         """Whether the sensor is on a line that crosses the one that it follows."""
 

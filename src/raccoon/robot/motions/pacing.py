@@ -138,10 +138,7 @@ class Pace:
         self._radius = radius
         self._lag_limit = lag_limit
         self._timeout = 2.0 * profile.duration + 2.0 if timeout is None else timeout
-        self._current_profile, self._profile_start = (
-            profile,
-            0.0,
-        )  # what it walks now, and how far along that began
+        self._current_profile, self._profile_start = profile, 0.0  # what it walks now, and where that began
         self._profile_time = 0.0
         self._stalled_seconds = self._waited_seconds = 0.0
         self._waiting_place = 0.0
