@@ -16,7 +16,7 @@ from raccoon.core.errors import CalibrationError
 from raccoon.estimate.tophat.quality import check_counts
 
 FIXED = 1500.0  # counts
-LEAST_RANGE, LEAST_CONTRAST = 500.0, 700.0  # counts, that the present library demands
+MIN_RANGE, MIN_CONTRAST = 500.0, 700.0  # counts, that the present library demands
 
 
 def fixed(samples: ArrayLike) -> float:
@@ -53,12 +53,12 @@ def k_means(samples: ArrayLike) -> float:
     from sklearn.cluster import KMeans
 
     counts = _some(samples)
-    if float(np.ptp(counts)) < LEAST_RANGE:
-        raise CalibrationError(f"range {np.ptp(counts):.0f} counts: at least {LEAST_RANGE:.0f} are demanded")
+    if float(np.ptp(counts)) < MIN_RANGE:
+        raise CalibrationError(f"range {np.ptp(counts):.0f} counts: at least {MIN_RANGE:.0f} are demanded")
     centres = np.sort(KMeans(2, n_init=1, random_state=0).fit(counts[:, np.newaxis]).cluster_centers_.ravel())
-    if centres[1] - centres[0] < LEAST_CONTRAST:
+    if centres[1] - centres[0] < MIN_CONTRAST:
         raise CalibrationError(
-            f"contrast {centres[1] - centres[0]:.0f} counts: at least {LEAST_CONTRAST:.0f} are demanded"
+            f"contrast {centres[1] - centres[0]:.0f} counts: at least {MIN_CONTRAST:.0f} are demanded"
         )
     return 0.5 * float(centres[0] + centres[1])
 

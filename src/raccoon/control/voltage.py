@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from raccoon.control.feedforward import WheelModel
 
-LEAST_VOLTAGE = 3.0
+MIN_VOLTAGE = 3.0
 """V; below it the reading is no battery's (a dead converter reads 0): the one before, or the nominal one,
 counts."""
 
@@ -43,8 +43,8 @@ class VoltageScaling:
     __slots__ = ("reference",)
 
     def __init__(self, reference: float) -> None:
-        if not LEAST_VOLTAGE < reference < math.inf:
-            raise ValueError(f"reference is {reference} V: it must be above {LEAST_VOLTAGE} V")
+        if not MIN_VOLTAGE < reference < math.inf:
+            raise ValueError(f"reference is {reference} V: it must be above {MIN_VOLTAGE} V")
         self.reference = reference
 
     def scale_duty(self, duty: float, battery_voltage: float | None) -> ScaledDuty:
@@ -54,7 +54,7 @@ class VoltageScaling:
         """
         if not -1.0 <= duty <= 1.0:
             raise ValueError(f"duty is {duty}: allowed are numbers from -1 to 1")
-        usable = battery_voltage is not None and LEAST_VOLTAGE < battery_voltage < math.inf
+        usable = battery_voltage is not None and MIN_VOLTAGE < battery_voltage < math.inf
         factor = self.reference / battery_voltage if usable and battery_voltage is not None else 1.0
         wanted = duty * factor
         given = max(-1.0, min(1.0, wanted))

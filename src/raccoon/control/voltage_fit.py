@@ -17,7 +17,7 @@ from dataclasses import dataclass
 Vector3 = tuple[float, float, float]
 WINDOW_S = 0.05
 """s over which voltage and speed are compared."""
-LEAST_SPEED = 0.4
+MIN_SPEED = 0.4
 """rad/s; a slower wheel may stand."""
 UNIT_ROWS: tuple[Vector3, Vector3, Vector3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Rows that tell one of the three alone."""
@@ -62,7 +62,7 @@ class Windows:
 
     def add(self, voltage: float, speed: float, dt: float) -> tuple[Vector3, float] | None:
         """A cycle of dt s under `voltage`, at whose end the wheel turns at `speed`: (row, V) when full."""
-        direction = 0.0 if abs(speed) < LEAST_SPEED else math.copysign(1.0, speed)
+        direction = 0.0 if abs(speed) < MIN_SPEED else math.copysign(1.0, speed)
         if direction == 0.0 or dt <= 0.0 or (self._direction and direction != self._direction):
             self.clear()
             return None

@@ -40,7 +40,7 @@ BATTERY_LAG_S = 0.1
 ROW_NOISE, READ_NOISE = 0.06, 0.015
 """V by which a window's voltage is off, whatever the motor; V of back-EMF by which its speeds at either end
 are: of a motor geared up, whose speed takes few volts and whose acceleration many, that is most of it."""
-LEAST_ROWS = 12
+MIN_ROWS = 12
 """Windows before anything is said."""
 
 
@@ -223,4 +223,4 @@ class WheelWatch:
         load = fit.values[2] / model.acceleration_voltage
         load_std = fit.std(2) / model.acceleration_voltage
         late = READING_DELAY_S / (model.gain * model.acceleration_voltage)
-        return WheelState(fit.rows >= LEAST_ROWS, speed, speed_std, load, load_std, late)
+        return WheelState(fit.rows >= MIN_ROWS, speed, speed_std, load, load_std, late)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.pid import Pid, PidGains
 from raccoon.control.tuning import SlowCycleGains
-from raccoon.control.voltage import LEAST_VOLTAGE
+from raccoon.control.voltage import MIN_VOLTAGE
 from raccoon.control.wheel_watch import WheelState, WheelWatch
 
 MAX_DUTY = 1.0
@@ -170,8 +170,8 @@ class WheelLoop:
         cycle: float = CYCLE_S,
         dead_time: float = DEAD_TIME_S,
     ) -> None:
-        if not nominal_voltage > LEAST_VOLTAGE:
-            raise ValueError(f"nominal_voltage is {nominal_voltage} V: it must be above {LEAST_VOLTAGE}")
+        if not nominal_voltage > MIN_VOLTAGE:
+            raise ValueError(f"nominal_voltage is {nominal_voltage} V: it must be above {MIN_VOLTAGE}")
         both = (gains, gains) if isinstance(gains, PidGains) else gains
         self._left = Wheel(left, both[0], filter_time_constant, cycle, dead_time)
         self._right = Wheel(right, both[1], filter_time_constant, cycle, dead_time)
@@ -213,7 +213,7 @@ class WheelLoop:
         battery_voltage: float | None,
     ) -> tuple[float, float]:
         """Duties (left, right) for this cycle. A speed of None leaves that wheel to its feedforward."""
-        if battery_voltage is not None and battery_voltage > LEAST_VOLTAGE:
+        if battery_voltage is not None and battery_voltage > MIN_VOLTAGE:
             self._battery = battery_voltage
         if target == REST:
             self._straight += dt

@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
 
-MOST_LINKS = 40
+MAX_LINKS = 40
 """Links that lead from one to the next before they count as a ring, as the system has it."""
 
 
@@ -140,7 +140,7 @@ def _open_stream(path: Path) -> BinaryIO:
 
 def _descriptor(path: Path) -> int | None:
     """The number of the open file that a path leads to; None for any other."""
-    for _ in range(MOST_LINKS):
+    for _ in range(MAX_LINKS):
         if os.path.realpath(path.parent) == f"/proc/{os.getpid()}/fd" and path.name.isdecimal():
             return int(path.name)
         if not path.is_symlink():

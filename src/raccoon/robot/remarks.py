@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
     from raccoon.robot.robot_state import RobotState
 
-LEAST_MISMATCH = 0.01
+MIN_MISMATCH = 0.01
 """Share that the ratio of the wheels' scales, or the gyro's, is off robot.toml's to be worth a word."""
 MISMATCH_SIGMAS = 4.0
 """And how many of its standard deviations it must be."""
@@ -79,7 +79,7 @@ def scale_mismatch(robot: Robot) -> float:
         return 0.0
     left, right = robot.odometry.wheel_scales
     off = right / left - 1.0
-    return off if abs(off) >= max(LEAST_MISMATCH, MISMATCH_SIGMAS * math.hypot(*known)) else 0.0
+    return off if abs(off) >= max(MIN_MISMATCH, MISMATCH_SIGMAS * math.hypot(*known)) else 0.0
 
 
 def _describe_turn_mismatch(robot: Robot) -> str:
@@ -93,7 +93,7 @@ def _describe_turn_mismatch(robot: Robot) -> str:
 def _describe_gyro_scale(robot: Robot) -> tuple[str, ...]:
     """What is to be said of a gyro's scale that walls, lines and poses have taught to be another one."""
     (scale, std), known = robot.odometry.gyro_scale, robot.config.model.imu.gyro_scale.value
-    if abs(scale - known) < max(LEAST_MISMATCH * known, MISMATCH_SIGMAS * std):
+    if abs(scale - known) < max(MIN_MISMATCH * known, MISMATCH_SIGMAS * std):
         return ()
     return (
         f"by the walls and lines that it saw the gyro reads {scale:.3f} times what the robot turns, and "

@@ -36,7 +36,7 @@ MAX_VALUES = 20_000_000
 MAX_PROBLEMS = 100
 MAX_MESSAGE = 12 * MAX_TEXT + 100
 """Bytes; a letter of a remark may take twelve."""
-MOST_SECONDS = 1.8e10
+MAX_SECONDS = 1.8e10
 """64 bits of nanoseconds."""
 _PROFILE = "raccoon"
 _TICK = "position_counts_seconds"
@@ -82,9 +82,9 @@ def _write_rows(writer: Writer, recording: Recording) -> None:
     remarks = writer.register_channel(EVENT, "json", text)
     time = recording["t"]
     start = min(0.0, float(time[0])) if len(time) else 0.0  # message times cannot be negative
-    if len(time) and not time[-1] - start < MOST_SECONDS:
+    if len(time) and not time[-1] - start < MAX_SECONDS:
         raise TraceError(
-            f"t goes from {start:g} to {time[-1]:g} s: the times of MCAP end {MOST_SECONDS:g} s after their "
+            f"t goes from {start:g} to {time[-1]:g} s: the times of MCAP end {MAX_SECONDS:g} s after their "
             "start; is t in seconds?"
         )
     stamps = [round((each - start) * 1e9) for each in time.tolist()]

@@ -24,7 +24,7 @@ from raccoon.trace.loading import Run, load_runs
 
 Array = NDArray[np.float64]
 
-LEAST_WAY = 0.10
+MIN_WAY = 0.10
 """m from which on a robot drove."""
 VERDICT = 2 + max(len(verdict) for verdict in Verdict)
 """Width of a column of verdicts."""
@@ -128,7 +128,7 @@ def _counts_and_ways(
     joined = np.concatenate(ways)
     driven = float(np.nansum(joined))
     seams = sum(len(each) > 0 for each in ways)
-    told = driven >= LEAST_WAY and np.isnan(joined).sum() == seams
+    told = driven >= MIN_WAY and np.isnan(joined).sum() == seams
     return np.concatenate(counts), joined if told else None
 
 

@@ -36,7 +36,7 @@ MAX_SAMPLE_GAP_CYCLES = 2.5
 """Cycles between two samples from which none between them is on a line."""
 CLOSE = 1e-6
 """Part of a row that is none: sums of what is 0 are not."""
-LEAST_SHARP = 0.8
+MIN_SHARP = 0.8
 """How closely such rows must gather, as a part of what they would by a perfect clock."""
 
 
@@ -153,7 +153,7 @@ def find_sample_clock(
         return None
     angles = np.unwrap(np.angle(weights[known] @ turns))
     near = np.exp(1j * np.interp(middles, knots[known], angles))
-    if (turns / near).real.mean() < LEAST_SHARP * np.sinc(abs(row * found - usual)):
+    if (turns / near).real.mean() < MIN_SHARP * np.sinc(abs(row * found - usual)):
         return None
     phases = angles / (2.0 * np.pi * found) + (0.0 if rare % 2 else 0.5 / found)
     return SampleClock(1.0 / found, knots[known], phases, waits, lead)

@@ -24,7 +24,7 @@ NOT_VISIBLE_PREFIX = "not visible"
 MIN_HIDDEN_CAUSES = 5
 """Number of such causes, of 31, from which a recording that shows nothing says little. One that was driven as
 the checkup hides one or two."""
-MOST_ASKED_CAUSES = (
+USUAL_CAUSES = (
     "motor.back_emf_constant",
     "motor.armature_resistance",
     "drive.inertia",
@@ -62,7 +62,7 @@ def visible_sizes_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is not Verdict.ADEQUATE or diagnosis.causes:
         return ""
     reasons = {each.id: each.reason for each in diagnosis.rejected}
-    sizes = [(PLAIN_NAMES[id_], _SHOWS_FROM.search(reasons.get(id_, ""))) for id_ in MOST_ASKED_CAUSES]
+    sizes = [(PLAIN_NAMES[id_], _SHOWS_FROM.search(reasons.get(id_, ""))) for id_ in USUAL_CAUSES]
     said = [f"{name} {found[1]}" for name, found in sizes if found]
     return f"Errors from this size on would have shown: {', '.join(said)}." if said else ""
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from raccoon.core.readings import Status
 from raccoon.estimate.battery.curves import charge_at
-from raccoon.estimate.battery.voltage import LEAST_VOLTAGE, MOST_VOLTAGE
+from raccoon.estimate.battery.voltage import MAX_VOLTAGE, MIN_VOLTAGE
 
 WINDOW_S = 0.1
 """s that voltage and current are averaged over."""
@@ -20,7 +20,7 @@ SETTLE_S = 0.15
 """s after a change of current for which the filtered reading still moves."""
 MEMORY_WINDOWS = 600.0
 """Windows that count: a minute."""
-LEAST_SWING = 0.15
+MIN_SWING = 0.15
 """A of current between rest and load before a resistance is believed."""
 
 
@@ -81,7 +81,7 @@ class PackState:
         last, self._time = self._time, time
         if (
             voltage is None
-            or not LEAST_VOLTAGE <= voltage <= MOST_VOLTAGE
+            or not MIN_VOLTAGE <= voltage <= MAX_VOLTAGE
             or not math.isfinite(current)
             or last is None
         ):
@@ -127,7 +127,7 @@ class PackState:
         charge = charge_at(self._chemistry, cell)
         high = charge_at(self._chemistry, cell + cell_std)
         low = charge_at(self._chemistry, cell - cell_std)
-        swung = self._most - self._least > LEAST_SWING
+        swung = self._most - self._least > MIN_SWING
         return PackEstimate(
             self._open_circuit_voltage,
             std,

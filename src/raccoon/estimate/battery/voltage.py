@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from raccoon.core.schema import BATTERY_VOLTAGE
 
-LEAST_VOLTAGE, MOST_VOLTAGE = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
+MIN_VOLTAGE, MAX_VOLTAGE = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
 """V between which a reading is a battery's."""
 TIME_CONSTANT_S = 0.1
 """s; long enough for the converter's steps of 9 mV, short enough to follow sag."""
@@ -24,7 +24,7 @@ class BatteryVoltage:
 
         Of a converter that dies the filter would otherwise come through every voltage on its way down.
         """
-        if voltage is None or not LEAST_VOLTAGE <= voltage <= MOST_VOLTAGE:
+        if voltage is None or not MIN_VOLTAGE <= voltage <= MAX_VOLTAGE:
             return
         if self._time is None:
             self._value = voltage

@@ -24,7 +24,7 @@ KEPT_SPEEDS = 4
 """Steps of the filter, of which one is older than that."""
 DRIVEN_DUTY = 0.25
 """Duty that turns any motor: one that reads nothing under less may be the one that is not at fault."""
-SLOW_SHARE, LEAST_DUTY, USUAL_BATTERY_V = 0.4, 0.2, 6.6
+SLOW_SHARE, MIN_DUTY, USUAL_BATTERY_V = 0.4, 0.2, 6.6
 """Share of the V that a duty gives a motor, from such a duty and of such a battery, that its back-EMF has
 where it turns freely. A port calls it at fault below 0.3, from a duty of 0.25."""
 UNSEEN_TURN_SHARE = 0.25
@@ -215,6 +215,6 @@ def _is_slow(inputs: Inputs, command: Outputs | None, port: int) -> bool:
     if command is None:
         return True
     duty, word = command.duty[port], inputs.bemf[port]
-    if -LEAST_DUTY < duty < LEAST_DUTY:
+    if -MIN_DUTY < duty < MIN_DUTY:
         return False
     return word is None or word * inputs.device.bemf_volts / duty < SLOW_SHARE * USUAL_BATTERY_V

@@ -20,7 +20,7 @@ from raccoon.core.schema import BATTERY_VOLTAGE
 from raccoon.estimate.drive.wheel_track import CYCLE_GAP_S
 from raccoon.model.bemf import counts_scale
 
-LEAST_LOAD_V = 0.55
+MIN_LOAD_V = 0.55
 """V beyond what it rolled with, on each wheel."""
 CHANGE_SHARE = 0.5
 """Of what the wheels' change of speed takes, and of a change of the voltage: that much may be wrong about the
@@ -32,7 +32,7 @@ SMOOTHING_S = 0.04
 HELD_AFTER_S = 0.06
 """s of it before the robot is said to be held."""
 LASTING_LOAD_S, EVEN_CHANGE_V = 0.15, 0.4
-"""s of more than LEAST_LOAD, and V for a change of speed and voltage up to which that says it, too: no
+"""s of more than MIN_LOAD, and V for a change of speed and voltage up to which that says it, too: no
 inertia that is half wrong makes as much of so little."""
 HEAVY_LOAD_V, HEAVY_LOAD_S = 0.38, 0.25
 """V, and s of it at an even speed, that say it as well: a light robot, or one with little grip, spins its
@@ -42,9 +42,9 @@ LEARN_TIME_S, LEARN_TIME_HELD_S = 1.0, 10.0
 heavy is forgiven."""
 LEARNT_AFTER_S = 0.3
 """s of rolling before anything is said."""
-LEAST_SPEED, LEAST_VOLTS = 0.5, 0.3
+MIN_SPEED, MIN_VOLTS = 0.5, 0.3
 """rad/s and V, both ahead: slower wheels stick, and brakes are no drive."""
-LEAST_BATTERY, MOST_BATTERY = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
+MIN_BATTERY, MAX_BATTERY = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
 """V between which a reading is a battery's, as the filter of its voltage has it."""
 BATTERY_SHARE = 0.1
 """Of a new battery reading that counts."""
@@ -141,7 +141,7 @@ class LoadWatch:
         if not 0.0 < dt < CYCLE_GAP_S:
             return
         reading = inputs.battery_voltage
-        if reading is not None and LEAST_BATTERY < reading < MOST_BATTERY:
+        if reading is not None and MIN_BATTERY < reading < MAX_BATTERY:
             share = BATTERY_SHARE if self._battery else 1.0
             self._battery += share * (reading - self._battery)
         if command is None:
@@ -160,9 +160,9 @@ class LoadWatch:
         volts_left, volts_right = self._volt_seconds
         self._volt_seconds, self._volt_time, self._last_speeds = (0.0, 0.0), 0.0, (left, right)
         direction = 0.0
-        if min(left, right) > LEAST_SPEED and min(volts_left, volts_right) > LEAST_VOLTS * seconds:
+        if min(left, right) > MIN_SPEED and min(volts_left, volts_right) > MIN_VOLTS * seconds:
             direction = 1.0
-        elif max(left, right) < -LEAST_SPEED and max(volts_left, volts_right) < -LEAST_VOLTS * seconds:
+        elif max(left, right) < -MIN_SPEED and max(volts_left, volts_right) < -MIN_VOLTS * seconds:
             direction = -1.0
         if direction == 0.0 or direction != self._direction or seconds <= 0.0:
             self._direction = direction
@@ -189,12 +189,12 @@ class LoadWatch:
         self._voltage_change += smooth * (voltage_change - self._voltage_change)
         excess = min(left - rolls_left, right - rolls_right)
         self._excess_load += smooth * (excess - self._excess_load)
-        limit = LEAST_LOAD_V + CHANGE_SHARE * self._voltage_change
-        is_lasting = self._excess_load > LEAST_LOAD_V and self._voltage_change < EVEN_CHANGE_V
+        limit = MIN_LOAD_V + CHANGE_SHARE * self._voltage_change
+        is_lasting = self._excess_load > MIN_LOAD_V and self._voltage_change < EVEN_CHANGE_V
         self._lasting_seconds = self._lasting_seconds + span if is_lasting else 0.0
         if self._excess_load > HEAVY_LOAD_V and self._voltage_change < STEADY_CHANGE_V:
             self._heavy_seconds += span
-        elif self._excess_load < 0.5 * LEAST_LOAD_V:
+        elif self._excess_load < 0.5 * MIN_LOAD_V:
             self._heavy_seconds = 0.0
         has_lasted = self._lasting_seconds > LASTING_LOAD_S or self._heavy_seconds > HEAVY_LOAD_S
         if self._excess_load > limit or has_lasted:
@@ -202,10 +202,10 @@ class LoadWatch:
             is_long = self._suspicious_seconds > HELD_AFTER_S or has_lasted
             if not self.held and is_long and self._learnt_seconds > LEARNT_AFTER_S:
                 self.held, self._rolling_loads_before = True, self._rolling_loads
-        elif self._excess_load < 0.5 * LEAST_LOAD_V or not self.held:
+        elif self._excess_load < 0.5 * MIN_LOAD_V or not self.held:
             self._suspicious_seconds = 0.0
             self.held = False
-        self._count_way(way, self.held or max(excess, self._excess_load) > 0.5 * LEAST_LOAD_V)
+        self._count_way(way, self.held or max(excess, self._excess_load) > 0.5 * MIN_LOAD_V)
         learn_seconds = span / (1.0 + (self._voltage_change / STEADY_CHANGE_V) ** 2)
         self._learnt_seconds += learn_seconds
         self._rolling_loads = (

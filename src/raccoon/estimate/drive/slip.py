@@ -12,13 +12,13 @@ SLIP_GATE = 16.0
 """Squared innovation over its variance: 4 sigma."""
 DOUBTFUL_SLIP_GATE, DOUBTFUL_GYRO_STD = 4.0, 0.02
 """The same at 2 sigma, where the turn cannot be dated either: rad/s of its deviation."""
-LEAST_TURN = 0.08
+MIN_TURN = 0.08
 """rad/s; a smaller disagreement is no slip worth a name."""
 NAMED_AFTER_S = 0.05
 """s of disagreement before a wheel is named."""
 WRONG_SCALES_AFTER_S = 3.0
 """s of a disagreement that wrong scales may be, after which it is not slip: the scales are wrong."""
-MOST_SCALE_ERROR, MOST_TURN_ERROR = 0.4, 0.4
+MAX_SCALE_ERROR, MAX_TURN_ERROR = 0.4, 0.4
 """How far robot.toml may be off about a wheel's metres, and about the turn that both wheels make, as a share.
 A magnet with half its strength, a track taken at the wrong edge are not more; tyres that spin are."""
 AGREED_BEFORE_SLIP_S = 0.3
@@ -66,7 +66,7 @@ class SlipWatch:
 
     def disagrees(self, innovation: float, variance: float) -> bool:
         """Is the turn that the wheels do not explain (rad/s) more than noise?"""
-        return abs(innovation) > LEAST_TURN and innovation * innovation > SLIP_GATE * variance
+        return abs(innovation) > MIN_TURN and innovation * innovation > SLIP_GATE * variance
 
     def may_slip(self, innovation: float, variance: float, gyro_variance: float) -> bool:
         """May a wheel slip: one did a moment ago, or the gyro's rate changes too fast to be dated, as where a
@@ -76,7 +76,7 @@ class SlipWatch:
         """
         if self._seconds_since_slip < AFTER_SLIP_S:
             return True
-        disagrees = innovation * innovation > max(LEAST_TURN**2, DOUBTFUL_SLIP_GATE * variance)
+        disagrees = innovation * innovation > max(MIN_TURN**2, DOUBTFUL_SLIP_GATE * variance)
         return disagrees and gyro_variance > DOUBTFUL_GYRO_STD**2
 
     def begin_rest(self) -> None:
@@ -130,13 +130,13 @@ def can_scales_explain(turn: float, left: float, right: float) -> bool:
     nominal scale, without offsets; all in rad/s. By the model of the filter the rest is
     balance (left + right) + (wheel_turn - 1) turn; only one of both is far off.
     """
-    return abs(right - left - turn) < max(MOST_SCALE_ERROR * abs(left + right), MOST_TURN_ERROR * abs(turn))
+    return abs(right - left - turn) < max(MAX_SCALE_ERROR * abs(left + right), MAX_TURN_ERROR * abs(turn))
 
 
 def are_scales_plausible(way: float, balance: float, wheel_turn: float) -> bool:
     """Whether robot.toml may be that wrong about wheels and track width (states of the filter)."""
     off = max(abs(way - 1.0), abs(balance))
-    return off <= MOST_SCALE_ERROR and abs(wheel_turn - 1.0) <= MOST_TURN_ERROR
+    return off <= MAX_SCALE_ERROR and abs(wheel_turn - 1.0) <= MAX_TURN_ERROR
 
 
 def slipping_wheel(innovation: float, left: float, right: float) -> str:

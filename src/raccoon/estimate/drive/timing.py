@@ -10,7 +10,7 @@ from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.state import State
 
-LEAST_TURN_ACCELERATION = 1.0
+MIN_TURN_ACCELERATION = 1.0
 """rad/s2; less may be noise."""
 SAME_TURN_SHARE = 0.6
 """Share of the faster of both turn rates by which wheels and gyro may differ and still mean one turn."""
@@ -19,10 +19,10 @@ SHAKING_MEMORY_S = 0.15
 """s for which it counts that the wheels shook the robot."""
 GYRO_SHAKING_SHARE = 0.02
 """Share of it by which the gyro's mean over a step may be off: readings lie a few ms beside their time."""
-LEAST_SHAKING = 0.5
+MIN_SHAKING = 0.5
 """rad/s of half the wheels' difference, to and fro; in turns of the motions, but of those that
 end as soon as they have begun, it is less."""
-LEAST_REVERSAL = 0.2
+MIN_REVERSAL = 0.2
 """rad/s of it the other way, beyond noise, that count as one."""
 
 _DELAY = variance_index(State.GYRO_DELAY)
@@ -46,7 +46,7 @@ class TurnAcceleration:
         swing, fastest = (wheels - before[0]) / span, max(map(abs, (*before, wheels, gyro)))
         return (
             swing
-            if abs(swing) > LEAST_TURN_ACCELERATION and abs(wheels - gyro) < SAME_TURN_SHARE * fastest
+            if abs(swing) > MIN_TURN_ACCELERATION and abs(wheels - gyro) < SAME_TURN_SHARE * fastest
             else 0.0
         )
 
@@ -85,13 +85,13 @@ class Shaking:
         self._rise = self._rise * keep + max(change, 0.0)
         self._fall = self._fall * keep + max(-change, 0.0)
         self._count_reversals(span, half)
-        return max(0.0, min(self._rise, self._fall) - LEAST_SHAKING) if self._reversals > 1 else 0.0
+        return max(0.0, min(self._rise, self._fall) - MIN_SHAKING) if self._reversals > 1 else 0.0
 
     def _count_reversals(self, span: float, half: float) -> None:
         """Count how often it went the other way since it was last steady."""
         gone = half - self._last_extreme
         self._quiet_seconds += span
-        if gone * self._direction > 0.0 or abs(gone) > LEAST_REVERSAL:
+        if gone * self._direction > 0.0 or abs(gone) > MIN_REVERSAL:
             self._reversals += gone * self._direction < 0.0
             self._last_extreme, self._direction, self._quiet_seconds = half, gone, 0.0
         elif self._quiet_seconds > SHAKING_MEMORY_S:

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 MEMORY_S = 0.5
 """s of motion that count."""
-LEAST_MOTION_S = 0.25
+MIN_MOTION_S = 0.25
 """s of motion before anything is said."""
 LASTING_S = 1.0
 """s for which the gyro must say otherwise in a motion that began as robot.toml says."""
 REST_S = 0.1
 """s at rest that end a motion."""
-LEAST_RATE = 0.3
+MIN_RATE = 0.3
 """rad/s of the robot that the wheels together are worth, below which offsets and noise would decide."""
 MAX_FITTING_MISFIT, MIN_FAILING_MISFIT = 0.15, 0.5
 """Misfit, as a share of the squares of a and b, of what the gyro agrees with and of what it does not."""
@@ -68,7 +68,7 @@ class Wiring:
         misfits = self._misfits
         if len(misfits) == 1:
             return
-        if left * left + right * right < LEAST_RATE * LEAST_RATE:
+        if left * left + right * right < MIN_RATE * MIN_RATE:
             self._rest_seconds += span
             if self._rest_seconds >= REST_S and self._motion_seconds > 0.0:
                 self._start_motion()
@@ -80,7 +80,7 @@ class Wiring:
         for signs in misfits:
             off = turn_rate - signs[0] * left - signs[1] * right
             misfits[signs] = keep * misfits[signs] + span * off * off
-        if self._motion_seconds >= LEAST_MOTION_S:
+        if self._motion_seconds >= MIN_MOTION_S:
             self._judge(span)
 
     def _start_motion(self) -> None:

@@ -18,7 +18,7 @@ from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_of
 from raccoon.model.bemf import counts_scale
 
 Array = NDArray[np.float64]
-FEWEST_KNOWN_ROWS = 20
+MIN_KNOWN_ROWS = 20
 """Rows with a pose from which on a reference is one."""
 
 
@@ -191,7 +191,7 @@ def _truth(columns: Mapping[str, Array]) -> Array | None:
         return None
     truth = np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
     known = np.isfinite(truth).all(axis=1)
-    if known.sum() < FEWEST_KNOWN_ROWS:
+    if known.sum() < MIN_KNOWN_ROWS:
         return None
     truth[~known] = np.nan  # a reference of another rate leaves rows blank, as one that loses the robot does
     truth[known, 2] = np.unwrap(truth[known, 2])

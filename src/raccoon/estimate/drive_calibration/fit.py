@@ -30,11 +30,11 @@ from raccoon.estimate.drive_calibration.paths import residuals
 from raccoon.estimate.drive_calibration.plausibility import check_plausible, describe_surprises
 from raccoon.model.bemf import counts_scale
 
-LEAST_TURN = math.radians(90.0)
-LEAST_SHARE = 0.2
+MIN_TURN = math.radians(90.0)
+MIN_SHARE = 0.2
 """Share of the turning that the rarer direction needs."""
-LEAST_WAY = 0.3
-MOST_DEVIATION = 0.05
+MIN_WAY = 0.3
+MAX_DEVIATION = 0.05
 """A factor whose relative deviation is larger is not determined."""
 BOTH_WAYS = (
     "drive a square of about 0.6 m once to the left and once to the right, or eight quarter turns each way, "
@@ -100,7 +100,7 @@ def fit_drive(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: De
     factors, before, after = _fit_factors(robot, fitted)
     deviations = jackknife_deviations(robot, manoeuvres, factors, fitted)
     for name, deviation in zip(("left wheel", "right wheel", "track width"), deviations, strict=True):
-        if not deviation <= MOST_DEVIATION:
+        if not deviation <= MAX_DEVIATION:
             raise CalibrationError(
                 f"{name}: these recordings tell it to {100 * deviation:.1f} % only (5 % are allowed): "
                 f"{BOTH_WAYS}"
@@ -167,8 +167,8 @@ def _check_lengths(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre]) -> None:
         )
     radius = robot.model.drive.wheel_radius.value
     way = sum(float(np.abs(np.diff(each.left + each.right)).sum()) for each in manoeuvres) * 0.5 * radius
-    if way < LEAST_WAY:
-        raise CalibrationError(f"the wheels went {way:.2f} m: at least {LEAST_WAY} m are needed")
+    if way < MIN_WAY:
+        raise CalibrationError(f"the wheels went {way:.2f} m: at least {MIN_WAY} m are needed")
 
 
 def _check_turns(manoeuvres: Sequence[Manoeuvre]) -> None:
@@ -180,7 +180,7 @@ def _check_turns(manoeuvres: Sequence[Manoeuvre]) -> None:
         )
     turns = np.concatenate([np.diff(_without_jitter(heading)) for heading in headings if heading is not None])
     left, right = float(turns[turns > 0].sum()), float(np.abs(turns[turns < 0]).sum())
-    if min(left, right) < max(LEAST_TURN, LEAST_SHARE * max(left, right)):
+    if min(left, right) < max(MIN_TURN, MIN_SHARE * max(left, right)):
         raise CalibrationError(
             f"the robot turned {math.degrees(left):.0f} degrees left and {math.degrees(right):.0f} right: "
             f"with one turning direction, track width and unequal wheels look the same; {BOTH_WAYS}"

@@ -16,7 +16,7 @@ STRETCH_S = 1.5
 """s of a stretch whose turn is compared with the gyro's."""
 START_S = 0.5
 """s of which a reference says together in which pose a path starts."""
-FEWEST_AT_START = 4
+MIN_AT_START = 4
 """Rows there whose scatter says how well."""
 
 
@@ -91,7 +91,7 @@ def start_pose_changes(factors: Array, robot: RobotConfig, each: Manoeuvre) -> A
     heading: by the scatter of the rows that say it. Empty where too few say it."""
     off = truth_residuals(factors, robot, each)
     first = each.t[each.known_rows] <= each.t[each.known_rows[0]] + START_S if len(off) else np.zeros(0, bool)
-    if first.sum() < FEWEST_AT_START:
+    if first.sum() < MIN_AT_START:
         return np.zeros((0, 3 * len(off)))
     stds = off[first].std(axis=0, ddof=1) / math.sqrt(float(first.sum()))
     weights = np.array([PLACE_STD, PLACE_STD, HEADING_STD]) * math.sqrt(len(off))

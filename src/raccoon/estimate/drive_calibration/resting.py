@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import Measured
 
-FEWEST_RESTING = 40
+MIN_RESTING = 40
 MOVING_COUNTS = 40.0
 """Back-EMF counts beyond the resting value that say a wheel moves."""
 
@@ -26,7 +26,7 @@ def resting_offset(words: Sequence[float] | NDArray[np.float64], dead_zone: floa
     Nothing but 0 from a device with a dead zone (counts) may be any offset within it, and so may what stands
     behind those readings of an offset at its edge that are 0.
     """
-    if len(words) < FEWEST_RESTING:
+    if len(words) < MIN_RESTING:
         return None
     if dead_zone > 0.0 and not np.any(words):
         return Measured(0.0, dead_zone / math.sqrt(3.0))

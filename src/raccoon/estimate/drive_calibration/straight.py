@@ -32,7 +32,7 @@ from raccoon.model.bemf import counts_scale
 
 SHORTEST_M = 0.2
 """m; below it the tape's error is above 1 %."""
-MOST_TURN = math.radians(30.0)
+MAX_TURN = math.radians(30.0)
 SLIP_NOISE = 0.0005
 """m of wheel travel after one metre that nobody can predict; grows with its square root."""
 
@@ -78,7 +78,7 @@ def calibrate_straight(
     if turn is None:
         turn = gyro_turn(robot, inputs, bias)
     _require(
-        abs(turn) <= MOST_TURN,
+        abs(turn) <= MAX_TURN,
         f"the robot turned by {math.degrees(turn):.1f} degrees on the way: drive straighter (30 are allowed)",
     )
     half = 0.5 * turn

@@ -16,7 +16,7 @@ from typing import Any
 
 import sympy as sp
 
-from raccoon.estimate.ekf.state import LEAST_TURN, LEAST_VELOCITY, SIZE, State
+from raccoon.estimate.ekf.state import MIN_TURN, MIN_VELOCITY, SIZE, State
 
 NAMES = [state.name.lower() for state in State]
 SYMBOLS = {state: sp.Symbol(state.name.lower()) for state in State}
@@ -140,8 +140,8 @@ def wheels_lines() -> list[str]:
         "inverse_radius = 1.0 / radius",
         "shared = -r_differential / (r_left + r_differential)",
         f"wheels_turn = {code(WHEELS_TURN)}",
-        f"telling_velocity = velocity if abs(velocity) > {LEAST_VELOCITY} else 0.0",
-        f"telling_turn = wheels_turn if abs(turn_rate) > {LEAST_TURN} else 0.0",
+        f"telling_velocity = velocity if abs(velocity) > {MIN_VELOCITY} else 0.0",
+        f"telling_turn = wheels_turn if abs(turn_rate) > {MIN_TURN} else 0.0",
         *linearise_lines("left"),
         *linearise_lines("right"),
         "y_right -= shared * y_left",
@@ -154,7 +154,7 @@ def wheels_lines() -> list[str]:
 def gyro_lines() -> list[str]:
     """The gyro's update, where it has read; the state is still the predicted one."""
     lines = [
-        f"telling_rate = turn_rate if abs(turn_rate) > {LEAST_TURN} else 0.0",
+        f"telling_rate = turn_rate if abs(turn_rate) > {MIN_TURN} else 0.0",
         *linearise_lines("gyro"),
         *update_lines("gyro", False),
         "innovations = (*innovations, y_gyro, s_gyro)",

@@ -21,7 +21,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.estimate.ekf.state import LEAST_TURN, LEAST_VELOCITY, SIZE, State
+from raccoon.estimate.ekf.state import MIN_TURN, MIN_VELOCITY, SIZE, State
 from raccoon.model.drive import DriveGeometry
 
 Array = NDArray[np.float64]
@@ -73,15 +73,15 @@ def expected_readings_jacobian(
 ) -> Array:
     """Derivative of `readings` by the state, (3, 13). swing: rad/s2, how fast the turn rate changes.
 
-    A velocity up to LEAST_VELOCITY tells nothing of BALANCE, a turn up to LEAST_TURN nothing of WHEEL_TURN
+    A velocity up to MIN_VELOCITY tells nothing of BALANCE, a turn up to MIN_TURN nothing of WHEEL_TURN
     and GYRO_SCALE: there these slopes are 0.
     """
     H = np.zeros((3, SIZE))
     half, radius = 0.5 * geometry.track_width, geometry.wheel_radius
     wheel_turn = state[State.WHEEL_TURN]
     turn_rate = state[State.TURN_RATE] + state[State.GYRO_DELAY] * turn_acceleration
-    velocity = state[State.VELOCITY] * (abs(state[State.VELOCITY]) > LEAST_VELOCITY)
-    tells = abs(state[State.TURN_RATE]) > LEAST_TURN
+    velocity = state[State.VELOCITY] * (abs(state[State.VELOCITY]) > MIN_VELOCITY)
+    tells = abs(state[State.TURN_RATE]) > MIN_TURN
     for row, (sign, offset) in enumerate(((-1.0, State.LEFT_OFFSET), (1.0, State.RIGHT_OFFSET))):
         share = (1.0 + sign * state[State.BALANCE]) / radius
         H[row, State.VELOCITY] = share

@@ -43,7 +43,7 @@ class State(IntEnum):
 
 
 SIZE = len(State)
-LEAST_VELOCITY, LEAST_TURN = 0.02, 0.1
+MIN_VELOCITY, MIN_TURN = 0.02, 0.1
 """m/s that tell BALANCE, rad/s that tell WHEEL_TURN and GYRO_SCALE. A slower motion is hardly more than
 noise. What a scale would do to a reading is taken from the motion of the step before; where the noise of that
 and of this step is alike, it looks like a scale, always of the same sign."""

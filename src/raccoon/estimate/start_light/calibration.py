@@ -9,10 +9,10 @@ from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
-LEAST_COUNTS = 60.0
+MIN_COUNTS = 60.0
 """Between lamp off and on, and between the ambient light and the threshold."""
-LEAST_RATIO = 0.75  # lamp on over lamp off, above which a calibration is refused
-LEAST_LIGHT_RATIO = 1.6  # light with the lamp over light without it, below which a calibration is refused
+MIN_RATIO = 0.75  # lamp on over lamp off, above which a calibration is refused
+MIN_LIGHT_RATIO = 1.6  # light with the lamp over light without it, below which a calibration is refused
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLig
             f"{lit:.0f} counts with the lamp on: nothing is so bright; look for wires that touch, and for "
             "a plug that is turned or one hole off"
         )
-    plain = light_of(lit) >= LEAST_LIGHT_RATIO * light_of(dark)
-    if lit > LEAST_RATIO * dark or dark - lit < LEAST_COUNTS or not plain:
+    plain = light_of(lit) >= MIN_LIGHT_RATIO * light_of(dark)
+    if lit > MIN_RATIO * dark or dark - lit < MIN_COUNTS or not plain:
         raise CalibrationError(
             f"{dark:.0f} counts with the lamp off and {lit:.0f} with it on: shade the sensor from other light"
         )

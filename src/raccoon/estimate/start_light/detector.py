@@ -21,7 +21,7 @@ from typing import NamedTuple
 from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.start_light import bulb
 from raccoon.estimate.start_light.bulb import MEAN_SECONDS, SlowBulb
-from raccoon.estimate.start_light.calibration import LEAST_COUNTS, StartLightCalibration
+from raccoon.estimate.start_light.calibration import MIN_COUNTS, StartLightCalibration
 from raccoon.estimate.start_light.history import WARM_UP_SECONDS, History
 from raccoon.model.reflectance import light_of
 
@@ -29,7 +29,7 @@ LEARNING_SECONDS = 0.5  # of ambient light before anything may fire
 LEARNING_READINGS = 10  # and at least so many: of five a flash is most of what they tell of the noise
 AMBIENT_SECONDS = 0.5  # time constant of the ambient level
 MEMORY_SECONDS = 60.0  # time constant in which a brighter past is forgotten
-LEAST_FALL = 0.35  # of the ambient reading, where the lamp is not calibrated
+MIN_FALL = 0.35  # of the ambient reading, where the lamp is not calibrated
 CLEAR_SDS = 8.0  # noise standard deviations between ambient and threshold
 MAX_CLEAR_SHARE = 0.55  # of the ambient reading, enough for any noise: flicker does no more than double light
 QUICK_RATIO = 1.8  # light over the least light just before, above which a lamp went on
@@ -40,7 +40,7 @@ HOLD_SECONDS = 0.038  # that a lamp must stay on before it counts
 RISE_SECONDS = 0.030  # within which it comes on
 STILL_SECONDS = 0.1  # whole periods of light that flickers with the mains, at 50 and at 60 Hz
 COARSE_SECONDS = 0.03  # between two readings, from which on STILL is asked of a lamp that came at once
-LEAST_READINGS = 3  # of a lamp: one may be an outlier, and at 10 Hz a flash is one
+MIN_READINGS = 3  # of a lamp: one may be an outlier, and at 10 Hz a flash is one
 LATELY_SECONDS = 3.0  # in which the sun may have come, and somebody's shadow over it
 LONGEST_GAP_SECONDS = 0.25
 """S between two readings, above which nobody knows how quick the fall between them was."""
@@ -148,9 +148,9 @@ class StartLight:
         if math.isnan(self._brightest):
             return 0.0
         noise = min(CLEAR_SDS * math.sqrt(self._variance), MAX_CLEAR_SHARE * self._brightest)
-        clear = max(LEAST_COUNTS, noise)
+        clear = max(MIN_COUNTS, noise)
         if self._lamp_counts is None:
-            return min((1.0 - LEAST_FALL) * self._brightest, self._brightest - clear)
+            return min((1.0 - MIN_FALL) * self._brightest, self._brightest - clear)
         return min(
             math.sqrt(max(self._lamp_counts, 1.0) * max(self._brightest, 1.0)), self._brightest - clear
         )
@@ -200,7 +200,7 @@ class StartLight:
         """The light doubled at once, as far as the readings can tell, and is steady since."""
         held = time - self._candidate_start
         if (
-            self._candidate_readings < LEAST_READINGS
+            self._candidate_readings < MIN_READINGS
             or held < max(self._hold_seconds, self._candidate_gap) - 1e-6
         ):
             return False
@@ -270,7 +270,7 @@ class StartLight:
         threshold = self.threshold
         if self._is_ambient_unknown:
             status = Status.INVALID
-        elif threshold <= (LEAST_COUNTS if self._lamp_counts is None else self._lamp_counts):
+        elif threshold <= (MIN_COUNTS if self._lamp_counts is None else self._lamp_counts):
             status = Status.UNCERTAIN
         else:
             status = Status.OK

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from raccoon.core.errors import CalibrationError
 
 CLEAR_SDS = 6.0  # standard deviations that leave no error worth counting
-LEAST_SD = 1.0  # counts; no reading is better known than the converter's step and its noise
+MIN_SD = 1.0  # counts; no reading is better known than the converter's step and its noise
 
 
 class Verdict(StrEnum):
@@ -47,7 +47,7 @@ class Surface:
     @classmethod
     def of(cls, counts: NDArray[np.float64]) -> Surface:
         """The one that all these readings come from."""
-        return cls(float(counts.mean()), max(float(counts.std()), LEAST_SD), len(counts))
+        return cls(float(counts.mean()), max(float(counts.std()), MIN_SD), len(counts))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from raccoon.estimate.tophat.quality import WANDERING_COUNTS
 from raccoon.estimate.tophat.sensor import explain_levels
 
 WINDOW_READINGS = 200  # readings: one second at 200 Hz
-LEAST_READINGS = 40  # readings before anything is said
+MIN_READINGS = 40  # readings before anything is said
 MAX_UNEXPLAINED_SHARE = 0.3  # of the readings may lie on no surface: edges, lines along the way
 SURFACE_SDS = 6.0  # standard deviations within which a reading lies on a surface
 MOVED_LEVEL_SHARE = 0.08  # of the contrast, that a level may have moved
@@ -65,11 +65,11 @@ class CalibrationWatch:
     def fit(self) -> Fit:
         """The verdict over the last second."""
         readings = list(self._readings)
-        if len(readings) < LEAST_READINGS:
+        if len(readings) < MIN_READINGS:
             return Fit.UNKNOWN
         ordered = sorted(readings)
         steps = sorted(self._steps)
-        jumps = len(steps) >= LEAST_READINGS and steps[len(steps) // 2] > WANDERING_COUNTS
+        jumps = len(steps) >= MIN_READINGS and steps[len(steps) // 2] > WANDERING_COUNTS
         if jumps or ordered[len(ordered) // 10] >= ANALOG_TOP:
             return Fit.UNPLUGGED
         if ordered[-1 - len(ordered) // 10] <= ANALOG_BOTTOM:

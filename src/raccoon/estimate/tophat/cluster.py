@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
-from raccoon.estimate.tophat.calibration import LEAST_SD, Surface, TophatCalibration, Verdict
+from raccoon.estimate.tophat.calibration import MIN_SD, Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.flicker import UNEVEN_HZ, average_out_flicker, detect_flicker_hz
 from raccoon.estimate.tophat.mixture import best_mixture, single_surface_bic
 from raccoon.estimate.tophat.quality import check_counts, find_refusal, no_surfaces_calibration, refuse_narrow
@@ -29,8 +29,8 @@ from raccoon.estimate.tophat.sequence import (
 )
 
 Array = NDArray[np.float64]
-MOST_FITTED = 1000  # readings; more only cost time: every n-th of the sorted ones keeps the distribution
-LEAST_COUNT = 3  # readings on the rarer surface
+MAX_FITTED = 1000  # readings; more only cost time: every n-th of the sorted ones keeps the distribution
+MIN_COUNT = 3  # readings on the rarer surface
 SLOPE_SDS = 4.0  # standard deviations of a peak that count as its top
 MIN_SEPARATION = 2.1  # below which components are one surface (halves of a uniform floor have 1.73)
 SURE_SEPARATION = 2.5  # separation from which a threshold is `ok`
@@ -115,7 +115,7 @@ def _without_edges(surface: Surface, level: Array) -> Surface:
     own = level[np.abs(level - surface.mean) <= SLOPE_SDS * surface.sd]
     if len(own) < SURE_COUNT:
         return surface
-    return Surface(float(own.mean()), max(float(own.std()), LEAST_SD), surface.count)
+    return Surface(float(own.mean()), max(float(own.std()), MIN_SD), surface.count)
 
 
 def _with_slope_readings(surface: Surface, counts: Array, outward: float) -> Surface:
@@ -123,7 +123,7 @@ def _with_slope_readings(surface: Surface, counts: Array, outward: float) -> Sur
 
     outward: 1 for the darker surface, -1 for the brighter.
     """
-    if surface.count >= LEAST_COUNT:
+    if surface.count >= MIN_COUNT:
         return surface
     near = counts[outward * (counts - surface.mean) > -SLOPE_SDS * surface.sd]
     return Surface(float(near.mean()), max(float(near.std()), surface.sd), len(near))
@@ -211,14 +211,14 @@ class Clusters:
 def find_clusters(counts: Array) -> Clusters:
     """The surfaces in readings of any order."""
     ordered = np.sort(counts)
-    step = -(-len(ordered) // MOST_FITTED)
+    step = -(-len(ordered) // MAX_FITTED)
     ordered = ordered[step // 2 :: step]
     if ordered[0] == ordered[-1]:
         return Clusters([Surface.of(counts)], ordered, 0.0)
     mixture = best_mixture(ordered)
     merged: list[Surface] = []
     for each in mixture.components:
-        surface = Surface(each.mean, max(each.sd, LEAST_SD), round(each.weight * len(counts)))
+        surface = Surface(each.mean, max(each.sd, MIN_SD), round(each.weight * len(counts)))
         while merged and _separation(merged[-1], surface) < MIN_SEPARATION:
             surface = _merged_surface(merged.pop(), surface)
         merged.append(surface)
@@ -229,7 +229,7 @@ def _judge_surfaces(white: Surface, black: Surface) -> TophatCalibration:
     rarer = min(white.count, black.count)
     share = black.count / (white.count + black.count)
     separation = _separation(white, black)
-    if rarer < LEAST_COUNT:
+    if rarer < MIN_COUNT:
         reason = f"{rarer} readings are not a second surface"
         return TophatCalibration(Verdict.ONE_SURFACE, reason, white=white)
     not_black, is_sure = why_not_black(white.mean, black.mean, share)
@@ -292,7 +292,7 @@ def _shrink_spread(surface: Surface, other: Surface) -> Surface:
         sd = surface.sd * (other.sd / surface.sd) ** share
     else:
         sd = (surface.sd**2 + share * (other.sd**2 - surface.sd**2)) ** 0.5
-    return Surface(surface.mean, max(sd, LEAST_SD), surface.count)
+    return Surface(surface.mean, max(sd, MIN_SD), surface.count)
 
 
 def _main_surface(counts: Array) -> Surface:

@@ -43,14 +43,14 @@ from raccoon.model.reflectance import FULL_SCALE, light_of, spot_radius
 Array = NDArray[np.float64]
 
 BORDER_GROUP = 3  # the group of the modes on the way to another floor
-LEAST_WAY_M = 5e-5  # m a reading: a standing robot may still be pushed
+MIN_WAY_M = 5e-5  # m a reading: a standing robot may still be pushed
 MAX_PACE = 3.3
 OUTLIER_DENSITY = 1e-6  # density of a reading that means nothing, in units of 1 / the least u
 OTHER_LIGHT_ODDS = 0.1  # odds that a robot is put down in another light than the one that is known
 MISTAKEN_PROBABILITY = 1e-4  # probability that the surface was taken for the other one before
 EDGE_STAGE_PROBABILITY = 1e-4  # probability of each stage of an edge at the start
 OTHER_FLOOR_RATIO = 1.2, 0.6  # mean and sd over u of another floor's: boards are darker, glare is brighter
-LEAST_FLOOR_RATIO = 0.5  # of u, that another floor sends back; boards have 0.65 and more
+MIN_FLOOR_RATIO = 0.5  # of u, that another floor sends back; boards have 0.65 and more
 FLOOR_RETURN_SD = 0.03  # of its light, sd by which the floor that comes back differs from what it was
 LEAKED_LIGHT = 0.03  # light that a sensor gets whatever is below it
 
@@ -148,7 +148,7 @@ class HypothesisBank:
     ) -> None:
         """Take a reading; way: m driven over the floor since the one before, and whether it is known."""
         sensor, transitions = self._sensor, mode_transitions()
-        steps, spot_microns = min(max(way, LEAST_WAY_M) * STAGES / sensor.spot, MAX_PACE), 1e6 * sensor.spot
+        steps, spot_microns = min(max(way, MIN_WAY_M) * STAGES / sensor.spot, MAX_PACE), 1e6 * sensor.spot
         probability = transition_probabilities(
             round(10.0 * steps), round(spot_microns), others_lost, way_known
         )
@@ -202,7 +202,7 @@ class HypothesisBank:
         former, modes = self._former, self._modes
         arriving = modes[:, BORDER_MODES].copy()
         weight, light, dark, _, uu, uv, vv, up, vp, _ = arriving
-        short = np.minimum(dark[:STAGES] / (LEAST_FLOOR_RATIO * light[:STAGES]) - 1.0, 0.0)
+        short = np.minimum(dark[:STAGES] / (MIN_FLOOR_RATIO * light[:STAGES]) - 1.0, 0.0)
         weight[:STAGES] *= np.exp(-50.0 * short * short)
         change = 0.5 * self._sensor.black_share * (dark - light)
         light[:], uu[:] = dark, vv

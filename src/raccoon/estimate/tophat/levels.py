@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from raccoon.core.readings import Status
-from raccoon.estimate.tophat.calibration import CLEAR_SDS, LEAST_SD, Surface
+from raccoon.estimate.tophat.calibration import CLEAR_SDS, MIN_SD, Surface
 from raccoon.estimate.tophat.modes import UNKNOWN_WAY_FACTOR
 from raccoon.estimate.tophat.sensor import explain_levels
 from raccoon.model.reflectance import FULL_SCALE, light_of
@@ -27,10 +27,10 @@ NOISE_FORGETTING = 0.01  # of the noise estimate, a reading
 PATTERN_SHARE = 0.03  # of its light, by which readings of a surface differ at least
 SURE_SEPARATION = 2.5  # separation of the levels, their own uncertainty included
 NEAR_BOTTOM_SDS = 5.0  # standard deviations of a reading, up to which its light is linearised at the level
-LEAST_DARK_SHARE = 0.0125  # of the least light over white, that black sends back
+MIN_DARK_SHARE = 0.0125  # of the least light over white, that black sends back
 CONVERTER_VARIANCE = 9.0  # counts^2, of a standing sensor
 MIN_RELEARN_CONTRAST = 0.5  # of what is expected in other light, from which two readings are two surfaces
-LEAST_CONTRAST_COUNTS = 12.0  # counts; below it nobody could tell
+MIN_CONTRAST_COUNTS = 12.0  # counts; below it nobody could tell
 OTHER_LIGHT_SHARE = 0.25
 """Of the light between the surfaces, by which another one is: half an edge reads 0.33 then."""
 
@@ -89,7 +89,7 @@ class Levels:
         self._black_share_sd = 0.03 if len(shares) == 1 else 0.10
         self._least_light = min((each.least_reflected for each in known), default=0.04 * self.light)
         self._least_light_far = min((each.farthest for each in known), default=self._least_light)
-        self._least_dark = LEAST_DARK_SHARE * self._least_light
+        self._least_dark = MIN_DARK_SHARE * self._least_light
 
     def _learn(self, counts: float, on_black: bool, residual: float, noise: float) -> None:
         """One predict and update of the filter, with the noise of the surface learnt beside it."""
@@ -153,7 +153,7 @@ class Levels:
         expected = max(self.dark + self._black_share * (light - self.light), self._least_dark)
         noise = math.sqrt(self._light_noise) * white / self.white + math.sqrt(CONVERTER_VARIANCE)
         if light - dark < MIN_RELEARN_CONTRAST * (light - expected) or black - white < max(
-            LEAST_CONTRAST_COUNTS, 4.0 * noise
+            MIN_CONTRAST_COUNTS, 4.0 * noise
         ):
             return False
         self.light, self.dark = self._light_anchor, self._dark_anchor = light, dark
@@ -207,7 +207,7 @@ class Levels:
         self._light_noise = _rescaled_noise(self._light_noise, self.white, white)
         self._dark_noise = _rescaled_noise(self._dark_noise, self.black, black)
         self.white, self.black = white, black
-        white_noise, black_noise = LEAST_SD + self._light_noise, LEAST_SD + self._dark_noise
+        white_noise, black_noise = MIN_SD + self._light_noise, MIN_SD + self._dark_noise
         scale = white * white / FULL_SCALE
         scale *= scale
         unseen = self._unseen_light_sd()
@@ -218,10 +218,10 @@ class Levels:
         sd_black = self.sd_black = math.sqrt(black_noise + scale * (self._dark_var + unseen * unseen))
         self._place_threshold(white, black, math.sqrt(white_noise), math.sqrt(black_noise))
         gap = black - white
-        if gap > SURE_SEPARATION * (sd_white + sd_black) and gap > LEAST_CONTRAST_COUNTS:
+        if gap > SURE_SEPARATION * (sd_white + sd_black) and gap > MIN_CONTRAST_COUNTS:
             self.status = Status.OK
         else:
-            self.status = Status.UNCERTAIN if gap > LEAST_CONTRAST_COUNTS else Status.INVALID
+            self.status = Status.UNCERTAIN if gap > MIN_CONTRAST_COUNTS else Status.INVALID
 
     def _place_threshold(self, white: float, black: float, white_noise: float, black_noise: float) -> None:
         """Threshold and band between two levels, as in `TophatCalibration.of_surfaces`."""

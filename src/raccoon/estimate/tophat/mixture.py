@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 VARIANCE_FLOOR = 1.0  # counts^2: below the converter's own noise a component only counts one value
-MOST_ITERATIONS = 40
+MAX_ITERATIONS = 40
 MULTI_STARTS = 2  # of the cuts for two components, those that look best
 TAIL_DEGREES = (2.5, 4.0, 8.0, 40.0)  # degrees of freedom tried for one surface: heavy tails to nearly none
 MODE_QUANTILES = (0.03, 0.2, 0.35, 0.5, 0.65, 0.8, 0.97)  # quantiles tried as its mode
@@ -148,7 +148,7 @@ def _fit_mixture(ordered: Array, cuts: list[float], alike: bool = False) -> Mixt
         covariance_type="tied" if alike else "diag",
         reg_covar=VARIANCE_FLOOR,
         tol=1e-4,
-        max_iter=MOST_ITERATIONS,
+        max_iter=MAX_ITERATIONS,
         random_state=0,
         weights_init=np.array([len(part) / len(ordered) for part in parts]),
         means_init=np.array([[part.mean()] for part in parts]),

@@ -17,7 +17,7 @@ Index = NDArray[np.intp]
 
 STAGES = 6  # of an edge
 MAX_STAGES_PER_READING = 4  # stages in one reading
-PACE_SPREAD, LEAST_SPREAD = 0.3, 0.35  # of the stages in one reading: speed and spot are known roughly
+PACE_SPREAD, MIN_SPREAD = 0.3, 0.35  # of the stages in one reading: speed and spot are known roughly
 UNKNOWN_WAY_FACTOR = 2.0  # times by which a robot may be slower than assumed where its way is not known
 STANDING_LIGHT_SD = 0.003  # of u, sd of its change in one reading while the light stands
 LIGHT_PACE_SDS = (0.06, 0.4)  # of u, sd of the change in one reading where the light begins to move
@@ -204,7 +204,7 @@ def transition_probabilities(
     way = pace * 1e-6 * spot_microns / STAGES
     number = np.arange(MAX_STAGES_PER_READING + 1)
     paces = np.array([[pace], [pace / (1.0 if way_known else UNKNOWN_WAY_FACTOR)]])
-    weights = np.exp(-0.5 * ((number - paces) / (PACE_SPREAD * paces + LEAST_SPREAD)) ** 2)
+    weights = np.exp(-0.5 * ((number - paces) / (PACE_SPREAD * paces + MIN_SPREAD)) ** 2)
     advance = (weights / weights.sum(axis=1, keepdims=True)).mean(axis=0)
     rate = np.where(transitions.from_white, min(way / BETWEEN_LINES_M, 0.1), min(way / LINE_WIDTH_M, 0.2))
     along = advance[transitions.stages]

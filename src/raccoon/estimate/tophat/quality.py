@@ -14,8 +14,8 @@ from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
 
-LEAST_READINGS = 40  # 0.2 s at 200 Hz
-MOST_AT_RAIL = 0.9
+MIN_READINGS = 40  # 0.2 s at 200 Hz
+MAX_AT_RAIL = 0.9
 MAINS_READINGS = 10  # readings averaged: whole periods of lamps on mains of 50 and of 60 Hz
 MEANS_APART = 6  # readings between such means
 RESTLESS_COUNTS = 10.0  # counts by which they change at random under a robot that stands: plugged in, below 5
@@ -47,9 +47,9 @@ def check_counts(samples: ArrayLike) -> Array:
 
 def find_refusal(counts: Array) -> TophatCalibration | None:
     """A verdict that needs no search, or None."""
-    if len(counts) < LEAST_READINGS:
+    if len(counts) < MIN_READINGS:
         return TophatCalibration(
-            Verdict.TOO_FEW, f"{len(counts)} readings; at least {LEAST_READINGS} are needed"
+            Verdict.TOO_FEW, f"{len(counts)} readings; at least {MIN_READINGS} are needed"
         )
     ends = (
         (counts <= ANALOG_BOTTOM, "bottom (wires that touch, or too much light)"),
@@ -57,7 +57,7 @@ def find_refusal(counts: Array) -> TophatCalibration | None:
     )
     for there, name in ends:
         share = float(np.mean(there))
-        if share >= MOST_AT_RAIL:
+        if share >= MAX_AT_RAIL:
             return TophatCalibration(
                 Verdict.SATURATED, f"{share:.0%} of the readings stand at the converter's {name}"
             )
@@ -106,7 +106,7 @@ def is_restless(standing: ArrayLike) -> bool:
     that flicker are no wandering. False where there are too few readings to tell.
     """
     counts = np.asarray(standing, dtype=float)
-    if len(counts) < LEAST_READINGS:
+    if len(counts) < MIN_READINGS:
         return False
     means = np.convolve(counts, np.full(MAINS_READINGS, 1.0 / MAINS_READINGS), "valid")
     bends = means[2 * MEANS_APART :] - 2.0 * means[MEANS_APART:-MEANS_APART] + means[: -2 * MEANS_APART]

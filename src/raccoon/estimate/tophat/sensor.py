@@ -8,7 +8,7 @@ from functools import cache
 
 from raccoon.model.reflectance import GENERATIONS, NEAR_HEIGHT, SensorModel, fit, light_of
 
-LEAST_HEIGHT, MOST_HEIGHT = 0.003, 0.035  # m; where people mount them
+MIN_HEIGHT, MAX_HEIGHT = 0.003, 0.035  # m; where people mount them
 BLACK_MISFIT, WHITE_MISFIT = 0.10, 0.015  # of the lights v and u: tapes and sensors differ
 SUN_BY_BLACK_SD = 0.03  # sd of black's share of the sun's light
 DARKEST_WHITE_SHARE = 0.8  # of its own light from white, that the darkest white sends back
@@ -71,7 +71,7 @@ def why_not_black(white: float, black: float, share: float) -> tuple[str, bool]:
 def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:
     r, s = model.reflected_by_black, model.sun_by_black
     reflected = u - model.leak - (v - model.leak - r * (u - model.leak)) / (s - r)
-    most, least = (model.at(height).reflected for height in (LEAST_HEIGHT, MOST_HEIGHT))
+    most, least = (model.at(height).reflected for height in (MIN_HEIGHT, MAX_HEIGHT))
     reflected = min(max(reflected, least), most, max(u - model.leak, least))
     sun = max(u - model.leak - reflected, 0.0)
     if abs(r * reflected + model.leak + s * sun - v) > BLACK_MISFIT * v + WHITE_MISFIT * u:

@@ -9,7 +9,7 @@ surface changed. It stays in charge until one mode is sure; until then the statu
 from __future__ import annotations
 
 from raccoon.core.readings import ANALOG_BOTTOM, Status
-from raccoon.estimate.tophat.calibration import LEAST_SD, Surface
+from raccoon.estimate.tophat.calibration import MIN_SD, Surface
 from raccoon.estimate.tophat.hypotheses import Belief, HypothesisBank, Sensor, pattern_share, spot_width
 from raccoon.estimate.tophat.levels import CONVERTER_VARIANCE, FLOOR_SPREAD, GATE_SDS, Levels, max_edge_share
 from raccoon.estimate.tophat.sensor import DARKEST_WHITE_SHARE, explain_levels
@@ -148,7 +148,7 @@ class LightTracker(Levels):
         if same_readings > MIN_RESIDUAL_READINGS and not -MAX_MEAN_RESIDUAL <= mean <= MAX_MEAN_RESIDUAL:
             self._start_bank()
             return
-        is_level = change * change <= LEVEL_SDS * LEVEL_SDS * (noise + LEAST_SD)
+        is_level = change * change <= LEVEL_SDS * LEVEL_SDS * (noise + MIN_SD)
         # At the converter's bottom a reading tells of no light: half a count there is all of it.
         if is_level and (on_black or self.white > ANALOG_BOTTOM):
             self._learn(counts, on_black, residual, noise)

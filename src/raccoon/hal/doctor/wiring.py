@@ -17,7 +17,7 @@ from raccoon.model.bemf import counts_scale, foreign_ticks_reason
 
 TURN_LIMIT = 0.05
 """rad/s that one driven wheel must turn the robot by, to tell which way."""
-LEAST_SHARE, MOST_SHARE = 0.6, 1.6
+MIN_SHARE, MAX_SHARE = 0.6, 1.6
 """What the gyro may see of the turn that the wheels read: K_E, radius and track width of robot.toml may be
 that wrong. A gyro whose full scale is not the one that the firmware promises is off by 2."""
 
@@ -41,7 +41,7 @@ def wiring_finding(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Fin
     if not wrong:
         shares = [_gyro_share(config, side, trials[port], seen[side]) for side, (port, _) in sides.items()]
         known = [share for share in shares if share is not None]
-        if known and not LEAST_SHARE < mean(known) < MOST_SHARE:
+        if known and not MIN_SHARE < mean(known) < MAX_SHARE:
             return _off_scale_finding(measured, mean(known), values)
         return Finding("wiring signs", Verdict.OK, measured, values=values)
     problem, remedy = _advice(config, wrong)

@@ -16,7 +16,7 @@ LONGEST_WAY_M = 10.0
 """m; a table has 2.4 m, so more is a distance in centimetres."""
 FASTEST_SPEED = SPEED.high
 """m/s, of robot.toml and of arguments."""
-MOST_TURNS = 4.0
+MAX_TURNS = 4.0
 """Full turns of a heading, which counts those that were made; more is an angle in degrees."""
 ROUNDING = 1e-9
 """Share by which a sum of degrees may miss a full turn."""
@@ -161,7 +161,7 @@ def check_heading(**headings: float) -> None:
 
     A heading counts full turns, so more than one of them may be meant, but nobody means a whole number then.
     """
-    check_angle(MOST_TURNS, "", **headings)
+    check_angle(MAX_TURNS, "", **headings)
     for name, value in headings.items():
         if abs(value) > math.tau and _looks_like_degrees(value):
             raise ValueError(

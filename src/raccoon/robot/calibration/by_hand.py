@@ -118,10 +118,10 @@ class _Asking:
 
 def _describe_disturbance(name: str, port: int, counts: Sequence[float]) -> str:
     """What keeps readings from being those of one place, "" where nothing does."""
-    from raccoon.estimate.tophat.quality import LEAST_READINGS, is_restless
+    from raccoon.estimate.tophat.quality import MIN_READINGS, is_restless
     from raccoon.estimate.tophat.standing_calibration import was_moved
 
-    if len(counts) < LEAST_READINGS:
+    if len(counts) < MIN_READINGS:
         return f"tophat {name} is not read: its port, analog {port}, gave {len(counts)} words"
     if is_restless(counts) or was_moved(counts):
         low, high = min(counts), max(counts)

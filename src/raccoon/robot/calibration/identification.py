@@ -38,7 +38,7 @@ WORST_SHARE = 0.2
 MAX_WAY_ERROR_SHARE = 0.005
 """Share by which the odometry may have one wheel's way too long after such a drive: so far are the factors of
 robots as `raccoon sweep` draws them from those of their simulation."""
-LEAST_PHASE, LEAST_GAIN_DB = math.radians(45.0), 6.0
+MIN_PHASE, MIN_GAIN_DB = math.radians(45.0), 6.0
 
 Rows = list[tuple[Vector3, float]]
 Sample = tuple[float, float, float, float]
@@ -202,7 +202,7 @@ def _fit_wheel(side: str, port: int, rows: Rows, model: WheelModel, late: float)
     fitted = model.with_voltages(max(found.static, 0.0), found.speed, found.acceleration)
     gains = speed_loop_gains(fitted, SPEED_SMOOTHING_S, late)
     reached = margins(gains, fitted, SPEED_SMOOTHING_S, late)
-    if reached.phase < LEAST_PHASE or reached.gain_db < LEAST_GAIN_DB:
+    if reached.phase < MIN_PHASE or reached.gain_db < MIN_GAIN_DB:
         raise CalibrationError(
             f"{where}: the gains would have margins of {math.degrees(reached.phase):.0f} deg and "
             f"{reached.gain_db:.1f} dB: at least 45 deg and 6 dB are needed"

@@ -36,7 +36,7 @@ FLICKER_WAY_M, SETTLED_WAY_M = 0.005, 0.02
 MIN_ASIDE_M, STEEP_SLOPE = 0.005, 0.7
 """m that the sensor went aside along another edge, at the least, and how much of the way that is: in a bend
 of 6 cm it is less than half, along an edge that lies 35 degrees off it is this."""
-FULL_SPEED_OFFSET, LEAST_SPEED = 0.25, 0.03
+FULL_SPEED_OFFSET, MIN_SPEED = 0.25, 0.03
 """Off from half up to which a bend is taken at full speed, and m/s of one that is not seen any more."""
 MAX_STRAIGHT_BEND = 3.0
 """rad a metre up to which a line is straight: where one bend ends in another to the other side, the sensor
@@ -147,7 +147,7 @@ class LineSteering:
             further < 0.0
             or -MAX_STRAIGHT_BEND < self._bend < MAX_STRAIGHT_BEND
             or self.is_crossing
-            or top < LEAST_SPEED
+            or top < MIN_SPEED
         ):
             return top
-        return top - (top - LEAST_SPEED) * further / (0.5 - FULL_SPEED_OFFSET)
+        return top - (top - MIN_SPEED) * further / (0.5 - FULL_SPEED_OFFSET)

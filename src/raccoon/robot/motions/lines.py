@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from raccoon.robot.parts.tophats import TophatSensor
     from raccoon.robot.robot import Robot
 
-LEAST_REACH = 0.02
+MIN_REACH = 0.02
 MAX_REGULAR_ANGLE, MAX_ALONG_ANGLE = math.radians(4.0), math.radians(1.5)
 """rad from a quarter of a turn of the field: of a line that is laid so, and of one along the field."""
 
@@ -182,9 +182,9 @@ def check_sides(robot: Robot, left: str, right: str) -> None:
 def tophat_ahead(robot: Robot, name: str) -> TophatSensor:
     """A tophat that can follow a line. Raises ConfigError where it does not sit ahead of the axis."""
     sensor = robot.tophat(name)
-    if sensor.config.forward < LEAST_REACH:
+    if sensor.config.forward < MIN_REACH:
         raise ConfigError(
             f"tophat.{name}.forward = {sensor.config.forward}: to follow a line it must sit at least "
-            f"{LEAST_REACH} m ahead of the axis"
+            f"{MIN_REACH} m ahead of the axis"
         )
     return sensor

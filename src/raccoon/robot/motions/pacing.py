@@ -199,7 +199,7 @@ class Pace:
     def may_end(self, off: float, tolerance: float | None) -> bool:
         """Whether the robot rests near enough to its goal, which is `off` m (turn: rad) away.
 
-        tolerance: as the program asked for. None is that of robot.toml, which grows up to MOST_TOLERANCE
+        tolerance: as the program asked for. None is that of robot.toml, which grows up to MAX_TOLERANCE
         times where the robot does not come to it: friction gives in steps, of which one may lead from one
         side of the goal to the other for ever.
         """

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 WALL_SPEED_SHARE = 0.2
 WALL_TIME_S = 0.3
-PRESS_FORCE_N, LEAST_FORCE_N, EASING_S = 8.0, 3.0, 0.3
+PRESS_FORCE_N, MIN_FORCE_N, EASING_S = 8.0, 3.0, 0.3
 """N a wheel beyond what it rolls with: at first, and s later where both are held. Tyres of 0.6 under half of
 1.2 kg carry 3.5 N, and wheels that spin do not tell that they are at a wall."""
 LADEN_FORCE_N = 1.5
@@ -168,8 +168,8 @@ class _PressForce:
         if min(wheel.excess_torque for wheel in self._wheels) < LADEN_FORCE_N * self._radius:
             self._force = PRESS_FORCE_N  # one of them rolls: it turns the robot square
         else:
-            eased = (PRESS_FORCE_N - LEAST_FORCE_N) / EASING_S * dt
-            self._force = max(LEAST_FORCE_N, self._force - eased)
+            eased = (PRESS_FORCE_N - MIN_FORCE_N) / EASING_S * dt
+            self._force = max(MIN_FORCE_N, self._force - eased)
 
 
 class _WallWay:

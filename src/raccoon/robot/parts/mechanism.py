@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NoReturn
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.profile import ProfileState
 from raccoon.control.tuning import speed_loop_gains
-from raccoon.control.voltage import LEAST_VOLTAGE
+from raccoon.control.voltage import MIN_VOLTAGE
 from raccoon.control.wheels import Wheel
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.readings import Inputs
@@ -132,7 +132,7 @@ class Mechanism(Part):
         resting: no tick may follow for long. A duty that nobody watches turns it away from where it is held,
         so it gets none then, and brakes.
         """
-        if battery_voltage is not None and battery_voltage > LEAST_VOLTAGE:
+        if battery_voltage is not None and battery_voltage > MIN_VOLTAGE:
             self._battery = battery_voltage
         wanted = self._target_rate()
         if not self._counted_angle.is_unread:

@@ -17,7 +17,7 @@ from raccoon.model.bemf import counts_scale
 
 # A wheel is never planned slower than this share of its speed without load, however little is said to be left
 # for it by the battery and the wished acceleration.
-LEAST_SPEED_SHARE = 0.3
+MIN_SPEED_SHARE = 0.3
 READ_SHARE = 0.95
 """Of the back-EMF that a controller reads, what wheels under control are driven to: its noise and the loop's
 overshoot stay within the rest."""
@@ -95,7 +95,7 @@ class SpeedLimits:
         gain = acceleration * outer / self._radius
         top = min(
             max(
-                LEAST_SPEED_SHARE * self._budget.weakest / wheel.back_emf_constant,
+                MIN_SPEED_SHARE * self._budget.weakest / wheel.back_emf_constant,
                 self._budget.top_wheel_speed(wheel, gain),
             )
             for wheel in self._models

@@ -19,11 +19,11 @@ Floats = NDArray[np.float64]
 LOOSE_STEP = 0.00105
 """s of a step of a robot whose gears have play: a little above 1 ms, so that a cycle of 5 ms whose time stamp
 jitters still has five."""
-LEAST_COMPLIANCE = 1e-5
+MIN_COMPLIANCE = 1e-5
 """rad/(N m) below which nothing gives: no sensor sees it, and steps would have to be below 0.2 ms."""
-LEAST_CREEP = 0.002
+MIN_CREEP = 0.002
 """rad/s below which nothing creeps: less than a count of back-EMF, and a step of 1 ms would ring."""
-LEAST_LOW_PASS = 0.00125
+MIN_LOW_PASS = 0.00125
 """s below which a gyro filters nothing: half of the usual step."""
 LOW_PASS_STEP = 2.0
 """Longest step in time constants of the gyro's filter: beyond that its exponential's series grows."""
@@ -84,9 +84,9 @@ def _presliding_numbers(parameters: Parameters) -> Numbers:
     compliance = parameters.value("friction.presliding", "compliance")
     creep = parameters.value("friction.presliding", "creep")
     return (
-        compliance if compliance >= LEAST_COMPLIANCE else 0.0,
+        compliance if compliance >= MIN_COMPLIANCE else 0.0,
         parameters.value("friction.presliding", "damping"),
-        creep if creep >= LEAST_CREEP else 0.0,
+        creep if creep >= MIN_CREEP else 0.0,
         parameters.value("friction.presliding", "creep_tail"),
     )
 
@@ -155,7 +155,7 @@ def _dips(parameters: Parameters) -> Numbers:
 
 def _low_pass_numbers(parameters: Parameters) -> Numbers:
     seconds = parameters.value("imu.low_pass", "time_constant")
-    return (seconds, 1.0 / seconds) if seconds >= LEAST_LOW_PASS else (0.0, 0.0)
+    return (seconds, 1.0 / seconds) if seconds >= MIN_LOW_PASS else (0.0, 0.0)
 
 
 def filter_rate(time_constant: float) -> float:

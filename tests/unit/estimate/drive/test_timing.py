@@ -11,7 +11,7 @@ from raccoon.core.readings import SIMULATOR, Inputs
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.estimate.drive.readings import KINK_SHARE, DriveReadings
 from raccoon.estimate.drive.timing import (
-    LEAST_SHAKING,
+    MIN_SHAKING,
     SHAKING_MEMORY_S,
     Shaking,
     TurnAcceleration,
@@ -74,7 +74,7 @@ def test_a_turn_that_begins_shakes_nobody_and_one_that_goes_to_and_fro_does() ->
     assert shaking.update(0.02, -3.0, 3.0) == 0.0  # another one
     again = shaking.update(0.02, 0.0, 0.0)
     up, down = (kept * keep + 3.0) * keep, 3.0 * keep**2 + 3.0
-    assert again == pytest.approx(min(up, down) - LEAST_SHAKING)
+    assert again == pytest.approx(min(up, down) - MIN_SHAKING)
 
 
 def test_a_turn_that_ends_as_soon_as_it_has_begun_shakes_nobody() -> None:

@@ -19,7 +19,7 @@ from raccoon.sim.effects.catalogue import CATALOGUE
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.sim.effects.physical import LEAST_CREEP
+from raccoon.sim.effects.physical import MIN_CREEP
 from raccoon.sim.plant.equations import rolled
 from raccoon.sim.plant.friction import let_go
 from raccoon.sim.plant.series import lagging
@@ -142,7 +142,7 @@ def test_what_creeps_turns_as_fast_as_its_curve_bears_the_torque(tail: float) ->
     assert ended["motor.0.speed"][0, -1] == pytest.approx(speed, rel=1e-6)
 
 
-@given(st.floats(1e-9, 50.0), st.floats(LEAST_CREEP, 1.0), st.floats(0.0, 1.0))
+@given(st.floats(1e-9, 50.0), st.floats(MIN_CREEP, 1.0), st.floats(0.0, 1.0))
 def test_friction_that_creeps_is_a_curve_from_0_to_its_level(speed: float, creep: float, tail: float) -> None:
     assert let_go(speed, 0.0, 0.0) == speed
     share = speed / let_go(speed, creep, tail)

@@ -128,9 +128,9 @@ class ImuWatch:
     FASTEST = 10.0
     FASTEST_AT_REST = 6.0
     GRAVITY_RANGE = (4.9, 14.7)
-    MOST_FORCE = 70.0
+    MAX_FORCE = 70.0
     """4 g on three axes, the ends of the chip. A damaged frame may say anything, or no number at all."""
-    LEAST_UPRIGHT = 4.9
+    MIN_UPRIGHT = 4.9
     SMOOTHING = 0.05
     PENALTY_SECONDS = 1.0
     OFFENCES, FORGIVEN = 3.0, 0.2
@@ -150,12 +150,12 @@ class ImuWatch:
     def update(self, gyro: Vector, accel: Vector, at_rest: bool, time: float) -> None:
         """Judge new words."""
         norm = math.sqrt(accel[0] * accel[0] + accel[1] * accel[1] + accel[2] * accel[2])
-        felt = norm <= self.MOST_FORCE
+        felt = norm <= self.MAX_FORCE
         if felt:
             self._gravity += self.SMOOTHING * (norm - self._gravity)
             before = accel[2] if self._upright is None else self._upright
             self._upright = before + self.SMOOTHING * (accel[2] - before)
-        upright = self._upright is None or abs(self._upright) >= self.LEAST_UPRIGHT
+        upright = self._upright is None or abs(self._upright) >= self.MIN_UPRIGHT
         low, high = self.GRAVITY_RANGE
         most = self.FASTEST_AT_REST if at_rest else self.FASTEST
         x, y, z = gyro
