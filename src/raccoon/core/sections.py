@@ -152,6 +152,11 @@ class TophatConfig:
     left: float = number(0.0, "m", "to the left of the middle", Bounds(-1.0, 1.0))
 
 
+def _open_range(low: Measured | None, high: Measured | None) -> tuple[float, float]:
+    """From where to where, without a bound where there is none."""
+    return -math.inf if low is None else low.value, math.inf if high is None else high.value
+
+
 BOX_SIDES = ("front", "back", "left", "right")
 """Of the box that a robot is."""
 PART_END = Bounds(-1.0, 1.0)
@@ -179,8 +184,7 @@ class BumperConfig:
     @property
     def part(self) -> tuple[float, float]:
         """m along its side, to the left or ahead, from where to where it is pressed."""
-        begin, end = self.begin, self.end
-        return -math.inf if begin is None else begin.value, math.inf if end is None else end.value
+        return _open_range(self.begin, self.end)
 
     def check_on(self, body: BodyConfig, where: str) -> None:
         """Raise ConfigError where nothing of this side of the box can press it."""
@@ -248,8 +252,7 @@ class MechanismConfig:
     @property
     def stops(self) -> tuple[float, float]:
         """rad, where the simulated one is blocked either way, counted from where it begins."""
-        low, high = self.lowest_stop, self.highest_stop
-        return -math.inf if low is None else low.value, math.inf if high is None else high.value
+        return _open_range(self.lowest_stop, self.highest_stop)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,23 @@ import math
 from dataclasses import dataclass
 
 
+def looks_like_degrees(angle: float) -> bool:
+    """Nobody means a broken number of degrees, nor a round one of rad."""
+    return angle % 0.5 == 0.0
+
+
+def check_heading_unit(name: str, heading: float) -> None:
+    """Raise ValueError for a heading that is degrees by its looks.
+
+    A heading counts full turns, so more than one of them may be meant, but nobody means a whole number then.
+    """
+    if abs(heading) > math.tau and looks_like_degrees(heading):
+        raise ValueError(
+            f"{name} is {heading:g}: beyond a full turn no heading in rad is so round "
+            f"(write deg({heading:g}) for degrees)"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Pose:
     """x, y in m, heading in rad (unwrapped, counter-clockwise positive)."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import Fault
-from raccoon.estimate.drive.estimate import AT_REST, HELD
+from raccoon.estimate.drive.estimate import AT_REST, HELD, SLIPS
 
 if TYPE_CHECKING:
     from raccoon.core.readings import Inputs
@@ -36,9 +36,11 @@ DRIVEN_DUTY, STANDING_SPEED, STUCK_AFTER_S = 0.2, 0.1, 1.0
 """Duty that turns any motor, rad/s below which it does not, and s after which that is said: motions to a goal
 have given up by then, and other code may go on for ever."""
 
-PUSHING_AFTER_S, SLIPS_ENDING = 3.0, " wheel slips"
+PUSHING_AFTER_S = 3.0
 """s that a robot slips or pushes before it is said of what has no goal: who pushes on purpose is done by
-then. And how that doubt of the odometry ends."""
+then."""
+PUSHING_REASONS = frozenset({HELD, *SLIPS.values()})
+"""Those of an estimate whose robot slips or pushes."""
 
 ENDLESS_AFTER_S = 120.0
 """s of a motion without a goal, a whole match, after which it is said that nothing ends it."""
@@ -210,8 +212,8 @@ class PushingRemark:
 
     def tell(self) -> None:
         """Another tick of it."""
-        robot, reasons = self._robot, self._robot.estimate.reasons
-        pushes = any(each == HELD or each.endswith(SLIPS_ENDING) for each in reasons)
+        robot = self._robot
+        pushes = not PUSHING_REASONS.isdisjoint(robot.estimate.reasons)
         self._lasted = self._lasted + robot.dt if pushes else 0.0
         if self._lasted > PUSHING_AFTER_S:
             self._lasted = -math.inf

@@ -10,6 +10,8 @@ from raccoon.model.pose import Pose
 
 HELD = "held: both wheels carry what tyres do that spin at a wall"
 """The reason of an estimate whose robot may not move though its wheels turn."""
+SLIPS = {side: f"the {side} wheel slips" for side in ("left", "right")}
+"""By side, the reason of one whose wheel turns otherwise than the robot moves."""
 AT_REST = "a motor at rest reads motion"
 """The reason of an estimate that takes what a motor reads at rest, and no offset explains, for motion."""
 

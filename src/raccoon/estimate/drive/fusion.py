@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from raccoon.estimate.drive.estimate import Observation
+from raccoon.estimate.drive.estimate import SLIPS, Observation
 from raccoon.estimate.drive.filter_step import FilterStep, StepReading
 from raccoon.estimate.drive.health import Reasons
 from raccoon.estimate.drive.observations import GATES, PoseMeasurement, WheelTravel, check_observation
@@ -133,7 +133,7 @@ class Fusion:
         else:
             reading = self._distrust_wheel(reading, innovation)
             if slip.wheel is not None:
-                reasons.tell(f"the {slip.wheel} wheel slips", time)
+                reasons.tell(SLIPS[slip.wheel], time)
         self._apply(reading)
         return reading
 

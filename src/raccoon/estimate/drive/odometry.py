@@ -31,6 +31,7 @@ from raccoon.estimate.drive.wiring import Wiring
 from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
 from raccoon.model.drive import arc_end
+from raccoon.model.pose import check_heading_unit
 
 __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]
 
@@ -139,11 +140,7 @@ class Odometry:
         """
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)):
             raise ValueError(f"pose ({x}, {y}, {heading}): every value must be finite")
-        if abs(heading) > math.tau and heading % 0.5 == 0.0:
-            raise ValueError(
-                f"heading is {heading:g}: beyond a full turn no heading in rad is so round (write "
-                f"deg({heading:g}) for degrees)"
-            )
+        check_heading_unit("heading", heading)
         for name, std in (("position_std", position_std), ("heading_std", heading_std)):
             if not 0.0 <= std < math.inf:
                 raise ValueError(f"{name} is {std}: allowed are finite numbers from 0")

@@ -11,6 +11,7 @@ from typing import Any
 from raccoon.core.readings import ANALOG_FULL_SCALE
 from raccoon.core.schema import BATTERY_VOLTAGE, format_value
 from raccoon.core.sections import DISTANCE_TOLERANCE, HEADING_TOLERANCE, RATE, SPEED
+from raccoon.model.pose import check_heading_unit, looks_like_degrees
 
 LONGEST_WAY_M = 10.0
 """m; a table has 2.4 m, so more is a distance in centimetres."""
@@ -145,29 +146,17 @@ def check_angle(turns: float = 1.0, more: str = "turns= allows more", /, **angle
             continue
         meant = (
             f"write deg({value:g}) for degrees"
-            if _looks_like_degrees(value)
+            if looks_like_degrees(value)
             else f"it is {math.degrees(value):g} degrees"
         )
         _refuse(name, value, f"{most} ({'; '.join(filter(None, (meant, more)))})")
 
 
-def _looks_like_degrees(angle: float) -> bool:
-    """Nobody means a broken number of degrees, nor a round one of rad."""
-    return angle % 0.5 == 0.0
-
-
 def check_heading(**headings: float) -> None:
-    """Raise ValueError naming the first that is no heading in rad.
-
-    A heading counts full turns, so more than one of them may be meant, but nobody means a whole number then.
-    """
+    """Raise ValueError naming the first that is no heading in rad; it may count full turns."""
     check_angle(MAX_TURNS, "", **headings)
     for name, value in headings.items():
-        if abs(value) > math.tau and _looks_like_degrees(value):
-            raise ValueError(
-                f"{name} is {value:g}: beyond a full turn no heading in rad is so round "
-                f"(write deg({value:g}) for degrees)"
-            )
+        check_heading_unit(name, value)
 
 
 def check_speed(**speeds: float | None) -> None:
