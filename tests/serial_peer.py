@@ -30,6 +30,18 @@ class SerialPeer:
         self.path.unlink(missing_ok=True)
         self.path.symlink_to(os.ttyname(self._slave))
 
+    def reset_settings(self) -> None:
+        """Those of a device that was plugged in anew: another speed, and line ends are changed."""
+        settings = termios.tcgetattr(self._slave)
+        settings[1] |= termios.OPOST | termios.ONLCR
+        settings[4] = settings[5] = termios.B9600
+        termios.tcsetattr(self._slave, termios.TCSANOW, settings)
+
+    @property
+    def speed(self) -> int:
+        """As our side has set it, one of `termios.B...`."""
+        return int(termios.tcgetattr(self._slave)[5])
+
     def unplug(self) -> None:
         self.path.unlink(missing_ok=True)
         for descriptor in (self._master, self._slave):

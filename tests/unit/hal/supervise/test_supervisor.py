@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import termios
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from raccoon.core.errors import HardwareError
 from raccoon.hal.supervise.supervisor import Supervisor
 from raccoon.hal.wombat.firmware.stock.commands import frame, stop
 from serial_peer import SerialPeer
-from socket_link import SocketLink
 from supervised import PROGRAM, SupervisedBench
 
 
@@ -96,6 +96,7 @@ def test_a_program_that_ends_stops_its_motors_itself(
 def test_the_supervisor_is_small_and_idle(tmp_path: Path) -> None:
     guard = Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
     try:
+        assert os.getsid(guard.pid) == guard.pid  # Ctrl-C is not for it
         for _ in range(1000):
             guard.beat()
         status = Path(f"/proc/{guard.pid}/status").read_text().splitlines()
@@ -110,26 +111,38 @@ def test_the_supervisor_is_small_and_idle(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("stopped", [True, False])
 def test_a_supervisor_that_is_let_go_stops_what_its_program_has_not(stopped: bool, tmp_path: Path) -> None:
-    """And nothing else: the next program may have the bus by then."""
+    """And nothing else: the next program may have the bus by then. Signals to all processes do not end it."""
     peer = SerialPeer(tmp_path / "tty")
+    peer.reset_settings()
     try:
-        guard = Supervisor(f"tty:{peer.path}:115200", [b"off"])
+        guard = Supervisor(f"tty:{peer.path}:115200", [b"off\n"])
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            os.kill(guard.pid, number)
         guard.close(stopped=stopped)
-        assert peer.heard() == (b"" if stopped else b"off" * 5)
+        assert peer.heard() == (b"" if stopped else b"off\n" * 5)
+        assert peer.speed == (termios.B9600 if stopped else termios.B115200)
     finally:
         peer.unplug()
 
 
-@pytest.mark.parametrize("script", ["exec sleep 60", "exit 0"], ids=["hangs", "ends"])
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [
+        ("#!/bin/sh\nexec sleep 60\n", "did not start: nobody would stop the motors of a dead program"),
+        ("#!/bin/sh\nexit 0\n", "did not start"),
+        ("#!nowhere\n", "cannot be started: .*No such file"),
+    ],
+    ids=["hangs", "ends", "no interpreter"],
+)
 def test_a_supervisor_that_does_not_start_is_an_error(
-    script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    script: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     interpreter = tmp_path / "python"
-    interpreter.write_text(f"#!/bin/sh\n{script}\n")
+    interpreter.write_text(script)
     interpreter.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(interpreter))
     monkeypatch.setattr("raccoon.hal.supervise.supervisor.START_SECONDS", 0.05)
-    with pytest.raises(HardwareError, match="the supervisor process did not start"):
+    with pytest.raises(HardwareError, match=f"the supervisor process {reason}"):
         Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
 
 
@@ -137,12 +150,15 @@ def test_losing_the_supervisor_is_an_error(tmp_path: Path) -> None:
     guard = Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
     os.kill(guard.pid, signal.SIGKILL)
     os.waitid(os.P_PID, guard.pid, os.WEXITED | os.WNOWAIT)
-    with pytest.raises(HardwareError, match="supervisor process"):
+    with pytest.raises(HardwareError, match=f"supervisor process {guard.pid} is gone: restart the program"):
         guard.beat()
     guard.close()
     guard.close()
 
 
-def test_nobody_serves(tmp_path: Path) -> None:
-    with pytest.raises(HardwareError, match="no emulator serves"):
-        SocketLink(tmp_path / "nobody")
+def test_a_supervisor_that_cannot_stop_the_motors_says_so(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    guard = Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
+    guard.close(stopped=False)
+    assert capfd.readouterr().err.startswith("the motors could not be stopped: [Errno 2] No such file")

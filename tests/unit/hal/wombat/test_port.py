@@ -2,7 +2,8 @@
 
 import contextlib
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -489,10 +490,20 @@ class Watched:
 
 
 class Gone(Watched):
+    def __init__(self) -> None:
+        super().__init__()
+        self.gone = False
+
     def beat(self) -> None:
-        super().beat()
-        if self.beats > 60:
+        if self.gone:
             raise HardwareError("the supervisor process is gone")
+
+
+class TakenLine:
+    """A reset line whose pin another program has."""
+
+    def pulse(self) -> None:
+        raise HardwareError("the reset line failed: busy")
 
 
 def test_ctrl_c_while_it_closes_comes_after_the_stop(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -514,10 +525,14 @@ def test_ctrl_c_while_it_closes_comes_after_the_stop(bench: Bench, monkeypatch: 
     bench.port.close()
 
 
-def test_nobody_drives_without_a_guard() -> None:
-    bench = Bench("stock", guard=Gone())
+@pytest.mark.parametrize("use", [WombatPort.read, lambda port: port.write(FORWARD)], ids=["read", "write"])
+def test_nobody_drives_without_a_guard(use: Callable[[WombatPort], object]) -> None:
+    guard = Gone()
+    bench = Bench("stock", guard=guard)
+    bench.run(FORWARD, 30)
+    guard.gone = True
     with pytest.raises(HardwareError, match="supervisor process is gone"):
-        bench.run(FORWARD, 100)
+        use(bench.port)
     bench.clock.advance(0.02)
     bench.emulator.run()
     assert not bench.emulator.motors_running
@@ -532,12 +547,25 @@ def test_the_guard_hears_every_cycle_and_the_end() -> None:
     assert guard.ended is True
 
 
+def test_a_forked_process_that_ends_stops_nothing_of_its_parent() -> None:
+    guard = Watched()
+    bench = Bench("stock", guard=guard)
+    bench.run(FORWARD, 20)
+    child = os.fork()
+    if child == 0:  # pragma: no cover - in the child, with a controller of its own
+        with contextlib.suppress(BaseException):
+            bench.port.close()
+            os._exit(0 if bench.emulator.motors_running and guard.ended is None else 1)
+        os._exit(2)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
 @pytest.mark.parametrize("fault", [{"silent": 0xFF}, {"frozen": True}], ids=["silent", "hangs"])
 def test_the_guard_stops_motors_that_a_port_which_has_failed_could_not(
     bench: Bench, fault: dict[str, Any]
 ) -> None:
     guard = Watched()
-    bench.port._guard = guard
+    bench.port._guard, bench.port._reset_line = guard, TakenLine()
     bench.run(FORWARD, 50)
     for name, value in fault.items():
         setattr(bench.emulator.faults, name, value)
