@@ -24,10 +24,19 @@ def bin_means(place: NDArray[np.intp], values: Array, count: int) -> Array:
 def low_pass(values: Array, step: float, seconds: float) -> Array:
     """Samples, each `step` s after the last, behind a first-order low-pass of this time constant (s) from
     0."""
-    from scipy.signal import lfilter
-
     keep = float(np.exp(-step / seconds))
-    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values), float)
+    return solve_recursion(np.full(len(values), keep), (1.0 - keep) * np.asarray(values, float))
+
+
+def solve_recursion(decay: Array, inputs: Array) -> Array:
+    """y (..., samples) of y[k] = decay[k] y[k - 1] + inputs[k], from 0. decay: (samples,)."""
+    # Importing scipy.signal for its lfilter would take longer than all that a diagnosis filters.
+    from scipy.linalg.lapack import dtbtrs
+
+    bands = np.ones((2, len(decay)), order="F")
+    bands[1, :-1] = -decay[1:]
+    solution, _ = dtbtrs(bands, inputs.T, uplo="L", diag="U")
+    return np.asarray(solution.T, float)
 
 
 def bin_indices(at: Array, time: Array) -> NDArray[np.intp]:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.bins import solve_recursion
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.sim.effects.parameters import SIDES
@@ -159,15 +160,11 @@ def _low_pass(inputs: Array, time_constant: Array, width: float, gain: Array | f
     y[k] = e y[k - 1] + gain ((1 - g) inputs[k] + (g - e) inputs[k - 1]),   e = exp(-width / T),
     g = (1 - e) T / width
     """
-    from scipy.linalg import solve_banded
-
     decay = np.exp(-width / time_constant)
     mean = (1.0 - decay) * time_constant / width
     driven = (1.0 - mean) * inputs
     driven[:, 1:] += (mean - decay)[1:] * inputs[:, :-1]
-    bands = np.ones((2, len(time_constant)))
-    bands[1, :-1] = -decay[1:]
-    return np.asarray(solve_banded((1, 0), bands, (gain * driven).T, check_finite=False).T)
+    return solve_recursion(decay, gain * driven)
 
 
 def _delayed(values: Array, bins: float) -> Array:
