@@ -132,6 +132,11 @@ def _fit_single(ordered: Array) -> Mixture:
     return Mixture((whole,), -2.0 * likelihood + 2.0 * math.log(n))
 
 
+def load_scikit_learn() -> None:
+    """Import what the mixtures need, which takes a second on a laptop and ten on a Raspberry Pi 3."""
+    import sklearn.mixture  # noqa: F401
+
+
 def _fit_mixture(ordered: Array, cuts: list[float], alike: bool = False) -> Mixture:
     """Expectation maximisation (scikit-learn) from the moments of the parts between `cuts`.
 

@@ -40,7 +40,8 @@ def calibrate_tophats(
 ) -> dict[str, TophatCalibration]:
     """Drive `distance` m over floor and lines and calibrate every tophat from what it read.
 
-    The robot stands for 0.4 s before and 0.6 s after it, in which an open port shows that wanders.
+    The robot stands for 0.4 s before and 0.6 s after it, in which an open port shows that wanders. The first
+    time in a program scikit-learn is loaded before that: a second on a laptop, ten on a Raspberry Pi 3.
     Returns the calibrations by name; they are in use from now on. speed: m/s, `motion.speed` when None; it
     drives backwards where distance or speed is negative. store: file that they are added to as `set_name`
     (`load_tophats` reads it), where the program was started or, where it is only there, beside the program.
@@ -50,6 +51,7 @@ def calibrate_tophats(
     naming each tophat whose readings allow no threshold, and why; no calibration is changed then.
     """
     from raccoon.estimate.tophat import calibrate
+    from raccoon.estimate.tophat.mixture import load_scikit_learn
 
     check_robot(robot, "calibrate_tophats()")
     robot.require("calibrate_tophats()")
@@ -59,6 +61,7 @@ def calibrate_tophats(
         velocity = -abs(velocity)
     searching = drive_until_stopped(velocity, abs(distance))
     shelf = CalibrationShelf(robot, store, set_name)
+    load_scikit_learn()  # while it stands: whoever waits after the drive would take it for stuck
     begin: list[Inputs] = []
     readings: list[tuple[Inputs, float]] = []
     end: list[Inputs] = []

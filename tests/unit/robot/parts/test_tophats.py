@@ -86,11 +86,18 @@ def test_lines_are_told_in_a_light_that_changes(tmp_path: Path, light: str) -> N
 
 
 @pytest.mark.parametrize(("distance", "speed"), [(-0.5, None), (0.5, -0.2), (-0.5, -0.2), (-0.5, 0.2)])
-def test_a_negative_way_is_driven_backwards(distance: float, speed: float | None) -> None:
+def test_a_negative_way_is_driven_backwards(
+    distance: float, speed: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded_at: list[int] = []
     port = simulated_port(world=World(lines=(Line(((-0.2, -1.0), (-0.2, 1.0))),)))
     with open_robot(CONFIG, port=port) as robot:
+        monkeypatch.setattr(
+            "raccoon.estimate.tophat.mixture.load_scikit_learn", lambda: loaded_at.append(robot.ticks)
+        )
         calibrate_tophats(robot, distance, speed)
         assert robot.pose.x == pytest.approx(-0.5, abs=0.05)
+    assert loaded_at == [0]  # which takes ten seconds on a Raspberry Pi 3: before it moves
 
 
 def test_a_stored_set_that_does_not_fit_is_said_within_a_second_of_driving(tmp_path: Path) -> None:
