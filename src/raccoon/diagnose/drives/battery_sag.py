@@ -1,14 +1,14 @@
 """The residual of a battery's reading beyond the wheels' sag, and other loads that it shows.
 
-Of a duty d at a wheel of speed w a battery of voltage V and resistance R_b gives
+With the duty d and the speed w of each wheel, a battery of voltage V and resistance R_b gives
 
     U = V - R_b I,    I = sum over the wheels of d (d U - K w) / R
 
-so what the wheels make of the reading is, as good as, straight in d^2 and d w of each wheel, behind the
-reading's filter. A back-EMF is late behind a filter of its own, which shows where wheels reverse at full
-power, so d w is taken with a share of d dw/dt. A battery that empties or recovers does so in the charge and
-in a slow mean of the current. All these are fitted together, whatever R_b, R and K are. Nothing adds voltage:
-what is left is 0, or a load.
+so the wheels' sag is nearly linear in d^2 and d w of each wheel, behind the filter of the battery's reading.
+The back-EMF that stands for w is late behind a filter of its own, which matters where wheels reverse at full
+power, so d dw/dt is a regressor as well. Discharge is linear in the charge, recovery in a slow mean of the
+current. All of them are fitted together, so R_b, R and K need not be known. No load adds voltage: the
+residual is 0, or negative under another load.
 """
 
 from __future__ import annotations
@@ -27,49 +27,50 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 BIN_S = 0.05
-"""s."""
+"""Width of a bin, s."""
 BATTERY_FILTERS_S = (0.02, 0.05, 0.1, 0.15, 0.25, 0.4)
-"""s, of the battery's reading."""
+"""Time constants of the battery reading's filter that are tried, s."""
 RECOVERY_S = 3.0
-"""s, in which a battery comes to its voltage again."""
+"""Time constant with which a battery's voltage recovers, s."""
 MIN_NOISE_V = 0.004
-"""V, of a bin's mean."""
+"""Lower bound of the noise of a bin's mean, V."""
 OUTLIER_NOISES = 4.0
-"""Noises up to which a reading is one without a load."""
+"""Residual, in noises, from which a bin does not count in the fits: another load may be on."""
 DIFFERENCE_BINS = 6
-"""Bins over which a course is compared with itself: what stays for longer does not count there."""
+"""Lag, in bins, of the differences that one starting point is fitted to: constant loads cancel in them."""
 LEVEL_PERCENTILES = (50.0, 70.0, 85.0, 95.0)
-"""Percentiles of what is left at which the battery without a load may be."""
+"""Percentiles of the residual that are tried as the level without another load."""
 MIN_SAG_SCATTERS, MIN_SAG_V = 4.0, 0.01
-"""Scatters, and V, by which a reading must be low to be a load's."""
+"""Least sag of a load, in scatters of the residual and in V."""
 END_SAG_SCATTERS, END_SAG_V = 1.5, 0.003
-"""The same up to which a load that was found goes on: behind the reading's filter it fades."""
+"""The same at which a load ends: behind the reading's filter it fades."""
 MIN_SAG_STEPS = 1.5
-"""Of the reading's own steps."""
+"""Least sag of a load in quantisation steps of the reading."""
 MIN_REST_BINS, MIN_BINS = 3, 8
-"""Bins in which a load must be seen while no wheel is powered, or else in all."""
+"""Least number of bins with a load while no wheel is powered; and else in all."""
 MIN_DRIVEN_SAG_SHARE = 0.15
-"""Part of the wheels' own sag above which a load is believed that is seen while driving alone."""
+"""Least sag, as a share of the wheels' own, of a load that is only seen while driving."""
 MAX_ABOVE_SHARE = 0.02
-"""Part of the bins in which the reading may be above what this model says of it. A filter that holds its
-reading, as the stock firmware's does, has 4 % and more."""
+"""Largest share of bins with a reading above the fit. A filter that holds its reading, as the stock
+firmware's does, has 4 % and more."""
 MAX_COST_RATIO = 1.25
-"""Times the cost of the best fit that one may have: the best of a drive with loads adds nothing, or one does
-that is 1.05 times as bad. Where the filter is none of these, what adds nothing may be a fit that leaves most
-of the drive out, 2.4 times as bad: of a sound battery without a filter 7 s of 12 were a servo's."""
+"""Largest cost of a fit without readings above it, relative to the best fit's. In drives with loads such a
+fit was at most 1.05 times as bad as the best. Where the reading's filter is none of those tried, it may be
+one that leaves most of the drive out, 2.4 times as bad: of a sound battery without a filter 7 s of 12 were
+taken for a servo's load."""
 MIN_DRIVEN_LEFT = 0.25
-"""Part of the time in which wheels are powered that must be left."""
+"""Least share of the time with powered wheels that must remain outside of loads."""
 QUICK_COLUMNS = 7
-"""Columns up to which they follow the wheels at once; charge and recovery are behind them."""
+"""Number of columns that follow the wheels at once; charge and recovery come after them."""
 MIN_STAYING_SHARE = 0.9
-"""Part of the time in which what stays is seen."""
+"""Least share of the time in which a load that stays on is seen."""
 
 
 @dataclass(frozen=True, slots=True)
 class SagResidual:
-    """The residual in bins. begin: s. rest: V by which the reading is above what the wheels make of it.
-    known: where there is a reading. driven: where a wheel is powered. noise, step, sag: V, of a bin, of the
-    reading and of the wheels."""
+    """The residual in bins. begin: s. rest: the reading less the fitted one, V. known: where there is a
+    reading. driven: where a wheel is powered. noise, step, sag: V, of a bin's mean, the reading's
+    quantisation step and the largest sag by the wheels."""
 
     begin: float
     rest: Array
@@ -91,7 +92,8 @@ class SagResidual:
         known = np.isfinite(voltage) & (BIN_S * np.arange(len(voltage)) >= SETTLING_DRIVE_S)
         for start, end in log.lost:
             first, last = (max(int((each - log.time[0]) / BIN_S), -1) for each in (start, end))
-            known[max(first, 0) : last + 1] = False  # what a part of a drive has lost before it ends before 0
+            # in a part of a drive, losses before its begin end below 0
+            known[max(first, 0) : last + 1] = False
         if known.sum() < 2 * DIFFERENCE_BINS:
             return None
         step = _reading_step(battery.values)
@@ -117,7 +119,7 @@ class SagResidual:
         return cls(float(log.time[0]), rest, known, driven, noise, step, float(np.ptp((given - rest)[known])))
 
     def loads(self) -> Iterator[Load]:
-        """The other loads that it shows, in the order of time."""
+        """The other loads that the residual shows, in the order of time."""
         scatter = _robust_std(self.rest[self.known & (np.abs(self.rest) < OUTLIER_NOISES * self.noise)])
         low = self.known & (
             self.rest < -max(MIN_SAG_V, MIN_SAG_SCATTERS * scatter, MIN_SAG_STEPS * self.step)
@@ -133,7 +135,7 @@ class SagResidual:
                 yield Load(self.begin + BIN_S * (start - 1), self.begin + BIN_S * (end + 1), sag)
 
     def is_enough_without(self, found: Sequence[Load]) -> bool:
-        """Whether what these loads leave is long enough, and driven enough, to be compared."""
+        """Whether the time outside of these loads is long enough, and driven enough, for a comparison."""
         kept = self.known & ~self.within(found)
         driven = float((kept & self.driven).sum()) >= MIN_DRIVEN_LEFT * float(
             (self.known & self.driven).sum()
@@ -141,7 +143,7 @@ class SagResidual:
         return driven and BIN_S * float(kept.sum()) >= MIN_DRIVE_S
 
     def is_on_from(self, start: float, found: Sequence[Load]) -> bool:
-        """Whether loads are on from then (s) to the end, but for short gaps that a poor fit makes."""
+        """Whether loads are on from `start` (s) to the end, but for short gaps due to a poor fit."""
         later = self.begin + BIN_S * np.arange(len(self.rest)) >= start
         return float(self.within(found)[later & self.known].mean()) > MIN_STAYING_SHARE
 
@@ -155,21 +157,21 @@ class SagResidual:
 
 
 def _interpolated(values: Array) -> Array:
-    """Samples with lines over those that are missing."""
+    """Samples, missing ones interpolated linearly."""
     rows = np.arange(len(values))
     seen = np.isfinite(values)
     return np.asarray(np.interp(rows, rows[seen], values[seen]), float)
 
 
 def _bin_means(time: Array, values: Array) -> Array:
-    """The mean of each bin, NaN where it has nothing."""
+    """The mean of each bin, NaN where it has no sample."""
     place = (time / BIN_S).astype(np.intp)
     return bin_means(place, values, int(place[-1]) + 1)
 
 
 def _regressors(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:
-    """(bins, 9), each of size 1: a constant; d^2, d w and d dw/dt of each wheel behind a filter of that time
-    constant; charge; recovery."""
+    """Regressors (bins, 9), each scaled to a maximum of 1: a constant; d^2, d w and d dw/dt of each wheel
+    behind a filter of `seconds`; charge; recovery."""
     step = median_step(time)
 
     def behind(values: Array, constant: float) -> Array:
@@ -189,16 +191,16 @@ def _regressors(time: Array, duty: Array, speeds: list[Array], seconds: float) -
 
 
 def _speed_as_duty(duty: Array, speed: Array) -> Array:
-    """The speed in units of the duty that holds it, so that 1 less it is as a motor's current."""
+    """The speed in units of the duty that holds it: duty less that is proportional to a motor's current."""
     power = float(duty @ duty)
     factor = float(duty @ speed) / power if power > 0.0 else 0.0
     return speed / factor if factor > 0.0 else np.zeros(len(speed))
 
 
 def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Array:
-    """Numbers of the columns (starts, columns) from which a fit goes: of all readings; of how they change
-    within some tenths of a second, with the level of what is left at several heights, and of the same without
-    charge and recovery, which make much of what they have not seen."""
+    """Starting points (starts, columns) of the fits: a fit of all readings; a fit of differences over
+    DIFFERENCE_BINS, with the constant at several percentiles of the residual; and these refined without
+    charge and recovery, which extrapolate badly."""
     quick = columns[:, 1:QUICK_COLUMNS]
     both = known[DIFFERENCE_BINS:] & known[:-DIFFERENCE_BINS]
     found = np.zeros(columns.shape[1])
@@ -218,8 +220,7 @@ def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Array
 
 
 def _huber_fit(columns: Array, target: Array, known: Flags, noise: float) -> Array:
-    """Numbers of the columns by robust least squares with Huber's weights: beyond a noise, a residual counts
-    linearly."""
+    """Coefficients (columns,) by robust least squares with Huber's weights, linear beyond one noise."""
     found, products = np.zeros(columns.shape[1]), _column_products(columns)
     weights = known.astype(float)
     for _ in range(15):
@@ -231,8 +232,8 @@ def _huber_fit(columns: Array, target: Array, known: Flags, noise: float) -> Arr
 def _fit_costs(
     columns: Array, voltage: Array, known: Flags, noise: float, starts: Array
 ) -> Iterator[tuple[float, Array]]:
-    """Cost and residual of the fit from each start. What is far below the fit costs no more than what is
-    below it; what is above it costs more and more, as nothing adds voltage."""
+    """Cost and residual of the fit from each start. The cost saturates for readings far below the fit
+    (another load) and grows quadratically for readings above it, since no load adds voltage."""
     for rest in voltage - _biweight_fits(columns, voltage, known, noise, starts) @ columns.T:
         far = rest / (OUTLIER_NOISES * noise)
         cost = np.where(far > 1.0, far**2, 1.0 - np.maximum(0.0, 1.0 - far**2) ** 3)
@@ -240,8 +241,8 @@ def _fit_costs(
 
 
 def _biweight_fits(columns: Array, target: Array, known: Flags, noise: float, starts: Array) -> Array:
-    """The fits (starts, columns) from starts on in which a reading that is far off does not count (Tukey's
-    biweight)."""
+    """Coefficients (starts, columns) by Tukey's biweight, in which far outliers do not count, from each
+    start."""
     found, products = starts, _column_products(columns)
     for _ in range(30):
         far = (target - found @ columns.T) / (OUTLIER_NOISES * noise)
@@ -250,23 +251,23 @@ def _biweight_fits(columns: Array, target: Array, known: Flags, noise: float, st
 
 
 def _column_products(columns: Array) -> Array:
-    """The products of each column with each in every bin, (bins, columns * columns)."""
+    """The outer product of the columns with themselves in every bin, (bins, columns * columns)."""
     return (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), -1)
 
 
 def _weighted_least_squares(columns: Array, products: Array, target: Array, weights: Array) -> Array:
-    """Least squares (fits, columns) under weights (fits, bins)."""
+    """Weighted least-squares coefficients (fits, columns). weights: (fits, bins)."""
     count = columns.shape[1]
     inner = (weights @ products).reshape(-1, count, count) + 1e-6 * np.eye(count)
     return np.asarray(np.linalg.solve(inner, ((weights * target) @ columns)[:, :, None])[:, :, 0], float)
 
 
 def _reading_step(values: Array) -> float:
-    """V between neighbouring values of a reading."""
+    """The quantisation step of a reading, V: a low percentile of the gaps between its values."""
     apart = np.diff(np.unique(values[np.isfinite(values)]))
     return float(np.percentile(apart, 10.0)) if len(apart) else 0.0
 
 
 def _robust_std(values: Array) -> float:
-    """Standard deviation by the median of the sizes."""
+    """Standard deviation by the median of the absolute values."""
     return 1.48 * float(np.median(np.abs(values))) if len(values) else 0.0

@@ -1,5 +1,5 @@
-"""Checks of how large readings are: wheels by their commands and the battery, the gyro by the wheels. What is
-off by more than any robot.toml is has another unit."""
+"""Plausible sizes of readings: wheels compared with their commands and the battery, the gyro with the wheels.
+A reading that is off by more than a robot.toml can be is in another unit."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from raccoon.diagnose.drives.log import Channel, Log
 Array = NDArray[np.float64]
 
 USUAL_BEMF_SHARE = 0.85
-"""Of its command's voltage that a motor's back-EMF usually has when it turns freely."""
+"""Back-EMF of a motor that turns freely, as a share of its command's voltage."""
 MAX_BEMF_SHARE = 1.3
-"""The same that no motor has, with the scale of its reading a quarter off: it would drive the battery."""
+"""A share that no motor reaches, even where its reading's scale is a quarter too large."""
 MAX_FACTOR = 3.0
-"""Factor by which no robot.toml is wrong: it is a unit, or another robot's."""
+"""Factor that no error of a robot.toml explains: another unit, or another robot."""
 MIN_SMALL_FACTOR = 2.0
-"""Factor by which readings of both wheels are small, where the gyro says that they are."""
+"""Factor by which both wheels must be small to believe the gyro that they are."""
 UNIT_FACTOR = 1.4
 """Factor within which a unit is recognised."""
 MIN_SAMPLES = 50
-"""Samples from which wheels and gyro are compared."""
+"""Least number of samples for a comparison."""
 DEGREES_PER_RADIAN = 180.0 / math.pi
 SPEED_UNITS: Mapping[str, float] = {
     "degrees a second": DEGREES_PER_RADIAN,
@@ -35,13 +35,13 @@ SPEED_UNITS: Mapping[str, float] = {
     "turns a second": 1.0 / math.tau,
 }
 GYRO_UNITS = {name: SPEED_UNITS[name] for name in ("turns a second", "turns a minute")}
-"""What degrees and a sensor's own counts look like is said by `units`."""
+"""Degrees and a sensor's raw counts are recognised by `units`."""
 BEMF_UNITS: Mapping[str, float] = {"millivolts": 1000.0 * BEMF_VOLTS_PER_COUNT}
-"""How many times larger than counts."""
+"""Size of each unit's numbers relative to counts."""
 
 
 def check_magnitudes(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where a reading is larger or smaller than it can be."""
+    """Raise TraceError where a reading is implausibly large or small."""
     shares = {side: bemf_share(log, robot, side) for side in ("left", "right")}
     _check_supply(log, robot, shares)
     radius = robot.model.drive.wheel_radius.value
@@ -77,8 +77,8 @@ def _check_gyro(log: Log, robot: RobotConfig, shares: Sequence[float | None]) ->
 
 
 def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | None]) -> None:
-    """Back-EMF that is larger than the voltage which drives the motor: of the battery as it was read where it
-    was, of robot.toml's where not."""
+    """Raise TraceError where a back-EMF is larger than the voltage that drives the motor: the battery's
+    reading, or robot.toml's voltage where there is none."""
     battery = log.channel("battery")
     nominal = robot.model.battery.open_circuit_voltage.value
     known = np.zeros(0) if battery is None else battery.values[np.isfinite(battery.values)]
@@ -120,14 +120,15 @@ def _check_factor(name: str, factor: float, units: Mapping[str, float], than: st
 
 
 def nearest_unit(factor: float, units: Mapping[str, float]) -> str | None:
-    """The unit whose factor is as good as this one, all where several are; None where none is."""
+    """The units whose factors are within UNIT_FACTOR of this one, nearest first; None where there are
+    none."""
     away = {name: abs(math.log(each / factor)) for name, each in units.items()}
     near = sorted((name for name in away if away[name] < math.log(UNIT_FACTOR)), key=lambda name: away[name])
     return " or ".join(near) or None
 
 
 def bemf_share(log: Log, robot: RobotConfig, side: str) -> float | None:
-    """Back-EMF over the voltage of the command, where that is steady; None where they do not go together."""
+    """Back-EMF over the voltage of the command where that is steady; None where they are not correlated."""
     wheel = log.wheel(side)
     if wheel is None:
         return None
@@ -137,12 +138,12 @@ def bemf_share(log: Log, robot: RobotConfig, side: str) -> float | None:
 
 
 def volts_per_unit(wheel: Channel, motor: MotorModel) -> float:
-    """V of back-EMF that a unit of a wheel's reading stands for."""
+    """V of back-EMF for one unit of a wheel's reading."""
     return BEMF_VOLTS_PER_COUNT if wheel.unit == "counts" else motor.back_emf_constant.value
 
 
 def full_voltage(log: Log, robot: RobotConfig) -> float:
-    """V of the battery: the usual one of its readings, robot.toml's where there are none."""
+    """V of the battery: the median of its readings, or robot.toml's voltage where there are none."""
     battery = log.channel("battery")
     if battery is not None and np.isfinite(battery.values).any():
         return float(np.nanmedian(battery.values))
@@ -150,8 +151,8 @@ def full_voltage(log: Log, robot: RobotConfig) -> float:
 
 
 def wheel_rates(log: Log, robot: RobotConfig) -> Array | None:
-    """rad/s (n, 2) by which the left and the right wheel turn the robot, as their readings say; None without
-    both."""
+    """Contributions of the left and the right wheel's reading to the turn rate, rad/s, (n, 2); None where one
+    is missing."""
     left, right = log.wheel("left"), log.wheel("right")
     if left is None or right is None:
         return None
@@ -165,30 +166,32 @@ def wheel_rates(log: Log, robot: RobotConfig) -> Array | None:
 
 
 def wheel_turn_rate(log: Log, robot: RobotConfig) -> Array | None:
-    """rad/s that the wheels make, NaN where the commands do not turn the robot; None without both wheels."""
+    """The turn rate by the wheels, rad/s, NaN where the commands do not turn the robot; None without both."""
     rates = wheel_rates(log, robot)
     return None if rates is None else np.where(is_turning(log.duty), rates.sum(axis=1), np.nan)
 
 
 def is_turning(duty: Array) -> NDArray[np.bool_]:
-    """Where the commands turn the robot. On a straight line unequal motors and scales part the wheels."""
+    """Where the commands turn the robot: on a straight line unequal motors and scales make the wheels
+    differ."""
     apart: NDArray[np.bool_] = np.abs(duty[:, 1] - duty[:, 0]) > 0.5 * np.abs(duty).max(axis=1)
     return apart
 
 
 def steady_duty(duty: Array) -> Array:
-    """NaN where the command changed within the last 40 samples."""
+    """The command, NaN where it changed within the last 40 samples."""
     return np.where(np.arange(len(duty)) - last_change(duty) >= 40, duty, np.nan)
 
 
 def last_change(duty: Array) -> NDArray[np.intp]:
-    """The row from which a command is what it is, for each row."""
+    """For each row, the row at which its command last changed."""
     changed = np.abs(np.diff(duty, prepend=duty[0])) > 1e-9
     return np.maximum.accumulate(np.where(changed, np.arange(len(duty)), 0))
 
 
 def slope(x: Array, y: Array) -> float | None:
-    """Least-squares slope through 0 where both are known, change and go together; None otherwise."""
+    """Least-squares slope through 0 over rows where both are known; None where they do not vary or are not
+    correlated."""
     both = np.isfinite(x) & np.isfinite(y)
     x, y = x[both], y[both]
     if len(x) < MIN_SAMPLES or 0.0 in (float(np.ptp(x)), float(np.ptp(y))):

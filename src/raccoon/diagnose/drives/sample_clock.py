@@ -1,9 +1,9 @@
-"""When a controller by a clock of its own sampled, told by its position counters.
+"""The times at which a controller with its own clock took its samples, found from its position counters.
 
-Rows come every 5 ms, and RaccoonOS has a new sample every 5.5: one row in eleven has none. Such a row lies
-between two samples, so the middle of it is half a cycle from both. A sample that a row shows may be a whole
-cycle old, which moves each answer of a wheel by up to 5 ms to either side; and a command waits for the next
-sample as long. Both are known once the samples' moments are.
+Rows come every 5 ms, and RaccoonOS has a new sample every 5.5 ms: one row in eleven has none. Such a row lies
+between two samples, and its middle is half a cycle from both. The sample that a row shows may be up to a
+cycle old, so a wheel's response appears up to 5 ms late, and a command waits up to a cycle for the next
+sample. Both delays are known once the sample times are.
 """
 
 from __future__ import annotations
@@ -19,34 +19,34 @@ from raccoon.trace.recording import median_step
 Array = NDArray[np.float64]
 
 MIN_COUNTED_BEMF, MIN_COUNTED_TICKS = 100.0, 1.5
-"""Counts of back-EMF, and ticks a sample where counters show whole ones, from which a row's samples can be
-counted."""
+"""Least back-EMF (counts), and least advance per sample where positions are whole ticks, for which the
+samples of a row can be counted."""
 MAX_COUNTED_CHANGE = 0.2
-"""Part of a reading by which it may change in a row of which the samples are counted."""
+"""Largest relative change of the reading in such a row."""
 ROW_TOLERANCE = 0.2
-"""Part of the usual row by which one may be longer or shorter for the same."""
+"""Largest relative deviation of such a row's length from the usual one."""
 RATE_STEP_CYCLES = 0.05
-"""Cycles over the whole recording between two rates that are tried."""
+"""Step of the rates that are tried, in cycles over the whole recording."""
 PHASE_WINDOW_S = 0.4
-"""s, standard deviation of the window in which a clock's phase is found: it may drift."""
+"""s, standard deviation of the window in which the clock's phase is estimated, as the clock may drift."""
 MIN_UNUSUAL_ROWS, MIN_ROWS_NEAR = 30, 3.0
-"""Rows with another number of samples than usual that make a clock, and those near a moment that tell its
-phase there."""
+"""Least number of rows with an unusual number of samples: in all, and (weighted by the window) near a knot of
+the phase."""
 MAX_SAMPLE_GAP_CYCLES = 2.5
-"""Cycles between two samples from which none between them is on a line."""
+"""Cycles between two samples beyond which nothing is interpolated between them."""
 CLOSE = 1e-6
-"""Part of a row that is none: sums of what is 0 are not."""
+"""Share of a row below which rounding made it."""
 MIN_SHARP = 0.8
-"""How closely such rows must gather, as a part of what they would by a perfect clock."""
+"""Least concentration of the unusual rows' phases, relative to that of a perfect clock."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampleClock:
-    """Samples that a controller has ready at phase(t) + k period, for whole k.
+    """Samples that are ready at phase(t) + k period, for whole k.
 
-    period: s. knots, phases: s, where the phase is known, and it; between them it is a line. waits: how many
-    times a period commands that wait come into force. lead: s from a sample, after which a command comes into
-    force, until it is ready.
+    period: s. knots, phases (s): times at which the phase is known, and the phase there; it is linear between
+    them. waits: how many times a period waiting commands come into force. lead: s from the taking of a
+    sample, after which a command comes into force, until the sample is ready.
     """
 
     period: float
@@ -56,13 +56,13 @@ class SampleClock:
     lead: float = 0.0
 
     def latest_samples(self, time: Array) -> tuple[NDArray[np.intp], Array]:
-        """Number and moment, s, of the latest sample that is ready at each time."""
+        """Number of the latest sample that is ready at each time, and when it was ready, s."""
         phase = self._phase(time)
         number = np.floor((time - phase) / self.period)
         return number.astype(np.intp), phase + number * self.period
 
     def shifted(self, by: float) -> SampleClock:
-        """The same clock in a time that counts from so many s before."""
+        """The clock on a time axis whose zero is `by` s earlier."""
         return replace(self, knots=self.knots + by, phases=self.phases + by)
 
     def times_in_force(self, time: Array) -> Array:
@@ -93,19 +93,19 @@ class SampleClock:
 
 @dataclass(frozen=True, slots=True)
 class SampleCounts:
-    """How many samples each row has (rows,), and whether that is known of it."""
+    """The number of samples in each row (rows,), and whether it is known."""
 
     samples: Array
     known: NDArray[np.bool_]
 
 
 def count_arrivals(time: Array, values: Array) -> SampleCounts:
-    """Of a channel that has a number (rows,) where there is a new sample."""
+    """Counts for a channel that has a value (rows,) only in rows with a new sample, and NaN elsewhere."""
     return SampleCounts(np.isfinite(values).astype(float), _is_even(time))
 
 
 def count_by_ticks(time: Array, bemf: Array, position: Array, tick: float) -> SampleCounts:
-    """Of a motor whose counter adds up the samples that it shows.
+    """Counts for a motor whose position counter is the sum of its back-EMF samples.
 
     time: s, of rows. bemf: counts. position: ticks. tick: counts of one sample that move the position by one.
     """
@@ -132,9 +132,9 @@ def _is_even(time: Array) -> NDArray[np.bool_]:
 def find_sample_clock(
     time: Array, rows: SampleCounts, rates: tuple[float, float], waits: int = 1, lead: float = 0.0
 ) -> SampleClock | None:
-    """The clock of samples, None where the rows tell none.
+    """The clock by which the samples were taken; None where the rows show none.
 
-    rates: samples a second, at least and at most. waits, lead: see `SampleClock`.
+    rates: lowest and highest samples per second. waits, lead: see `SampleClock`.
     """
     row = median_step(time)
     per_row = row * 0.5 * (rates[0] + rates[1])
@@ -160,13 +160,13 @@ def find_sample_clock(
 
 
 def _best_rate(moments: Array, rates: tuple[float, float], step: float) -> float:
-    """At which of the rates, 1/s, moments lie most at one phase."""
+    """The rate (1/s) within these bounds at which the phases of the moments are most concentrated."""
     tried = np.arange(*rates, step)
     turns, further = _phasors(moments, rates[0]), _phasors(moments, step)
     agreed = np.empty(len(tried))
     for index in range(len(tried)):
         agreed[index] = abs(turns.sum())
-        turns *= further  # a product a moment is a tenth of an exponential
+        turns *= further  # a product costs a tenth of an exponential
     return float(tried[int(np.argmax(agreed))])
 
 
@@ -175,7 +175,8 @@ def _phasors(moments: Array, rate: float) -> NDArray[np.complex128]:
 
 
 def resample_to_one_age(clock: SampleClock, time: Array, values: Array) -> Array:
-    """A channel (rows,) as if each row's sample had been taken half a cycle before; NaN where it is NaN."""
+    """A channel (rows,) resampled as if each row's sample had been taken half a cycle before; NaN stays
+    NaN."""
     moments, rows = _first_rows(clock, time, values)
     even, silent = _interpolate_samples(clock, time, values, moments, values[rows])
     return np.where(silent, values, even)
@@ -190,11 +191,11 @@ def resample_wheel_to_one_age(
     sums: bool = False,
     zone: float = 0.0,
 ) -> Array:
-    """The same of back-EMF.
+    """`resample_to_one_age` for back-EMF.
 
     position, tick: see `count_by_ticks`. sums: whether a row with several samples shows their mean. zone:
-    counts of a dead zone. What stands next to a reading of 0, or would be in the zone, is left as it is. A
-    reading in whole counts gets the half back that was cut off.
+    counts of the reading's dead zone. Readings next to a 0, or that would fall into the zone, stay as they
+    are. Half a count is added to truncated readings.
     """
     bemf = undo_truncation(bemf)
     moments, rows = _first_rows(clock, time, bemf)
@@ -211,7 +212,7 @@ def resample_wheel_to_one_age(
 
 
 def _first_rows(clock: SampleClock, time: Array, values: Array) -> tuple[Array, NDArray[np.intp]]:
-    """When each sample that a row shows was ready, s, and the first row that does."""
+    """When each sample was ready, s, and the first row that shows it."""
     number, ready = clock.latest_samples(time)
     _, rows = np.unique(number, return_index=True)
     rows = rows[np.isfinite(values[rows])]
@@ -221,8 +222,8 @@ def _first_rows(clock: SampleClock, time: Array, values: Array) -> tuple[Array, 
 def _interpolate_samples(
     clock: SampleClock, time: Array, channel: Array, moments: Array, values: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Lines between samples, half a cycle before each row of the channel, and whether one next to it is 0, or
-    too far away to tell."""
+    """Samples interpolated linearly at half a cycle before each row of the channel, and whether a
+    neighbouring sample is 0 or too far away."""
     if len(moments) < 2:
         return channel, np.zeros(len(channel), bool)
     at = time + clock.lead - 0.5 * clock.period
@@ -234,8 +235,8 @@ def _interpolate_samples(
 
 
 def _means_between(edges: Array, values: Array, spans: Array) -> Array:
-    """Means, between neighbouring spans (n + 1,), of what is values[i] from edges[i] to edges[i + 1]; before
-    the first edge it is the first value, after the last the last."""
+    """Means between neighbouring spans (n + 1,) of the step function that is values[i] from edges[i] to
+    edges[i + 1], constant before the first and after the last edge."""
     total = np.concatenate([[0.0], np.cumsum(values * np.diff(edges))])
     reached = np.interp(spans, edges, total)
     reached += np.minimum(spans - edges[0], 0.0) * values[0] + np.maximum(spans - edges[-1], 0.0) * values[-1]

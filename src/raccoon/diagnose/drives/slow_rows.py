@@ -1,13 +1,12 @@
-"""Whether wheels answer within the long rows of a recording, before the command that they answer is logged.
+"""Whether rows longer than the controller's cycle are the cycles of a controller that is as slow as its rows.
 
-Where a controller is as slow as its rows, a command is given at its row, and no wheel answers before. Of one
-that runs faster, and of which every so many cycles were logged, commands change somewhere within a row, and
-wheels have begun to answer by the row that shows it. So a reading is foreseen from what was commanded and
-read until then (ARX), and by the change of the command in its own row. Of what a command moves in the end,
-the share that is there at once was 0 to 0.014 of 50 Hz as they were driven, and 0.03 to 0.25 of every fourth
-row of 200 Hz. It is nothing either where a reading is as old as a row is long, as behind a firmware's median
-and slots. A gyro is read as it is: of what turns the robot 0.05 to 0.31 was there at once in every third row
-of that, and 0.006 at most of 67 Hz as they were driven.
+Such a controller gives a command at its row, and no wheel responds within that row. Where a controller runs
+faster and only every n-th cycle was logged, commands change within a row, and wheels have begun to respond by
+the row that shows the command. So each reading is predicted from earlier commands and readings (ARX) and from
+the change of the command in its own row. The share of the final response that is there at once was 0 to 0.014
+for 50 Hz as driven, and 0.03 to 0.25 for every fourth row of 200 Hz. It is 0 as well where a reading is a row
+old, as behind a firmware's median and slots. A gyro has no such delay: the share was 0.05 to 0.31 for every
+third row of 200 Hz, and at most 0.006 for 67 Hz as driven.
 """
 
 from __future__ import annotations
@@ -24,24 +23,26 @@ Array = NDArray[np.float64]
 Wheels = Sequence[tuple[Array, Array]]
 
 MAX_ROW_S = 0.0125
-"""s between rows of a controller that runs faster. A command changes somewhere within a row: of a clean drive
-at 200 Hz every second row is diagnosed as all are, every third makes an inertia 17 % too small of it. Longer
-rows are taken for cycles where wheels do not answer within them."""
+"""Longest row, s, of a controller that runs faster than its rows, since a command changes at an unknown time
+within its row. Of a clean drive at 200 Hz every second row gives the same diagnosis as all rows, every third
+an inertia 17 % too small. Longer rows are taken for the controller's cycles where wheels do not respond
+within them."""
 MAX_ROW_CYCLES = 1.25
-"""Of the controller's cycle: how long rows may be that are one cycle each."""
+"""Longest row, in cycles of robot.toml's controller, that counts as one cycle."""
 COMMAND_LAGS, READING_LAGS = 7, 3
-"""Rows of them before that a reading is foreseen from."""
+"""Earlier commands and readings, in rows, from which a reading is predicted."""
 MIN_IMMEDIATE_SHARE = 0.01
-"""Of its answer from which a wheel has begun to answer, two standard deviations taken off."""
+"""Share of a response, less two standard deviations, from which it began within the command's row."""
 MIN_ROWS_PER_NUMBER = 10
-"""Rows for each number that is fitted."""
+"""Least number of rows for each fitted coefficient."""
 
 
 def check_row_length(row: float, rate_hz: float, wheels: Wheels, turns: Wheels) -> tuple[str, ...]:
-    """What is said of rows, s, that are longer than robot.toml's cycles. wheels: commands and readings of
-    each, NaN where there is none. turns: what turns the robot, and the gyro's readings, where it has one.
+    """Notes about rows (s) that are longer than robot.toml's cycles. wheels: commands and readings of each
+    wheel, NaN where missing. turns: the turning command and the gyro's readings, where it has one.
 
-    Raises TraceError where a command's moment is not known: such rows name causes that are not there.
+    Raises TraceError where the times of commands are not known: such rows would name causes that are not
+    there.
     """
     if row <= max(MAX_ROW_S, MAX_ROW_CYCLES / rate_hz):
         return ()
@@ -62,7 +63,7 @@ def check_row_length(row: float, rate_hz: float, wheels: Wheels, turns: Wheels) 
 
 
 def _respond_within_rows(wheels: Wheels) -> bool:
-    """Whether these surely answer a command before the row that holds it."""
+    """Whether the readings clearly respond to a command within the row in which it is recorded."""
     seen = [each for each in (_immediate_share(*pair) for pair in wheels) if each is not None]
     if not seen:
         return False
@@ -71,8 +72,8 @@ def _respond_within_rows(wheels: Wheels) -> bool:
 
 
 def _immediate_share(duty: Array, reading: Array) -> tuple[float, float] | None:
-    """Of what a change of its command moves a reading by in the end, the share that is there at the row of
-    the change, and its variance."""
+    """The share of a reading's response to a change of its command that is there in the row of the change,
+    and the variance of that share."""
     rows = np.arange(COMMAND_LAGS, len(duty))
     before = [duty[rows - each] for each in range(1, COMMAND_LAGS + 1)]
     read = [reading[rows - each] for each in range(1, READING_LAGS + 1)]

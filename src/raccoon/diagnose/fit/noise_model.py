@@ -1,14 +1,13 @@
 """Coloured, multichannel noise of a simulation's residual.
 
-A robot is pushed about by torques nobody records (floor, gears). One push moves both wheels, the gyro and the
-battery for a while, so residuals of neighbouring moments and of different channels belong together.
-Treated as
-white and separate, they make chance look like evidence. A vector autoregression
+Torques that nobody records (floor, gears) disturb a robot. One of them moves both wheels, the gyro and the
+battery for a while, so residuals are correlated in time and between channels. A likelihood that takes them
+for white and independent mistakes chance for evidence. A vector autoregression
 
     e[t] = r[t] - sum_k A_k r[t - k],   cov e = S,   w[t] = L^-1 e[t],   S = L L'
 
-turns the residual into independent unit-variance numbers w. The same linear map is applied to every direction
-of the model, so least squares on whitened numbers is maximum likelihood under this noise.
+turns the residual r into independent unit-variance numbers w. The same linear map is applied to every
+direction of the model, so least squares on whitened numbers is maximum likelihood under this noise.
 """
 
 from __future__ import annotations
@@ -23,30 +22,28 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.features import BIN_S, bins_per_event
 
 Array = NDArray[np.float64]
-
-
 Regimes = NDArray[np.intp]
+"""Of each bin one of the four below."""
 STANDING, STEADY, CHANGING, CREEPING = range(4)
 EVENT_BINS = bins_per_event(BIN_S)
-"""Bins, half a second where they are 20 ms."""
+"""Bins of an event, half a second, at the usual bin width of 20 ms."""
 OUTLIER_EVENT_SIZE = 1.2
-"""Size of half a second, over its expected size, from which it counts less."""
+"""RMS of the whitened residual over an event, above which the event is weighted down."""
 LJUNG_BOX_LAGS = 10
-"""Bins by which what is left is compared with itself, where it is asked whether it is white."""
+"""Lags, in bins, of the Ljung-Box test for whiteness."""
 OUTLIER_SIZE = 2.0
-"""Size of an innovation, over its expected size, from which a bin counts less: breaking loose is no
-Gaussian affair."""
+"""RMS of the whitened residual of a bin over the channels, above which the bin is weighted down: what happens
+when a wheel breaks loose is not Gaussian."""
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """VAR(p) of c channels. coefficients (p, c, c); unmix (4, c, c) = L^-1 for each regime; regimes (n,);
-    weights (n,) 0..1, below 1 where what no model explains is far larger than usual.
+    """VAR(p) of c channels. coefficients (p, c, c): A_k. whitening_factors (4, c, c): L^-1 of each regime.
+    regimes (n,). weights (n,), 0 to 1: below 1 for outliers.
 
-    A robot that sticks is not pushed about, and no model follows a sudden change as well as a steady drive:
-    standing, steady, changing and creeping bins have a covariance each. One for all would take motion for
-    quieter than
-    it is, and small errors in a reversal for evidence.
+    Disturbances do not move a robot that sticks, and no model follows a sudden change as well as a steady
+    drive. So standing, steady, changing and creeping bins have a covariance each. A common one would make
+    motion look quieter than it is, and small errors in a reversal look like evidence.
     """
 
     coefficients: Array
@@ -56,17 +53,18 @@ class NoiseModel:
 
     @property
     def order(self) -> int:
-        """Number of past bins that a residual depends on."""
+        """p: the number of past bins in the autoregression."""
         return len(self.coefficients)
 
     def part(self, bins: slice) -> NoiseModel:
-        """The same of a part of the bins."""
+        """The model of some of the bins."""
         return replace(self, regimes=self.regimes[bins], weights=self.weights[bins])
 
     def whiten(self, signals: Array) -> Array:
-        """(..., n, c) -> (..., n, c); the first `order` bins have no past and become 0.
+        """Whitened signals, (..., n, c) -> (..., n, c). The first `order` bins have no complete past and
+        become 0.
 
-        A bin and its past lie side by side in memory, so each bin takes one product for all signals.
+        A bin and its past are contiguous in memory, so each bin takes one matrix product for all signals.
         """
         bins, channels = signals.shape[-2:]
         rows = np.ascontiguousarray(signals).reshape(-1, bins, channels)
@@ -84,7 +82,8 @@ class NoiseModel:
 
     @cached_property
     def _filters(self) -> Array:
-        """What makes a white bin of a bin and its past, oldest first, (n - order, (order + 1) c, c)."""
+        """The map from a bin and its past, oldest first, to the whitened bin: (n - order, (order + 1) c,
+        c)."""
         lags = np.concatenate(
             [*(-each.T for each in self.coefficients[::-1]), np.eye(self.whitening_factors.shape[-1])]
         )
@@ -95,7 +94,7 @@ class NoiseModel:
 
 
 def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:
-    """Noise without memory, of the given standard deviations."""
+    """Noise that is uncorrelated in time and between channels. scale (c,): its standard deviations."""
     return NoiseModel(
         np.zeros((0, len(scale), len(scale))),
         np.stack([np.diag(1.0 / scale)] * 4),
@@ -105,11 +104,12 @@ def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:
 
 
 def fit_noise_model(residual: Array, order: int, floor: Array, regimes: Regimes, event: int) -> NoiseModel:
-    """Least-squares VAR of a residual (n, c); its memory from the bins in motion where there are enough.
+    """Least-squares VAR of a residual (n, c), its coefficients from the bins in motion where there are
+    enough.
 
-    floor: (c,), of each channel, what its residual is at least counted in (quantisation): a tenth of it, in
-    squares, every innovation has beside what is seen of it. event: bins in half a second. The regression
-    carries a slight ridge, so that short recordings and dead channels do not break it.
+    floor (c,): the least standard deviation of each channel's residual (quantisation); a hundredth of its
+    square is added to the variance of the innovations. event: bins in half a second. A small ridge keeps the
+    regression solvable for short recordings and dead channels.
     """
     n, channels = residual.shape
     order = max(0, min(order, n // (8 * channels)))
@@ -145,13 +145,14 @@ def fit_noise_model(residual: Array, order: int, floor: Array, regimes: Regimes,
 
 
 def _event_weights(power: Array, event: int) -> Array:
-    """Weights (n,) by which an event that is clearly larger than usual counts no more than a usual one."""
+    """Weights (n,) that scale an event of unusual size down to OUTLIER_EVENT_SIZE. power (n,): mean square of
+    each whitened bin."""
     means, lengths = event_means(power, event)
     return np.repeat(np.minimum(1.0, OUTLIER_EVENT_SIZE / np.maximum(np.sqrt(means), 1e-9)), lengths)
 
 
 def event_means(values: Array, event: int) -> tuple[Array, NDArray[np.intp]]:
-    """Mean over each half second, which are so many bins, of values (n,), and how many each has."""
+    """Mean of values (n,) over each event of so many bins, and the number of bins in each."""
     starts = np.arange(0, len(values), event)
     lengths = np.diff([*starts, len(values)])
     return np.add.reduceat(values, starts) / lengths, lengths
@@ -163,7 +164,8 @@ def _whitening_factor(innovation: Array, parameters: int, least: Array) -> Array
 
 
 def whiteness_p_values(whitened: Array) -> Array:
-    """Ljung-Box p-value per channel of a whitened residual (n, c): small means structure is left in time."""
+    """Ljung-Box p-value of each channel of a whitened residual (n, c): small where it is still correlated in
+    time."""
     from scipy.special import chdtrc
 
     n = len(whitened)

@@ -28,8 +28,7 @@ from raccoon.sim.effects.effect import Place, all_effects, effect
 from raccoon.sim.effects.parameters import SIDES
 
 TURN_SCALE_CAUSES = ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
-"""Causes that a gyro and wheels cannot tell apart, turn rate = scale r w / b, and a reference of the pose
-can."""
+"""Causes of a wrong turn rate, scale r w / b, which only a reference of the pose tells apart."""
 
 
 def _limit(settings: Settings, where: str | None, u: Sequence[float]) -> None:
@@ -45,17 +44,18 @@ def _eccentricity(settings: Settings, where: str | None, u: Sequence[float]) -> 
 
 
 SHAPE_RANGE = 1.6
-"""Widths that a shape may move: beyond, stiction is ordinary friction and heating a change of resistance."""
-# Effects whose second parameter bends the curve: where the fits of that parameter start, and its width in the
-# logarithm.
+"""Bound of a shape coordinate, in widths: beyond it stiction is ordinary friction, and heating a change of
+resistance."""
+# Effects whose second parameter is the shape of the response: the width of its logarithm, and the values from
+# which its fits start.
 _SHAPES: Mapping[str, tuple[float, tuple[float, ...]]] = {
     "drive.backlash": (1.0, (0.01,)),
     "friction.stiction": (0.7, (0.2, 0.5, 1.0)),
     "motor.heating": (0.7, (6.0, 18.0)),
 }
 MAX_CURRENT_LIMIT = 2.0
-"""A; the highest current limit that is tried first."""
-# Starting guesses in widths, for one-sided and kinked effects.
+"""A; the highest current limit that is tried."""
+# Starting points of the fits, in widths, for one-sided effects and those whose response has kinks.
 _GUESSES: Mapping[str, tuple[float, ...]] = {
     "actuation.latency": (0.5, 1.5),
     "imu.latency": (0.5, 1.2),
@@ -66,8 +66,8 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
     "motor.current_limit": (1.0 / MAX_CURRENT_LIMIT, 0.7, 1.0),
     "bemf.filter_lag": (-0.5, 0.5),
 }
-# Longer steps where the response, seen closely, is a staircase: effects that shift the moment of something
-# by whole steps of a clock, or let wheels touch and part.
+# Finite-difference steps, in widths, of effects whose response is a staircase: those that shift an event by
+# whole steps of a clock, and play, whose teeth touch and part.
 _STEPS: Mapping[str, float] = {
     "actuation.latency": 0.05,
     "imu.latency": 0.05,
@@ -76,7 +76,7 @@ _STEPS: Mapping[str, float] = {
 
 
 MAX_ASYMMETRY = 0.95
-"""Friction that differs more by direction would push."""
+"""Bound of the difference by direction: at 1 friction would push the robot in one direction."""
 
 
 def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
@@ -116,10 +116,10 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
 
 
 def _direction_dependent(id: str, where: str | None) -> Cause:  # noqa: A002
-    """Differences by direction, counted in parts of a usual robot's friction.
+    """Friction that differs by direction, as a share of a usual robot's friction.
 
-    The effect's parameters are parts of the friction that is there. Counted so, a cause that changes the
-    friction would change this one as well, and no straight line would lead from one to the other.
+    The effect's own parameters are shares of the current friction. As coordinates they would change whenever
+    another cause changes the friction, and the response would not be linear in both.
     """
     pairs = (
         ("asymmetry", "friction.coulomb", "torque"),
@@ -170,15 +170,16 @@ def _with_shape(id: str, where: str | None, width: float) -> Cause:  # noqa: A00
 
 
 NUISANCE_EFFECTS = ("friction.presliding", "imu.low_pass")
-"""Not a fault, and refitted silently where a robot has it; see `base_coordinates.Wheels` and
-`plant_rollout.Habits`."""
+"""Effects that sound robots have as well: fitted as a nuisance, never named as a cause. See
+`base_coordinates.Wheels` and `plant_rollout.Habits`."""
 SIDES_ONLY = ("drive.wheel_eccentricity",)
 
 
 def drive_causes() -> tuple[Cause, ...]:
     """Every cause of the catalogue that a drive can show.
 
-    Effects of a side: each side and, but for a wheel's own roundness, both at once.
+    An effect of a side is three causes: left, right, and both alike (but for wheels that are not round, each
+    of which has a phase of its own).
     """
     found: list[Cause] = []
     for entry in all_effects():
@@ -192,8 +193,8 @@ def drive_causes() -> tuple[Cause, ...]:
 
 
 def causes_from(causes: Sequence[Cause], settings: Settings) -> dict[str, Cause]:
-    """Causes by name, as they can be from these settings: of what a model to start from has, there may be
-    less. A cause that sets its numbers itself counts from none of it."""
+    """Causes by name, with bounds that fit the settings they start from: where these have some of a one-sided
+    effect already, there may be less of it. A cause that sets its numbers itself starts from zero anyway."""
     return {each.name: _bounded_from(each, settings) for each in causes}
 
 
@@ -206,13 +207,13 @@ def _bounded_from(cause: Cause, settings: Settings) -> Cause:
 
 
 OWN_EFFECT_START = 0.5
-"""Widths at which an effect of a team's own is looked at first."""
+"""Starting point of the fits of a team's own effect, in widths."""
 MIN_POSITIVE_WIDTHS = 1e-6
-"""Usual deviations from 0 to which a number goes that must be above it."""
+"""Lower bound of a parameter that must be above 0, in prior standard deviations."""
 
 
 def own_cause(own: OwnEffect) -> Cause:
-    """A team's own effect as a cause; all of its parameters count from their neutral values."""
+    """A team's own effect as a cause. Its coordinates are the deviations from the neutral values."""
     coordinates = []
     for each in own.parameters:
         width, neutral = WIDTH_FACTOR * each.prior_width, float(each.neutral or 0.0)
@@ -228,6 +229,6 @@ def own_cause(own: OwnEffect) -> Cause:
 
 
 def _start_inside_bounds(coordinate: Coordinate) -> float:
-    """Half a width, to where its bounds let it go; less where they let it go no such way."""
+    """OWN_EFFECT_START in the direction in which the bounds leave more room, or as much as they allow."""
     low, high = max(coordinate.low, -OWN_EFFECT_START), min(coordinate.high, OWN_EFFECT_START)
     return high if high >= -low else low

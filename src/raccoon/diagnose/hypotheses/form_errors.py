@@ -1,6 +1,7 @@
-"""How far the form of each effect is from a robot's: no floor and no gear is as even as an equation.
+"""Model errors: by how much each effect of a robot differs in form from the equation of the catalogue.
 
-The numbers were found on robots of other equations; docs/diagnosis.md says on which.
+No floor and no gear is as even as an equation. The numbers were measured on robots of other equations;
+docs/diagnosis.md says on which.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import math
 from raccoon.diagnose.hypotheses.coordinates import lookup_by_prefix
 
 _USUAL_SHARE = 0.07
-"""Of a deviation, see `relative_form_error`."""
+"""Share of a deviation of all other effects, see `relative_form_error`."""
 _SHARES = {
     "imu.gyro_bias": 0.0, "battery.open_circuit_voltage": 0.0, "bemf.filter_lag": 0.001,
     "actuation.latency": 0.003, "drive.wheel_eccentricity": 0.003, "imu.gyro_drift": 0.003,
@@ -23,7 +24,7 @@ _SHARES = {
     "drive.wheel_radius": 0.1, "motor.current_limit": 0.1,
 }  # fmt: skip
 _USUAL_LEAST = 0.004
-"""Of a cause's width, see `min_form_error`."""
+"""Share of the width of all other causes, see `min_form_error`."""
 _LEAST = {"bemf.dead_zone": 0.015, "actuation.deadband": 0.01, "drive.backlash": 0.0025}
 _FACTORS = {
     "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
@@ -40,28 +41,31 @@ _WEIGHTS = {
 
 
 def relative_form_error(id_: str) -> float:
-    """Share of a deviation by which its number is off, one standard deviation."""
+    """Standard deviation of an estimated deviation due to the model's form, as a share of the deviation."""
     return lookup_by_prefix(_SHARES, id_, _USUAL_SHARE)
 
 
 def min_form_error(id_: str, causes: int = 1) -> float:
-    """Part of a cause's width by which its number is off, however small it is. Of a dead zone that is 0.3
-    counts, as readings are whole ones and say no more of where it ends. Beside others a deadband was off by
-    0.0014 of the duty (31 robots), whatever its size: friction near standstill does much the same. Play of a
-    hundredth of a radian and less was off by 0.0005.
+    """The same error's lower limit, as a share of the cause's width, however small the deviation is.
 
-    causes: how many are named. What is inexact of each adds to the error of the others, in squares.
+    Of a dead zone it is 0.3 counts: readings are whole counts, which show no better where it ends. A deadband
+    beside other causes was off by 0.0014 of the duty (31 robots) whatever its size, since friction near
+    standstill has a similar response. Play of 0.01 rad and less was off by 0.0005 rad.
+
+    causes: how many are named. The errors of their forms add in squares.
     """
     return lookup_by_prefix(_LEAST, id_, _USUAL_LEAST) * math.sqrt(causes)
 
 
 def form_weight(name: str) -> float:
-    """How much of the response to a cause is inexact, over a usual one's. That is not its number's error: a
-    late reading is wrong by nothing but its time, and a wider track, however well known, turns on a floor."""
+    """Inexactness of the response to a cause, relative to a usual cause's.
+
+    It is not the error of its number: a late reading is inexact in nothing but its time, while a track width,
+    however well it is known, acts through the floor.
+    """
     return lookup_by_prefix(_WEIGHTS, name, 1.0)
 
 
 def form_error_factor(name: str) -> float:
-    """What the error that any model has in the direction of an effect is multiplied by; a reading's own error
-    is known nearly exactly."""
+    """Factor on the general model error in the direction of an effect; errors of sensors have nearly none."""
     return lookup_by_prefix(_FACTORS, name, 1.0)

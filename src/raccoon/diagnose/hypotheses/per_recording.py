@@ -1,4 +1,4 @@
-"""What may differ from one recording of a robot to the next: its battery's charge, its gyro's bias."""
+"""Nuisance settings that each recording of a robot has for itself: the battery's charge, the gyro's bias."""
 
 from __future__ import annotations
 
@@ -13,20 +13,18 @@ PER_RECORDING_STDS: dict[Setting, float] = {
     ("battery.open_circuit_voltage", None, "voltage"): 0.3,
     ("imu.gyro_bias", None, "rate"): 0.002,
 }
-"""Settings that each recording has of its own, and one standard deviation between two of them, V and rad/s: a
-fresh battery has a volt more than one that is nearly empty."""
-
-
+"""Settings with a value for each recording, and the prior standard deviation of their differences, V and
+rad/s: a fresh battery has a volt more than one that is nearly empty."""
 BATTERY_RESISTANCE: Setting = ("battery.internal_resistance", None, "resistance")
-"""What recordings have of their own as well where they do not share a battery."""
+"""A further one where the recordings were made with different batteries."""
 RESISTANCE_LOG_STD, MIN_RESISTANCE_STDS = 0.6, -1.0
-"""Standard deviation of the logarithm of that, and how many of them it may be less."""
+"""Prior standard deviation of its logarithm, and its lower bound in standard deviations."""
 
 
 def per_recording_coordinates(count: int, resistance: float = 0.0) -> list[Coordinate]:
-    """By how much each of so many recordings differs from what all of them have; none of one alone.
+    """Coordinates of the deviation of each of so many recordings from their common value; none for one alone.
 
-    resistance: ohm, around which each has a battery of its own; 0 where all have one.
+    resistance: ohm, about which the resistances of their batteries lie; 0 where all share one battery.
     """
     found = []
     for number in _recording_numbers(count):
@@ -42,7 +40,8 @@ def per_recording_coordinates(count: int, resistance: float = 0.0) -> list[Coord
 
 
 def per_recording_settings(count: int, resistance: float = 0.0) -> Settings:
-    """Where all of them are alike. resistance: as in `per_recording_coordinates`."""
+    """The neutral settings of these coordinates: no deviation. resistance: as in
+    `per_recording_coordinates`."""
     keys = [*PER_RECORDING_STDS, BATTERY_RESISTANCE] if resistance > 0.0 else [*PER_RECORDING_STDS]
     return {_key(number, id_): 0.0 for number in _recording_numbers(count) for id_, _, _ in keys}
 

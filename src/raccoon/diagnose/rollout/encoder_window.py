@@ -1,4 +1,4 @@
-"""What an encoder says of a wheel's speed: counts over a window, so it is half of that late."""
+"""The speed that an encoder reads: counts over a window, so it is late by half of the window."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from raccoon.trace.recording import median_step
 Array = NDArray[np.float64]
 
 WINDOW: Setting = ("encoder", None, "window")
-"""s over which a speed is counted."""
+"""s over which the counts of a speed are taken."""
 WINDOW_STD, MAX_WINDOW_STDS = 0.01, 3.5
-"""s, one standard deviation of how much longer than a row of the recording that is (a row, where rows are
-longer), and how many of them it may be. No robot.toml says, and it is no cause: a board counts over its
-cycle, or over some of them where a count is coarse."""
+"""Prior standard deviation (s, or one row of the recording where that is longer) of the window about one row,
+and its bound in standard deviations. robot.toml does not have the window, and it is not a fault: a board
+counts over its cycle, or over several where a count is coarse."""
 MIN_WINDOW = 1e-6
-"""s; a shorter window is none."""
+"""s; a shorter window counts as none."""
 
 
 def has_encoders(log: Log) -> bool:
-    """Whether a wheel is read by an encoder, beside its back-EMF or instead of it."""
+    """Whether any wheel has an encoder, alone or beside its back-EMF."""
     return any(each.role.startswith("speed_") for each in log.channels)
 
 
 def encoder_settings(log: Log) -> Settings:
-    """A row of the log as the window, where it has encoders."""
+    """The neutral window: one row of the log. Empty where the log has no encoders."""
     return {WINDOW: _row_period(log)} if has_encoders(log) else {}
 
 
 def encoder_coordinates(log: Log) -> tuple[Coordinate, ...]:
-    """By how much the window differs from a row; none where there is no encoder."""
+    """The coordinate of the window's deviation from one row; none where the log has no encoders."""
     if not has_encoders(log):
         return ()
     row = _row_period(log)
@@ -47,9 +47,9 @@ def _row_period(log: Log) -> float:
 
 
 def average_over_window(time: Array, speeds: Array, windows: Array) -> Array:
-    """Means of speeds (robots, rows) over the window of each robot (robots,) that ends with each row.
+    """Means of speeds (robots, rows) over the window of each robot (robots,) that ends at each row.
 
-    The speed goes straight from row to row, and before the first it was what it is there.
+    The speed is linear between rows, and constant before the first.
     """
     found = np.array(speeds, dtype=np.float64)
     for window in np.unique(windows[windows > MIN_WINDOW]):

@@ -1,4 +1,4 @@
-"""From columns to a log: in which unit, what was driven freely, and when samples were taken."""
+"""From columns to a log: units checked, obstructed driving left out, samples at the times they were taken."""
 
 from __future__ import annotations
 
@@ -32,11 +32,12 @@ from raccoon.diagnose.rollout.firmware import Firmware
 Columns = Mapping[str, NDArray[np.float64]]
 
 MAX_LIFTED_SHARE = 0.5
-"""Share of a recording: a robot that turns as no wheel does for longer is hardly in a hand all the time."""
+"""Share of a recording for which the gyro may turn without the wheels because the robot is carried; beyond it
+a sign or a zero is wrong."""
 
 
 def build_log(every: Sequence[Columns], robot: RobotConfig, firmware: Firmware | None) -> Log:
-    """Each recording by itself, then all as one log. Raises TraceError for one that cannot be used."""
+    """One log of all recordings, each checked by itself. Raises TraceError for one that cannot be used."""
     if len(every) == 1:
         return _build_one(every[0], robot, firmware)
     logs = []
@@ -52,7 +53,8 @@ def _build_one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) 
     check_wheel_directions(log, robot)
     held = find_obstructed_stretches(log, robot)
     if sum(each.end - each.start for each in held if each.why == LIFTED) > MAX_LIFTED_SHARE * log.seconds:
-        # Nobody carries a robot about for so long: it is the sign of one reading or motor, or a gyro's zero.
+        # Nobody carries a robot for so long: a reading or a motor has the wrong sign, or the gyro's zero is
+        # off.
         check_wheel_signs(log, robot)
         check_motor_directions(log, robot)
         check_gyro_zero(log, robot)
@@ -60,7 +62,8 @@ def _build_one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) 
     check_units(only_free_driving(log, robot, spans_of(held)), robot, native=native)
     try:
         log = leave_out_obstructed(log, held)
-    except TraceError as error:  # a gyro that is an angle looks like a hand from beginning to end
+    # a gyro column that is an angle looks as if the robot were carried all the time
+    except TraceError as error:
         try:
             check_responses(log)
         except TraceError as other:
@@ -72,8 +75,8 @@ def _build_one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) 
     check_responses(free)
     if firmware is not None:
         free = without_held_readings(firmware.correct_log(log, columns, robot))
-        if not native:  # a logger of a team's own, whose rows are what it makes of them
+        if not native:  # a team's own logger, whose rows need not be the controller's cycles
             free = without_battery_after_commands(with_brake_by_stop(free))
-        if firmware.chain.battery_held:  # such a reading is low without a load
+        if firmware.chain.battery_held:  # a held reading can be low while no load is on
             return without_empty_channels(free)
     return without_empty_channels(find_loads(free, columns, robot))

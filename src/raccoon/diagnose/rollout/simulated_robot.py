@@ -11,8 +11,8 @@ from raccoon.sim.effects.parameters import Parameters
 
 
 def to_parameters(settings: Settings, neutral: Settings, robot: RobotConfig, chain: Chain) -> Parameters:
-    """The simulator's parameters with everything switched on that differs from neutral; effects of a team's
-    own are none of the simulator's."""
+    """The simulator's parameters, with every effect switched on that has a setting other than neutral. A
+    team's own effects are left out: they act on commands and readings, not in the simulator."""
     effects: dict[tuple[str, str | None], dict[str, float]] = {}
     for (id_, place, name), value in settings.items():
         if id_ != "inertia" and value != neutral.get((id_, place, name), value):
@@ -29,7 +29,7 @@ def to_parameters(settings: Settings, neutral: Settings, robot: RobotConfig, cha
 
 
 def with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConfig:
-    """The robot whose inertias are these times what they are."""
+    """The robot with both inertias multiplied by these factors."""
     drive = robot.model.drive
 
     def scaled(number: Measured, factor: float) -> Measured:
@@ -45,19 +45,20 @@ def with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConfi
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """As much of `Parameters` as the plant's numbers ask for: a diagnosis packs some thousand of them."""
+    """The part of `Parameters` that packing a plant's numbers needs: a diagnosis packs thousands of plants,
+    and this is cheaper to make."""
 
     robot: RobotConfig
     chain: Chain
     settings: Settings
 
     def value(self, id: str, name: str, where: str | None = None) -> float:  # noqa: A002
-        """The setting."""
+        """The value of a parameter of an effect."""
         return self.settings[(id, where, name)]
 
 
 def gyro_numbers(settings: Settings, robot: RobotConfig) -> tuple[float, float, float, float]:
-    """Scale, bias, drift, latency of the gyro."""
+    """The gyro's scale, bias (rad/s), drift (rad/s^2) and latency (s)."""
     return (
         settings[("imu.gyro_scale", None, "factor")] * robot.model.imu.gyro_scale.value,
         settings[("imu.gyro_bias", None, "rate")],

@@ -1,4 +1,4 @@
-"""How large each effect must be to show in a recording: what silence about it means."""
+"""The smallest size of each effect that a recording would show: what it means that a cause was not named."""
 
 from __future__ import annotations
 
@@ -17,25 +17,28 @@ from raccoon.sim.effects.effect import Parameter
 Array = NDArray[np.float64]
 
 DETECTION_STDS = 2.33
-"""Standard deviations of the evidence by which chance lowers it in one of a hundred recordings."""
+"""One-sided 99 % quantile of a standard normal: chance lowers the evidence by more in one recording of
+100."""
 MIN_VISIBLE_EVIDENCE = 20.0
 """Evidence (2 log likelihood) that a deviation of one width must make to be called visible."""
 MIN_CURRENT_LIMIT = 0.05
-"""A, below which no wheel moves, and a limit is no news."""
+"""A. Below it no wheel moves, so a detection limit there would say nothing."""
 MAX_RELATIVE_MISS = 1e-6
-"""Part of a setting's most by which it may be missed."""
+"""Largest error of a linear combination of base coordinates, relative to the largest change of each
+setting."""
 INERTIA: Setting = ("drive.inertia", None, "factor")
 INERTIA_SETTINGS: tuple[Setting, ...] = (("inertia", None, "straight"), ("inertia", None, "turn"))
-"""What it multiplies, of which robot.toml leaves each open by itself."""
+"""The two inertias that the effect multiplies; each is a base coordinate of its own."""
 
 
 def evidence_per_width(search: Search) -> dict[str, float]:
-    """Evidence that one width of each effect would make beside all that is fitted: ||P d||^2 by id.
+    """Evidence that one width of each effect would add to the current fit: ||P d||^2 by id.
 
-    Of an effect of a side, at the side where it shows least; of several starting guesses that which shows
-    least: what is said to show must show. Of a pair the first, whose size is said. What robot.toml leaves
-    open of the cause itself can be in its place whatever that does, for what it costs: columns of causes are
-    secants, and where next to no noise is, how far these are bent would seem to be evidence.
+    d is the whitened response, P projects out all fitted directions. The least is taken over the sides and
+    the starting guesses of an effect, so that a promised size does show. Of a cause with two coordinates the
+    first counts, whose size is reported. Base coordinates that change the same settings as the cause can
+    always take its place at the cost of their priors: columns of causes are secants, so at very little noise
+    their curvature would otherwise count as evidence.
     """
     table = search.table
     count = table.base_count + sum(len(each) for each in table.active.values())
@@ -57,8 +60,11 @@ def evidence_per_width(search: Search) -> dict[str, float]:
 
 
 def _evidence_beside_base(power: float, cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> float:
-    """The evidence of one width beside base coordinates that can be in the cause's place, as far as their
-    bounds go: such that it names the cause from the same size on."""
+    """Evidence of one width, lowered where base coordinates can take the cause's place within their bounds,
+    such that the cause is named from the same size on.
+
+    power: evidence of one width from the data alone.
+    """
     units = equivalent_base_units(cause, base, neutral)
     if units is None or (paid := float(units @ units)) >= power:
         return power
@@ -66,14 +72,14 @@ def _evidence_beside_base(power: float, cause: Cause, base: Sequence[Coordinate]
     far = min(end / abs(unit) for end, unit in zip(ends, units, strict=True) if abs(unit) > MAX_RELATIVE_MISS)
     needed = _detection_score(power, gate(cause.name))
     u = needed / math.sqrt(paid)
-    if u > far:  # the data alone counts beyond
+    if u > far:  # beyond the bounds only the data counts
         u = far + math.sqrt((needed**2 - paid * far**2) / power)
     return (needed / u) ** 2
 
 
 def equivalent_base_units(cause: Cause, base: Sequence[Coordinate], neutral: Settings) -> Array | None:
-    """Units of the base coordinates (coordinates,) that together move all settings as one width of a cause
-    does, the likeliest ones; None where none do."""
+    """Units of the base coordinates, (coordinates,), that together change all settings as one width of the
+    cause does: the least-squares (likeliest) ones. None where no combination does."""
     wanted = _setting_changes(cause.coordinates[0], neutral)
     if cause.joint is not None or cause.size > 1 or not all(map(math.isfinite, wanted.values())):
         return None
@@ -87,7 +93,7 @@ def equivalent_base_units(cause: Cause, base: Sequence[Coordinate], neutral: Set
 
 
 def _setting_changes(coordinate: Coordinate, neutral: Settings) -> Settings:
-    """By how much one unit of a coordinate moves each setting, as far as that is straight."""
+    """Change of each setting for one unit of a coordinate, linearised at the neutral settings."""
     unit = coordinate.value(1.0)
     step = math.log(unit) if coordinate.factor else unit
     keys = INERTIA_SETTINGS if coordinate.settings == (INERTIA,) else coordinate.settings
@@ -95,21 +101,20 @@ def _setting_changes(coordinate: Coordinate, neutral: Settings) -> Settings:
 
 
 def describe_detection_limit(cause: Cause, power: float, gate: float) -> str:
-    """The size from which a cause would show, as the end of a reason; empty where nothing of it would."""
+    """The size from which a cause would be named, as the end of a reason; empty where no size would."""
     size = format_detection_limit(cause.effect.parameters[0], power, gate, own=cause.own is not None)
     return f"; would show {size}" if size else ""
 
 
 def format_detection_limit(parameter: Parameter, power: float, gate: float, *, own: bool = False) -> str:
-    """The smallest deviation that would be named in all but one of a hundred recordings, in words.
+    """The smallest deviation that would be named in 99 of 100 recordings, in words.
 
-    Empty where nothing of it shows, or only what is beyond the parameter's bounds, as of a dead band of more
-    than all power. A limit higher than was simulated acts in moments of which the evidence knows nothing: it
-    is not promised.
+    Empty where no deviation within the parameter's bounds would be (a dead band above full duty, say).
+    A current limit above MAX_CURRENT_LIMIT acts in moments that were not simulated, so it is not promised.
 
     parameter: the effect's first. power: evidence of one width. gate: log evidence from which it is named.
-    own: whether it is a team's, whose numbers are all counted by what is added, whatever they are called.
-    With s = u sqrt(power), u widths make a log evidence that is normal with mean (s^2 - log(1 + power)) / 2
+    own: whether the effect is a team's own, all of whose parameters are additive whatever their names.
+    With s = u sqrt(power), u widths give a log evidence that is normal with mean (s^2 - log(1 + power)) / 2
     and standard deviation s.
     """
     if power <= 0.0:
@@ -130,5 +135,6 @@ def format_detection_limit(parameter: Parameter, power: float, gate: float, *, o
 
 
 def _detection_score(power: float, gate: float) -> float:
-    """Root of the evidence of a deviation that is named in all but one of a hundred recordings."""
+    """s of `format_detection_limit` for a deviation that is named in 99 of 100 recordings: the root of
+    (s^2 - log(1 + power)) / 2 - DETECTION_STDS s = gate."""
     return DETECTION_STDS + math.sqrt(DETECTION_STDS**2 + 2.0 * gate + math.log1p(power))
