@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from drive_traces import Errors, Segment, drive
-from raccoon.core.config import MotorConfig, RobotConfig, parse_robot
+from drive_traces import RADIUS, TRACK, Errors, Segment, drive
+from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs, Words
 from raccoon.estimate.drive.odometry import Odometry
@@ -18,7 +18,8 @@ ODD = Errors(scale=(1.035, 0.965), offset_counts=(31.5, -54.9), gyro_bias=0.004)
 
 
 def recorded(segments: list[Segment], errors: Errors = ODD, **more: Any) -> tuple[list[Inputs], float]:
-    cycles = [inputs for inputs, _ in drive(segments, errors, **more)]
+    """Its cycles, of a robot whose clock began long before, and how far it went, m."""
+    cycles = [replace(inputs, time=100.0 + inputs.time) for inputs, _ in drive(segments, errors, **more)]
     truth = cycles[-1].truth
     assert truth is not None
     return cycles, math.hypot(truth.x, truth.y)
@@ -44,14 +45,32 @@ def test_scales_and_offsets_are_found_within_their_deviations(seed: int) -> None
     assert found.right_offset.value == pytest.approx(-54.9, abs=4 * found.right_offset.std)
 
 
-def test_a_curved_drive_is_told_apart_by_the_gyro() -> None:
-    curved: list[Segment] = [(1.0, 0.0, 0.0), (3.2, 0.2, 0.1), (1.0, 0.0, 0.0)]
-    cycles, distance = recorded(curved)
+@pytest.mark.parametrize(("rate", "gyro_every"), [(0.16, 1), (-0.16, 3)])
+def test_a_curved_drive_is_told_apart_by_the_gyro(rate: float, gyro_every: int) -> None:
+    """Its arc is 1.1 % longer than the tape, which is its chord."""
+    curved: list[Segment] = [(1.0, 0.0, 0.0), (3.2, 0.2, rate), (1.0, 0.0, 0.0)]
+    quiet = replace(ODD, bemf_noise_counts=0.0, gyro_noise=0.0, slip_noise=0.0)
+    cycles, distance = recorded(curved, quiet, gyro_every=gyro_every)
     found = calibrate_straight(RobotConfig(), cycles, distance)
     nominal = cycles[0].device.bemf_volts / 1.08
-    assert found.turn == pytest.approx(0.32, abs=0.02)
-    assert found.left.value / found.right.value == pytest.approx(0.965 / 1.035, rel=0.01)
-    assert found.left.value == pytest.approx(nominal / 1.035, rel=0.01)
+    assert found.turn == pytest.approx(3.2 * rate, abs=0.005)
+    assert found.left.value == pytest.approx(nominal / 1.035, rel=1e-3)
+    assert found.right.value == pytest.approx(nominal / 0.965, rel=1e-3)
+
+
+def test_an_encoder_tells_by_its_ticks_when_the_robot_stands() -> None:
+    """And what nobody knows of its offset adds up over the time of the drive."""
+    backwards: list[Segment] = [(1.0, 0.0, 0.0), (3.2, -0.2, 0.1), (1.0, 0.0, 0.0)]
+    cycles, distance = recorded(backwards, replace(ODD, offset_counts=(0.0, 0.0)), bemf=False)
+    found = calibrate_straight(RobotConfig(), cycles, -distance, distance_std=0.001)
+    nominal = cycles[0].device.bemf_volts / 1.08
+    assert found.left.value == pytest.approx(nominal / 1.035, abs=4 * found.left.std)
+    assert found.turn == pytest.approx(0.32, abs=0.01)  # with the gyro's bias of before
+    assert found.left_offset is found.right_offset is None
+    unsure = RobotConfig(motors={0: MotorConfig(bemf_offset=Measured(0.0, 100.0))})
+    found = calibrate_straight(unsure, cycles, -distance)
+    share = 100.0 * 5.2 / ((distance + 0.16 * TRACK) / RADIUS / nominal * 1.035)
+    assert found.left.std / found.left.value == pytest.approx(share, rel=0.01)
 
 
 def test_the_gyro_is_read_at_the_scale_that_robot_toml_gives_it() -> None:
@@ -71,6 +90,8 @@ def test_backwards_and_inverted_is_the_same() -> None:
     found = calibrate_straight(robot, flipped, -distance)
     nominal = cycles[0].device.bemf_volts / 1.08
     assert found.left.value == pytest.approx(nominal / 1.035, rel=0.01)
+    unflipped = calibrate_straight(RobotConfig(), cycles, -distance)
+    assert unflipped.left.value == pytest.approx(found.left.value)
 
 
 def test_applied_calibration_drives_the_tape_again() -> None:
@@ -94,13 +115,17 @@ def test_entries_are_keys_of_robot_toml() -> None:
 REFUSED: list[tuple[list[Segment], dict[str, Any], dict[str, Any], str]] = [
     ([(1.0, 0.0, 0.0), (0.6, 0.2, 0.0), (1.0, 0.0, 0.0)], {}, {}, "at least 0.2 m"),
     ([(1.0, 0.0, 0.0), (3.2, 0.2, 0.4), (1.0, 0.0, 0.0)], {}, {}, "drive straighter"),
+    ([(1.0, 0.0, 0.0), (3.2, 0.2, -0.4), (1.0, 0.0, 0.0)], {}, {}, "by -7.* degrees .*: drive straighter"),
+    ([(0.05, 0.0, 0.0)], {}, {"distance": 0.6}, "the recording has 10 cycles"),
     ([(1.0, 0.0, 0.0), (3.2, 0.2, 0.0)], {}, {}, "still turns at the end"),
+    ([(1.0, 0.0, 0.0), (3.2, -0.2, 0.0)], {}, {"distance": -0.64}, "still turns at the end"),
     (STRAIGHT, {"gyro_every": 0}, {}, "give the turn"),
     (STRAIGHT, {"counters": False}, {}, "gives nothing"),
     ([(5.0, 0.0, 0.0)], {}, {"distance": 0.6}, r"the left wheel \(motor port 0\) did not turn"),
     (STRAIGHT, {}, {"distance": -0.6}, "wrong sign"),
     (STRAIGHT, {}, {"distance": 6.0}, "times the expected"),
     (STRAIGHT, {}, {"distance_std": 0.0}, "distance_std"),
+    (STRAIGHT, {}, {"distance_std": 0.4}, "below half of the 0.64"),
 ]
 
 
@@ -117,6 +142,11 @@ def test_without_a_gyro_the_turn_can_be_given() -> None:
     cycles, distance = recorded(STRAIGHT, gyro_every=0)
     found = calibrate_straight(RobotConfig(), cycles, distance, turn=0.0)
     assert found.left.value / found.right.value == pytest.approx(0.965 / 1.035, rel=0.02)
+    robot = parse_robot({"model": {"drive": {"track_width": {"value": TRACK, "std": 0.1 * TRACK}}}})
+    found = calibrate_straight(robot, cycles, distance, turn=0.3, distance_std=0.005, turn_std=0.1)
+    for value, way in ((found.left, distance - 0.15 * TRACK), (found.right, distance + 0.15 * TRACK)):
+        parts = (0.005 / distance, 0.5 * 0.1 * TRACK / way, 0.15 * 0.1 * TRACK / way)
+        assert value.std / value.value == pytest.approx(math.hypot(*parts), rel=0.02)
 
 
 @pytest.mark.parametrize("share", [0.83, 1.2])

@@ -4,21 +4,21 @@ do.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from drive_traces import RADIUS, TRACK, Errors, Segment, drive
+from drive_traces import K_E, RADIUS, TRACK, Errors, Segment, drive
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre, TapedWay, manoeuvre_from_columns
-from raccoon.estimate.drive_calibration.fit import calibrate_drive
+from raccoon.estimate.drive_calibration.fit import calibrate_drive, fit_drive
 from raccoon.estimate.drive_calibration.paths import START_S, integrate_path, shape_residuals, truth_residuals
 from raccoon.estimate.drive_calibration.plausibility import describe_surprises
-from raccoon.model.bemf import counts_scale
 from shared_data import data_path
 
 LEFT_SQUARE: list[Segment] = [(3.0, 0.2, 0.0), (0.7, 0.0, 0.0), (1.0, 0.0, 1.6), (0.7, 0.0, 0.0)] * 4
@@ -76,6 +76,58 @@ def quarter_circle(rows: int, truth: Array | None = None) -> Manoeuvre:
     return Manoeuvre(np.linspace(0.0, 20.0, rows), left, right, None, truth, (None, None), None)
 
 
+def circles(**known: Any) -> Manoeuvre:
+    """One to the left and one to the right, of wheels that go 1.02 and 0.97 times the way that robot.toml
+    says, 1.05 times as far apart; with where it went, or with its turns and what `known` says besides."""
+    speeds = np.array([0.4 - TRACK / 2.0, 0.4 + TRACK / 2.0]) * 0.3
+    times, place, turned = np.linspace(0.0, 20.0, 150), 0.0j, 0.0
+    angles, poses = [np.zeros((1, 2))], [np.zeros((1, 3))]
+    for left, right in (speeds, speeds[::-1]):
+        velocity, rate = 0.5 * (1.02 * left + 0.97 * right), (0.97 * right - 1.02 * left) / (1.05 * TRACK)
+        way = velocity * np.expm1(1j * rate * times) / (1j * rate)
+        places, headings = place + np.exp(1j * turned) * way, turned + rate * times
+        place, turned = places[-1], headings[-1]
+        angles.append(angles[-1][-1] + np.outer(times, [left, right])[1:] / RADIUS)
+        poses.append(np.column_stack([places.real, places.imag, headings])[1:])
+    (left, right), truth = np.concatenate(angles).T, np.concatenate(poses)
+    made = Manoeuvre(np.linspace(0.0, 40.0, len(left)), left, right, None, truth, (None, None), None)
+    if "taped" in known:
+        made = replace(made, truth=None, gyro=truth[:, 2])
+    return replace(made, **known)
+
+
+def test_exact_circles_give_exact_factors_and_the_mean_of_what_each_recording_knows() -> None:
+    """Of a device with ten ticks where others have one."""
+    made = [
+        circles(offsets=((10.0, 1.0), None), battery_voltage=7.0),
+        circles(offsets=((20.0, 2.0), (-30.0, 3.0)), battery_voltage=6.5),
+    ]
+    found = fit_drive(ROBOT, made, device=replace(SI_WORDS, position_counts_seconds=0.1))
+    tick = 0.1 * SI_WORDS.bemf_volts / K_E
+    assert [found.left.value, found.right.value] == pytest.approx([1.02 * tick, 0.97 * tick], rel=1e-4)
+    assert found.track_width.value == pytest.approx(1.05 * TRACK, rel=1e-4)
+    radii = [found.left_radius.value, found.right_radius.value]
+    assert radii == pytest.approx([1.02 * RADIUS, 0.97 * RADIUS], rel=1e-4)
+    assert found.left_offset == Measured(12.0, math.sqrt(1.0 / 1.25), battery_voltage=6.75)  # weights 1, 1/4
+    assert found.right_offset == Measured(-30.0, 3.0, battery_voltage=6.75)
+    assert found.left.battery_voltage == 6.75
+    assert found.error_after < 1e-3 * found.error_before
+
+
+def test_a_tape_that_tells_a_wheel_s_way_to_more_than_5_percent_is_refused() -> None:
+    """All that a tape is off by goes into the wheels' ways."""
+    truth = circles().truth
+    assert truth is not None
+    row = int(np.hypot(*truth[:150, :2].T).argmax())
+    end, across = circles().t[row], float(np.hypot(*truth[row, :2]))
+    found = fit_drive(ROBOT, [circles(taped=[TapedWay(0.0, end, across, 0.04 * across)])], device=SI_WORDS)
+    assert found.left.std / found.left.value == pytest.approx(0.04, rel=0.01)
+    with pytest.raises(
+        CalibrationError, match=r"^left wheel: these recordings tell it to 6\.\d % only .5 % a"
+    ):
+        fit_drive(ROBOT, [circles(taped=[TapedWay(0.0, end, across, 0.06 * across)])], device=SI_WORDS)
+
+
 def test_few_rows_of_an_arc_end_where_many_do() -> None:
     """Each goes along the middle of its headings: an eighth as many rows are 64 times, not 8 times, as far
     off."""
@@ -97,8 +149,14 @@ def test_the_shape_of_a_path_is_right_where_its_start_was_seen_wrong() -> None:
 
 
 def test_motion_capture_gives_everything() -> None:
-    made = manoeuvre_from_columns(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT]), ROBOT)
-    assert_found(calibrate_drive(ROBOT, [made]))
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    voltage = np.linspace(7.4, 7.0, len(table["t"]))
+    voltage[5:-5] = math.nan
+    found = calibrate_drive(ROBOT, [manoeuvre_from_columns(table | {"battery.voltage": voltage}, ROBOT)])
+    assert_found(found)
+    assert found.right_offset is not None
+    assert found.right_offset.value == pytest.approx(-54.9, abs=1.0)
+    assert found.left.battery_voltage == pytest.approx(7.2)
 
 
 def test_gyro_and_one_taped_side_give_everything() -> None:
@@ -131,12 +189,24 @@ def test_a_tape_that_cannot_be_or_surprises_is_told() -> None:
 
 
 def test_both_wheels_alike_off_are_the_tape_s_or_its_times() -> None:
-    ticks = counts_scale(ROBOT, "left", SI_WORDS) * SI_WORDS.position_counts_seconds
-    (remark,) = describe_surprises(ROBOT, SI_WORDS, [Measured(0.7 * ticks, 0.001 * ticks)] * 2)
+    device = replace(SI_WORDS, position_counts_seconds=0.1)
+    ticks = 0.1 * SI_WORDS.bemf_volts / K_E
+    (remark,) = describe_surprises(ROBOT, device, [Measured(0.7 * ticks, 0.001 * ticks)] * 2)
     assert remark == (
         "both motors' radians_per_tick are 0.700 times what robot.toml says: read the tape and its times "
         "again, or the reference"
     )
+    known = MotorConfig(radians_per_tick=Measured(ticks, 0.01 * ticks))
+    robot = RobotConfig(motors={0: known, 1: known})
+    both = describe_surprises(
+        robot, device, [Measured(0.8 * ticks, 0.02 * 0.8 * ticks), Measured(1.2 * ticks, 0.0)]
+    )
+    assert [each.partition(": ")[0] for each in both] == [
+        "radians_per_tick of the left motor (port 0) is 0.800 times what robot.toml says, 8.9 of its "
+        "standard deviations off",  # 0.2 of 0.01 and 0.02 together
+        "radians_per_tick of the right motor (port 1) is 1.200 times what robot.toml says, 20.0 of its "
+        "standard deviations off",
+    ]
 
 
 def test_a_tape_that_outweighs_motion_capture_is_no_better_for_it() -> None:
@@ -280,6 +350,12 @@ def test_a_missing_column_is_named(missing: str) -> None:
     reason = "no column t" if missing == "t" else "motor 0 has neither"
     with pytest.raises(CalibrationError, match=reason):
         manoeuvre_from_columns(without(columns([*WAIT, *LEFT_SQUARE]), missing), ROBOT)
+
+
+@pytest.mark.parametrize("times", [range(19), [*range(20), math.nan], [*range(20), 18.0]])
+def test_times_that_do_not_rise_are_refused(times: Sequence[float]) -> None:
+    with pytest.raises(CalibrationError, match="column t: at least 20 rising times are needed"):
+        manoeuvre_from_columns({"t": np.array(times, dtype=float)}, ROBOT)
 
 
 def recorded_runs(parity: int) -> list[dict[str, Array]]:
