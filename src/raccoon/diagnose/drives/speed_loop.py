@@ -1,7 +1,7 @@
-"""Commands that are no duty: a controller that keeps the speed it is told gives its motors what that takes.
+"""Recognises commands that are set speeds of a controller's speed loop, not duties.
 
-A motor under a duty d of the voltage U turns with e = a U d - c sign(d), where c = R friction / K_E is what
-friction takes, some 0.3 V. Under a speed loop the same friction takes nothing of the speed.
+Under a duty d at the voltage U a motor has the back-EMF e = a U d - c sign(d), where c = R friction / K_E is
+the part that friction takes, some 0.3 V. A speed loop makes up for friction, so c is 0.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from raccoon.diagnose.drives.magnitudes import last_change
 Array = NDArray[np.float64]
 
 STEADY_S = 0.3
-"""s since a command changed, after which a wheel has the speed that it keeps."""
+"""s after a change of the command, from which a wheel's speed is steady."""
 MIN_ROWS, MIN_COMMAND_RATIO = 40, 1.5
-"""Rows of a wheel that are asked, and the factor by which the largest of their commands is over the least."""
+"""Least number of steady rows of a wheel, and least ratio of their largest to their smallest command."""
 MIN_BEMF_SHARE = 0.02
-"""Of the battery's voltage: back-EMF from which a wheel moves."""
+"""Back-EMF of a moving wheel, as a share of the battery's voltage."""
 MAX_FRICTION_SHARE = 0.35
-"""Part of what friction should take, up to which next to nothing of it shows; of a hundred drives by duty the
-least was 0.55, but for three that were held by walls."""
+"""Largest c of a speed loop, as a share of the c that robot.toml's friction gives. Of a hundred drives by
+duty the least was 0.55, but for three that walls had held."""
 DUTY_GAIN_RANGE, MAX_NO_FRICTION_SHARE = (0.9, 1.04), 0.1
-"""Part of the battery's voltage that a command of 1 keeps of a motor under a duty; and part of what friction
-should take, above which such commands are one: of a robot that has less friction than this robot.toml, as a
-robot.toml of another robot makes it look (0.31). Below that nothing else need be asked."""
+"""Where a, back-EMF over the command's voltage, is in this range and c above this share, the commands are
+duties of a robot with less friction than this robot.toml says (0.31 with another robot's). Below the share
+no robot's friction is that small, whatever a is."""
 MAX_LINE_ERROR_V, MAX_GAIN_DIFFERENCE = 0.05, 0.03
-"""V, root mean square, to which the speeds of a loop go by its commands; and the part by which two wheels'
-differ at most."""
+"""Largest RMS deviation of a loop's speeds from the line, V, and largest relative difference of the two
+wheels' slopes."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedLoop:
-    """counts: of back-EMF that a command of 1 stands for. taken, usual: V that friction takes, and should.
-    share: the part that it takes of the wheel where it takes more of what it should."""
+    """counts: back-EMF for a command of 1. taken, usual: c as measured and by robot.toml's friction, V.
+    share: the larger of the two wheels' taken over usual."""
 
     counts: float
     taken: float
@@ -48,12 +48,12 @@ class SpeedLoop:
 
     @property
     def clear(self) -> bool:
-        """Whether no robot's friction is as small as that of a motor under a duty would have to be."""
+        """Whether the commands cannot be duties: no robot has so little friction."""
         return self.share < MAX_NO_FRICTION_SHARE
 
 
 def find_speed_loop(log: Log, robot: RobotConfig) -> SpeedLoop | None:
-    """What the steady speeds of both wheels say, None where they do not say that a loop keeps them."""
+    """The speed loop that the steady speeds of both wheels show; None where they show none."""
     battery = log.channel("battery")
     full = robot.model.battery.open_circuit_voltage.value
     volts = np.full(len(log.time), full)

@@ -1,4 +1,4 @@
-"""Whether the numbers of a drive are what their names promise: units, signs, and whose plug is whose."""
+"""Checks of a drive's columns: units, signs, and wheels that are exchanged."""
 
 from __future__ import annotations
 
@@ -39,26 +39,26 @@ from raccoon.trace.recording import duty_unit_hint, median_step
 Array = NDArray[np.float64]
 
 DEGREES_FACTOR_RANGE = (0.5 * DEGREES_PER_RADIAN, 2.0 * DEGREES_PER_RADIAN)
-"""How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
+"""Factor by which a gyro in degrees is too large, on a robot whose other numbers are right within a factor of
 2."""
 BEST_PERCENTILE = 75.0
-"""Percentile of what a wheel reads over its command with which it follows that best."""
+"""Percentile of a wheel's reading over its command that stands for free turning."""
 MIN_BEMF_SHARE = 0.2
-"""Part of its command's voltage that the back-EMF of every motor has which turns freely."""
+"""Back-EMF, as a share of its command's voltage, that every freely turning motor reaches."""
 MAX_SWAPPED_ERROR_RATIO = 0.5
-"""Error with which a wheel follows the other's command, of that with which it follows its own, up to which
-the two are swapped."""
+"""Largest error of a wheel from the other wheel's command, relative to that from its own, that shows swapped
+columns."""
 MIN_CORRELATION = 0.8
-"""Correlation of a wheel with the command that it follows, where it is steady."""
+"""Least correlation of a wheel with the steady command that it follows."""
 MAX_COMMAND_CORRELATION = 0.9
-"""Correlation of the commands from which nobody can tell which of them a wheel follows."""
+"""Correlation of the two commands above which it cannot be told which one a wheel follows."""
 MIN_CORRELATION_LEAD = 0.5
-"""By how much better than its own a wheel follows the other one's command, where columns are swapped."""
+"""Least lead of the other wheel's command in correlation that shows swapped columns."""
 
 
 def describe_wrong_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: bool = False) -> str:
-    """What `check_units` says of a recording's columns, also of one too slow or too short for a diagnosis; ""
-    where it finds nothing, or no command to compare with."""
+    """The error of `check_units` for a recording's columns, which may be too slow or too short for a
+    diagnosis; "" where there is none, or no command to compare with."""
     commands = [columns.get(f"motor.{port}.duty") for port in (robot.drive.left, robot.drive.right)]
     if any(each is None or not np.isfinite(each).any() for each in commands):
         return ""
@@ -75,9 +75,12 @@ def describe_wrong_units(columns: Mapping[str, Array], robot: RobotConfig, *, na
 def only_free_driving(
     log: Log, robot: RobotConfig, held: tuple[tuple[float, float], ...] | None = None
 ) -> Log:
-    """What of a log tells its units: what was driven freely, by wheels that did not stand. It is all where a
-    wheel never reads what a motor can, which looks like a wall and is another unit, and where the time is no
-    controller's: by one in microseconds it drove for months. held: `find_held_spans`, where that is known."""
+    """The part of a log from which units can be judged: free driving, without stalled wheels.
+
+    The whole log is returned where a wheel always reads less than any motor gives (which looks like a wall
+    and is another unit), and where the time is implausible (in microseconds it would be months). held: the
+    result of `find_held_spans`, where it is known.
+    """
     advances = len(log.time) > 1 and bool((np.diff(log.time) > 0.0).all())
     timed = advances and median_step(log.time) <= MAX_STEP_S
     if not timed or any(_always_small(log, robot, index) for index in (0, 1)):
@@ -88,8 +91,8 @@ def only_free_driving(
 
 
 def _always_small(log: Log, robot: RobotConfig, index: int) -> bool:
-    """Whether a wheel that is driven reads less than any motor gives, also where it follows best: one that
-    stands for half of the time is no other unit."""
+    """Whether a driven wheel reads less than any motor gives even at BEST_PERCENTILE: a wheel that is stalled
+    half of the time is not in another unit."""
     wheel, motor = log.wheel(SIDES[index]), getattr(robot.model, SIDES[index])
     if wheel is None:
         return False
@@ -102,11 +105,10 @@ def _always_small(log: Log, robot: RobotConfig, index: int) -> bool:
 
 
 def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
-    """Raise TraceError where a channel's size or sign shows that it is not what its name promises. Judged by
-    what was driven freely.
+    """Raise TraceError where the size or sign of a channel contradicts its name. log: free driving.
 
-    native: whether the recording names the firmware that made it, and with it the units of all words. Only
-    what the robot or its robot.toml can have wrong is looked at then, such as signs.
+    native: whether the recording names its firmware, and with it all units. Then only what the robot or its
+    robot.toml can have wrong is checked, such as signs.
     """
     largest = float(np.abs(log.duty).max())
     if largest > 1.0 + 1e-6:
@@ -140,7 +142,7 @@ def _check_battery(log: Log) -> None:
 
 
 def check_wheel_signs(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where a wheel's reading has the opposite sign of what its command makes."""
+    """Raise TraceError where a wheel's reading has the opposite sign of its command."""
     for _, channel, factor in _wheels_over_commands(log, robot):
         if factor < -0.2:
             raise TraceError(
@@ -150,7 +152,7 @@ def check_wheel_signs(log: Log, robot: RobotConfig) -> None:
 
 
 def _check_counts(log: Log, robot: RobotConfig) -> None:
-    """Back-EMF must have the size that its command makes."""
+    """Raise TraceError where a back-EMF is far too small for its command."""
     for side, channel, factor in _wheels_over_commands(log, robot):
         if channel.unit == "counts" and MIN_BEMF_SHARE / 1e4 < factor < MIN_BEMF_SHARE:
             unit = nearest_unit(factor / USUAL_BEMF_SHARE, _bemf_units(robot, side))
@@ -159,8 +161,8 @@ def _check_counts(log: Log, robot: RobotConfig) -> None:
 
 
 def _wheels_over_commands(log: Log, robot: RobotConfig) -> Iterator[tuple[str, Channel, float]]:
-    """Side and reading of each wheel, and its slope over its command in the reading's unit; without those
-    that tell none."""
+    """Side, reading, and slope of the reading over its command in the reading's unit, of each wheel that
+    shows a slope."""
     voltage = robot.model.battery.open_circuit_voltage.value
     for index, side in enumerate(("left", "right")):
         channel = log.wheel(side)
@@ -173,7 +175,7 @@ def _wheels_over_commands(log: Log, robot: RobotConfig) -> Iterator[tuple[str, C
 
 
 def _bemf_units(robot: RobotConfig, side: str) -> Mapping[str, float]:
-    """How many times larger than counts."""
+    """Size of each unit's numbers relative to counts."""
     motor = robot.model.left if side == "left" else robot.model.right
     a_count = BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value
     speeds = {"radians a second": a_count, "metres a second": a_count * robot.model.drive.wheel_radius.value}
@@ -185,7 +187,7 @@ def _bemf_units(robot: RobotConfig, side: str) -> Mapping[str, float]:
 
 
 def _check_plugs(log: Log) -> None:
-    """Each wheel must follow its own command, not the other one's: two columns of a log that are swapped."""
+    """Raise TraceError where each wheel follows the other's command: two columns of the log are swapped."""
     wheels = [log.wheel(side) for side in ("left", "right")]
     held = np.column_stack([steady_duty(log.duty[:, 0]), steady_duty(log.duty[:, 1])])
     crossed = []
