@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from raccoon import __version__
+from raccoon.cli.arguments import Parser
 from raccoon.core.errors import RaccoonError
+from raccoon.core.near_names import did_you_mean_file
 
 # One module or folder of this package each; its name with - for _ is the command.
 COMMANDS: tuple[str, ...] = (
@@ -47,9 +49,9 @@ class Command(Protocol):
         ...
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The parser with every command in it."""
-    parser = argparse.ArgumentParser(prog="raccoon", description="Onboard robot control for the KIPR Wombat.")
+    parser = Parser(prog="raccoon", description="Onboard robot control for the KIPR Wombat.")
     parser.add_argument("--version", action="version", version=f"raccoon {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
@@ -76,7 +78,7 @@ def run_command(argv: Sequence[str] | None = None) -> int:
             return 2
         args, unknown = parser.parse_known_args(_without_view_run(given))
         if unknown:  # in the words and with the usage of the command, not of all of them
-            args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+            args.parser.refuse(unknown)
         args.given = given
         name = f"raccoon {args.command}"
         return int(args.run(args))
@@ -112,4 +114,6 @@ def _error_text(error: Exception) -> str:
     hint = ""
     if isinstance(error, FileNotFoundError) and Path(error.filename).name == "robot.toml":
         hint = "; `raccoon init` writes one to start from, --robot names one that is elsewhere"
+    if isinstance(error, FileNotFoundError):
+        said += did_you_mean_file(error.filename)
     return f"{error.filename}: {said}{hint}"

@@ -33,12 +33,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_place_options(parser)
     parser.add_argument("--seed", type=int, default=0, help="of the noise (%(default)s)")
     parser.add_argument("--record", type=Path, help="where the run goes if the program does not say")
+    parser.add_argument(
+        "--traceback",
+        action="store_true",
+        help="of an error show the lines of this library too, not only the program's",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run it; 1 where it ends with an error or opens no robot, or as it exits itself."""
     from raccoon.core.errors import ConfigError, RaccoonError
     from raccoon.robot.opening import Substitute, substitute_robot
+    from raccoon.robot.tracebacks import print_error
     from raccoon.sim.effects.model_file import load_model
     from raccoon.sim.port import open_simulated
     from raccoon.sim.world.collision import check_standing
@@ -73,7 +79,10 @@ def run(args: argparse.Namespace) -> int:
         step = _traceback_of_program(error, program)
         if error in refused or (step is None and isinstance(error, RaccoonError | OSError)):
             raise
-        traceback.print_exception(error.with_traceback(step))
+        if args.traceback:
+            traceback.print_exception(error.with_traceback(step))
+        else:
+            print_error(error, "--traceback")
         status = 1
     finally:  # also where it was interrupted, or exits
         for robot in substitute.robots:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from raccoon.core.errors import ConfigError
@@ -111,6 +111,8 @@ def parse_model(table: Mapping[str, Any]) -> NominalModel:
     """Make the model of the table `[model]`. Raises ConfigError naming key, value and what is allowed."""
     refuse_unknown(table, tuple(MODEL_SECTIONS), "model")
     motor = dict(subtable(table, "motor", "model"))
+    known = (*(each.name for each in fields(MotorModel)), "left", "right")
+    refuse_unknown(motor, known, "model.motor")
     sides = {side: motor.pop(side, {}) for side in ("left", "right")}
     for side, entry in sides.items():
         if not isinstance(entry, Mapping):

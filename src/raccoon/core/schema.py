@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from datetime import date, datetime
-from difflib import get_close_matches
 from typing import Any, get_args, get_origin, get_type_hints
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
             meant = spec.metadata["instead"].get(value, "") if isinstance(value, str) else ""
             raise ConfigError(
                 f"{where} = {format_value(value)}: allowed is {' | '.join(allowed) or 'a text'}"
-                + (f"; {meant}" if meant else "")
+                + (f"; {meant}" if meant else did_you_mean(value, allowed))
             )
         return value
     bounds: Bounds = spec.metadata["bounds"]
@@ -219,9 +219,8 @@ def refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str)
     for key in table:
         if key not in known:
             prefix = f"{where}." if where else ""
-            near = get_close_matches(key, known, 1)
-            meant = f"did you mean {near[0]}?; " if near else ""
-            raise ConfigError(f"{prefix}{key}: there is no such key; {meant}allowed are {', '.join(known)}")
+            meant = did_you_mean(key, known)
+            raise ConfigError(f"{prefix}{key}: there is no such key{meant}; allowed are {', '.join(known)}")
 
 
 def template_line(spec: Field[Any]) -> str:

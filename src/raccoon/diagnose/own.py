@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean_file
 from raccoon.diagnose.drives.log import ROLES
 from raccoon.robot.opening import no_robot_opened
 from raccoon.sim.effects.effect import Effect
@@ -136,7 +137,7 @@ def load_own_effects(path: str | Path) -> tuple[OwnEffect, ...]:
     """The effects in a Python file's list `CAUSES`. Raises ConfigError naming file and mistake."""
     path = Path(path)
     if not path.is_file():
-        raise ConfigError(f"{path}: there is no such file of causes")
+        raise ConfigError(f"{path}: there is no such file of causes{did_you_mean_file(path)}")
     if path.suffix != ".py":
         raise ConfigError(f"{path}: causes are a Python file, whose name ends in .py")
     try:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import inspect
+import re
 from dataclasses import is_dataclass
 from importlib import import_module
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
+
+from raccoon.core.near_names import did_you_mean, nearest_name
 
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
@@ -44,15 +47,24 @@ NAMES_ELSEWHERE = {
     "name": "robot.config.name",
 }
 """What other libraries, and habit, call something that has another place here."""
+_UNKNOWN_KEYWORD = re.compile(r"(?P<function>\w+)\(\) got an unexpected keyword argument '(?P<name>\w+)'")
 PARTS = ("tophat", "servo", "mechanism")
 """Sections of robot.toml whose names somebody may take for attributes."""
 
 
 def hint_for_name(name: str, config: RobotConfig | None) -> str:
-    """What to write instead of an attribute that a robot does not have; "" where nothing is like it.
+    """What to write instead of an attribute that a robot does not have; "" where nothing is like it, or where
+    it is like an attribute that a robot has, which Python itself says.
 
     config: of the robot, whose own names may be meant.
     """
+    near = name if _hint_elsewhere(name, config) else nearest_name(name, import_module("raccoon").__all__)
+    hint = _hint_elsewhere(near, config)
+    return hint if near == name or not hint else f" (did you mean {near}?){hint}"
+
+
+def _hint_elsewhere(name: str, config: RobotConfig | None) -> str:
+    """What to write for a name that is one, but not of a robot; "" for others."""
     package = import_module("raccoon")
     function = getattr(package, name) if name in package.__all__ else None
     if inspect.isfunction(function):
@@ -77,15 +89,30 @@ def refuse_name(name: str, asking: FrameType) -> NoReturn:
     """
     from opcode import opmap
 
-    if name not in KIPR_NAMES:
-        raise AttributeError(f"module 'raccoon' has no attribute {name!r}")
-    said = f"raccoon has no {name}: write {KIPR_NAMES[name]} (docs/from-kipr.md)"
+    hint = _kipr_hint(name)
     if asking.f_code.co_code[asking.f_lasti] == opmap["IMPORT_FROM"]:
-        raise ImportError(said, name="raccoon")
-    raise AttributeError(said)
+        hint = hint or did_you_mean(name, import_module("raccoon").__all__)
+        raise ImportError(f"raccoon has no {name}{hint}", name="raccoon")
+    raise AttributeError(f"raccoon has no {name}{hint}")
 
 
-def add_value_hint(error: BaseException | None) -> None:
+def _kipr_hint(name: str) -> str:
+    """What to write for a function of KIPR's library; "" for other names."""
+    return f": write {KIPR_NAMES[name]} (docs/from-kipr.md)" if name in KIPR_NAMES else ""
+
+
+def add_hints(error: BaseException | None) -> None:
+    """Add to an error of a program what to write instead, where that can be told; once."""
+    for add in (_add_value_hint, _add_names_hint, _add_missing_name_hint, _add_keyword_hint):
+        add(error)
+
+
+def _add_note(error: BaseException, note: str) -> None:
+    if note not in getattr(error, "__notes__", ()):
+        error.add_note(note)
+
+
+def _add_value_hint(error: BaseException | None) -> None:
     """Add to the error of `robot.pose()`, which calls a value like a function, what to write."""
     if not (isinstance(error, TypeError) and str(error).endswith("object is not callable")):
         return
@@ -101,19 +128,47 @@ def add_value_hint(error: BaseException | None) -> None:
         if each.opname in ("LOAD_ATTR", "LOAD_METHOD"):
             called = each.argval
         elif each.opname == "CALL" and each.offset == trace.tb_lasti and each.argval == 0 and called:
-            error.add_note(f"{called} is a value, no function: write .{called} without ()")
+            _add_note(error, f"{called} is a value, no function: write .{called} without ()")
         elif each.opname not in ("PRECALL", "PUSH_NULL", "CACHE"):
             called = ""
 
 
-def add_names_hint(error: BaseException | None) -> None:
+def _add_names_hint(error: BaseException | None) -> None:
     """Add to the error of `result.distance`, a name that a record of raccoon does not have, those it has."""
     if not isinstance(error, AttributeError) or not is_dataclass(error.obj):
         return
     kind = type(error.obj)
     if kind.__module__.startswith("raccoon."):
         names = [each for each in dir(kind) if not each.startswith("_")]
-        error.add_note(f"of a {kind.__name__} a program asks {', '.join(names)}")
+        _add_note(error, f"of a {kind.__name__} a program asks {', '.join(names)}")
+
+
+def _add_missing_name_hint(error: BaseException | None) -> None:
+    """Add to the error of `straght(0.5)` what is meant, where the program did not import it: where it did,
+    Python itself says so."""
+    trace = error.__traceback__ if isinstance(error, NameError) else None
+    if not isinstance(error, NameError) or trace is None:
+        return
+    while trace.tb_next is not None:
+        trace = trace.tb_next
+    public = import_module("raccoon").__all__
+    near = nearest_name(error.name, public)
+    if error.name in KIPR_NAMES:
+        _add_note(error, f"raccoon has no {error.name}{_kipr_hint(error.name)}")
+    elif near and near not in trace.tb_frame.f_globals:
+        asked = "" if near == error.name else f"did you mean {near}? "
+        _add_note(error, f"{asked}It takes: from raccoon import {near}")
+
+
+def _add_keyword_hint(error: BaseException | None) -> None:
+    """Add to the error of `straight(0.5, sped=0.1)` the arguments that there are."""
+    found = _UNKNOWN_KEYWORD.match(str(error)) if isinstance(error, TypeError) else None
+    package = import_module("raccoon")
+    if error is None or found is None or found["function"] not in package.__all__:
+        return
+    names = list(inspect.signature(getattr(package, found["function"])).parameters)
+    meant = did_you_mean(found["name"], names)
+    _add_note(error, f"{found['function']}() takes {', '.join(names)}{meant}")
 
 
 def add_unread_hint(error: TypeError, inputs: Inputs | None) -> None:

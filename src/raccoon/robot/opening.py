@@ -13,15 +13,17 @@ from typing import TYPE_CHECKING, TypeVar
 from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.files import copy_kept_files, near_program, program_folder
+from raccoon.core.near_names import did_you_mean_file
 from raccoon.core.port import Port, in_real_time
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.functions import NOTHING_RUN_HINT, check_program, perform
 from raccoon.robot.actions.limits import check_number
 from raccoon.robot.loop import punctual, stopped_on_exit
-from raccoon.robot.name_hints import add_names_hint, add_unread_hint, add_value_hint
+from raccoon.robot.name_hints import add_hints, add_unread_hint
 from raccoon.robot.remarks import add_remark
 from raccoon.robot.robot import Robot
+from raccoon.robot.tracebacks import install_hook
 
 if TYPE_CHECKING:
     from raccoon.trace.format import Trace
@@ -90,8 +92,7 @@ class Opening:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
-        add_value_hint(error)
-        add_names_hint(error)
+        add_hints(error)
         return self._opened.__exit__(kind, error, trace)
 
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else
@@ -131,6 +132,7 @@ def open_robot(
         raise TypeError(f"record is {record!r}: it must be the name of a recording")
     if record is not None and not Path(record).name:
         raise ValueError(f"record is {str(record)!r}: it must be the name of a recording, such as 'run'")
+    install_hook()
     return Opening(_open(config, port, record, seed))
 
 
@@ -182,7 +184,8 @@ def _find_config(name: str | Path) -> Path:
     places = f"in {started}, where the program was started"
     if folder not in (None, started):
         places += f", and none beside the program in {folder}"
-    raise FileNotFoundError(f"there is no {path} {places}; `raccoon init` writes one to start from")
+    meant = did_you_mean_file(path) or (folder and did_you_mean_file(folder / path)) or ""
+    raise FileNotFoundError(f"there is no {path} {places}{meant}; `raccoon init` writes one to start from")
 
 
 def _with_recording(port: Port, path: str | Path, config: RobotConfig, seed: int | None) -> Port:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 from raccoon.core.schema import Bounds
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import is_plausible_k_e_share
@@ -215,7 +216,8 @@ def parse_factor(text: str) -> Factor:
         raise ConfigError(f"{text!r}: write EFFECT[.PARAMETER][@WHERE]=LOW:HIGH or =MEAN~SD or =VALUE")
     name, parameter = found["effect"], found["parameter"] or ""
     if name.startswith("fault.") and name not in FAULT_KINDS:
-        raise ConfigError(f"{text!r}: there is no such fault; allowed are {', '.join(FAULT_KINDS)}")
+        meant = did_you_mean(name, FAULT_KINDS)
+        raise ConfigError(f"{text!r}: there is no such fault{meant}; allowed are {', '.join(FAULT_KINDS)}")
     if name != AMBIENT_LIGHT and name not in FAULT_KINDS:
         entry = effect(name)
         if not parameter and len(entry.parameters) > 1:

@@ -14,6 +14,7 @@ from typing import Any
 
 import raccoon
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean_file
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.limits import can_take
 from raccoon.robot.robot import Robot
@@ -39,7 +40,7 @@ class Program:
             with tokenize.open(path) as file:  # in the encoding that Python would read it in
                 return cls(path.name, file.read(), str(path.resolve().parent))
         except FileNotFoundError:
-            raise ConfigError(f"{path}: there is no such program") from None
+            raise ConfigError(f"{path}: there is no such program{did_you_mean_file(path)}") from None
         except (OSError, UnicodeDecodeError, SyntaxError) as error:
             raise ConfigError(f"{path}: not a program that can be read: {error}") from None
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.core.near_names import did_you_mean
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.trace.format import Event
 
@@ -81,7 +82,8 @@ class Recording:
     def __getitem__(self, name: str) -> Column:
         """A column. Raises TraceError naming it and those that exist."""
         if name not in self.columns:
-            raise TraceError(f"there is no column {name}; there are {_listed(self.columns)}")
+            meant = did_you_mean(name, self.columns)
+            raise TraceError(f"there is no column {name}{meant}; there are {_listed(self.columns)}")
         return self.columns[name]
 
     @property

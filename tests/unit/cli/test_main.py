@@ -54,12 +54,28 @@ def test_an_empty_name_is_not_the_folder_that_one_is_in(
     assert "the name of a recording is empty" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [["nonsense"], ["demo", "--nonsense"]])
-def test_wrong_usage_is_status_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nonsense"], "there is no 'nonsense'; allowed are calibrate, compare-mitigations, "),
+        (["calibrat", "drive"], "there is no 'calibrat' (did you mean calibrate?); allowed are "),
+        (
+            ["calibrate", "driv"],
+            "KIND: there is no 'driv' (did you mean drive?); allowed are drive, motors, ",
+        ),
+        (["demo", "--nonsense"], "unrecognized arguments: --nonsense\n"),
+        (["view", "a", "--outptu=b"], "unrecognized arguments: --outptu=b (did you mean --output?)\n"),
+    ],
+)
+def test_wrong_usage_is_status_2_and_says_what_is_near(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as end:
         main(arguments)
     assert end.value.code == 2
-    assert "usage: raccoon" in capsys.readouterr().err
+    shown = capsys.readouterr().err
+    assert "usage: raccoon" in shown
+    assert said in shown
 
 
 def test_ctrl_c_is_status_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -235,6 +251,11 @@ def test_a_file_that_is_not_there_is_named_and_how_to_make_it(
     )
     assert main(["diagnose", "run.csv"]) == 2
     assert capsys.readouterr().err == "raccoon diagnose: run.csv: there is no such recording\n"
+    Path("run.jsonl").touch()
+    assert main(["diagnose", "rnu.jsonl"]) == 2
+    assert capsys.readouterr().err.endswith("there is no such recording (did you mean run.jsonl?)\n")
+    assert main(["view", "rnu.jsonl"]) == 2
+    assert capsys.readouterr().err.endswith("no such file or directory (did you mean run.jsonl?)\n")
 
 
 @pytest.mark.parametrize(

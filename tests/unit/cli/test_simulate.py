@@ -72,6 +72,18 @@ def test_a_mission_without_a_robot_of_its_own_gets_one(
             1,
             r'File ".*match.py", line 8, in <module>\n.*\n(.*\^.*\n)?ZeroDivision',
         ),
+        (
+            OPENS + "        robot.run(straight(500))\n",
+            1,
+            r"line 8, in <module>\n.*\n(.*\^.*\n)?ValueError: distance is 500: .*\n\(lines of .*--traceback",
+        ),
+        (OPENS + "        straght(1)\n", 1, "NameError: .* Did you mean: 'straight'"),
+        (OPENS + "        turn(1)\n", 1, "NameError: .*\nIt takes: from raccoon import turn\n"),
+        (
+            OPENS + "        straight(1, sped=2)\n",
+            1,
+            r"straight\(\) takes .* \(did you mean speed\?\)",
+        ),
         (OPENS + "        raise SystemExit(7)\n", 7, ""),
     ],
 )
@@ -88,14 +100,14 @@ def test_what_is_wrong_with_a_program_is_the_programs(
         assert main(["simulate", str(program)]) == status
     captured = capsys.readouterr()
     assert re.search(said, captured.err), captured.err
-    assert "raccoon/cli" not in captured.err
+    assert "src/raccoon" not in captured.err
     assert ("it is at x 0.05" in captured.out) is (OPENS in text)
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["nowhere.py"], "nowhere.py: there is no such program"),
+        (["matsch.py"], "matsch.py: there is no such program (did you mean match.py?)"),
         (["robot.toml"], "a program is a Python file"),
         (["match.py", "--seed", "-1"], "--seed -1: allowed are whole numbers from 0"),
         (["match.py", "--start", "nan", "0", "0"], "--start nan 0 0: allowed are"),

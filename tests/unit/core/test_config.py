@@ -71,17 +71,25 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
     [
         (
             "nam = 'x'",
-            r"robot.toml: nam: there is no such key; did you mean name\?; allowed are name, controller",
+            r"robot.toml: nam: there is no such key \(did you mean name\?\); allowed are name, controller",
         ),
         ("name = 3", r"name = 3: it must be a text"),
+        (
+            "[controller]\nport = 'Wombt'",
+            r"port = 'Wombt': allowed is .*raccoon \(did you mean wombat\?\)",
+        ),
+        (
+            "[model.motor.lefft]\nback_emf_constant = 1",
+            r"model.motor.lefft: there is no such key \(did you mean left\?\); .*, left, right",
+        ),
         ("drive = 3", r"drive = 3: it must be a table"),
         (
             "[controler]",
-            r"controler: there is no such key; did you mean controller\?; allowed are name, contr",
+            r"controler: there is no such key \(did you mean controller\?\); allowed are name, contr",
         ),
         (
             "[motion]\nspead = 1",
-            r"motion.spead: there is no such key; did you mean speed\?; allowed are speed,",
+            r"motion.spead: there is no such key \(did you mean speed\?\); allowed are speed,",
         ),
         ("[drive]\nleft = 4", r"drive.left = 4: allowed are the ports 0 to 3"),
         ("[drive]\nleft = 0.5", r"drive.left = 0.5: allowed are the ports 0 to 3"),

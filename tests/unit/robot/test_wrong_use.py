@@ -628,14 +628,15 @@ def test_what_beginners_write_is_answered_with_what_they_meant() -> None:
     with open_robot(CONFIG, port=simulated_port()) as robot:
         for name, said in (
             ("straight", r"write robot\.run\(straight\("),
+            ("straght", r"no straght \(did you mean straight\?\): write robot\.run\(straight\("),
             ("heading", r"write robot\.pose\.heading"),
             ("gyro", r"write robot\.estimate\.turn_rate"),
             ("sleep", r"write robot\.run\(wait\("),
         ):
             with pytest.raises(AttributeError, match=said):
                 getattr(robot, name)
-        with pytest.raises(AttributeError, match=r"a robot has no left_motor$"):
-            loose(robot).left_motor  # noqa: B018
+        with pytest.raises(AttributeError, match=r"a robot has no wheelbase$"):
+            loose(robot).wheelbase  # noqa: B018
         with pytest.raises(TypeError, match=r"yield from action\.start\(robot\)"):
             robot.run(Action("mine", steps))
         with pytest.raises(TypeError, match=r"not what the function steps yields.* Action\('steps', steps\)"):

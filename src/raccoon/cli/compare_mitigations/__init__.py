@@ -11,6 +11,7 @@ from raccoon.cli.outputs import check_folders, check_matplotlib, check_replaceab
 from raccoon.cli.shared_options import check_seed
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
+from raccoon.core.near_names import did_you_mean
 from raccoon.core.progress import report
 
 if TYPE_CHECKING:
@@ -121,6 +122,6 @@ def _robots(args: argparse.Namespace) -> dict[str, int]:
     full = {name: condition.robots for name, condition in CONDITIONS.items()}
     for name in args.condition or ():
         if name not in full:
-            raise ConfigError(f"--condition {name}: allowed are {', '.join(full)}")
+            raise ConfigError(f"--condition {name}{did_you_mean(name, full)}: allowed are {', '.join(full)}")
     every = args.robots or (QUICK if args.quick else None)
     return {name: every or count for name, count in full.items() if name in (args.condition or full)}

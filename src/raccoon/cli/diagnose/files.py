@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.near_names import did_you_mean_file
 from raccoon.trace.loading import find_recordings, natural_sort_key
 from raccoon.trace.record import recording_file
 
@@ -23,7 +24,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
         elif path.exists():
             found.append(path)
         else:
-            raise FileNotFoundError(f"{path}: there is no such recording")
+            raise FileNotFoundError(f"{path}: there is no such recording{did_you_mean_file(path)}")
     return _without_repeats(found)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 from raccoon.sim.effects.effect import Effect, Parameter, Place, all_effects
 
 PLACE_TEXTS = {Place.ROBOT: "", Place.SIDE: "@left @right", Place.TOPHAT: "@port"}
@@ -17,8 +18,11 @@ def select_effects(name: str | None) -> list[Effect]:
     """The effects of an id or of a group; all of them without a name. Raises ConfigError."""
     entries = [each for each in all_effects() if name in (None, each.id, each.group)]
     if not entries:
-        groups = ", ".join(dict.fromkeys(each.group for each in all_effects()))
-        raise ConfigError(f"effect {name!r}: there is no such id or group; groups are {groups}")
+        groups = list(dict.fromkeys(each.group for each in all_effects()))
+        meant = did_you_mean(name, [*groups, *(each.id for each in all_effects())])
+        raise ConfigError(
+            f"effect {name!r}: there is no such id or group{meant}; groups are {', '.join(groups)}"
+        )
     return entries
 
 

@@ -11,6 +11,7 @@ from raccoon.cli.progress import show_progress
 from raccoon.cli.replay.each_file import BAD_FILE, not_replayed_text, replay_each
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
+from raccoon.core.near_names import did_you_mean_file
 from raccoon.robot.actions.functions import perform
 from raccoon.robot.opening import no_robot_opened, replay
 from raccoon.robot.robot import Robot
@@ -77,7 +78,7 @@ def read_program(path: Path) -> Program:
     if path.is_dir():
         raise ConfigError(f"--program {path}: it is a folder; name a file")
     if not path.is_file():
-        raise ConfigError(f"--program {path}: there is no such file")
+        raise ConfigError(f"--program {path}: there is no such file{did_you_mean_file(path)}")
     return Program.read(path)
 
 

@@ -24,6 +24,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE
@@ -126,7 +127,7 @@ def _reason_without_drive(name: str, known: Collection[str]) -> str:
         return f"it has a side; name {id_ + ', ' if id_ in known else ''}{sides}"
     if id_ in catalogue:
         return "no drive that is known shows it"
-    return "there is none of that name; see raccoon effects"
+    return f"there is none of that name{did_you_mean(name, known)}; see raccoon effects"
 
 
 @dataclass(frozen=True)

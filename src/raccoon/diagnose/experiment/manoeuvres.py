@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 
 Array = NDArray[np.float64]
 
@@ -83,6 +84,7 @@ def manoeuvre(name: str) -> Array:
     """Duty (n, 2) of a manoeuvre. Raises ConfigError for a name that does not exist."""
     if name not in MANOEUVRES:
         raise ConfigError(
-            f"manoeuvre {name!r}: there is none of that name; allowed are {', '.join(MANOEUVRES)}"
+            f"manoeuvre {name!r}: there is none of that name{did_you_mean(name, MANOEUVRES)}; allowed are"
+            f" {', '.join(MANOEUVRES)}"
         )
     return MANOEUVRES[name]()

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 from raccoon.core.readings import SERVO_PORTS, STOP, Inputs, Outputs
 from raccoon.robot.parts.mechanism import Mechanism
 from raccoon.robot.parts.servos import Servo
@@ -89,4 +90,6 @@ def find_named(group: str, known: Mapping[str, T], name: str) -> T:
         return known[name]
     except KeyError:
         names = ", ".join(known) or f"none: [{group}.NAME] makes one"
-        raise ConfigError(f"there is no {group} {name!r} in robot.toml; there is {names}") from None
+        raise ConfigError(
+            f"there is no {group} {name!r} in robot.toml{did_you_mean(name, known)}; there is {names}"
+        ) from None

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from raccoon.core.config import ServoConfig
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
 from raccoon.robot.actions.limits import check_name, check_number, check_times
@@ -61,7 +62,10 @@ class Servo(Part):
         if isinstance(where, str):
             if where not in config.positions_us:
                 known = ", ".join(config.positions_us) or "none"
-                raise ConfigError(f"servo.{self.name} has no position {where!r}; positions_us has {known}")
+                meant = did_you_mean(where, config.positions_us)
+                raise ConfigError(
+                    f"servo.{self.name} has no position {where!r}{meant}; positions_us has {known}"
+                )
             return config.positions_us[where]
         if not config.lowest_us <= where <= config.highest_us:
             raise ValueError(

@@ -13,6 +13,7 @@ from functools import cache
 from typing import SupportsFloat
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 from raccoon.core.schema import Bounds, format_value
 
 
@@ -64,8 +65,11 @@ class Effect:
         for each in self.parameters:
             if each.name == name:
                 return each
-        allowed = ", ".join(each.name for each in self.parameters)
-        raise ConfigError(f"{self.id}: there is no parameter {name}; allowed are {allowed}")
+        allowed = [each.name for each in self.parameters]
+        raise ConfigError(
+            f"{self.id}: there is no parameter {name}{did_you_mean(name, allowed)}; allowed are"
+            f" {', '.join(allowed)}"
+        )
 
     def check(self, name: str, value: object) -> float:
         """`value` where the parameter allows it. Raises ConfigError naming all of them."""
@@ -90,7 +94,10 @@ def effect(id: str) -> Effect:  # noqa: A002
     try:
         return CATALOGUE[id]
     except KeyError:
-        raise ConfigError(f"effect {id!r}: there is no such id; allowed are {', '.join(CATALOGUE)}") from None
+        raise ConfigError(
+            f"effect {id!r}: there is no such id{did_you_mean(id, CATALOGUE)}; allowed are"
+            f" {', '.join(CATALOGUE)}"
+        ) from None
 
 
 def all_effects() -> tuple[Effect, ...]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import Effect, Place, effect
 from raccoon.sim.effects.provenance import UNKNOWN, Origin, Provenance
@@ -121,7 +122,8 @@ class Parameters:
                 "robot.toml has no tophat" if entry.place is Place.TOPHAT else "it belongs to the whole robot"
             )
             choice = ", ".join(allowed) or nothing
-            raise ConfigError(f"{entry.id}: where is {where!r}: allowed are {choice}")
+            meant = did_you_mean(where, allowed)
+            raise ConfigError(f"{entry.id}: where is {where!r}{meant}: allowed are {choice}")
         return allowed[where]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.near_names import did_you_mean
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import SIDES, Parameters
@@ -190,7 +191,10 @@ def _fields_of(names: Sequence[str], ports: tuple[int, int]) -> tuple[str, ...]:
     fields: dict[str, None] = {}
     for name in names:
         if name not in known:
-            raise ConfigError(f"channel {name!r}: there is none of that name; allowed are {', '.join(known)}")
+            raise ConfigError(
+                f"channel {name!r}: there is none of that name{did_you_mean(name, known)}; allowed are"
+                f" {', '.join(known)}"
+            )
         fields[_field(name, ports)] = None
     if "gyro_followed" in fields:
         fields["gyro_rate"] = None

@@ -190,7 +190,8 @@ def test_an_unknown_name_is_refused() -> None:
         ("drive.track_width@left", "has no side; name drive.track_width"),
         ("drive.wheel_eccentricity", "it has a side; name drive.wheel_eccentricity@left or"),
         ("bemf.scale@2", "it has a side; name bemf.scale, bemf.scale@left or bemf.scale@right"),
-        ("tophat.moon", "there is none of that name"),
+        ("moon", "there is none of that name; see raccoon effects"),
+        ("bemf.scael@left", r"there is none of that name \(did you mean bemf.scale@left\?\); see"),
     ],
 )
 def test_a_name_that_no_drive_shows_is_refused_with_the_reason(name: str, why: str) -> None:

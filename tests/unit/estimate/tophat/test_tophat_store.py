@@ -101,7 +101,7 @@ def test_damaged_file_is_named(tmp_path: Path, text: str) -> None:
         ("calibration.separation", 10**400, r"separation = 10+\.\.\.: allowed are numbers from 0"),
         ("calibration.separation", math.inf, r"separation = inf: allowed are numbers from 0"),
         ("calibration.flickers", 60, r"flickers = 60: allowed are 0, 100, 120 and 250"),
-        ("calibration.treshold", 1.0, r"treshold: there is no such key; did you mean threshold\?"),
+        ("calibration.treshold", 1.0, r"treshold: there is no such key \(did you mean threshold\?\)"),
         ("battery_voltage", 67.0, r"battery_voltage = 67\.0: allowed are numbers from 0 to 30"),
         ("generation", "newest", r"generation = 'newest': allowed are null, old and new"),
         ("time", 5, r"time = 5: it must be a text"),

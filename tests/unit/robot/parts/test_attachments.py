@@ -167,7 +167,12 @@ def test_a_servo_is_off_before_its_first_use_and_when_switched_off() -> None:
     ("name", "to", "error"),
     [
         ("grip", "open", "there is no servo 'grip' in robot.toml; there is claw"),
-        ("claw", "opn", "servo.claw has no position 'opn'; positions_us has open, closed"),
+        ("clwa", "open", r"there is no servo 'clwa' in robot.toml \(did you mean claw\?\); there is claw"),
+        (
+            "claw",
+            "opn",
+            r"servo.claw has no position 'opn' \(did you mean open\?\); positions_us has open,",
+        ),
     ],
 )
 def test_unknown_names_are_said_with_those_there_are(name: str, to: str, error: str) -> None:

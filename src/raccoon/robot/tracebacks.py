@@ -1,0 +1,82 @@
+"""What a team sees of an error that ends its program: its own lines and the sentence.
+
+How a motion got from `run` to the line that refuses is of no use to who wrote the program, and hides what is.
+So the frames of this package are left out of what is printed, but not of the error, where it was raised in
+words. Where it was not, something is wrong in the package, and all of it is printed.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import sysconfig
+from pathlib import Path
+from types import TracebackType
+
+from raccoon.robot.name_hints import add_hints
+
+WHOLE = "RACCOON_TRACEBACK"
+"""Environment variable that has everything printed where it is not empty."""
+
+_PACKAGE = str(Path(__file__).parents[1]) + os.sep
+_STANDARD = sysconfig.get_paths()["stdlib"] + os.sep
+
+
+def install_hook() -> None:
+    """Have errors that end the program printed by `print_error`, unless somebody else prints them."""
+    if sys.excepthook is sys.__excepthook__ and not os.environ.get(WHOLE):
+        sys.excepthook = _print_uncaught
+
+
+def _print_uncaught(_: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    print_error(error.with_traceback(trace), f"{WHOLE}=1 in the environment")
+
+
+def print_error(error: BaseException, how: str) -> None:
+    """Print an error to stderr as Python does, without the frames of this package.
+
+    how: what shows them all.
+    """
+    add_hints(error)
+    whole, suppressed = error.__traceback__, error.__suppress_context__
+    own, hidden = _own_frames(whole, isinstance(error, SyntaxError | KeyboardInterrupt))
+    if hidden:
+        error.__suppress_context__ = True  # and what led the package to its words
+    try:
+        sys.__excepthook__(type(error), error.with_traceback(own), own)
+    finally:
+        error.__traceback__, error.__suppress_context__ = whole, suppressed
+    if hidden:
+        print(f"(lines of raccoon itself are left out: {how} shows them)", file=sys.stderr)
+
+
+def _own_frames(trace: TracebackType | None, elsewhere: bool) -> tuple[TracebackType | None, bool]:
+    """The frames of the program, and whether any after its first one is left out. All frames where the error
+    was raised neither in the program nor in this package's words.
+
+    elsewhere: whether the error is none of the line that raised it.
+    """
+    frames: list[TracebackType] = []
+    while trace is not None:
+        frames.append(trace)
+        trace = trace.tb_next
+    own = [each for each in frames if _is_of_program(each)]
+    if not elsewhere and not (own and (frames[-1] is own[-1] or _is_in_words(frames[-1]))):
+        return (frames[0] if frames else None), False
+    kept: TracebackType | None = None
+    for each in reversed(own):
+        kept = TracebackType(kept, each.tb_frame, each.tb_lasti, each.tb_lineno)
+    return kept, bool(own) and len(frames) - frames.index(own[0]) > len(own)
+
+
+def _is_of_program(step: TracebackType) -> bool:
+    file = step.tb_frame.f_code.co_filename
+    return not file.startswith((_PACKAGE, _STANDARD, "<frozen "))
+
+
+def _is_in_words(step: TracebackType) -> bool:
+    """Whether it is a `raise` of this package."""
+    from opcode import opmap
+
+    code = step.tb_frame.f_code
+    return code.co_filename.startswith(_PACKAGE) and code.co_code[step.tb_lasti] == opmap["RAISE_VARARGS"]
