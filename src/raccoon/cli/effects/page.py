@@ -18,18 +18,19 @@ if TYPE_CHECKING:
 
 _HEAD = """# Effects
 
-What can make a robot differ from the textbook one, and what a diagnosis may name (all but
-`friction.presliding`, which every robot has, and `imu.low_pass`, which is no fault: a diagnosis fits both).
-Written by `raccoon effects --write docs`; edit `sim/effects/catalogue.py` instead.
+These effects can make a robot differ from the nominal one. A diagnosis may name all of them except
+`friction.presliding`, which every robot has, and `imu.low_pass`, which is no fault: it fits both.
+`raccoon effects` lists them. `raccoon effects --write docs` writes this page: edit
+`sim/effects/catalogue.py` instead.
 
 Each picture shows one channel of the same drive (creeping, steps forward and back, turns; for tophats: over
-lines), grey without and red with the effect, in the channel in which it shows most, and below it the
-difference. An effect that is off sits at its neutral value, where it changes nothing, exactly.
+lines): the channel in which the effect shows most, grey without it and red with it, and below that the
+difference. An effect that is off has its neutral value, at which it changes nothing, exactly.
 
-Adding an effect: an entry in `sim/effects/catalogue.py`, its term in `sim/plant/equations.py` or
-`friction.py` (a statement that ends with `# effect: ID`), its numbers in `sim/effects/physical.py`, and this
-page written again. The tests of neutral values take it up by themselves; [the simulator's page](simulator.md)
-says more.
+To add an effect, add an entry to `sim/effects/catalogue.py`, its term to `sim/plant/equations.py` or
+`friction.py` (a statement that ends with `# effect: ID`) and its numbers to `sim/effects/physical.py`, and
+write this page again. The tests of neutral values find it by themselves;
+[the simulator's page](simulator.md) says more.
 """
 
 

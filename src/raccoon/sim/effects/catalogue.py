@@ -58,7 +58,7 @@ _MOTOR = (
     ),
     Effect(
         "motor.current_limit",
-        "The driver lets no more than a certain current through.",
+        "The driver limits the current.",
         (Parameter("limit", "A", math.inf, _POSITIVE, 1.0),),
         Place.SIDE,
     ),
@@ -88,13 +88,13 @@ _FRICTION = (
     ),
     Effect(
         "friction.load_dependent",
-        "The gear rubs the more, the more torque it transmits.",
+        "The friction of the gear grows with the torque that it transmits.",
         (Parameter("coefficient", "", 0.0, Bounds(0.0, 0.9), 0.1),),
         Place.SIDE,
     ),
     Effect(
         "friction.direction_dependent",
-        "One direction of turning rubs more than the other: forward where the number is positive.",
+        "Friction is higher in one direction of turning: forward if the number is positive.",
         (
             Parameter("asymmetry", "", 0.0, _SHARE, 0.2),
             Parameter("viscous_asymmetry", "", 0.0, _SHARE, 0.2),
@@ -109,7 +109,7 @@ _FRICTION = (
     ),
     Effect(
         "friction.presliding",
-        "What rubs gives a little before it slides, like the bristles of a brush: a wheel that stops swings "
+        "Friction gives a little before it slides, like the bristles of a brush: a wheel that stops swings "
         "a few times, by some counts of its back-EMF. Or it creeps: friction is a curve over the speed.",
         (
             Parameter("compliance", "rad/(N m)", 0.0, Bounds(0.0, 0.05), 0.001),
