@@ -94,7 +94,7 @@ class Match:
         return {factor.name: factor.draw(random(factor.name)) for factor in self.factors}
 
     def fault_plan(self, values: dict[str, float], seed: int) -> FaultPlan:
-        """The faults among the values, and when they begin: somewhere in the first FAULTS_WITHIN seconds."""
+        """The faults among the values, and when they begin: within the first LATEST_FAULT_S seconds."""
         import numpy as np
 
         kinds = tuple(name for name in FAULT_KINDS if values.get(name))
@@ -225,7 +225,7 @@ def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path
 
 
 def _come_to_rest(robot: Robot) -> None:
-    """Let SETTLE s pass with the motors off: at the port, as a robot runs nothing more after its match."""
+    """Let SETTLING_S pass with the motors off: at the port, as a robot runs nothing more after its match."""
     with suppress(HardwareError):
         end = robot.port.read().time + SETTLING_S
         while robot.port.read().time < end:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -443,11 +445,19 @@ def test_a_killed_program_leaves_no_wheel_running(peer: SerialPeer) -> None:
 
 
 def test_a_program_that_hangs_leaves_no_wheel_running(peer: SerialPeer) -> None:
-    """Its port tells the supervisor of no servos to hold: what stops at its end stops then as well."""
+    """Its port tells the supervisor of no servos to hold: what stops at its end stops then as well. A process
+    that it forked, and that ends before, stops nothing."""
     port = open_create(str(peer.path))
     try:
         port.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
+        child = os.fork()
+        if child == 0:  # pragma: no cover - in the child
+            with contextlib.suppress(BaseException):
+                port.close()
+            os._exit(0)
+        os.waitpid(child, 0)
         heard = peer.heard()
+        assert heard.endswith(protocol.drive_pwm(128, 128))
         while not heard.endswith(protocol.stop() * 5):
             more = peer.heard(2.0)
             assert more, heard

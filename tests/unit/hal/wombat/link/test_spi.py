@@ -1,5 +1,6 @@
 """The real bus at its edges."""
 
+import os
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -67,6 +68,23 @@ def test_the_bus_is_set_up_and_used(spi: type[FakeSpi]) -> None:
     link.close()
     with pytest.raises(HardwareError, match="is closed"):
         link.transfer(bytes(3))
+
+
+def test_a_process_that_was_forked_does_not_keep_the_bus(spi: type[FakeSpi]) -> None:
+    link = SpiLink("/dev/spidev7.0")
+    heard, told = os.pipe()
+    child = os.fork()
+    if child == 0:  # pragma: no cover - in the child, which outlives the link
+        os.close(told)
+        os.read(heard, 1)
+        os._exit(0)
+    try:
+        link.close()
+        SpiLink("/dev/spidev7.0").close()
+    finally:
+        os.close(told)
+        os.close(heard)
+        os.waitpid(child, 0)
 
 
 def test_a_failing_transfer_is_a_hardware_error(spi: type[FakeSpi]) -> None:
