@@ -54,8 +54,8 @@ def print_table(results: Sequence[Result]) -> None:
     clean = [percent(map(_called_unknown, rows[name])) for name in _ROWS if name.startswith("clean")]
     _line("false unknown, clean: 40 s, contest, wheel loops, 12 s", "<= 3 %", ", ".join(clean))
     alone = [each for name in _FULL for each in rows[name]]
-    _line("names that are right themselves, by the probability that was said", "", _probabilities(alone))
-    _line("what a cause is said to change, over what it does", "", _sizes(single))
+    _line("names that are right, by reported probability", "", _probabilities(alone))
+    _line("reported over true contribution of the first cause", "", _sizes(single))
     _line("parameters", "median <= 2 %, p90 <= 10 %, cover 92-98 %", _parameters(single))
     numbers = {name: [each for it in rows[name] for each in _numbers(it, it["causes"])] for name in _NUMBERED}
     covered = [f"{name} {_cover(each)}" for name, each in numbers.items() if each]
@@ -125,18 +125,16 @@ def _single(results: Sequence[Result]) -> str:
     missed = [each for each in results if not is_first_right(each) and not each["causes"]]
     said = f"first {first}, wrong {wrong}, exactly {percent(map(is_exactly_right, results))}"
     acting = [is_first_right(each) for each in results if relevant_causes(each)]
-    said = f"{said}; of those that act: first {percent(acting)}"
+    said = f"{said}; where the cause acts: first {percent(acting)}"
     rivals = percent(bool(each["causes"][0]["class"]) for each in results if each["causes"])
-    said = f"{said}; named with others that it is not told from {rivals}"
-    return (
-        f"{said}; of the silent ones said to be too small to show: {percent(map(is_miss_announced, missed))}"
-    )
+    said = f"{said}; named as one of a class {rivals}"
+    return f"{said}; misses reported as too small to show {percent(map(is_miss_announced, missed))}"
 
 
 def _small(results: Sequence[Result]) -> str:
     outside = [each for each in results if not _is_within_tolerance(each)]
     first, wrong = percent(map(is_first_right, outside)), percent(map(_is_first_wrong, outside))
-    return f"{_single(results)}; of those outside robot.toml: first {first}, wrong {wrong}"
+    return f"{_single(results)}; where it is outside robot.toml's tolerance: first {first}, wrong {wrong}"
 
 
 def _is_within_tolerance(result: Result) -> bool:
@@ -221,7 +219,7 @@ def _many(results: Sequence[Result]) -> str:
         for kind in ("alone", "beside")
     )
     spurious = percent(not is_hidden_cause(c, _names(each)) for each in results for c in each["causes"])
-    recall = f"recall {recall}, of what the others cannot imitate {beside}"
+    recall = f"recall {recall}, without causes that the others imitate {beside}"
     return f"{recall}, spurious {spurious}, {_largest(results)}"
 
 
@@ -233,7 +231,7 @@ def _largest(results: Sequence[Result]) -> str:
     sure = [
         share >= 1.0 for share, each in zip(shares, results, strict=True) if not each.get("as_much", [""])
     ]
-    return f"largest first {exact}, within 20 % {tied}, where it was clearly first {percent(sure)}"
+    return f"largest first {exact}, within 20 % {tied}, where called clearly first {percent(sure)}"
 
 
 def _first_size(result: Result) -> float:
@@ -258,8 +256,8 @@ def _worst(results: Sequence[Result]) -> str:
         flag and not _measured(each, each["causes"][0]) for flag, each in zip(wrong, results, strict=True)
     ]
     first = f"main cause first {percent(map(bool, main))}, where it acts most {percent(map(bool, largest))}"
-    there = f"not there with the number that was said {percent(false)}"
-    also = f"with those that were said not to matter {percent(absent)}, {there}"
+    there = f"not hidden with the reported number either {percent(false)}"
+    also = f"with names reported as too small to matter {percent(absent)}, {there}"
     return f"{first}, wrong {percent(wrong)}, {also}; {_many(results)}"
 
 
@@ -326,8 +324,8 @@ def _unknown(results: Sequence[Result]) -> str:
     low, high = ENTERED
     entered = [each for each in results if each["cause"] != "patch" or low < each.get("patched", 0.5) < high]
     return (
-        f"{_flagged(results)}, blamed on a known one alone {blamed}, beside it {junk}; without patches a "
-        f"robot hardly entered or left: {_flagged(entered)}; {_hidden_sizes(results)}"
+        f"{_flagged(results)}, known cause named instead {blamed}, known cause named at all {junk}; without "
+        f"patches that the robot hardly entered or left: {_flagged(entered)}; {_hidden_sizes(results)}"
     )
 
 
@@ -348,7 +346,7 @@ def _hidden_sizes(results: Sequence[Result]) -> str:
     if not ratios:
         return "sizes not kept"
     low, middle, high = np.quantile(ratios, [0.1, 0.5, 0.9])
-    return f"size said over hidden: median {middle:.2f}, p10 {low:.2f}, p90 {high:.2f}, of {len(ratios)}"
+    return f"reported over true size: median {middle:.2f}, p10 {low:.2f}, p90 {high:.2f}, of {len(ratios)}"
 
 
 def _twins(results: Sequence[Result]) -> str:
@@ -430,7 +428,7 @@ def _cover(numbers: Iterable[Number]) -> str:
 
 
 def _gain(results: Sequence[Result]) -> str:
-    return f"{_shares(results, '')}; of the usual half second: {_shares(results, 'usual_')}"
+    return f"{_shares(results, '')}; of the median half second: {_shares(results, 'usual_')}"
 
 
 def _shares(results: Sequence[Result], kind: str) -> str:
@@ -457,8 +455,8 @@ def _confusion(row: str, results: Sequence[Result]) -> None:
     )
     if not pairs:
         return
-    print(f"\n{row}, {len(results)} recordings: what was hidden and what was said first, where they differ\n")
-    print("| hidden | said first | times |\n|---|---|---|")
+    print(f"\n{row}, {len(results)} recordings: hidden cause and first name where they differ\n")
+    print("| hidden | named first | times |\n|---|---|---|")
     for (true, said), count in pairs.most_common():
         print(f"| `{true}` | {said} | {count} |")
 
@@ -486,16 +484,16 @@ _ROWS = {
     "two": ("two hidden causes", "both >= 97 %, exactly >= 93 %", _two),
     "several": ("three to five hidden causes",
                 "recall >= 97 %, spurious <= 2 %, largest first >= 92 %", _many),
-    "fifteen": ("one of fifteen in full and the other fourteen at 0 to 15 %",
+    "fifteen": ("one of fifteen in full, the other fourteen at 0 to 15 %",
                 "recall >= 97 %, spurious <= 2 %, largest first >= 92 %", _many),
-    "everything": ("one of 31 in full and all others at 0 to 15 %",
+    "everything": ("one of 31 in full, all others at 0 to 15 %",
                    "recall >= 97 %, spurious <= 2 %, largest first >= 92 %", _many),
     "small": ("effects at 0.3 of their size", "named >= 88 %, wrong <= 1 %", _small),
     "contest": ("contest driving, 30 s", "first >= 94 %, every miss announced", _single),
     "loop": ("contest driving with wheel loops, 30 s", "first >= 94 %, every miss announced", _single),
     "short": ("12 s only", "first >= 87 %, every miss announced", _single),
     "worst": ("contest, half size, twice the noise, background", ">= 82 %, wrong <= 5 %", _worst),
-    "unmeasured": ("a robot that nobody has measured: all numbers of robot.toml are off", "", _unmeasured),
+    "unmeasured": ("an unmeasured robot: all numbers of robot.toml are off", "", _unmeasured),
     "unknown": ("unknown cause", "flagged >= 97 %, right dependence >= 92 %, blamed <= 2 %", _unknown),
     "twins": ("structural twins", "reported as a class, always", _twins),
     "advised": ("after the advised drive of 10 s, predicted evidence >= 30", ">= 95 %", _advised),

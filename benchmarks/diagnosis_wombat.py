@@ -57,7 +57,7 @@ def main() -> None:
             for index, kind in enumerate(kinds)
         ]
         rows.append(_row(name, said))
-    titles = ("firmware", "clean with a name", "first", "wrong", "alone", "CPU, middle / 90 %")
+    titles = ("firmware", "clean with a name", "first", "wrong", "alone", "CPU, median / p90")
     print(f"\n| {' | '.join(titles)} |\n|{'---|' * len(titles)}")
     print("\n".join(rows))
 
