@@ -9,22 +9,34 @@ The back-EMF that stands for w is late behind a filter of its own, which matters
 power, so d dw/dt is a regressor as well. Discharge is linear in the charge, recovery in a slow mean of the
 current. All of them are fitted together, so R_b, R and K need not be known. No load adds voltage: the
 residual is 0, or negative under another load.
+
+If loads are found, a battery that carries all of the currents (`Chain.whole`), as in a simulation that adds
+them up, is fitted as well: I is then the sum of |d U - K w| / R, linear in d U and w with the current's sign.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.battery_sag_fits import (
+    OUTLIER_NOISES,
+    bin_costs,
+    biweight_fits,
+    fit_costs,
+    huber_fit,
+)
 from raccoon.diagnose.drives.bins import bin_means, low_pass, runs_of_true
 from raccoon.diagnose.drives.log import MIN_DRIVE_S, SETTLING_DRIVE_S, Load, Log
 from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Regressors = Callable[[Array, Array, list[Array], Array, float], Array]
+"""Of time (s), duties, wheels' readings, the battery's (V) and the time constant (s) of its filter."""
 
 BIN_S = 0.05
 """Width of a bin, s."""
@@ -34,8 +46,6 @@ RECOVERY_S = 3.0
 """Time constant with which a battery's voltage recovers, s."""
 MIN_NOISE_V = 0.004
 """Lower bound of the noise of a bin's mean, V."""
-OUTLIER_NOISES = 4.0
-"""Residual, in noises, from which a bin does not count in the fits: another load may be on."""
 DIFFERENCE_BINS = 6
 """Lag, in bins, of the differences that one starting point is fitted to: constant loads cancel in them."""
 LEVEL_PERCENTILES = (50.0, 70.0, 85.0, 95.0)
@@ -64,6 +74,11 @@ QUICK_COLUMNS = 7
 """Number of columns that follow the wheels at once; charge and recovery come after them."""
 MIN_STAYING_SHARE = 0.9
 """Least share of the time in which a load that stays on is seen."""
+NO_LOAD_SHARE = 0.85
+"""Share of back-EMF in the voltage that holds a speed, roughly: a current has the sign of the rest."""
+MIN_BRAKED_SHARE, BRAKED_BINS = 0.1, 2
+"""Least speed, as a share of the largest, at which a current against the motion counts as braking, and bins
+after it that are left out too: of braking currents a late back-EMF knows too little."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +98,16 @@ class SagResidual:
     @classmethod
     def of(cls, log: Log) -> SagResidual | None:
         """The residual of a log; None where a reading is missing, or no fit explains the battery's."""
+        found = cls.of_form(log, _regressors)
+        if found is None or not any(found.loads()):
+            return found
+        whole = cls.of_form(log, _regressors_of_whole_currents)
+        taken = whole is not None and not any(whole.loads()) and whole.is_better_than(found)
+        return whole if taken else found
+
+    @classmethod
+    def of_form(cls, log: Log, regressors: Regressors) -> SagResidual | None:
+        """The same, for one form of the wheels' sag."""
         battery, wheels = log.channel("battery"), [log.wheel(side) for side in ("left", "right")]
         if battery is None or None in wheels:
             return None
@@ -94,18 +119,18 @@ class SagResidual:
             first, last = (max(int((each - log.time[0]) / BIN_S), -1) for each in (start, end))
             # in a part of a drive, losses before its begin end below 0
             known[max(first, 0) : last + 1] = False
-        if known.sum() < 2 * DIFFERENCE_BINS:
-            return None
         step = _reading_step(battery.values)
         noise = max(MIN_NOISE_V, 0.5 * step, _robust_std(np.diff(voltage[known])) / np.sqrt(2.0))
         given = np.nan_to_num(voltage)
         fits: list[tuple[float, Array]] = []
         for seconds in BATTERY_FILTERS_S:
-            columns = _regressors(time, log.duty, speeds, seconds)
+            columns = regressors(time, log.duty, speeds, _interpolated(battery.values), seconds)
             known = known & np.isfinite(columns).all(axis=1)
+            if known.sum() < 2 * DIFFERENCE_BINS:
+                return None
             columns = np.nan_to_num(columns)
             starts = _starts(columns, given, known, noise)
-            fits.extend(_fit_costs(columns, given, known, noise, starts))
+            fits.extend(fit_costs(columns, given, known, noise, starts))
         most = MAX_COST_RATIO * min(cost for cost, _ in fits)
         able = [
             each
@@ -117,6 +142,12 @@ class SagResidual:
         _, rest = min(able, key=lambda each: each[0])
         driven = _bin_means(time, log.duty.any(axis=1).astype(float)) > 0.0
         return cls(float(log.time[0]), rest, known, driven, noise, step, float(np.ptp((given - rest)[known])))
+
+    def is_better_than(self, other: SagResidual) -> bool:
+        """Whether it leaves less than another form, in the bins that both know."""
+        both = self.known & other.known
+        mine, others = (float(bin_costs(each.rest, each.noise)[both].sum()) for each in (self, other))
+        return mine < others
 
     def loads(self) -> Iterator[Load]:
         """The other loads that the residual shows, in the order of time."""
@@ -169,24 +200,42 @@ def _bin_means(time: Array, values: Array) -> Array:
     return bin_means(place, values, int(place[-1]) + 1)
 
 
-def _regressors(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:
+def _regressors(time: Array, duty: Array, speeds: list[Array], _: Array, seconds: float) -> Array:
     """Regressors (bins, 9), each scaled to a maximum of 1: a constant; d^2, d w and d dw/dt of each wheel
     behind a filter of `seconds`; charge; recovery."""
-    step = median_step(time)
-
-    def behind(values: Array, constant: float) -> Array:
-        return low_pass(values, step, constant)
-
-    drawn, made = np.zeros(len(time)), []
+    drawn, quick = np.zeros(len(time)), list[Array]()
     for index, speed in enumerate(speeds):
         power = duty[:, index] * (duty[:, index] - _speed_as_duty(duty[:, index], speed))
         drawn = drawn + np.maximum(power, 0.0)
-        for each in (duty[:, index], speed, np.gradient(speed)):
-            made.append(behind(duty[:, index] * each, seconds))
+        quick.extend(duty[:, index] * each for each in (duty[:, index], speed, np.gradient(speed)))
+    return _columns(time, quick, drawn, seconds)
+
+
+def _regressors_of_whole_currents(
+    time: Array, duty: Array, speeds: list[Array], voltage: Array, seconds: float
+) -> Array:
+    """The same for a battery that carries all of the currents: d U, w and dw/dt with the current's sign; NaN
+    where a wheel is braked."""
+    drawn, quick, braked = np.zeros(len(time)), list[Array](), np.zeros(len(time))
+    for index, speed in enumerate(speeds):
+        current = duty[:, index] - NO_LOAD_SHARE * _speed_as_duty(duty[:, index], speed)
+        sign = np.sign(current)
+        drawn = drawn + np.abs(current)
+        braked += sign * speed < -MIN_BRAKED_SHARE * np.abs(speed).max()
+        quick.extend(sign * each for each in (duty[:, index] * voltage, speed, np.gradient(speed)))
+    columns = _columns(time, quick, drawn, seconds)
+    ended = np.convolve(np.nan_to_num(_bin_means(time, braked)), np.ones(1 + BRAKED_BINS))[: len(columns)]
+    columns[ended > 0.0] = np.nan
+    return columns
+
+
+def _columns(time: Array, quick: Sequence[Array], drawn: Array, seconds: float) -> Array:
+    """In bins and scaled: a constant, the quick columns behind a filter of `seconds`, charge and recovery of
+    the current that is drawn."""
+    step = median_step(time)
     charge = np.cumsum(drawn * np.diff(time, append=time[-1]))
-    every = np.column_stack(
-        [_bin_means(time, each) for each in (np.ones(len(time)), *made, charge, behind(drawn, RECOVERY_S))]
-    )
+    made = (np.ones(len(time)), *(low_pass(each, step, seconds) for each in quick), charge)
+    every = np.column_stack([_bin_means(time, each) for each in (*made, low_pass(drawn, step, RECOVERY_S))])
     return np.asarray(every / np.maximum(np.nanmax(np.abs(every), axis=0), 1e-9), float)
 
 
@@ -208,58 +257,15 @@ def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Array
         quick[DIFFERENCE_BINS:] - quick[:-DIFFERENCE_BINS],
         voltage[DIFFERENCE_BINS:] - voltage[:-DIFFERENCE_BINS],
     )
-    found[1:QUICK_COLUMNS] = _huber_fit(*changes, both, noise)
+    found[1:QUICK_COLUMNS] = huber_fit(*changes, both, noise)
     left = voltage - columns @ found
     levels = np.tile(found, (len(LEVEL_PERCENTILES), 1))
     levels[:, 0] = np.percentile(left[known], LEVEL_PERCENTILES)
     without = np.zeros_like(levels)
-    without[:, :QUICK_COLUMNS] = _biweight_fits(
+    without[:, :QUICK_COLUMNS] = biweight_fits(
         columns[:, :QUICK_COLUMNS], voltage, known, noise, levels[:, :QUICK_COLUMNS]
     )
-    return np.concatenate([_huber_fit(columns, voltage, known, noise)[None], levels, without])
-
-
-def _huber_fit(columns: Array, target: Array, known: Flags, noise: float) -> Array:
-    """Coefficients (columns,) by robust least squares with Huber's weights, linear beyond one noise."""
-    found, products = np.zeros(columns.shape[1]), _column_products(columns)
-    weights = known.astype(float)
-    for _ in range(15):
-        (found,) = _weighted_least_squares(columns, products, target, weights[None])
-        weights = known / np.maximum(1.0, np.abs(target - columns @ found) / noise)
-    return found
-
-
-def _fit_costs(
-    columns: Array, voltage: Array, known: Flags, noise: float, starts: Array
-) -> Iterator[tuple[float, Array]]:
-    """Cost and residual of the fit from each start. The cost saturates for readings far below the fit
-    (another load) and grows quadratically for readings above it, since no load adds voltage."""
-    for rest in voltage - _biweight_fits(columns, voltage, known, noise, starts) @ columns.T:
-        far = rest / (OUTLIER_NOISES * noise)
-        cost = np.where(far > 1.0, far**2, 1.0 - np.maximum(0.0, 1.0 - far**2) ** 3)
-        yield float(cost[known].sum()), rest
-
-
-def _biweight_fits(columns: Array, target: Array, known: Flags, noise: float, starts: Array) -> Array:
-    """Coefficients (starts, columns) by Tukey's biweight, in which far outliers do not count, from each
-    start."""
-    found, products = starts, _column_products(columns)
-    for _ in range(30):
-        far = (target - found @ columns.T) / (OUTLIER_NOISES * noise)
-        found = _weighted_least_squares(columns, products, target, known * np.maximum(0.0, 1.0 - far**2) ** 2)
-    return found
-
-
-def _column_products(columns: Array) -> Array:
-    """The outer product of the columns with themselves in every bin, (bins, columns * columns)."""
-    return (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), -1)
-
-
-def _weighted_least_squares(columns: Array, products: Array, target: Array, weights: Array) -> Array:
-    """Weighted least-squares coefficients (fits, columns). weights: (fits, bins)."""
-    count = columns.shape[1]
-    inner = (weights @ products).reshape(-1, count, count) + 1e-6 * np.eye(count)
-    return np.asarray(np.linalg.solve(inner, ((weights * target) @ columns)[:, :, None])[:, :, 0], float)
+    return np.concatenate([huber_fit(columns, voltage, known, noise)[None], levels, without])
 
 
 def _reading_step(values: Array) -> float:

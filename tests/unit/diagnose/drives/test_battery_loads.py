@@ -174,6 +174,28 @@ def test_quick_reversals_behind_the_filter_of_a_back_emf_are_no_load() -> None:
     assert find_loads(log, columns, ROBOT) is log
 
 
+def test_currents_that_a_simulation_adds_up_are_no_load() -> None:
+    """U = U_0 - R_b (|I_left| + |I_right|), whatever a driver by PWM takes from its battery: eight of 48 such
+    drives had loads, one twelve of them."""
+    row, speed = 0.01, np.zeros(2)
+    time = np.arange(0.0, 18.0, row)
+    duty, speeds, volts = np.zeros((len(time), 2)), np.zeros((len(time), 2)), np.full(len(time), 6.8)
+    for index, within in enumerate(time % 4.2):  # a square: ahead, wait, turn, wait
+        duty[index] = (0.6, 0.6) if within < 2.5 else (-0.4, 0.4) if 2.8 < within < 3.8 else (0.0, 0.0)
+        speeds[index] = speed
+        for _ in range(8):
+            current = (duty[index] * volts[index] - 1.08 * speed) / 1.8
+            volts[index] = 6.8 - 0.2 * float(np.abs(current).sum())
+        inertia = 0.014 if duty[index].sum() == 0.0 else 0.02
+        speed = speed + row * (1.08 * current - 0.18 * np.tanh(speed / 0.1)) / inertia
+    noise = np.random.default_rng(5).normal(scale=0.005, size=len(time))
+    columns = {"t": time, "battery.voltage": 6.8 - behind(6.8 - volts, 0.025) + noise}
+    for port in (0, 1):
+        columns |= {f"motor.{port}.duty": duty[:, port], f"motor.{port}.bemf": 328.0 * speeds[:, port]}
+    log = log_from_columns(columns, ROBOT)
+    assert find_loads(log, columns, ROBOT) is log
+
+
 def test_a_battery_that_is_read_without_a_filter_has_no_load(tmp_path: Path) -> None:
     """Only fits that left most of the drive out added no voltage: 7 of these 12 s were taken for a servo."""
     robot = Parameters.from_robot(ROBOT).with_effect("battery.internal_resistance", resistance=0.16)
