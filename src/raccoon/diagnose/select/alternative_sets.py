@@ -1,8 +1,8 @@
-"""Other sets of causes that may explain a recording better than the one that was found step by step.
+"""Alternative sets of causes, which may explain a recording better than the set of the stepwise search.
 
-Adding one cause at a time can go astray: two wrong ones can stand in for a right one, and neither is worth
-dropping alone. So once several are named, all causes with a nearly linear response are fitted at once. That
-model is near the truth wherever the truth is, and from there `set_scoring` proposes sets. Each cause is also
+Adding one cause at a time can go astray: two wrong causes can imitate a right one, and neither can be dropped
+alone. So if several causes are named, all causes with a nearly linear response are fitted at once. That model
+is near the truth wherever the truth is, and from there `set_scoring` proposes sets. In addition each cause is
 exchanged for those with the most similar responses, and the set for its twins. The proposals are refitted
 with the full simulation and compared by `log_evidence_lead`.
 """
@@ -25,22 +25,24 @@ from raccoon.diagnose.select.state import Search, linearise_search
 from raccoon.diagnose.select.twins import fit_twins
 
 MAX_PROPOSALS = 3
-"""Sets that each linear model proposes."""
+"""Number of sets that each linear model proposes."""
 MAX_REFINED = 3
-"""Proposals that are fitted with every column simulated anew."""
+"""Number of proposals that are fitted with new columns."""
 MAX_SAME_DISTANCE = 1.0
-"""Sum of squared differences, in units of the noise, up to which two fits predict the same."""
+"""Bound on the sum of squared differences of two whitened residuals for which the fits count as the same
+prediction."""
 MAX_DEFICIT_TO_REFINE = 60.0
-"""Log evidence that a proposal may lack to be refined so."""
+"""Log evidence by which a proposal may be behind to be fitted with new columns."""
 MIN_EXCHANGE_COSINE = 0.3
-"""Cosine of the responses from which another cause is tried in the place of one."""
+"""Threshold on the cosine of two causes' responses, above which one is tried in the place of the other."""
 MAX_EXCHANGES = 5
-"""Most such causes per cause."""
+"""Maximum number of causes that are tried in the place of each cause."""
 ONE_SIDED_START = 0.002
-"""Widths at which a one-sided cause starts in a fit of everything: off its bound, but too small to matter. At
-ten times that, latencies that the robot did not have raised the misfit by 240, and no step led back."""
+"""Widths at which a one-sided cause starts in a fit of all causes: off its bound, but too small to matter.
+With ten times as much, latencies that the robot did not have raised the misfit by 240, and no step led
+back."""
 LONE_START = 0.4
-"""Widths at which a cause starts by itself."""
+"""Widths at which a cause starts in a fit without other causes."""
 NEARLY_LINEAR_CAUSES = (
     "motor.armature_resistance@left", "motor.armature_resistance@right", "motor.back_emf_constant@left",
     "motor.back_emf_constant@right", "bemf.scale@left", "bemf.scale@right", "drive.wheel_radius@left",
@@ -49,11 +51,11 @@ NEARLY_LINEAR_CAUSES = (
     "battery.internal_resistance", "bemf.offset@left", "bemf.offset@right", "bemf.filter_lag",
     "imu.gyro_bias", "imu.gyro_scale", "imu.latency", "actuation.latency",
 )  # fmt: skip
-"""Causes whose response is nearly linear, one of each group of twins."""
+"""Causes with a nearly linear response, one of each group of twins."""
 
 
 def find_better_set(search: Search) -> Fit | None:
-    """Another set of causes that explains more, fitted; None where there is none."""
+    """The fit of another set of causes that explains more; None if there is none."""
     problem, whitener = search.problem, search.whitener
     others = _exchange_starts(search) if search.fit.point.active else _single_cause_starts(search)
     starts = [*_propose_from_linear_fit(search), *_propose_from_working_point(search), *others]
@@ -71,7 +73,7 @@ def find_better_set(search: Search) -> Fit | None:
 
 
 def _select_distinct(fits: Sequence[Fit], max_count: int) -> list[Fit]:
-    """The first fits that do not predict the same as one before them: twins would take every place."""
+    """The first `max_count` fits with different predictions: otherwise twins would take every place."""
     found: list[Fit] = []
     for fit in fits:
         if all(
@@ -85,8 +87,8 @@ def _select_distinct(fits: Sequence[Fit], max_count: int) -> list[Fit]:
 
 
 def _best_relatives(fits: Sequence[Fit], best: Sequence[Fit]) -> list[Fit]:
-    """The best fit of each relative of a cause that is alone in one of the best sets: columns at a strained
-    point lead to the wrong relative."""
+    """The best fit of each relative (see `CONFOUNDED_FAMILIES`) of a cause that is alone in one of the best
+    sets: where base numbers are far off, the columns favour the wrong relative."""
     alone = [next(iter(each.point.active)) for each in best if len(each.point.active) == 1]
     wholes = {name.partition("@")[0] for name in alone}
     relatives = {each for family in CONFOUNDED_FAMILIES if wholes & set(family) for each in family} - set(
@@ -99,14 +101,15 @@ def _best_relatives(fits: Sequence[Fit], best: Sequence[Fit]) -> list[Fit]:
 
 
 def lead_over_search(search: Search, other: Search) -> float:
-    """Log evidence of one search's fit over another's, each less its gates, under the other's noise. Their
+    """Lead of one search's fit over another's, each less its gates, under the noise of the other one. Their
     simulators may differ."""
     fit = evaluate_fit(search.problem, other.whitener, search.fit.point)
     return net_lead(other, fit, other.fit)
 
 
 def _propose_from_linear_fit(search: Search) -> Iterator[Point]:
-    """Starts of the best sets by the linear model around a fit of all nearly linear causes."""
+    """Starting points of the best sets according to the linear model around a fit of all nearly linear
+    causes."""
     problem, active = search.problem, frozenset(search.fit.point.active)
     fit = fit_point(problem, search.whitener, _with_all_nearly_linear(search), 6)
     around = linearise_search(problem, search.probes, fit.point, search.whitener, search.unknown)
@@ -122,16 +125,16 @@ def _propose_from_linear_fit(search: Search) -> Iterator[Point]:
 
 
 def _propose_from_working_point(search: Search) -> Iterator[Point]:
-    """Starts of the best sets by the linear model at the working point: where one cause stands in for two
-    others, it was taken when the columns were those of a point without it."""
+    """Starting points of the best sets according to the linear model at the working point: a cause that
+    imitates two others was added with the columns of a point without it."""
     sets, active = SetScorer.of(search), frozenset(range(len(search.fit.point.active)))
     sets.climb(active)
     yield from _starts_of_best_sets(search, sets, sets.names(active))
 
 
 def _starts_of_best_sets(search: Search, sets: SetScorer, active: frozenset[str]) -> Iterator[Point]:
-    """Starts of the best sets other than `active`, and of each without its new causes with kinked responses:
-    a dead zone that the linear model predicted made a set 80 worse that was 28 ahead without it."""
+    """Starting points of the best sets other than `active`, and of each of them without its new causes that
+    have a kinked response: a predicted dead zone made a set 80 worse that was 28 ahead without it."""
     found = {active}
     for best in sets.best_sets(MAX_PROPOSALS):
         unkinked = frozenset(
@@ -144,12 +147,13 @@ def _starts_of_best_sets(search: Search, sets: SetScorer, active: frozenset[str]
 
 
 def _is_kinked(member: Member) -> bool:
-    """Whether a member's response has a kink at 0."""
+    """Whether a member's response has a kink at size 0."""
     return member.one_sided and member.name not in NEARLY_LINEAR_CAUSES
 
 
 def _with_all_nearly_linear(search: Search) -> Point:
-    """The working point with every nearly linear cause active; causes of both sides are split into sides."""
+    """The working point with every nearly linear cause active; causes of both sides are split into one per
+    side."""
     point, causes = search.fit.point, search.problem.causes
     for name in [each for each in point.active if f"{each}@left" in NEARLY_LINEAR_CAUSES]:
         u = point.active[name]
@@ -161,8 +165,8 @@ def _with_all_nearly_linear(search: Search) -> Point:
 
 
 def _start_of_set(search: Search, sets: SetScorer, chosen: MemberSet) -> Point:
-    """The point at which the linear model puts a set; base coordinates stay, since a fit moves them at
-    once."""
+    """The point at which the linear model expects a set of causes. Base coordinates keep their values, since
+    the first step of a fit moves them."""
     mean, _ = sets.solve(chosen)
     point, position = Point(search.fit.point.base), 0
     for each in sorted(chosen):
@@ -178,7 +182,7 @@ def _start_of_set(search: Search, sets: SetScorer, chosen: MemberSet) -> Point:
 
 
 def _single_cause_starts(search: Search) -> Iterator[Point]:
-    """Starts of each nearly linear cause on its own, on one side or both, of either sign."""
+    """Starting points of each nearly linear cause alone, on one side or both, with either sign."""
     for name in sorted(
         {*NEARLY_LINEAR_CAUSES, *(each.partition("@")[0] for each in NEARLY_LINEAR_CAUSES)}
         & set(search.problem.causes)
@@ -188,13 +192,13 @@ def _single_cause_starts(search: Search) -> Iterator[Point]:
 
 
 def _exchange_starts(search: Search) -> Iterator[Point]:
-    """Starts with each cause replaced by those of the most similar responses."""
+    """Starting points with each cause replaced by those with the most similar responses."""
     for name in search.fit.point.active:
         yield from find_similar_causes(search, name, MIN_EXCHANGE_COSINE, MAX_EXCHANGES).values()
 
 
 def _drop_unneeded(search: Search, fit: Fit) -> Fit:
-    """The fit without causes that, beside the others, no longer pass their gates."""
+    """The fit after causes were dropped, one by one, that do not reach their gates beside the others."""
     while len(fit.point.active) > 1:
         leads = _linear_leads(fit)
         weakest = min(leads, key=lambda name: leads[name] - gate(name))
@@ -205,7 +209,7 @@ def _drop_unneeded(search: Search, fit: Fit) -> Fit:
 
 
 def _linear_leads(fit: Fit) -> dict[str, float]:
-    """Log evidence that each cause adds to all others, by the linear model of the fit."""
+    """Log evidence that each cause adds to all others, according to the linear model of the fit."""
     columns = fit.jacobian[fit.free]
     whole = Gram.of(columns.T, fit.target)
     evidence, place = whole.evidence(), np.cumsum(fit.free) - 1

@@ -1,6 +1,7 @@
 """Comparison of two fits of one recording: by log evidence, and by prediction of held-out data.
 
-A *lead* is the log evidence of one fit over another, with what a single event may add to it limited.
+A *lead* is the difference of log evidence between two fits, in which the contribution of each half second (an
+*event*) is limited.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ from raccoon.diagnose.fit.problem import Problem
 Array = NDArray[np.float64]
 
 HELD_OUT_BLOCKS = 8
-"""Blocks of time, each of which is predicted by a fit of all others."""
+"""Number of blocks of time, each of which is predicted by a fit of all others."""
 MAX_EVENT_LEAD = 4.0
-"""Largest log evidence that half a second may give."""
+"""Largest log evidence that one event (half a second) may contribute."""
 
 
 def log_evidence_lead(problem: Problem, fit: Fit, other: Fit) -> float:
-    """Log evidence of `fit` over `other`, with each half second's share limited to `MAX_EVENT_LEAD`.
+    """Log evidence of `fit` over `other`, with each event's contribution limited to `MAX_EVENT_LEAD`.
 
     A wheel that breaks loose a moment too late is a large error of one moment, and any parameter that shifts
-    that moment would seem to explain much. What a cause really does, it does again and again.
+    that moment would seem to explain much. A real cause acts again and again.
     """
     of_readings = problem.reading_evidence_at(fit.point) - problem.reading_evidence_at(other.point)
     return (
@@ -38,12 +39,12 @@ def log_evidence_lead(problem: Problem, fit: Fit, other: Fit) -> float:
 
 
 def nested_lead(problem: Problem, fit: Fit, less: Fit) -> float:
-    """`log_evidence_lead` of a fit over a nested one, which lacks some of its causes, with the determinant of
-    the shared coordinates taken as equal.
+    """`log_evidence_lead` of a fit over a nested one, which lacks some of its causes. The determinant of the
+    curvature of the shared coordinates counts as equal in both.
 
-    That determinant, their certainty, comes from their columns at either point. Beside wheels with play,
-    whose response is a staircase, it differs from stair to stair by several of log evidence, which are no
-    merit of a cause.
+    That determinant (the posterior uncertainty of the shared coordinates) is computed from the columns at
+    either point. With backlash, whose response is a staircase, it changes the log evidence by several units
+    from stair to stair, independently of the causes.
     """
     lead = log_evidence_lead(problem, fit, less)
     if not (fit.is_finite and less.is_finite):
@@ -57,40 +58,41 @@ def nested_lead(problem: Problem, fit: Fit, less: Fit) -> float:
 
 
 def event_excess(problem: Problem, white: Array, other: Array) -> float:
-    """Log likelihood of one whitened residual over another beyond what single events may give."""
+    """The part of the log likelihood ratio of two whitened residuals that lies beyond the limit of single
+    events."""
     events = _lead_by_event(problem, white, other)
     return float((events - _clip_events(events)).sum())
 
 
 def _lead_by_event(problem: Problem, white: Array, other: Array) -> Array:
-    """Log likelihood of one whitened residual over another in each half second, (events,)."""
+    """Log likelihood of one whitened residual over another in each event, (events,)."""
     gains, features = 0.5 * (other**2 - white**2), problem.features
     return np.add.reduceat(gains, np.arange(0, len(gains), features.event * features.measured.shape[1]))
 
 
 def _clip_events(events: Array) -> Array:
-    """The events' log likelihoods clipped to what half a second may give."""
+    """The log likelihoods of events, clipped to +-MAX_EVENT_LEAD."""
     return np.clip(events, -MAX_EVENT_LEAD, MAX_EVENT_LEAD)
 
 
 def block_grams(fit: Fit) -> list[Gram]:
-    """Inner products of a fit's columns and target in each held-out block of time."""
+    """Gram matrices of a fit's columns and target in each held-out block of time."""
     target, columns = fit.target, fit.jacobian[fit.free]
     return [Gram.of(columns[:, part].T, target[part]) for part in split_rows(len(target), HELD_OUT_BLOCKS)]
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOutPrediction:
-    """How well a fit predicts held-out data. residual (rows,): whitened residual of each block of time,
-    predicted by a fit of all others. prior_cost: half the squared base coordinates, since what robot.toml
-    says is data as well."""
+    """A fit's prediction of held-out data. residual (rows,): the whitened residual of each block of time,
+    predicted by a fit of all others. prior_cost: half the sum of squared base coordinates, since robot.toml's
+    values are data as well."""
 
     residual: Array
     prior_cost: float
 
     @classmethod
     def of(cls, fit: Fit) -> HeldOutPrediction:
-        """Predict each block of a fit's data."""
+        """Predict each block of a fit's data from all others."""
         base = fit.point.base
         return cls(
             held_out_residual(fit.jacobian[fit.free], fit.target, HELD_OUT_BLOCKS), 0.5 * float(base @ base)
@@ -98,7 +100,7 @@ class HeldOutPrediction:
 
 
 def held_out_lead(problem: Problem, one: HeldOutPrediction, other: HeldOutPrediction) -> float:
-    """Log predictive score of one fit over another; each half second is clipped as in `log_evidence_lead`."""
+    """Log predictive score of one fit over another, with each event clipped as in `log_evidence_lead`."""
     return (
         other.prior_cost
         - one.prior_cost

@@ -1,4 +1,4 @@
-"""Gates: the log evidence that a cause must add to be named."""
+"""Gates: the lead (log evidence) that a cause needs to be named."""
 
 from __future__ import annotations
 
@@ -9,31 +9,32 @@ from functools import cache
 from raccoon.diagnose.hypotheses.coordinates import lookup_by_prefix
 
 EVIDENCE_GATE = 8.0
-"""For most causes."""
+"""Gate of most causes."""
 LONE_GATE = 6.0
-"""For a cause alone, beside which no form could be wrong and which chance does not imitate: on 445 clean
-robots a motor or the IMU got 5.4 at most."""
+"""Gate of a single cause that chance does not imitate and beside which no other cause's form can be wrong: on
+445 clean robots a motor or the IMU got 5.4 at most."""
 LONE_WHEEL_GATE = 7.5
-"""For a wheel's radius alone. It got 6.7 and 7.0 there: what robot.toml leaves open of both wheels, of the
-motors, the track and the gyro adds up in the turn rate."""
+"""Gate of a single cause that is a wheel's radius. It got 6.7 and 7.0 on those robots: the uncertainties in
+robot.toml of both wheels, the motors, the track width and the gyro add up in the turn rate."""
 FLOOR_GATE = 15.0
-"""For what a real floor imitates in ways that no noise model holds: it differs by direction, and pushes tell
-most where a robot creeps. On 105 clean robots stiction got 13.7 and the scale of both readings 11.7; a
-deadband got 10.1 on one of 200, and 13.2 beside another cause."""
+"""Gate of effects that a real floor imitates in ways that no noise model contains: friction differs by
+direction, and the floor's pushes have the largest effect while a robot creeps. On 105 clean robots stiction
+got 13.7 and the scale of both readings 11.7; a deadband got 10.1 on one of 200, and 13.2 beside another
+cause."""
 WHEEL_GATE = 20.0
-"""For what holds back one wheel only, which a floor imitates best: by a patch under one side."""
+"""Gate of effects that hold back one wheel only, which a floor imitates best: a patch under one side."""
 SLOPE_GATE = 11.0
-"""For a slope, which a floor imitates less well than the others: the robot turns on it."""
+"""Gate of a slope, which a floor imitates less well than the others, since the robot turns on it."""
 SCALE_GATE = 11.0
-"""For the scale of one reading, which differs from the other's like wheels and motors that are far out in
-robot.toml."""
+"""Gate of the scale of one reading. Such a scale acts like wheels and motors that are far from robot.toml's
+values."""
 MANY_CAUSES = 4
-"""Active causes from which others may have been missed, and one more is no surprise."""
+"""Number of active causes from which others may have been missed, and a further one is not unexpected."""
 CROWDED_CAUSES = 10
-"""Active causes beside which every further trial takes as long as the whole search of another recording: only
-trials that may well change the outcome are made."""
+"""Number of active causes from which every further trial takes as long as the whole search of another
+recording: only trials that are likely to change the outcome are made."""
 _IMITATED_BY_NOISE = ("friction.", "drive.turn_scrub", "bemf.")
-"""Other causes for which the noise of floor and readings gets 6 and more."""
+"""Prefixes of other causes that reach a lead of 6 and more by the noise of floor and readings."""
 _ONE_WHEEL = ("friction.", "actuation.deadband")
 _GATES = {
     "friction.direction_dependent": FLOOR_GATE,
@@ -47,7 +48,7 @@ _GATES = {
 
 @cache
 def gate(name: str, alone: bool = False) -> float:
-    """Log evidence from which a cause is named. alone: with no other beside it."""
+    """Gate of a cause, in log evidence. alone: whether no other cause is active."""
     if "@" in name and name.startswith(_ONE_WHEEL):
         return WHEEL_GATE
     needed = lookup_by_prefix(_GATES, name, EVIDENCE_GATE)
@@ -57,11 +58,11 @@ def gate(name: str, alone: bool = False) -> float:
 
 
 def total_gate(names: Collection[str]) -> float:
-    """Log evidence that a set of causes must have."""
+    """Sum of the gates of a set of causes, in log evidence."""
     return sum(gate(each, alone=len(names) == 1) for each in names)
 
 
 def log_odds_against_another(named: int, candidates: int) -> float:
-    """Log odds against a further cause, where `named` of `candidates` are named: Laplace's rule of
+    """Log odds against a further cause if `named` of `candidates` causes are named, by Laplace's rule of
     succession."""
     return math.log((candidates - named + 1) / (named + 1))

@@ -1,4 +1,4 @@
-"""Search for causes that were missed beside many others, under the noise of the last fit."""
+"""Search for causes that were missed beside many others, with the noise of the last fit."""
 
 from __future__ import annotations
 
@@ -16,19 +16,21 @@ from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import accept_cause
 
 FULL_SET, LEAD_PER_LACKING_CAUSE = 7, 2.0
-"""Below that number of causes each one fewer makes a further cause less likely, by so much log evidence.
-Beside four causes a scrub that the robot did not have got 12.9."""
+"""If fewer than FULL_SET causes are named, each one fewer raises the required lead of a further cause by
+LEAD_PER_LACKING_CAUSE of log evidence: the fewer are named, the less likely is another. Beside four causes a
+scrub that the robot did not have got 12.9."""
 MAX_LINEARISATIONS = 4
-"""Linearisations of the refit of the present causes, as many as every other fit has."""
+"""Linearisations of the refit of the present causes, as many as in all other fits."""
 
 
 def add_missed_cause(search: Search) -> Search | None:
-    """An estimated search with the further cause that exceeds its needed lead most; None where none does.
+    """The final search with one further cause, the one that exceeds its required lead most; None if none
+    reaches it.
 
-    While a search goes on, a little of every inactive effect counts as noise, so that no cause stands in for
-    the error of form of another. The more causes are active, the more counts as noise, and where much is
-    wrong it hides what exists: a deadband worth 84 had 7. Friction of one wheel is not considered: it is what
-    the form of friction on both leaves.
+    During a search a small deviation of every inactive effect counts as noise, so that no cause is named for
+    the form error of another. With more active causes this noise is larger, and if much is wrong it hides
+    real causes: a deadband worth 84 had 7. Friction of one wheel is not tried: it imitates the form error of
+    the friction of both.
     """
     if search.unknown or len(search.fit.point.active) < MANY_CAUSES:
         return None
@@ -52,11 +54,11 @@ def add_missed_cause(search: Search) -> Search | None:
 
 
 def _extra_lead_needed(search: Search) -> float:
-    """Log evidence beyond its gate that a cause must have: an amount for each cause that a full set has more,
-    and twice what errors of form of the active causes give any other. Beside a current limit whose response
-    was 9 times the noise a gear that loses torque got 39, and a filter 16."""
+    """Log evidence beyond its gate that a further cause needs: LEAD_PER_LACKING_CAUSE for each cause fewer
+    than FULL_SET, and twice the log evidence that form errors of the active causes can give any other. Beside
+    a current limit whose response was 9 times the noise, a gear that loses torque got 39, and a filter 16."""
     problem, named = search.problem, len(search.fit.point.active)
     strength = active_response_rms(search.linear.cause_responses, search.whitener.noise)
     width = problem.features.width / BIN_S
-    readings = problem.features.measured.size * width  # as many as there are in bins of 20 ms
+    readings = problem.features.measured.size * width  # their number in bins of 20 ms
     return LEAD_PER_LACKING_CAUSE * max(FULL_SET - named, 0) + readings * form_error_rms(strength, width) ** 2

@@ -1,8 +1,9 @@
-"""Causes that are equivalent for wheels that were driven one way only.
+"""Causes that are equivalent if the wheels were driven in one direction only.
 
-More friction, more of it in the direction that was driven, and a table that pulls against it are one torque
-there. Their columns differ where a wheel breaks loose or stops, at a point at which one of them is already
-active, so the linear model does not lead from one to another: one had probability 1 that was as well another.
+More friction, more friction in the driven direction and a slope against that direction are the same torque in
+such a drive. Their columns differ where a wheel breaks loose or stops, at a point at which one of them is
+already active. So the linear model does not lead from one to another, and one was reported with a probability
+of 1 although another was equally likely.
 """
 
 from __future__ import annotations
@@ -20,15 +21,16 @@ from raccoon.diagnose.select.set_scoring import overlaps_none
 FRICTION, FRICTION_BY_DIRECTION, SLOPE = "friction.coulomb", "friction.direction_dependent", "drive.slope"
 ONE_WAY_EQUIVALENTS = (FRICTION, FRICTION_BY_DIRECTION, SLOPE)
 MAX_REVERSE_SHARE = 0.05
-"""Share of its largest reading up to which a wheel was not driven the other way."""
+"""Bound on a wheel's readings in the opposite direction, relative to its largest reading, for a drive in one
+direction."""
 IGNORED_SHARE = 0.01
-"""Share of the bins that may read more."""
+"""Share of the bins that may exceed that bound."""
 MAX_SIZE_WIDTHS, SIZES_TRIED = 4.0, 161
-"""Largest size in widths of an equivalent cause, and number of sizes tried."""
+"""Largest size of an equivalent cause, in widths, and the number of sizes tried."""
 
 
 def one_way_direction(features: Features) -> int:
-    """1 where all wheels went forwards only, -1 where backwards only, 0 where they went both ways."""
+    """1 if all wheels were driven forwards only, -1 if backwards only, 0 otherwise."""
     ways = set()
     for index, role in enumerate(features.roles):
         if role in WHEELS:
@@ -39,8 +41,8 @@ def one_way_direction(features: Features) -> int:
 
 
 def one_way_equivalents(problem: Problem, point: Point, name: str) -> Iterator[tuple[str, Point]]:
-    """For a drive one way only: each equivalent of a cause, and the point with as much of its torque in the
-    cause's place."""
+    """For a drive in one direction: each equivalent of a cause, and the point at which it replaces the cause
+    with the same torque."""
     way = one_way_direction(problem.features) if name in ONE_WAY_EQUIVALENTS else 0
     less = point.without_cause(name)
     for other in ONE_WAY_EQUIVALENTS if way else ():
@@ -55,13 +57,13 @@ def one_way_equivalents(problem: Problem, point: Point, name: str) -> Iterator[t
 
 
 def _added_holding_torque(problem: Problem, name: str, size: float, way: int) -> float:
-    """N m by which a cause of that size holds each wheel back beyond the nominal robot."""
+    """Torque (N m) by which a cause of that size holds each wheel back, beyond that of the nominal robot."""
     cause, settings = problem.causes[name], dict(problem.neutral)
     cause.apply(settings, [size, *[0.0] * (cause.size - 1)])
     return _holding_torque(settings, way) - _holding_torque(problem.neutral, way)
 
 
 def _holding_torque(settings: Settings, way: int) -> float:
-    """N m that hold each wheel back."""
+    """Torque (N m) that holds each wheel back in direction `way` (1 or -1)."""
     lean = way * settings[FRICTION_BY_DIRECTION, "left", "asymmetry"]
     return settings[FRICTION, "left", "torque"] * (1.0 + lean) - way * settings[SLOPE, None, "along_x"]

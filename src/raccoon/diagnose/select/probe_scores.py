@@ -1,4 +1,4 @@
-"""Scores of probes: what each would explain beside the active causes."""
+"""Scores of probes: the log evidence that each would add to the active causes."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ from raccoon.diagnose.select.state import Search
 Array = NDArray[np.float64]
 
 NEAR_BEST_SHARE = 0.7
-"""Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
+"""Share of the best probe's lead above which probes are ranked by their unlimited log evidence, since many
+events reach the limit of a lead."""
 MAX_PROBES_EXAMINED = 3
-"""Probes with most evidence that are examined closely."""
+"""Number of probes, those with most evidence, that are examined closely."""
 MIN_PROBE_EVIDENCE = 10.0
-"""Log evidence by the linear model from which a probe is examined closely."""
+"""Log evidence in the linear model from which a probe is examined closely."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeScore:
-    """A probe and the log evidence that it would add: all of it (evidence), and with each event's share
-    limited (lead). min_lead: see `ColumnGroup`."""
+    """A probe and the log evidence that it would add: unlimited (evidence), and with each event's
+    contribution limited (lead). min_lead: see `ColumnGroup`."""
 
     name: str
     evidence: float
@@ -36,14 +37,15 @@ class ProbeScore:
     min_lead: float = 0.0
 
     def exceeds(self, gate: float) -> bool:
-        """Whether its lead is beyond a gate, and beyond what something usual imitates."""
+        """Whether the lead is above a gate and above min_lead, which ordinary effects reach as well."""
         return self.lead > max(gate, self.min_lead)
 
 
 def find_best_probe(search: Search) -> ProbeScore:
-    """The probe that explains most of what is left, with events limited as in `log_evidence_lead`."""
+    """The probe that explains most of the residual, with events limited as in `log_evidence_lead`."""
     found = [ProbeScore("", 0.0, 0.0)]
-    # What a probe gains by relieving strained base numbers is additional: no cause could compare with it.
+    # Evidence that a probe gains because it relieves strained base numbers is left out: no cause could be
+    # compared with it.
     features = search.problem.features
     max_total_lead = MAX_EVENT_LEAD * len(features.time) / features.event
     likeliest = _rank_probes(search)[:MAX_PROBES_EXAMINED]
@@ -67,8 +69,8 @@ def find_best_probe(search: Search) -> ProbeScore:
 
 
 def _rank_probes(search: Search) -> list[tuple[float, ColumnGroup]]:
-    """The probes worth a closer examination, whole or the part that alone explains most, with their log
-    evidence less the part's choice penalty; best first."""
+    """The probes that are worth a closer examination, whole or only the part that explains most alone, with
+    their log evidence less the penalty of choosing that part; best first."""
     known = {*search.problem.causes, *search.unknown}
     best: dict[str, tuple[float, ColumnGroup]] = {}
     for gain, group, _ in screen_groups(search, search.table.with_parts(), hold_bounds=True):
@@ -81,7 +83,8 @@ def _rank_probes(search: Search) -> list[tuple[float, ColumnGroup]]:
 
 
 def _residuals_with_and_without(search: Search, group: ColumnGroup) -> tuple[Array, Array, float]:
-    """Whitened residuals of the linear model with a group and without it, and the size of its coordinates."""
+    """Whitened residuals of the linear model with a group and without it, and the norm of the group's
+    coordinates."""
     fit = search.fit
     own, target = fit.jacobian[fit.free], fit.target
     every = np.vstack([own, search.whitener(group.columns)])
@@ -91,11 +94,11 @@ def _residuals_with_and_without(search: Search, group: ColumnGroup) -> tuple[Arr
 
 
 def _evidence_beside_wander(search: Search, group: ColumnGroup) -> tuple[float, float]:
-    """Log evidence of a probe over the place, whole and with events limited, where friction may also wander:
-    with the probe and without it by the likeliest share.
+    """Log evidence of a probe over the place, unlimited and with events limited, if friction may vary slowly
+    as well. Models with and without the probe each use their most likely size of slowly varying friction.
 
-    A place at which the robot was once is a moment, and friction over it the same as friction that wanders.
-    Both were free when the noise was estimated, and chance decided which of them it was.
+    A place where the robot was only once is a moment, and friction over it is the same as friction that
+    varies in time. Both were free when the noise was estimated, and chance decided between them.
     """
     fit = search.fit
     own, slow = (

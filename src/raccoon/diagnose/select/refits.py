@@ -1,4 +1,4 @@
-"""Nonlinear refits of candidate causes: which candidates, their starting points, and the fits by rank."""
+"""Nonlinear refits of candidate causes: which candidates, from which starting points, and their ranking."""
 
 from __future__ import annotations
 
@@ -23,63 +23,62 @@ Array = NDArray[np.float64]
 
 MAX_REFITS = 5
 MAX_REFITS_WITHOUT_WANDER = 3
-"""Causes that are refitted for their evidence under the whole noise, and under that without wandering
-friction."""
+"""Numbers of causes refitted under the whole noise, and under that without slowly varying friction."""
 SHARED_SCALE_CAUSES = ("motor.armature_resistance", "drive.inertia", "friction.coulomb", "friction.viscous")
-"""Without a current reading these share one scale, which only robot.toml's standard deviations fix."""
+"""Without a measured current these share one scale, which only robot.toml's standard deviations determine."""
 TURN_RATE_CAUSES = ("imu.gyro_scale", "motor.back_emf_constant")
-"""Turn rate over back-EMF = gyro scale r / (b K_E); the other twins are the gyro's."""
+"""Turn rate over back-EMF = gyro scale r / (b K_E), with wheel radius r and track width b; the causes of r
+and b are twins of the gyro's scale."""
 CONFOUNDED_FAMILIES = (SHARED_SCALE_CAUSES, TURN_RATE_CAUSES)
 GYRO_LOW_PASS = "imu.low_pass"
-"""A gyro whose chip filters: a habit of the controller, and no cause."""
+"""The low-pass filter in the gyro's chip: a habit of the controller, not a cause."""
 LAG_FAMILIES = (("imu.latency", "drive.wheel_slip", GYRO_LOW_PASS), ("actuation.latency", "bemf.filter_lag"))
-"""Causes that delay the same readings; the parameter of each is a time."""
+"""Causes that delay the same readings; the parameter of each is a time in s."""
 RELATIVE_START_WIDTHS = (-0.6, 0.6)
 """Widths at which refits of a cause's relatives start."""
 STRAINED_STDS = 1.5
-"""Standard deviations from robot.toml from which a base number is strained: something large is missing."""
+"""Standard deviations from robot.toml beyond which a base number is strained: something large is missing."""
 FAR_STRAINED_STDS = 2.5
-"""The same where causes may have been missed."""
+"""Standard deviations from robot.toml beyond which a base number shows that causes may have been missed."""
 SEVERAL_CAUSES = 2
-"""Active causes from which others may have been missed beside them."""
+"""Number of active causes from which others may have been missed beside them."""
 MAX_REFINED = 3
-"""Most refits that are refined."""
+"""Maximum number of refits that are fitted again with new columns."""
 MIN_LEAD_TO_REFINE = 8.0
-"""Log evidence that a refit must add to be refined."""
+"""Lead from which a refit is fitted again with new columns."""
 OVERWHELMING_EVIDENCE = 300.0
-"""Log evidence with no event limited from which a refit is refined whatever its lead: base numbers are then
-far off in all but the few moments in which it acts."""
+"""Unlimited log evidence from which a refit is fitted again whatever its lead: if a cause explains so much in
+a few moments, the base numbers are far off in all others."""
 MAX_REFITS_RELINEARISED, MAX_CAUSES_RELINEARISED = 6, 10
-"""Refits, and causes in all, that are fitted once more with new columns before a search ends."""
+"""Number of refits, and of causes in all, that are fitted once more with new columns before a search ends."""
 SMALL_SIZES = (0.25, 0.03)
-"""Widths from which a one-sided cause, whose response is kinked, is then tried: a fit of a deadband of 0.0074
-beside six other causes stopped at half of it and lost 2 of log evidence, where from a quarter width it adds
-16. Play of 0.003 rad was lost from a quarter width, ten times as much."""
+"""Widths from which a one-sided cause, whose response is kinked, is tried in these last fits: a fit of a
+deadband of 0.0074 beside six other causes stopped at half of that and lost 2 of log evidence; from a quarter
+width it gains 16. Backlash of 0.003 rad was not found from a quarter width, ten times as much."""
 HOPELESS_DEFICIT, PREDICTED_DECREASE_FACTOR = 50.0, 2.0
-"""A fit is given up when it lacks so much log evidence, even with so many times the cost decrease that is
-predicted for its next step. A deadband that gained four times what was predicted still lacked a hundred."""
+"""A fit is stopped if it is behind by so much log evidence even with this multiple of the cost decrease
+predicted for its next step. A deadband that gained four times the prediction was still a hundred behind."""
 SMALL_SHAPES = (0.0, -0.6, 0.6)
-"""Widths of the shape from its usual value at those starts: that play was lost, by 250 of log evidence,
-beside wheels that coast as far as usual, and adds 76 from where they coast half as far."""
+"""Deviations of the shape from its usual value, in widths, at those starts: one backlash lost 250 of log
+evidence with wheels that coast as far as usual, and gains 76 from a start at which they coast half as far."""
 ASTRAY_LOSS = 5.0
-"""Log evidence lost over the fit without the cause from which a refit went astray, since a cause of next to
-no size costs less."""
+"""Log evidence lost by a refit that went astray: a cause of nearly size zero loses less."""
 BACKLASH_LINEARISATIONS = 8
-"""Linearisations of a fit of play from its scan, whose misfit is a staircase."""
+"""Linearisations of a fit of backlash from its scan, since the misfit is a staircase."""
 MIN_SHARE_OF_BEST_LEAD = 0.35
-"""Share of the best refit's lead from which another may still become the best."""
+"""Share of the best refit's lead from which another refit may still become the best."""
 
 
 def delay_same_reading(name: str, other: str) -> bool:
-    """Whether two causes delay the same readings, so that what one adds is as well the other's."""
+    """Whether two causes delay the same readings, so that a lag of one may as well be the other's."""
     return any({name, other} <= set(family) for family in LAG_FAMILIES)
 
 
 def screen_candidates(search: Search) -> Screening:
-    """The best variants of the causes worth a nonlinear refit.
+    """The best variants of the causes that are worth a nonlinear refit.
 
-    Screened twice: under the full noise model, and without wandering friction, which resembles a change of
-    friction so closely that only a nonlinear refit distinguishes them.
+    They are screened twice: under the whole noise, and without slowly varying friction, which resembles a
+    change of friction so closely that only a nonlinear refit distinguishes them.
     """
     chosen: Screening = []
     tables = (search.table, MAX_REFITS), (search.table_without_wander, MAX_REFITS_WITHOUT_WANDER)
@@ -100,18 +99,18 @@ def screen_candidates(search: Search) -> Screening:
 
 
 def first_guess(search: Search, group: ColumnGroup, mean: Array) -> Array:
-    """Coordinates at which to start a cause's refit: the linear model's, clipped to a few widths."""
+    """Coordinates at which a cause's refit starts: those of the linear model, clipped to a few widths."""
     cause = search.problem.causes[group.name]
     if not group.start:
         return np.clip(mean, -2.0, 2.0)
     first = float(np.clip(mean[0], 0.2 * group.start[0] if cause.one_sided else -3.0, 4.0))
     if len(cause.variants) > 1 and 0.6 < first / group.start[0] < 1.7:
-        first = group.start[0]  # kinked: this guess was simulated, what is between is only interpolated
+        first = group.start[0]  # kinked: this size was simulated, others are interpolated
     return np.array([first, *group.start[1:]])
 
 
 def both_signs(problem: Problem, name: str, point: tuple[float, ...]) -> list[tuple[float, ...]]:
-    """A cause's coordinates, and, unless it is one-sided, those with the first one's sign changed."""
+    """A cause's coordinates, and, unless it is one-sided, the same with the opposite sign of the first."""
     if problem.causes[name].one_sided:
         return [point]
     return [point, (-point[0], *point[1:])]
@@ -123,7 +122,7 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     chosen.extend(_relative_starts(search, [name for name, _ in chosen]))
     named = [(name, search.fit.point.with_cause(name, u)) for name, u in chosen]
     named.extend(split_lags(search))
-    if search.fit.point.active:  # before, the cause that is searched for strains everything
+    if search.fit.point.active:  # before, the missing cause itself strains base numbers
         named.extend(causes_of_strained_numbers(search.problem, search.fit.point, FAR_STRAINED_STDS))
     starts = [start for _, start in named]
     fits = fit_with_frozen_columns(search.problem, search.whitener, starts, search.fit.jacobian, 4)
@@ -133,7 +132,7 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
 
 
 def _fit_backlash(search: Search) -> list[Fit]:
-    """Fits of play, where it is inactive, from the places of a scan at which it explains more."""
+    """Fits of backlash, if it is inactive, from the points of a scan at which it explains more."""
     problem = search.problem
     if BACKLASH not in problem.causes or not overlaps_none(BACKLASH, search.fit.point.active):
         return []
@@ -157,8 +156,8 @@ def _most_evidence_first(fits: Mapping[str, Fit]) -> list[tuple[str, Fit]]:
 def rank_refits(
     problem: Problem, refits: Sequence[tuple[str, Fit]], current: Fit
 ) -> list[tuple[str, Fit, float]]:
-    """Refits with their leads over the current fit, best first; the best is that which no other leads when
-    the two are compared directly."""
+    """Refits with their leads over the current fit, best first. The first is the one that no other leads in a
+    direct comparison."""
     ranked = sorted(
         ((name, fit, log_evidence_lead(problem, fit, current)) for name, fit in refits),
         key=lambda each: -each[2],
@@ -171,8 +170,8 @@ def rank_refits(
 
 
 def _relative_starts(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
-    """Starts of the other causes of a family of which one is tried: where one is far off, the linear model
-    misses the rest."""
+    """Starting points of the other causes in the families of the candidates, if base numbers are strained:
+    the linear model then does not show these relatives."""
     if not is_strained(search.fit):
         return []
     tried = {name.partition("@")[0] for name in names}
@@ -185,16 +184,17 @@ def _relative_starts(search: Search, names: Sequence[str]) -> list[tuple[str, Ar
 
 
 def split_lags(search: Search, part: float = 0.5) -> list[tuple[str, Point]]:
-    """Starts at which each inactive lag takes over a part of an active lag of the same reading, by name.
+    """Starting points at which an inactive lag takes over a share (`part`) of an active lag of the same
+    reading, each with the name of the inactive one.
 
-    Two lags d and e in a row act as one of d + e but for terms of the second order, so no linear model around
-    the one points to the two.
+    Two lags d and e in a row act like one of d + e except for terms of second order, so no linear model
+    around one lag leads to two.
     """
     point, causes = search.fit.point, search.problem.causes
     found = []
     for name, other in _lag_pairs(search):
         kept, u = (1.0 - part) * point.active[name], part * equal_lag(search, name, other)
-        if u[0] > 0.0 or not causes[other].one_sided:  # no part of a faster filter is a latency
+        if u[0] > 0.0 or not causes[other].one_sided:  # a faster filter cannot be part of a latency
             found.append((other, point.with_cause(name, kept).with_cause(other, u)))
     return found
 
@@ -214,20 +214,20 @@ def _lag_pairs(search: Search) -> Iterator[tuple[str, str]]:
 
 
 def is_strained(fit: Fit, deviations: float = STRAINED_STDS) -> bool:
-    """Whether a base number is more than that many standard deviations from robot.toml."""
+    """Whether a base number is more than so many standard deviations from robot.toml."""
     return bool((np.abs(fit.point.base) > deviations).any())
 
 
 def may_miss_causes(fit: Fit) -> bool:
-    """Whether causes may have been missed: the columns are those of a point far from the true one."""
+    """Whether causes may have been missed, because the columns belong to a point far from the true one."""
     return len(fit.point.active) >= SEVERAL_CAUSES or is_strained(fit, FAR_STRAINED_STDS)
 
 
 def refit_relinearised(search: Search, refits: Sequence[tuple[str, Fit]]) -> list[tuple[str, Fit]]:
-    """Refits of the given causes and of lower-ranked ones, with every column simulated anew.
+    """Refits of the given causes and of lower-ranked ones with new columns.
 
-    Beside several causes that are a little off, the columns of the point before lead astray. One-sided causes
-    have a kinked response and are tried from a small size as well, also those whose refits went astray.
+    Beside several causes that are slightly wrong, the columns of the previous point lead astray. One-sided
+    causes have a kinked response and are tried from small sizes as well, also those whose refits went astray.
     """
     causes, point = search.problem.causes, search.fit.point
     starts = {name: [fit.point] for name, fit in refits[:MAX_REFITS_RELINEARISED]}
@@ -256,9 +256,9 @@ def refit_relinearised(search: Search, refits: Sequence[tuple[str, Fit]]) -> lis
 
 
 def _visible_small_starts(search: Search, names: Sequence[str]) -> Iterator[tuple[str, Fit]]:
-    """Starts of causes at small sizes that change a reading, as fits: so near to the point, the columns of
-    all other coordinates are those of the point. A size too small to show, as of a dead zone below two
-    counts, has columns of 0 and is left out."""
+    """Starting points of causes at small sizes that change a reading, as fits: so near to the current point,
+    the columns of all other coordinates are those of that point. A size without a visible effect, such as a
+    dead zone below two counts, has columns of 0 and is left out."""
     point, frozen = search.fit.point, search.fit.jacobian
     starts = [
         (name, each)
@@ -272,16 +272,17 @@ def _visible_small_starts(search: Search, names: Sequence[str]) -> Iterator[tupl
 
 
 def _small_starts(point: Point, name: str, shapes: int) -> Iterator[Point]:
-    """The point with small sizes of a cause; where that has shape coordinates, with several shapes."""
+    """The point with each small size of a cause; with several shapes each if it has shape coordinates."""
     for size in SMALL_SIZES:
         for shape in SMALL_SHAPES if shapes else SMALL_SHAPES[:1]:
             yield point.with_cause(name, np.array([size, *[shape] * shapes]))
 
 
 def _refine_best(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
-    """Refit the best once more with every column simulated anew, where base numbers are strained.
+    """Fit the best refits once more with new columns if base numbers are strained.
 
-    The columns of base numbers were those of the point before; a cause that relieves them changes them.
+    The columns of the base numbers were those of the previous point, and a cause that relieves base numbers
+    changes them.
     """
     leads = {name: log_evidence_lead(search.problem, fit, search.fit) for name, fit in fits.items()}
     best = sorted((name for name in fits if leads[name] > MIN_LEAD_TO_REFINE), key=lambda name: -leads[name])

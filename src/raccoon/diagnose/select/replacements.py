@@ -1,4 +1,5 @@
-"""One cause or set of causes in the place of several: steps that a search by single causes does not find."""
+"""Replacement of several causes by one cause or another set: steps that a search by single causes does not
+find."""
 
 from __future__ import annotations
 
@@ -24,11 +25,11 @@ from raccoon.diagnose.select.transitions import (
 )
 
 MAX_SINGLE_DEFICIT = 3.0
-"""Log evidence that one cause alone may lack to replace several."""
+"""Log evidence by which one cause alone may be behind to replace several."""
 
 
 def merge_sides(search: Search) -> Search:
-    """Merge causes of left and right into one of both sides where they are not worth a cause each."""
+    """Merge a left and a right cause into one of both sides if two causes are not justified over one."""
     for name in [each for each in search.fit.point.active if each.endswith("@left")]:
         whole, other = name.removesuffix("@left"), name.replace("@left", "@right")
         active = search.fit.point.active
@@ -41,7 +42,8 @@ def merge_sides(search: Search) -> Search:
         separate = refit_current(search)
         fits = fit_with_frozen_columns(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
         merged, lead = _best_lead(search, fits, separate)
-        # Columns of the two may lead astray: two plays were 80 behind, and 36 ahead with their own columns.
+        # Columns of the two causes may lead astray: backlash of both was 80 behind, and 36 ahead with its own
+        # columns.
         if lead <= -gate(whole):
             fits = [fit_point(search.problem, search.whitener, each.point) for each in fits]
             merged, lead = _best_lead(search, fits, separate)
@@ -51,8 +53,8 @@ def merge_sides(search: Search) -> Search:
 
 
 def split_sides(search: Search) -> Search:
-    """Split a cause of both sides where one of a single side is active beside it: the same robot, in numbers
-    of each wheel. Its rivals become those of the other side's cause."""
+    """Split a cause of both sides into one per side if a cause of a single side is active beside it: the same
+    robot in numbers of each wheel. Its rivals become those of the other side's cause."""
     active = search.fit.point.active
     for name in active:
         whole, _, side = name.partition("@")
@@ -83,8 +85,8 @@ def _best_lead(search: Search, fits: Sequence[Fit], other: Fit) -> tuple[Fit, fl
 
 
 def simplify_to_one_cause(search: Search) -> tuple[Search, bool]:
-    """Replace several causes by one that explains as much: two wrong ones can imitate a right one. Also
-    whether that was done."""
+    """Replace several causes by one that explains as much, since two wrong ones can imitate a right one. Also
+    returns whether that was done."""
     active = search.fit.point.active
     others = {each.name for rivals in search.rivals.values() for each in rivals}
     others |= {name.partition("@")[0] for name in (*active, *others)} & set(search.problem.causes)
@@ -115,8 +117,8 @@ def simplify_to_one_cause(search: Search) -> tuple[Search, bool]:
 
 
 def replace_by_better_sets(search: Search) -> tuple[Search, bool]:
-    """Replace the set of causes by one that explains more, up to three times; also whether that was done. It
-    ends with a better fit of the same set, which led all others already."""
+    """Replace the set of causes by one that explains more, up to three times. Also returns whether that was
+    done. It ends early with a better fit of the same set, which already led all others."""
     changed = False
     for _ in range(3):
         fit = find_better_set(search) if may_miss_causes(search.fit) else None

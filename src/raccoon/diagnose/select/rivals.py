@@ -1,4 +1,4 @@
-"""What would explain a recording nearly as well in the place of a cause that was named."""
+"""Rivals: causes that explain a recording nearly as well in the place of a named one."""
 
 from __future__ import annotations
 
@@ -23,50 +23,53 @@ from raccoon.diagnose.select.twins import fit_twins
 
 Array = NDArray[np.float64]
 Replacement = tuple[float, ColumnGroup, Array]
-"""What may replace a cause: a number by which replacements are sorted, lowest first, the variant's columns,
-and its coordinates."""
+"""A possible replacement of a cause: its rank (lowest first), the columns of the variant, and its
+coordinates."""
 
 MAX_LINEAR_DEFICIT = 20.0
-"""Log evidence that a rival may lack by the linear model to be refitted."""
+"""Log evidence by which a rival may be behind in the linear model to be refitted."""
 MIN_RIVAL_COSINE = 0.45
-"""Cosine of the responses from which a rival is refitted as well."""
+"""Threshold on the cosine of the responses, above which a rival is refitted as well."""
 MAX_RIVAL_WIDTHS = 30.0
-"""Widths beyond which a cause that would have to be so large is no rival, however similar: where no reading
-shows a cause, as without a gyro a wheel's radius, its column of next to nothing resembles any other, and
-thousands of its widths took the places of causes that act."""
+"""Largest size of a rival, in widths, however similar its response. If no reading shows a cause (a wheel's
+radius without a gyro), its column is nearly zero and resembles any other, and thousands of its widths
+replaced causes that act."""
 MAX_RIVALS = 4
-"""Most rivals of either kind (cheapest, most similar) of one cause that are refitted."""
+"""Maximum number of rivals of either kind (least loss, most similar) that are refitted for each cause."""
 MIN_RIVALS = 2
-"""The most similar ones that are refitted however low their cosine is: in a creeping drive friction that
-differs between the directions was as likely as the slope that was named, and its cosine was 0.38."""
+"""Number of most similar rivals that are refitted however low their cosine: in a creeping drive
+direction-dependent friction was as likely as the slope that was named, with a cosine of 0.38."""
 MAX_CLASS_LEAD = EVIDENCE_GATE
-"""Log evidence that a rival may lack to be named together with a cause, as a class: to be distinguished from
-another a cause needs what it needs to be named at all. Of 17 causes of blind robots that led a rival by 3 to
-12, 5 were wrong and the rival was the hidden cause, where leads alone let expect less than one."""
+"""Log evidence by which a rival may be behind to be named together with a cause, as a class: to be
+distinguished from another one, a cause needs as much as to be named at all. Of 17 causes of blind robots that
+led a rival by 3 to 12, 5 were wrong and the rival was the hidden cause, where the leads alone predict less
+than one."""
 LEAD_PER_E_FOLD = 5.0
 """Lead over a rival that makes a cause e times as likely as the rival: on blind robots the better of two was
-right 12 times of 17 where it led by 3 to 12."""
+right 12 times of 17 if it led by 3 to 12."""
 MIN_NET_LEAD = 1.0
-"""Log evidence, gates subtracted, by which another set of causes must lead."""
+"""Lead, less the gates, that another set of causes needs to replace the present one."""
 LAG_SHARE = 0.25
-"""Share of a lag that another lag of the same reading may take over as likely, for both to be named."""
+"""Share of a lag that is moved to another lag of the same reading; if that is nearly as likely, both are
+named."""
 MAX_LAG_STDS = 2.0
-"""Standard deviations from the likeliest split within which that share must be."""
+"""Bound, in standard deviations from the most likely split, for that share to be nearly as likely."""
 MAX_DEFICIT_TO_REFINE = 15.0
-"""Log evidence that a rival may lack to be refitted with the base numbers' columns simulated anew."""
+"""Log evidence by which a rival may be behind to be refitted with new columns of the base numbers."""
 MAX_DEFICIT_TO_RESTART = 25.0
-"""Log evidence that a rival may lack after that to be fitted from other starts as well. Where wheels break
-loose a fit stalls in a valley that it should go along: a quadratic drag in a viscous one's place lacked 0.2,
-from fifteen starts 0.2 to 16, and 19 from where it would have been named with it."""
+"""Log evidence by which a rival may then still be behind to be fitted from other starts as well. Where wheels
+break loose, a fit gets stuck in a valley along which it should go on: a quadratic drag in the place of a
+viscous one was 0.2 behind; from fifteen starts fits ended 0.2 to 16 behind, and the first fit, which kept it
+from being named, 19."""
 RESTART_SCALES = (0.5, 0.0)
-"""Factors on the base coordinates of the fit at those starts."""
+"""Factors on the fit's base coordinates at those starts."""
 
 
 def compare_rivals(search: Search) -> Fit | None:
-    """Fit the rivals of each cause in its place, all else refitted, and note them in the search.
+    """Fit the rivals of each cause in its place, everything else refitted, and record them in the search.
 
-    Returns the fit that explains more after all, of which one may be a lag as the sum of two; None where none
-    does.
+    Returns the fit that explains more than the present one, which may be one with a lag as the sum of two;
+    None if there is none.
     """
     problem, whitener = search.problem, search.whitener
     search.rivals = {name: [] for name in search.fit.point.active}
@@ -99,25 +102,25 @@ def compare_rivals(search: Search) -> Fit | None:
 
 
 def mark_as_likely(search: Search, names: frozenset[str]) -> None:
-    """Let none of these rivals be likelier than the cause in whose place it was tried: under the noise of
-    each of two sets the other one explains more, so neither does."""
+    """Limit the lead of each cause over these rivals to at least 0: under the noise of either of the two sets
+    the other one explains more, so neither is ahead."""
     for name, rivals in search.rivals.items():
         even = [replace(each, lead=max(each.lead, 0.0)) if each.name in names else each for each in rivals]
         search.rivals[name] = sorted(even, key=lambda rival: rival.lead)
 
 
 def _refit_from_restarts(search: Search, fit: Fit) -> Iterator[Fit]:
-    """Fits of the same causes from starts whose base numbers are nearer to robot.toml's."""
+    """Fits of the same causes from base numbers nearer to robot.toml's."""
     for scale in RESTART_SCALES:
         yield fit_point(search.problem, search.whitener, fit.point.shrunk(scale))
 
 
 def _compare_twins(search: Search, current: Fit) -> list[Fit]:
-    """Fit the sets of causes that are the same drive in other numbers, and note what is new in each as rivals
-    of the cause that it does without, where it is nearly as likely. Its additional causes count against it.
+    """Fit the twins of the set of causes. If one is nearly as likely, record its new causes as rivals of the
+    cause that it omits. Its additional causes count against it.
 
-    Its misfit is the same, so where many are named an additional cause counts by how rare causes are, instead
-    of by what chance makes of a drive.
+    Its misfit is the same, so if many causes are named an additional one counts by the odds against a further
+    cause, and not by the gate that protects against chance.
     """
     twins, active = fit_twins(search), search.fit.point.active
     candidates = len({each.id for each in search.problem.causes.values()})
@@ -127,7 +130,7 @@ def _compare_twins(search: Search, current: Fit) -> list[Fit]:
         new = [each for each in fit.point.active if each not in active]
         additional = max(len(fit.point.active) - len(active), 0)
         behind = -net_lead(search, fit, current)
-        deficit = max(behind - additional * discount, min(behind, 0.0))  # the discount makes no lead
+        deficit = max(behind - additional * discount, min(behind, 0.0))  # the discount alone makes no lead
         for each in new if deficit < MAX_CLASS_LEAD else []:
             others = tuple(other for other in new if other != each)
             search.rivals[name] = [rival for rival in search.rivals[name] if rival.name != each]
@@ -137,11 +140,11 @@ def _compare_twins(search: Search, current: Fit) -> list[Fit]:
 
 
 def _split_lag_deficits(search: Search, current: Fit) -> Iterator[tuple[str, str, Point, float]]:
-    """Each lag of which a good share may as well be another lag, that other one, the point at which both are
-    active, and the log evidence that this lacks.
+    """Each lag of which a share (LAG_SHARE) may be another lag; that other lag, the point with both active,
+    and by how much log evidence that point is behind.
 
-    Base coordinates of the other lag are held: they would take back what the lag gives away, and the lag
-    would be called the sum of both where it is well distinguished from the other.
+    Base coordinates of the other lag are fixed: they would take back the share, and a lag that is well
+    distinguished from the other would be reported as a sum of both.
     """
     problem, whitener = search.problem, search.whitener
     for other, start in split_lags(search, LAG_SHARE):
@@ -153,13 +156,12 @@ def _split_lag_deficits(search: Search, current: Fit) -> Iterator[tuple[str, str
 
 
 def relative_odds(rival: Rival) -> float:
-    """How likely a rival is, relative to 1 for the cause. Causes that are one rival together share that."""
+    """Odds of a rival, relative to 1 for the cause. Causes that together are one rival share its odds."""
     return math.exp(-max(rival.lead, -50.0) / LEAD_PER_E_FOLD) / (1 + len(rival.together))
 
 
 def fault_probability(search: Search, name: str) -> float:
-    """Probability that what a cause does is a fault: a lag may as well be that of the gyro's own chip, which
-    is none."""
+    """Probability that a cause is a fault: a lag may also be that of the gyro's own chip, which is none."""
     return 1.0 / (
         1.0 + sum(relative_odds(each) for each in search.rivals.get(name, []) if each.name == GYRO_LOW_PASS)
     )
@@ -174,7 +176,7 @@ def rivals_only_beside(search: Search, name: str, rivals: tuple[str, ...]) -> tu
 
 
 def net_lead(search: Search, fit: Fit, other: Fit) -> float:
-    """Log evidence of a fit over another, each less the gates of its causes."""
+    """Lead of a fit over another, each less the gates of its causes."""
     return (
         log_evidence_lead(search.problem, fit, other)
         - total_gate(fit.point.active)
@@ -183,11 +185,11 @@ def net_lead(search: Search, fit: Fit, other: Fit) -> float:
 
 
 def _rival_starts(search: Search) -> Iterator[tuple[str, str, Point]]:
-    """Each cause, a rival to try in its place, and the point at which to start the rival's fit.
+    """Each cause, a rival to try in its place, and the starting point of the rival's fit.
 
-    Rivals are those that lose least by the linear model, and those whose response is most similar: the linear
-    model says little of a cause that is far off, beside which base numbers move. For a cause of one side also
-    that of both sides.
+    Rivals are the causes that lose least in the linear model, and those with the most similar responses: the
+    linear model says little about a cause that is far off, with which the base numbers change. For a cause of
+    one side, the cause of both sides is a rival as well.
     """
     sets, point = SetScorer.of(search), search.fit.point
     for name, u in point.active.items():
@@ -204,9 +206,9 @@ def _rival_starts(search: Search) -> Iterator[tuple[str, str, Point]]:
 def find_similar_causes(
     search: Search, name: str, min_cosine: float, max_count: int, min_count: int = 0
 ) -> dict[str, Point]:
-    """Points at which a cause is replaced by one with a similar response, of the size that fits it, most
-    similar first: by the cosine of the whitened responses, which is above `min_cosine` but for the first
-    `min_count`."""
+    """Points at which a cause is replaced by one with a similar response, of the size that fits best; most
+    similar first. Similarity is the cosine of the whitened responses. It must exceed `min_cosine`, except for
+    the first `min_count`."""
     gram, own = search.table.gram, search.table.active[name]
     less = search.fit.point.without_cause(name)
     u = search.fit.point.active[name]
@@ -229,8 +231,8 @@ def find_similar_causes(
 
 
 def _cheapest_replacements(search: Search, sets: SetScorer, name: str) -> dict[str, Point]:
-    """Points at which a cause is replaced by one that loses little log evidence by the linear model, least
-    first."""
+    """Points at which a cause is replaced by one that loses little log evidence in the linear model, least
+    loss first."""
     current = frozenset(range(len(search.fit.point.active)))
     rest = frozenset(each for each in current if sets.members[each].name != name)
     _, evidence = sets.solve(current)
@@ -247,7 +249,7 @@ def _cheapest_replacements(search: Search, sets: SetScorer, name: str) -> dict[s
 def _replacement_starts(
     search: Search, less: Point, others: list[Replacement], max_count: int
 ) -> dict[str, Point]:
-    """Points with the first variant of each replacement beside the point without the cause."""
+    """Points with the first variant of each replacement added to the point without the cause."""
     found: dict[str, Point] = {}
     for _, group, u in sorted(others, key=lambda each: each[0]):
         if len(found) == max_count:

@@ -1,4 +1,4 @@
-"""Screening: what each inactive cause or probe would add to the log evidence, by the linear model alone."""
+"""Screening: the log evidence that each inactive cause or probe would add, by the linear model alone."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Screening = list[tuple[float, ColumnGroup, Array]]
 
 
 def screen_groups(search: Search, table: GramTable | None = None, hold_bounds: bool = False) -> Screening:
-    """Log evidence that each inactive cause or probe would add, by the linear model, and its coordinates;
-    best first.
+    """Log evidence that each inactive cause or probe would add in the linear model, and its coordinates; best
+    first.
 
-    table: by default the search's. hold_bounds: whether coordinates at a bound held there; otherwise they
-    are refitted inside their bounds beside each group.
+    table: by default that of the search. hold_bounds: whether coordinates at a bound stay there; otherwise
+    they are refitted within their bounds together with each group.
     """
     table = search.table if table is None else table
     limits, spans = search.problem.limits(search.fit.point), [span for _, span in table.inactive]
@@ -35,7 +35,7 @@ def screen_groups(search: Search, table: GramTable | None = None, hold_bounds: b
 
 
 def _solve_beside_held(search: Search, table: GramTable) -> Iterator[tuple[Array, float]]:
-    """Coordinates of each inactive group, and the log evidence that it adds beside the free coordinates."""
+    """Coordinates of each inactive group, and the log evidence that it adds to the free coordinates."""
     free = search.fit.free
     leading = [int(i) for i in np.flatnonzero(free)]
     held = np.zeros(len(table.gram.projection))

@@ -1,5 +1,5 @@
-"""Model selection: causes are added forward by true refits, eliminated backward and exchanged; each step has
-to pass a gate of log evidence and to help on held-out blocks."""
+"""Model selection: causes are added one at a time by nonlinear refits, dropped and exchanged. In each step a
+cause must reach its gate of log evidence and improve the prediction of held-out blocks."""
 
 from __future__ import annotations
 
@@ -35,35 +35,35 @@ from raccoon.diagnose.select.transitions import (
 HELD_OUT_GATE = 2.0
 """Log predictive score that a cause must add on held-out blocks."""
 HELD_OUT_EXEMPT_LEAD = 30.0
-"""Lead from which a cause need not help on held-out blocks."""
+"""Lead from which a cause need not improve the prediction of held-out blocks."""
 HELD_OUT_ALLOWANCE = 0.4
-"""Share of its lead beyond the gate by which a cause may fall short there."""
+"""Share of a cause's lead beyond its gate by which it may fall short on held-out blocks."""
 PROBE_GATE = 14.0
 """Lead from which a probe may be taken before a cause."""
 LONE_PROBE_GATE = 8.0
-"""The same where nothing explains anything yet; what is left beside a cause, whose form is never quite the
-robot's, has more."""
+"""The same if no cause or curve was found yet. The residual beside a cause has more, since no cause has
+exactly the robot's form."""
 MIN_PROBE_EVIDENCE_RATIO = 1.3
-"""Times the log evidence (events not clipped) of the best cause, from which a probe is taken before it."""
+"""Ratio of a probe's unlimited log evidence to the best cause's from which the probe is taken first."""
 MIN_PROBE_LEAD_RATIO = 1.5
-"""The same for leads: a cause with a few large moments right, and the rest of the drive not, is none."""
+"""The same for leads: a cause that explains a few large moments and not the rest of the drive is none."""
 MIN_SHARE_BESIDE_UNKNOWN = 0.33
-"""Share of a taken probe's lead that a cause beside it must have at least."""
+"""Share of a taken probe's lead that a cause beside it needs as its lead."""
 EXPLAINS_NOTHING = "explains nothing that is left"
 MAX_CAUSES = 14
-"""Number of causes at which a search ends, however much is left: no robot has so many."""
+"""Number of causes at which a search ends, however large the residual: no robot has so many."""
 OUTPERFORMED_LEAD = 5.0
-"""Lead (gates not counted) by which a rival in a cause's place outperforms the cause."""
+"""Lead, without gates, of a rival in a cause's place from which it outperforms the cause."""
 WEAK_LEAD_GATES = 3.0
-"""Times its gate up to which a cause's lead is checked by refitting the others with new columns."""
+"""Lead, in gates, below which a cause is checked by a refit of the others with new columns."""
 
 
 def forward_step(search: Search) -> tuple[Search, bool]:
-    """Add the cause that explains most and passes its gates; also whether anything was added.
+    """Add the cause that explains most and passes its gates. Also returns whether anything was added.
 
-    A probe that explains far more than any cause is taken first: what it describes is in no catalogue. That
-    needs causes to be behind it also after a refit with all columns simulated anew: a friction that makes
-    wheels stop is a poor fit along the columns of wheels that never did, and a curve over speed is not.
+    A probe that explains far more than any cause is taken first: its effect is outside the catalogue. The
+    causes must be behind it also after a refit with new columns: for a friction that stops the wheels, the
+    columns of turning wheels fit badly, while a curve over speed fits well.
     """
     refits = refit_candidates(search)
     current = refit_current(search)
@@ -98,8 +98,8 @@ def _probe_goes_first(probe: ProbeScore, ranked: Sequence[tuple[str, Fit, float]
 def _accept_first_passing(
     search: Search, ranked: Sequence[tuple[str, Fit, float]], current: Fit
 ) -> Search | None:
-    """The search with the first cause that passes its gate and the held-out blocks; None where none does. Why
-    the others are rejected is noted."""
+    """The search with the first cause that passes its gate and the held-out blocks; None if none does.
+    Records why the others are rejected."""
     before = HeldOutPrediction.of(current)
     for name, fit, lead in ranked:
         needed = required_evidence(search, name, alone=not search.fit.point.active)
@@ -116,7 +116,7 @@ def _accept_first_passing(
 
 
 def _describe_lacking_evidence(lead: float, evidence: float, needed: float) -> str:
-    """Why a cause is not named. lead: its log evidence with events clipped; evidence: all of it."""
+    """Reason why a cause is not named. lead: its log evidence with events limited; evidence: unlimited."""
     if evidence > needed:
         return (
             f"shows in too few moments of this recording (log evidence {lead:+.1f} of {evidence:+.1f} counts)"
@@ -127,27 +127,29 @@ def _describe_lacking_evidence(lead: float, evidence: float, needed: float) -> s
 
 
 def required_evidence(search: Search, name: str, alone: bool) -> float:
-    """The lead that a cause needs: its gate, and beside something unknown a share of that one's lead."""
+    """Lead that a cause needs: its gate, and beside something unknown at least a share of that probe's
+    lead."""
     if search.unknown:
         return max(gate(name), MIN_SHARE_BESIDE_UNKNOWN * max(search.unknown.values()))
     return gate(name, alone)
 
 
 def _fails_held_out(lead: float, needed: float, held_out: float) -> bool:
-    """Whether a cause must help on held-out blocks and does not. They are predicted by a linear model, from
-    which a large cause departs. needed: see `required_evidence`."""
+    """Whether a cause is required to improve the prediction of held-out blocks and does not. The prediction
+    is by a linear model, from which a large cause departs. needed: see `required_evidence`."""
     wanted = HELD_OUT_GATE - HELD_OUT_ALLOWANCE * max(lead - needed, 0.0)
     return held_out < wanted and lead < HELD_OUT_EXEMPT_LEAD
 
 
 def _restart_beside_probe(search: Search, probe: ProbeScore) -> Search:
-    """Start again with the probe's curve as part of the noise: causes must pass their gates beside it."""
+    """Restart the search with the probe's curve as part of the noise: causes must then pass their gates
+    beside it."""
     unknown = {**search.unknown, probe.name: probe.lead}
     return refit_beside_unknown(search, unknown, Point(search.fit.point.base))
 
 
 def backward_step(search: Search) -> tuple[Search, bool]:
-    """Drop the first cause that no longer passes its gates; also whether there was one."""
+    """Drop the first cause that no longer passes its gates. Also returns whether there was one."""
     current = refit_current(search)
     prediction = HeldOutPrediction.of(current)
     names = list(search.fit.point.active)
@@ -164,7 +166,7 @@ def backward_step(search: Search) -> tuple[Search, bool]:
 
 
 def _fit_without_cause(search: Search, current: Fit, name: str) -> Fit:
-    """The fit without a cause; where its lead is small, with all columns of the others simulated anew."""
+    """The fit without a cause. If the cause's lead is small, the others are fitted with new columns."""
     problem, whitener, less = search.problem, search.whitener, search.fit.point.without_cause(name)
     columns = search.fit.jacobian[jacobian_rows_without(search, name)]
     dropped = fit_with_frozen_columns(problem, whitener, [less], columns, 3)[0]
@@ -176,10 +178,10 @@ def _fit_without_cause(search: Search, current: Fit, name: str) -> Fit:
 
 
 def prune_cause(search: Search, name: str, why: str, fit: Fit | None = None) -> Search:
-    """The search without a cause that is rejected after all. fit: the one without it, if it is known.
+    """The search without a cause that is rejected afterwards. fit: the fit without it, if it exists.
 
-    Among many causes no others are eliminated: what was found under the noise of a last fit has less evidence
-    under that of a search.
+    Among many causes no others are eliminated: causes found under the noise of a last fit have less evidence
+    under the noise of a search.
     """
     search.rejections[name] = why
     if fit is None:
@@ -189,11 +191,11 @@ def prune_cause(search: Search, name: str, why: str, fit: Fit | None = None) -> 
 
 
 def select_forward(search: Search, max_causes: int = MAX_CAUSES) -> Search:
-    """Stepwise selection, the first part of a search: causes are added one by one, and dropped where they no
+    """Stepwise selection, the first part of a search: causes are added one by one, and dropped if they no
     longer pass their gates.
 
-    It ends when a drop leaves no more causes than the drop before it did: several weak ones replace each
-    other in turn, and each time takes as long as all that was found before.
+    It ends when a drop leaves no more causes than the drop before: several weak causes would replace each
+    other in turn, and each turn takes as long as the whole search so far.
     """
     remaining = -1
     for _ in range(2 * MAX_CAUSES):
@@ -214,7 +216,8 @@ def select_forward(search: Search, max_causes: int = MAX_CAUSES) -> Search:
 
 
 def start_selection(search: Search) -> Search:
-    """The quick beginning of the selection: beside several causes each further one takes as long."""
+    """The quick first part of the selection; beside SEVERAL_CAUSES, each further cause takes as long as all
+    of it."""
     return select_forward(search, SEVERAL_CAUSES)
 
 
@@ -229,8 +232,8 @@ def resume_search(search: Search) -> Search:
 
 
 def reconsider_unknown(search: Search) -> tuple[Search, bool]:
-    """The search without what was called unknown where it would not be taken again beside the causes found
-    since; also whether that is so."""
+    """The search without its unknown probes if they would not be taken again beside the causes found since.
+    Also returns whether that is the case."""
     if not search.unknown or not search.fit.point.active or search.problem.change is not None:
         return search, False
     bare = refit_beside_unknown(search, {}, search.fit.point)
@@ -240,7 +243,7 @@ def reconsider_unknown(search: Search) -> tuple[Search, bool]:
 
 
 def run_search(start: Search) -> Search:
-    """The whole search, from its start to a set of causes that is stable in both directions."""
+    """The whole search, from its start to a set of causes from which none is added or dropped."""
     return refine_selection(select_forward(start))
 
 
@@ -268,10 +271,10 @@ def refine_selection(search: Search) -> Search:
 
 
 def _drop_outperformed(search: Search) -> Search:
-    """Drop each cause in whose place a rival explains more but lacks its own gate, as friction of one wheel
-    does, which a floor imitates: the rival is nearer to the truth than the cause, named or not.
+    """Drop each cause in whose place a rival explains more although the rival does not reach its own gate
+    (friction of one wheel, which a floor imitates): named or not, the rival is nearer to the truth.
 
-    Where the rival is named once its place is free, and the cause beside it again, both are there.
+    If the rival is named once its place is free, and then the cause beside it again, both are kept.
     """
     seen = set()
     while True:

@@ -1,7 +1,8 @@
-"""Scores of sets of causes by the linear model alone, and a local search for the best.
+"""Scores of sets of causes by the linear model alone, and a local search for the best set.
 
 Around a working point the algebra of `evidence` scores a set in microseconds, so causes are added, dropped
-and exchanged until no such step helps. A set's score is its log evidence less the gates of its causes.
+and exchanged until no such step improves the score. A set's score is its log evidence less the gates of its
+causes.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ Array = NDArray[np.float64]
 MemberSet = frozenset[int]
 
 MAX_CLIMB_STEPS = 12
-"""Most steps of one climb."""
+"""Maximum number of steps of one climb."""
 
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A cause that can be in a set: active at the working point (group None), or inactive, with the columns
-    of one starting guess."""
+    """A possible member of a set: a cause that is active at the working point (group None), or an inactive
+    one with the columns of one starting guess. span: its indices in the scorer's Gram matrix."""
 
     name: str
     span: tuple[int, ...]
@@ -37,8 +38,8 @@ class Member:
 
 @dataclass(slots=True)
 class SetScorer:
-    """The linear model with base coordinates eliminated, the possible members of sets, and the scores so
-    far."""
+    """The linear model with base coordinates eliminated, the possible members of sets, and the scores
+    computed so far."""
 
     gram: Gram
     members: tuple[Member, ...]
@@ -46,7 +47,7 @@ class SetScorer:
 
     @classmethod
     def of(cls, search: Search) -> SetScorer:
-        """With every active cause, then every variant of every inactive cause, as members."""
+        """A scorer whose members are every active cause, then every variant of every inactive cause."""
         table, causes = search.table, search.problem.causes
         found = [
             Member(name, tuple(span), None, causes[name].one_sided) for name, span in table.active.items()
@@ -66,12 +67,12 @@ class SetScorer:
         return cls(rest, tuple(members))
 
     def names(self, chosen: MemberSet) -> frozenset[str]:
-        """The causes of a set."""
+        """Names of a set's causes."""
         return frozenset(self.members[each].name for each in chosen)
 
     def solve(self, chosen: MemberSet) -> tuple[Array, float]:
-        """Coordinates of the members in their order, and log evidence; -inf where one-sided ones are
-        negative."""
+        """Coordinates of the members in their order, and the log evidence, which is -inf if a one-sided
+        coordinate is negative."""
         index = [i for each in sorted(chosen) for i in self.members[each].span]
         if not index:
             return np.zeros(0), 0.0
@@ -83,13 +84,13 @@ class SetScorer:
         return mean, float(0.5 * half @ half - np.log(np.diag(factor)).sum())
 
     def score(self, chosen: MemberSet) -> float:
-        """Log evidence less the gates of all."""
+        """Log evidence of a set less the gates of its causes."""
         if chosen not in self.scores:
             self._score_all([chosen])
         return self.scores[chosen]
 
     def _score_all(self, sets: Sequence[MemberSet]) -> None:
-        """Compute the `score` of each set; sets with equally many columns are solved at once."""
+        """Compute the `score` of each set; sets with the same number of columns are solved at once."""
         by_size: dict[int, list[tuple[MemberSet, list[int]]]] = {}
         for chosen in dict.fromkeys(each for each in sets if each not in self.scores):
             index = [i for each in sorted(chosen) for i in self.members[each].span]
@@ -115,7 +116,7 @@ class SetScorer:
         return False
 
     def climb(self, chosen: MemberSet) -> None:
-        """Hill climbing: take the best step until none helps; every score on the way is kept."""
+        """Hill climbing: take the best step until none improves the score. Every score on the way is kept."""
         for _ in range(MAX_CLIMB_STEPS):
             steps = list(self._steps(chosen))
             self._score_all(steps)
@@ -125,7 +126,8 @@ class SetScorer:
             chosen = best
 
     def without_unneeded(self, chosen: MemberSet) -> MemberSet:
-        """Backward elimination: the set without the members whose removal raises the score, one by one."""
+        """Backward elimination: the set after members were dropped, one by one, whose removal raises the
+        score."""
         while chosen:
             best = max((chosen - {dropped} for dropped in chosen), key=self.score)
             if self.score(best) <= self.score(chosen):
@@ -134,7 +136,7 @@ class SetScorer:
         return chosen
 
     def best_sets(self, count: int) -> list[MemberSet]:
-        """The best `count` sets that were scored; variants of the same causes count once."""
+        """The best `count` sets among those scored; variants of the same causes count once."""
         found: dict[frozenset[str], MemberSet] = {}
         for each in sorted(self.scores, key=lambda each: -self.scores[each]):
             if np.isfinite(self.scores[each]):
@@ -166,7 +168,7 @@ def overlaps_none(name: str, others: Collection[str]) -> bool:
 
 
 def causes_overlap(one: str, other: str) -> bool:
-    """Whether two causes are the same effect at places that overlap."""
+    """Whether two causes are the same effect at overlapping places."""
     if one.partition("@")[0] != other.partition("@")[0]:
         return False
     return one == other or "@" not in one or "@" not in other

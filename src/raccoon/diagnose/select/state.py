@@ -1,4 +1,4 @@
-"""State of the search: a working point, its fit, the noise there, and columns in every direction."""
+"""State of the search: a working point, its fit, its noise, and the columns of all directions there."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ from raccoon.diagnose.hypotheses.coordinates import Settings
 Array = NDArray[np.float64]
 
 FINAL_WANDER_SHARE = 0.15
-"""Share of its size to which wandering friction is reduced in a last fit."""
+"""Factor on the size of slowly varying friction in the last fit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """Another cause that was tried in the place of an active one. lead: log evidence that it lacks behind it.
+    """Another cause that was tried in the place of an active one. lead: log evidence by which it is behind
+    that cause.
 
-    beside: whether it was tried beside the cause, with a part of its size, and not in its place. together:
-    further causes that are active with it and are not now. settings: of the robot fitted with it, None where
-    none was.
+    beside: whether it was tried beside the cause, with a share of its size, and not in its place. together:
+    further causes that are active with it and are not active now. settings: of the robot fitted with it, or
+    None.
     """
 
     name: str
@@ -41,13 +42,13 @@ class Rival:
 
 @dataclass(slots=True)
 class Search:
-    """State of the search, and what it found in the end.
+    """State of the search, and its results.
 
     leads: log evidence that each cause adds to all others. held_out_leads: the same on held-out blocks.
-    rivals: what was tried in the place of each cause. rejections: why a cause is not named.
-    probes: makes the probes of a linear model. table, table_without_wander: inner products of all columns
-    under the whole noise, and under the noise without wandering friction.
-    unknown: probes that explain what no cause does, with the evidence they add.
+    rivals: what was tried in the place of each cause. rejections: why a cause is not named. probes: function
+    that makes the probes of a linear model. table, table_without_wander: Gram tables of all columns under the
+    whole noise, and under the noise without slowly varying friction. unknown: probes of effects outside the
+    catalogue, with the evidence that they add.
     """
 
     problem: Problem
@@ -70,17 +71,17 @@ class Search:
 
     @property
     def listed(self) -> str:
-        """The same as text."""
+        """The same names as text."""
         return ", ".join(self.named) or "none"
 
 
 def start_search(problem: Problem, probes: Callable[[LinearModel], Sequence[ColumnGroup]]) -> Search:
-    """Fit what robot.toml leaves open, and linearise in every direction there.
+    """Fit the base numbers and linearise in all directions there.
 
-    For the noise of that first fit one size of each cause is enough, and of causes of both wheels only those
-    of each wheel: on drives with an effect of a tenth or a third of its size its evidence was then as large
-    as with all. Without any of them it was down to a half, and nothing was left of a motor that cogs a
-    little.
+    The noise of this first fit uses one size of each cause, and of causes of both wheels only those of each
+    wheel: in drives with an effect of a tenth or a third of its size, the evidence of the effect was then as
+    large as with all columns. Without any of them it was as low as half, and that of a motor that cogs
+    slightly vanished.
     """
     causes = [each for each in problem.causes if f"{each}@left" not in problem.causes]
     linear = linearise(problem, problem.nominal(), causes, sizes=1)
@@ -96,9 +97,10 @@ def linearise_search(
     before: Whitener,
     unknown: Mapping[str, float] | None = None,
 ) -> Search:
-    """Compute columns in every direction at a point, the noise that they leave, and the fit under it.
+    """Compute the columns of all directions at a point, the noise given these, and the fit under that noise.
 
-    before: the whitener so far. unknown: probes that are part of the noise, with the evidence they add.
+    before: the previous whitener. unknown: probes that are part of the noise, with the evidence that they
+    add.
     """
     linear = linearise(problem, point, list(problem.causes))
     extra = probes(linear)
@@ -109,13 +111,14 @@ def linearise_search(
 
 
 def _fit_of(problem: Problem, linear: LinearModel, whitener: Whitener) -> Fit:
-    """The fit at the linear model's point, its residual and columns whitened."""
+    """The fit at the linear model's point, with residual and columns whitened."""
     white = whitener(np.concatenate([linear.residual[None], linear.jacobian]))
     return Fit.of(problem, linear.point, white[0], white[1:])
 
 
 def refit_with_final_noise(search: Search) -> Search:
-    """Fit the same causes once more when the search is over, under noise in which no effect counts."""
+    """Fit the same causes once more when the search is over, under noise without deviations of the
+    effects."""
     problem, extra = search.problem, search.probes(search.linear)
     unknown = tuple(search.unknown)
     whitener = estimate_whitener(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
@@ -130,9 +133,9 @@ def refit_with_final_noise(search: Search) -> Search:
 
 
 def final_fit_whitener(search: Search) -> Whitener:
-    """The whitener of a last fit, with wandering friction reduced.
+    """The whitener of the last fit, with slowly varying friction reduced.
 
-    Wandering friction of its whole size also absorbs a constant deviation of friction. Only stops, whose form
-    no model has quite right, would be left to decide it.
+    At its whole size slowly varying friction also absorbs the constant part of a wrong friction. Only stops,
+    whose form no model has exactly, would be left to determine that.
     """
     return search.whitener if search.unknown else search.whitener.with_wander_share(FINAL_WANDER_SHARE)

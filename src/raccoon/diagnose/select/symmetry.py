@@ -1,16 +1,18 @@
-"""Sets of causes that are the same drive in other numbers.
+"""Twins along exact symmetries: sets of causes that are the same drive in other numbers.
 
-Without a current and a reference nothing tells what a whole group of numbers is when all of them change
-together. With U = R I + K w at the motor, K I its torque and e = K w what its reading shows:
+Without a measured current and a reference, nothing determines the common scale of a whole group of numbers.
+With U = R I + K w at the motor, K I its torque and e = K w its back-EMF reading, the drive does not change if
 
-* K by s, and with it inertia by s^2, torques by s, viscous friction by s^2, quadratic by s^3, angles of the
-  wheels and the track by 1/s: the same currents, the same e, the same turns;
-* R and the battery's resistance by s, inertia and friction by 1/s: the currents are 1/s, torques as well;
-* both wheels' radius and the track by s: the same turns.
+* K is multiplied by s, and with it inertia by s^2, torques by s, viscous friction by s^2, quadratic friction
+  by s^3, angles of the wheels and the track by 1/s: the currents, e and the turns stay the same;
+* R and the battery's resistance are multiplied by s, inertia and friction by 1/s: currents and torques become
+  1/s of what they were;
+* the radius of both wheels and the track are multiplied by s: the turns stay the same.
 
-What robot.toml says of them decides. A search by single causes can stop in one such set of numbers where
-another needs a cause less, and no step between the two helps. So each active cause is taken back to nominal
-along each of these lines, and what then no longer fits robot.toml becomes a cause in its place.
+Only robot.toml's values of these numbers decide. A search by single causes can stop at one set of numbers
+where another needs one cause less, and no single step between the two improves the score. So each active
+cause is taken back to its nominal value along each of these lines, and the numbers that then contradict
+robot.toml become causes instead.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ Array = NDArray[np.float64]
 SymmetryLine = Mapping[tuple[str, str], float]
 
 INERTIA = "drive.inertia"
-"""The one cause of both inertias of robot.toml."""
+"""The one cause that changes both inertias of robot.toml."""
 BACK_EMF_LINE: SymmetryLine = {
     ("motor.back_emf_constant", "factor"): 1.0,
     ("drive.track_width", "factor"): -1.0,
@@ -50,7 +52,7 @@ BACK_EMF_LINE: SymmetryLine = {
     ("drive.slope", "along_y"): 1.0,
     ("drive.backlash", "angle"): -1.0,
 }
-"""The line along which K_E of both motors changes: the power with which each parameter follows."""
+"""The line along which K_E of both motors changes: the exponent of each parameter's factor."""
 SYMMETRY_LINES: tuple[SymmetryLine, ...] = (
     BACK_EMF_LINE,
     {
@@ -75,16 +77,18 @@ SYMMETRY_LINES: tuple[SymmetryLine, ...] = (
     },
     {("drive.wheel_radius", "factor"): 1.0, ("drive.track_width", "factor"): 1.0},
 )  # fmt: skip
-"""Power with which each parameter follows. Friction that differs by direction is counted in parts of a usual
-robot's friction, and so as a torque."""
+"""The lines: the exponent of each parameter's factor. Direction-dependent friction is counted in units of a
+usual robot's friction, and so as a torque."""
 MAX_OPEN_STDS = 2.5
-"""Standard deviations of robot.toml up to which a deviation stays in the base number and becomes no cause."""
+"""Standard deviations of robot.toml up to which a deviation stays in the base number and does not become a
+cause."""
 MIN_LOG_FACTOR, MAX_LOG_FACTOR = 0.01, 0.5
-"""Bounds of the logarithm of the factor along a line: less is the same set, and more no plausible robot."""
+"""Bounds on the absolute logarithm of the factor along a line: below the first it is the same set, above the
+second no plausible robot."""
 
 
 def exact_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
-    """Each active cause, and a point without it that is the same drive, for each line that has one."""
+    """Each active cause, with a point without it that is the same drive, for each line that has one."""
     for name in point.active:
         for line in SYMMETRY_LINES:
             factor = _factor_to_nominal(problem, point, name, line)
@@ -97,8 +101,8 @@ def exact_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
 def causes_of_strained_numbers(
     problem: Problem, point: Point, deviations: float
 ) -> Iterator[tuple[str, Point]]:
-    """Each inactive cause whose base numbers all deviate in one direction by more than that many of
-    robot.toml's standard deviations, and the same drive with the cause active instead."""
+    """Each inactive cause whose base numbers all deviate in the same direction by more than `deviations` of
+    robot.toml's standard deviations, and the same drive with that cause active instead."""
     for name, cause in problem.causes.items():
         if len(cause.coordinates) > 1 or not overlaps_none(name, point.active):
             continue
@@ -111,8 +115,8 @@ def causes_of_strained_numbers(
 
 
 def _base_indices_of(problem: Problem, cause: Cause) -> list[int]:
-    """Indices of the base numbers that a cause changes alike: of its wheel, or those of both wheels without
-    the offsets of each."""
+    """Indices of the base numbers that a cause multiplies alike: those of its wheel, or those of both wheels
+    without the wheels' own offsets."""
     return [
         index
         for index, each in enumerate(problem.base)
@@ -126,12 +130,12 @@ def _base_indices_of(problem: Problem, cause: Cause) -> list[int]:
 
 
 def move_along_line(problem: Problem, point: Point, line: SymmetryLine, factor: float) -> Point | None:
-    """The same drive with every parameter of a line times the factor to its power. None where a cause that
-    is needed for that is not among the candidates.
+    """The same drive with every parameter of a line multiplied by the factor to its exponent. None if that
+    needs a cause that is not among the candidates.
 
-    Deviations stay in robot.toml's numbers where they fit; otherwise the number's cause becomes active.
-    Causes of one side where robot.toml has one number for both stay as they are where they are a factor on
-    it, and follow where they are added to it.
+    Deviations stay in base numbers if robot.toml allows them; otherwise the number's cause becomes active. If
+    robot.toml has one number for both sides, a cause of one side does not change if it is a factor on that
+    number, and follows the line if it is added to it.
     """
     base, active = point.base.copy(), dict(point.active)
     moved: dict[str, list[int]] = {}
@@ -154,7 +158,7 @@ def move_along_line(problem: Problem, point: Point, line: SymmetryLine, factor: 
 
 
 def _factor_to_nominal(problem: Problem, point: Point, name: str, line: SymmetryLine) -> float:
-    """The factor along a line at which the number that a cause changes is nominal again; 1 where there is
+    """The factor along a line at which the number that a cause changes is nominal again; 1 if there is
     none."""
     for index, each in enumerate(problem.base):
         power = _exponent(line, each)
@@ -170,13 +174,14 @@ def _factor_to_nominal(problem: Problem, point: Point, name: str, line: Symmetry
 
 
 def _exponent(line: SymmetryLine, coordinate: Coordinate) -> float:
-    """The power with which a base coordinate follows along a line, 0 where it does not."""
+    """The exponent of a base coordinate along a line, 0 if the line does not change it."""
     id_, _, parameter = coordinate.settings[0]
     return line.get((id_, parameter), 0.0)
 
 
 def is_wheel_offset(problem: Problem, index: int) -> bool:
-    """Whether a base coordinate is one wheel's offset from a number of both wheels, which is another one."""
+    """Whether a base coordinate is one wheel's offset from a number of both wheels, which is another
+    coordinate."""
     settings = set(problem.base[index].settings)
     return any(settings < set(each.settings) for each in problem.base)
 
@@ -200,8 +205,7 @@ def _causes_moving(problem: Problem, index: int) -> list[str]:
 
 
 def total_stds(problem: Problem, point: Point, index: int) -> float:
-    """Deviation of a number from robot.toml's in all, by base coordinate and causes, in standard
-    deviations."""
+    """Total deviation of a number from robot.toml, by base coordinate and causes, in standard deviations."""
     each, total = problem.base[index], float(point.base[index])
     for name in _causes_moving(problem, index):
         if name in point.active:
@@ -217,7 +221,7 @@ def _in_base_units(base: Coordinate, cause: Coordinate, u: float) -> float:
 
 
 def _multiply_number(problem: Problem, each: Coordinate, total: float, factor: float) -> float:
-    """The base coordinate at which a number is `factor` times what it is at `total`."""
+    """The base coordinate at which a number is `factor` times its value at `total`."""
     if each.factor:
         return total + math.log(factor) / math.log(each.value(1.0))
     nominal = problem.neutral[each.settings[0]]
@@ -225,10 +229,10 @@ def _multiply_number(problem: Problem, each: Coordinate, total: float, factor: f
 
 
 def _scale_effect(cause: Cause, u: Array, line: SymmetryLine, factor: float) -> Array:
-    """Coordinates of an effect that the nominal robot lacks, its parameters times the factor to their
-    powers."""
+    """Coordinates of an effect that the nominal robot does not have, with its parameters multiplied by the
+    factor to their exponents."""
     sizes = [factor ** line.get((cause.id, each.name), 0.0) for each in cause.effect.parameters]
-    if cause.id == "motor.current_limit":  # counted by its inverse
+    if cause.id == "motor.current_limit":  # its coordinate is the inverse of the limit
         return np.asarray(u / sizes[0], float)
     if cause.id == "friction.stiction":
         shape = cause.coordinates[1]
@@ -241,8 +245,8 @@ def _scale_effect(cause: Cause, u: Array, line: SymmetryLine, factor: float) -> 
 def _share_with_causes(
     problem: Problem, active: dict[str, Array], id_: str, indices: Sequence[int], base: Array
 ) -> bool:
-    """Share the deviations of one effect's numbers between base coordinates and causes, in place; whether a
-    cause that is needed for it is among the candidates."""
+    """Divide the deviations of one effect's numbers between base coordinates and causes, in place. Returns
+    whether the causes needed for that are among the candidates."""
     for index in indices:
         for name in _causes_moving(problem, index):
             active.pop(name, None)
@@ -261,8 +265,8 @@ def _share_with_causes(
 def _move_mean_to_cause(
     problem: Problem, active: dict[str, Array], names: Sequence[str], indices: Sequence[int], base: Array
 ) -> bool:
-    """Move the mean deviation of these base numbers into the first of the causes, in place; False where there
-    is no cause."""
+    """Move the mean deviation of these base numbers into the first of the causes, in place. False if there is
+    no cause."""
     if not names:
         return False
     coordinate = problem.causes[names[0]].coordinates[0]

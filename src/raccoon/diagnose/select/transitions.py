@@ -13,17 +13,17 @@ from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.state import Rival, Search, linearise_search
 
 EXPLAINED_BETTER_TOGETHER = "others explain it better together"
-"""Reason of a rejection: the other causes explain together what this one did."""
+"""Reason of a rejection: the other causes together explain what this one explained."""
 
 
 def accept_cause(
     search: Search, name: str, fit: Fit, ranked: Sequence[tuple[str, Fit, float]] = ()
 ) -> Search:
-    """Take a cause and refit everything. ranked: what was tried in its place; what of it passes the usual
-    gate is noted as its rivals.
+    """Add a cause and refit everything. ranked: what was tried in its place; those of it that pass the usual
+    gate are recorded as its rivals.
 
-    The refit scans backlash: on a stair that was a tenth too wide four other causes were named, and one was
-    not.
+    The refit scans backlash: on a stair of the misfit that was a tenth too wide four other causes were named,
+    and one was missed.
     """
     rivals = [
         Rival(other, log_evidence_lead(search.problem, fit, each))
@@ -35,7 +35,7 @@ def accept_cause(
 
 
 def drop_cause(search: Search, name: str, fit: Fit) -> Search:
-    """Drop a cause. fit: the one without it."""
+    """Drop a cause. fit: the fit without it."""
     return move_search(search, fit, {key: value for key, value in search.rivals.items() if key != name})
 
 
@@ -67,7 +67,7 @@ def refit_beside_unknown(search: Search, unknown: dict[str, float], point: Point
 
 
 def refit_current(search: Search) -> Fit:
-    """The active causes refitted a little further: the fit that every other is compared with."""
+    """The active causes refitted slightly further: the fit with which every other one is compared."""
     return fit_with_frozen_columns(
         search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2
     )[0]

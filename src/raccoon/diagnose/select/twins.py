@@ -1,8 +1,8 @@
-"""Twins: sets of causes that are the same drive in other numbers; the likely ones are fitted.
+"""Twins: sets of causes that are the same drive in other numbers. The likely ones are fitted.
 
-Beside the lines of `symmetry` there is one that may be nearly the same drive. A gear that loses a share l of
-its torque acts as one that loses none, with 1 / (1 - l) times the inertia and the friction, as long as its
-motor drives it or coasts; only where the motor brakes it differs.
+In addition to the lines of `symmetry`, one more is nearly the same drive. A gear that loses a share l of its
+torque acts like one that loses none, with 1 / (1 - l) times the inertia and the friction, while its motor
+drives it or coasts; only where the motor brakes do the two differ.
 """
 
 from __future__ import annotations
@@ -31,28 +31,29 @@ from raccoon.diagnose.select.symmetry import (
 )
 
 MAX_TWIN_DEFICIT = 20.0
-"""Log evidence, less the gates, that a twin may lack to be fitted: one lacked 12 and then led by 15."""
+"""Log evidence, less the gates, by which a twin may be behind to be fitted: one was 12 behind and then led by
+15."""
 MAX_TWINS = 4
-"""Most exact twins that are fitted."""
+"""Maximum number of exact twins that are fitted."""
 GEAR_LOSS = "friction.load_dependent"
 _ELECTRICAL = ("motor.armature_resistance", "battery.", "motor.heating", "motor.current_limit")
 GEAR_LOSS_LINE: SymmetryLine = {
     key: -power for key, power in SYMMETRY_LINES[1].items() if not key[0].startswith(_ELECTRICAL)
 }
-"""The line along which everything that a motor has to move changes, and its torque stays."""
+"""The line along which all mechanical loads of a motor change while its torque does not."""
 
 
 def fit_twins(search: Search) -> list[tuple[str, Fit]]:
-    """Each cause that a likely twin does without, and the twin's fit. Its columns are simulated anew, since
-    its base numbers are others."""
+    """For each likely twin the cause that it omits, and the twin's fit. Its columns are simulated anew, since
+    its base numbers differ."""
     twins = find_likely_twins(search.problem, search.fit.point)
     fits = fit_starts(search.problem, search.whitener, [point for _, point in twins], 4)
     return [(name, fit) for (name, _), fit in zip(twins, fits, strict=True)]
 
 
 def find_likely_twins(problem: Problem, point: Point) -> list[tuple[str, Point]]:
-    """The twins of a point that are not much less likely, likeliest first, each with the cause that it does
-    without. The misfit is the same, so the priors and the gates decide."""
+    """The twins of a point that are not much less likely, most likely first, each with the cause that it
+    omits. The misfit is the same, so the priors and the gates decide."""
 
     def log_prior(each: Point) -> float:
         vector = each.vector()
@@ -71,7 +72,7 @@ def find_likely_twins(problem: Problem, point: Point) -> list[tuple[str, Point]]
 
 
 def _approximate_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
-    """Each active cause, and a point without it and with other gear losses that may nearly be the same
+    """Each active cause, and a point without it and with other gear losses that may be nearly the same
     drive."""
     drives = [(name, point) for name in point.active] + list(exact_twins(problem, point))
     for name, drive in drives:
@@ -81,8 +82,8 @@ def _approximate_twins(problem: Problem, point: Point) -> Iterator[tuple[str, Po
 
 
 def gear_loss_twin(problem: Problem, point: Point) -> Point | None:
-    """Nearly the same drive with the gear loss that makes the inertia that of robot.toml, or, where there is
-    a gear loss, without it; None where there is no such drive."""
+    """Nearly the same drive without the gear loss if there is one; otherwise with a gear loss at which the
+    inertia is that of robot.toml. None if there is no such drive."""
     cause, u = problem.causes.get(GEAR_LOSS), point.active.get(GEAR_LOSS)
     inertias = [index for index, each in enumerate(problem.base) if cause_id_of(each) == INERTIA]
     if cause is None or not inertias or not (u is not None or overlaps_none(GEAR_LOSS, point.active)):

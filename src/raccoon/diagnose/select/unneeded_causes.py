@@ -1,4 +1,4 @@
-"""Check, when the search is over, whether each cause is still needed."""
+"""Check at the end of a search whether each cause is still needed."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.select.transitions import refit_current
 
 MAX_DOUBTED_EXCESS = 25.0
-"""Log evidence beyond what it needs up to which a cause is checked."""
+"""Log evidence beyond the required one up to which a cause is checked."""
 START_SCALES = ((1.0, 1.0), (1.0, 0.9), (0.5, 1.0))
-"""Factors on the base coordinates and the other causes' coordinates at the starts of fits without it."""
+"""Factors on the base coordinates and the other causes' coordinates at the starts of fits without a cause."""
 
 
 def find_unneeded_cause(search: Search) -> tuple[str, Fit] | None:
-    """The cause of an estimated search that falls furthest short of the evidence it needs, and the fit
-    without it; None where all are needed.
+    """The cause of a finished search that falls furthest short of the evidence it needs, and the fit without
+    it; None if all are needed.
 
-    The misfit of wheels with play is rough, and a fit stalls in it before it has converged. A cause that
-    moves it on by chance has evidence as long as the others are fitted from where they stalled: beside play
-    and a latency of 34 ms a slip of 0.3 ms led by 20, and by 7 once they had been fitted from other starts.
+    With backlash the misfit is rough, and a fit gets stuck before it has converged. A cause that moves it on
+    by chance has evidence as long as the fit without it is stuck: beside backlash and a latency of 34 ms a
+    slip of 0.3 ms led by 20, and by 7 once the others had been fitted from other starts.
     """
     point, problem, whitener = search.fit.point, search.problem, search.whitener
     if not active_backlash(point):
