@@ -1,1 +1,1 @@
-"""What a robot does over time: actions, how they are put together, what ends them, what they refuse."""
+"""Actions, their composition, the conditions that end them, and the checks of their arguments."""

@@ -1,11 +1,9 @@
-"""Actions: things a robot does over time, and how they are put together.
+"""Actions: what a robot does over time, and how actions are composed.
 
 An action is a recipe. Running it makes a generator that yields once a tick; its return value is the action's
-result. While it is suspended the robot reads, estimates and drives; when it is closed, for whatever reason,
-its `finally` stops what it started.
-
-Before any of it runs, the whole of a recipe is checked against robot.toml: a name in its last step that is
-not there is said before the first one moves.
+result. While the generator is suspended, the robot reads, estimates and drives; when it is closed, for
+whatever reason, its `finally` stops what it started. The whole recipe is checked against robot.toml before
+any of it runs, so a wrong name in its last step is reported before the first step moves.
 """
 
 from __future__ import annotations
@@ -33,11 +31,11 @@ U = TypeVar("U")
 
 
 class Action(MustRun, Generic[T_co]):
-    """Something to run on a robot: `robot.run(action)`.
+    """A recipe to run on a robot: `robot.run(action)`.
 
-    name: for messages and the trace. start: makes the generator that does it. check: raises what is known to
-    be wrong with it on this robot before it starts, such as a name that robot.toml does not have. An action
-    can be run again and again; every run starts afresh.
+    name: for messages and the trace. start: makes the generator that carries the action out. check: raises an
+    error for anything that is known to be wrong with it on this robot before it starts, such as a name that
+    robot.toml does not have. An action can be run any number of times; every run starts afresh.
     """
 
     name = "an action of your own"
@@ -51,19 +49,20 @@ class Action(MustRun, Generic[T_co]):
         self._start, self._check = start, check
 
     def check(self, robot: Robot) -> None:
-        """Raise what is wrong with this action, and with all that it is made of, on `robot` (ConfigError,
-        ValueError). What only a function makes (`do`, `then`) is checked when it is there."""
+        """Raise ConfigError or ValueError if this action, or any action it is composed of, cannot run on
+        `robot`. What a function makes only when it is called (`do`, `then`) is checked at that time."""
         if self._check is not None:
             self._check(robot)
 
     def start(self, robot: Robot) -> Steps[T_co]:
-        """A generator that does the action on `robot`, one tick a step. Raises what `check` does."""
+        """The generator that carries the action out on `robot`, one tick a step. Raises the errors of
+        `check`."""
         self.mark_run()
         self.check(robot)
         return checked_steps(self._start(robot), self.name, self._start)
 
     def until(self, condition: Condition) -> Action[T_co | None]:
-        """This action, ended as soon as `condition` holds. The result is None where it was ended."""
+        """This action, ended as soon as `condition` holds. Its result is None if the condition ended it."""
         check_kind(condition, Condition, f"{self.name}: until()", JOIN)
 
         def steps(robot: Robot) -> Steps[T_co | None]:
@@ -74,7 +73,7 @@ class Action(MustRun, Generic[T_co]):
         return Action(f"{self.name} until {condition.name}", steps, check_all(self, condition))
 
     def timeout(self, seconds: float) -> Action[T_co]:
-        """This action, with MotionTimeout if it has not ended by itself after `seconds` s."""
+        """This action; raises MotionTimeout if it has not ended by itself after `seconds` s."""
         check_limit(seconds=seconds)
 
         def steps(robot: Robot) -> Steps[T_co]:
@@ -97,7 +96,8 @@ class Action(MustRun, Generic[T_co]):
         return Action(self.name, steps, self.check)
 
     def timeout_or(self, seconds: float, otherwise: Action[U]) -> Action[T_co | U]:
-        """This action, or `otherwise` where it is not done after `seconds` s, or gives up (MotionTimeout)."""
+        """This action, replaced by `otherwise` if it has not ended after `seconds` s or gives up itself
+        (MotionTimeout)."""
         check_kind(otherwise, Action, f"{self.name}: timeout_or()")
         limited = self.timeout(seconds)
 
@@ -111,7 +111,7 @@ class Action(MustRun, Generic[T_co]):
         return Action(f"{self.name} or {otherwise.name}", steps, check_all(self, otherwise))
 
     def then(self, following: Callable[[T_co], Action[U]]) -> Action[U]:
-        """This action, then the one that `following` makes of its result."""
+        """This action, followed by the action that `following` makes of its result."""
         check_function(following, f"{self.name}: then()", "result")
 
         def steps(robot: Robot) -> Steps[U]:
@@ -149,7 +149,7 @@ def seq(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
 @overload
 def seq(*actions: Action[Any]) -> Action[list[Any]]: ...
 def seq(*actions: Action[Any]) -> Action[list[Any]]:
-    """One after the other; the result is the list of their results."""
+    """Actions in sequence; the result is the list of their results."""
     check_actions("seq", actions)
 
     def steps(robot: Robot) -> Steps[list[Any]]:
@@ -162,7 +162,7 @@ def seq(*actions: Action[Any]) -> Action[list[Any]]:
 
 
 def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
-    """`action` again and again, for ever or `times` times."""
+    """`action` repeated `times` times, or without end."""
     check_actions("repeat", (action,))
     if times is not None:
         check_number("times", times, "whole, from 0")
@@ -186,7 +186,7 @@ def parallel(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
 @overload
 def parallel(*actions: Action[Any]) -> Action[list[Any]]: ...
 def parallel(*actions: Action[Any]) -> Action[list[Any]]:
-    """All at once, until every one has ended; the result is the list of their results.
+    """Actions at the same time until all have ended; the result is the list of their results.
 
     If one fails, the others are stopped and its error is raised. Only one of them can drive the wheels.
     """
@@ -218,10 +218,8 @@ def race(*actions: Action[MotionResult]) -> Action[tuple[int, MotionResult]]: ..
 @overload
 def race(*actions: Action[Any]) -> Action[tuple[int, Any]]: ...
 def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
-    """All at once, until the first has ended; the others are stopped.
-
-    The result is (index of the first, its result).
-    """
+    """Actions at the same time until the first has ended; the others are stopped. The result is (index of the
+    first, its result)."""
     if not actions:
         raise ValueError("race has no actions: give it at least one")
     check_actions("race", actions)
@@ -244,7 +242,8 @@ def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
 
 
 def background(action: Action[Any]) -> Action[None]:
-    """Start `action` and go on at once; it runs beside whatever follows until it ends or the program does."""
+    """Start `action` and continue at once. It runs beside the following actions until it ends or the program
+    does."""
     check_actions("background", (action,))
 
     def steps(robot: Robot) -> Steps[None]:
@@ -255,7 +254,7 @@ def background(action: Action[Any]) -> Action[None]:
 
 
 def wait(seconds: float) -> Action[None]:
-    """Let `seconds` s pass. The robot goes on reading meanwhile, which `time.sleep` would keep it from."""
+    """Wait for `seconds` s. The robot keeps reading meanwhile, which `time.sleep` would prevent."""
     check_wait(seconds)
 
     def steps(robot: Robot) -> Steps[None]:
@@ -267,7 +266,7 @@ def wait(seconds: float) -> Action[None]:
 
 
 def wait_for(condition: Condition) -> Action[None]:
-    """Let time pass until `condition` holds."""
+    """Wait until `condition` holds."""
     check_kind(condition, Condition, "wait_for()", JOIN)
 
     label = f"wait for {condition.name}"
@@ -287,7 +286,8 @@ def wait_for(condition: Condition) -> Action[None]:
 
 
 def check_actions(kind: str, actions: tuple[Any, ...]) -> None:
-    """Raise TypeError where something is no action: a list of them, a function that was not called."""
+    """Raise TypeError for anything that is not an action, such as a list of actions or a function that was
+    not called."""
     for action in actions:
         hint = f": write {kind}(*actions) for a list" if isinstance(action, list | tuple) else ""
         check_kind(action, Action, f"{kind}()", hint)

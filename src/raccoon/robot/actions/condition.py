@@ -1,7 +1,7 @@
-"""What a condition is: something that can come true, put together with `&`, `|` and `~`.
+"""The type of conditions: something that can become true, composed with `&`, `|` and `~`.
 
-A condition is a recipe like an action: what it measures from (a time, a place, a heading) is taken when the
-action starts.
+A condition is a recipe like an action: its reference (a time, a place, a heading) is taken when the action
+starts.
 """
 
 from __future__ import annotations
@@ -18,17 +18,18 @@ if TYPE_CHECKING:
 
 Test = Callable[[], bool]
 Check = Callable[["Robot"], object]
-"""Raises what is wrong with something on a robot, before it is used."""
+"""Raises an error if something cannot be used on a robot, before it is used."""
 JOIN = "; when(lambda robot: ...) makes one of any test"
 
 
 class Condition:
-    """Something that can come true. Compose with `&`, `|` and `~`.
+    """Something that can become true. Compose with `&`, `|` and `~`.
 
-    name: for messages. start: called when the action starts; makes the test that is asked once a tick.
-    opposed: what `~` turns round instead, where `start` does not count what holds already. check: raises what
-    is known to be wrong with it on this robot before it starts. asks: what a program that waits for it, and
-    for nothing else, wants of somebody beside a simulated robot.
+    name: for messages. start: called when the action starts; makes the test that is called once a tick.
+    opposed: makes the test that `~` negates, for conditions whose `start` ignores what holds already. check:
+    raises an error for anything that is known to be wrong on this robot, such as a name that robot.toml does
+    not have. asks: what a program that waits for this condition alone needs from the bystander of a simulated
+    robot.
     """
 
     name = "a condition of your own"
@@ -54,12 +55,13 @@ class Condition:
         self._ask_simulation = asks
 
     def check(self, robot: Robot) -> None:
-        """Raise what is wrong with this condition on `robot`: a name that robot.toml does not have."""
+        """Raise an error if this condition cannot be tested on `robot`, such as for a name that robot.toml
+        does not have."""
         if self._check is not None:
             self._check(robot)
 
     def start(self, robot: Robot) -> Test:
-        """The test for one run of an action. Raises TypeError where there is none."""
+        """The test for one run of an action. Raises TypeError if the condition has none."""
         test: object = self._start(robot)
         if not callable(test):
             raise TypeError(
@@ -69,12 +71,12 @@ class Condition:
         return test
 
     def ask(self, robot: Robot) -> None:
-        """Ask for it whoever stands beside a simulated robot."""
+        """Ask the bystander of a simulated robot to make the condition true."""
         if self._ask_simulation is not None and (somebody := bystander_of(robot.port)) is not None:
             self._ask_simulation(somebody)
 
     def start_negated(self, robot: Robot) -> Test:
-        """The test that `~` turns round, for one run of an action."""
+        """The test that `~` negates, for one run of an action."""
         return (self._start_negated or self.start)(robot)
 
     def __and__(self, other: Condition) -> Condition:
@@ -106,8 +108,8 @@ class Condition:
 
 
 def checked_truth(told: object, name: str) -> bool:
-    """What a test of the condition `name` told, where that is no plain bool. Raises TypeError for a function,
-    which was not called and would hold at once."""
+    """The truth of what a test of the condition `name` returned where that is not a bool. Raises TypeError
+    for a function, which was not called and would count as true at once."""
     if inspect.isroutine(told):
         raise TypeError(f"condition '{name}': its test gives {told.__name__} and does not call it")
     return bool(told)
@@ -135,7 +137,7 @@ class Checked(Protocol):
 
 
 def check_all(*parts: Checked) -> Check:
-    """The check of what is made of these parts."""
+    """The combined check of something that is composed of these parts."""
 
     def check(robot: Robot) -> None:
         for part in parts:

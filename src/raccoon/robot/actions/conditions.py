@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 HELD_TIME_S = 0.5
-"""s for which what the odometry said before is no news: its reasons last for 0.3 s."""
+"""s for which a state of the odometry from before the action counts as old; its reasons last for 0.3 s."""
 
 
 def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
-    """Any predicate of the robot, asked once a tick."""
+    """A condition from any predicate of the robot, tested once a tick."""
     check_function(test, "when()", "robot")
 
     def start(robot: Robot) -> Test:
@@ -144,8 +144,9 @@ def pressed(port: int) -> Condition:
 def button_pressed() -> Condition:
     """The Wombat's own button is pressed.
 
-    A simulated one is pressed for a program that does nothing but wait for it, `wait_for(button_pressed())`,
-    and else by nobody, which is said. Raises ConfigError before anything moves where the controller has none.
+    In simulation the bystander presses it for a program that does nothing but wait for it,
+    `wait_for(button_pressed())`; otherwise nobody does, which is reported. Raises ConfigError before anything
+    moves if the controller has no button.
     """
 
     def check(robot: Robot) -> None:
@@ -174,8 +175,8 @@ def blocked(mechanism: str) -> Condition:
 
 
 def bumped() -> Condition:
-    """A wheel stalls, both carry as much as tyres that spin at a wall do, or they do not move as the
-    accelerometer feels the robot move."""
+    """A wheel stalls, both wheels carry the torque of tyres that spin at a wall, or they turn differently
+    from the motion that the accelerometer measures."""
     return _fresh_condition(
         "bumped", (_is_struck, math.inf), (_is_held, HELD_TIME_S), (_is_wheel_stalled, STALL_TIME_S)
     )
@@ -196,7 +197,8 @@ def _is_wheel_stalled(robot: Robot) -> bool:
 def _fresh_condition(
     name: str, *tests: tuple[Callable[[Robot], bool], float], check: Check | None = None
 ) -> Condition:
-    """Any of `tests`, each with the s for which what holds at the start must last (see `_fresh_test`)."""
+    """Any of `tests`, each with the time (s) for which it must last if it holds at the start (see
+    `_fresh_test`)."""
 
     def start(robot: Robot) -> Test:
         asked = [_fresh_test(robot, test, lasting) for test, lasting in tests]
@@ -214,9 +216,9 @@ def _fresh_condition(
 
 
 def _fresh_test(robot: Robot, test: Callable[[Robot], bool], lasting: float) -> Test:
-    """`test`, but where it holds at the start it has to come true again, or to last for `lasting` s.
+    """`test`, except that if it holds at the start it must become true anew, or last for `lasting` s.
 
-    It may be what the action before was ended by, which this one drives away from.
+    The action before may have been ended by it, and this action drives away from it.
     """
     begin, old = robot.time, test(robot)
 

@@ -1,4 +1,5 @@
-"""Functions of the robot as programs and as steps: called once, they may give an action that is then done."""
+"""Functions of the robot as programs and as steps. A function is called once and may return an action, which
+is then run."""
 
 from __future__ import annotations
 
@@ -28,10 +29,10 @@ def check_program(program: object, where: str) -> None:
 
 
 def perform(robot: Robot, program: Action[T] | Callable[[Robot], Action[T] | T]) -> T:
-    """Do a whole program, and give its result: an action, or a function of the robot.
+    """Run a whole program, an action or a function of the robot, and return its result.
 
-    An action that the function gives back is done, too: nobody makes one to leave it undone. Raises TypeError
-    where it gives back what was to be called, or steps that nobody would go through.
+    If the function returns an action, that is run too. Raises TypeError if it returns something that should
+    have been called, or a generator that nobody would step through.
     """
     made: Action[T] | T = program if isinstance(program, Action) else _call("the program", program, robot)
     return robot.run(made) if isinstance(made, Action) else made
@@ -46,10 +47,10 @@ def do(function: Callable[[Robot], T], name: str | None = None) -> Action[T]: ..
 
 
 def do(function: Callable[[Robot], Any], name: str | None = None) -> Action[Any]:
-    """Call a function of the robot once; takes no time. An action that it gives back is done then.
+    """Call a function of the robot once, which takes no time. If it returns an action, that is run then.
 
-    name: of the step in messages and reports; the function's own when None.
-    Raises TypeError for a function of steps that yields, and where it gives back a function or such steps.
+    name: of the step in messages and reports; the function's own when None. Raises TypeError for a generator
+    function, and if it returns a function or a generator.
     """
     check_function(function, "do()", "robot")
 
@@ -77,7 +78,7 @@ def with_look(action: Action[T], look: Callable[[Robot], None], name: str) -> Ac
 
 
 def _call(what: str, function: Callable[[Robot], Any], robot: Robot) -> Any:
-    """What `function` gives. Raises TypeError where that was to be done, and nobody would do it."""
+    """What `function` returns. Raises TypeError if that should have been run or called."""
     made = function(robot)
     if inspect.isgenerator(made) or inspect.iscoroutine(made):
         made.close()

@@ -1,4 +1,4 @@
-"""Actions that a program makes as a statement of its own, and that nothing does: a forgotten `run`."""
+"""Detects actions that a program makes as a statement of its own and never runs: a forgotten `run`."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from types import FrameType
 
 Place = tuple[str, int]
 _checked_places: set[Place] = set()
-"""Lines of programs of whose actions one was begun, or of which it was said: at most all of them."""
+"""Lines of programs whose action was run once, or was reported: all of them at most."""
 
 
 class MustRun:
-    """What is made to be done. Where it is the whole of a statement, dropped before it was begun, the log
-    says so once a line; what is kept, chosen from, or a part of something else may never come to its turn.
-    """
+    """Base of what must be run. If it is the whole of a statement and is dropped before it was run, the log
+    reports it, once for each line. What is stored, chosen from, or part of something else need not run."""
 
     name: str
 
@@ -22,7 +21,7 @@ class MustRun:
         self._made_at = _place_of_frame(_program_frame())
 
     def mark_run(self) -> None:
-        """It is done now."""
+        """Note that it is being run."""
         if self._made_at is not None:
             _checked_places.add(self._made_at)
 
@@ -44,7 +43,7 @@ class MustRun:
 
 
 def _program_frame() -> FrameType | None:
-    """The frame of the program that is at work, behind all of the library's own."""
+    """The frame of the program that is running, below all frames of the library."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__", "").startswith("raccoon."):
         frame = frame.f_back
@@ -56,7 +55,7 @@ def _place_of_frame(frame: FrameType | None) -> Place | None:
 
 
 def _drops_value(frame: FrameType | None) -> bool:
-    """Whether it drops the value of an expression that is a statement just now."""
+    """Whether the frame is just dropping the value of an expression statement."""
     from opcode import opmap
 
     return frame is not None and frame.f_code.co_code[frame.f_lasti] == opmap["POP_TOP"]

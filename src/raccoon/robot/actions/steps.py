@@ -11,7 +11,8 @@ Steps = Generator[None, None, T]
 
 
 def checked_steps(steps: Steps[T], name: str, start: Callable[..., object]) -> Steps[T]:
-    """What `start` of the action `name` made, which must be steps. Raises TypeError where it is none."""
+    """The generator that `start` of the action `name` returned. Raises TypeError if it returned anything
+    else."""
     given: object = steps
     if inspect.isgenerator(given):
         return steps
@@ -27,9 +28,8 @@ def checked_steps(steps: Steps[T], name: str, start: Callable[..., object]) -> S
 
 
 def advance(steps: Steps[Any]) -> None:
-    """One tick of an action's steps. Raises StopIteration at their end, and TypeError where they yield
-    something, which nobody would do.
-    """
+    """One tick of an action's generator. Raises StopIteration at its end, and TypeError if it yields a value,
+    which nobody would use."""
     given: object = next(steps)
     if given is not None:
         yields: Any = steps
@@ -42,7 +42,8 @@ def advance(steps: Steps[Any]) -> None:
 
 
 def close(steps: Steps[Any]) -> None:
-    """End an action's steps. Where they catch that and go on, it is said, and hides nothing else."""
+    """Close an action's generator. If it catches that and goes on, it is reported, without hiding another
+    error."""
     try:
         steps.close()
     except RuntimeError as error:
@@ -55,7 +56,8 @@ def close(steps: Steps[Any]) -> None:
 
 
 def run_while(steps: Steps[T], goes_on: Callable[[], bool]) -> Steps[tuple[T] | None]:
-    """`steps` while `goes_on` says so before each of their ticks: their result, None where ended."""
+    """Run `steps` while `goes_on` is true before each of their ticks; their result, or None if they were
+    ended."""
     try:
         while goes_on():
             try:

@@ -1,4 +1,4 @@
-"""Before the start: is this the battery the program was tuned with, and can it last?"""
+"""A check before the start: is this the battery that the program was tuned with, and will it last?"""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 READING_TIME_S = 0.3
 MAX_TOLERANCE_V = 1.0
-"""V of tolerance, more than the paper's batteries are apart; more is the voltage itself."""
+"""V; largest tolerance, more than the paper's batteries differ. A larger one is the voltage itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class BatteryCheck:
-    """The resting battery against the one the program was tuned with.
+    """The resting battery compared with the one that the program was tuned with.
 
-    voltage V at rest, None where there is no reading. tuned_at: V, None where nothing says it. speed_change:
-    how much faster (0.1: 10 %) a program without control runs now. ok: nothing to complain about. advice: a
+    voltage: V at rest, None without a reading. tuned_at: V, None if unknown. speed_change: how much faster
+    (0.1: 10 %) a program without control runs now. ok: whether there is nothing to complain about. advice: a
     sentence for people.
     """
 
@@ -40,7 +40,8 @@ class BatteryCheck:
 
 
 def tuned_voltage(config: RobotConfig) -> float | None:
-    """V that robot.toml says the program was tuned at: `battery.tuned_at`, else that of the calibrations."""
+    """V at which the program was tuned, by robot.toml: `battery.tuned_at`, else the voltage of the
+    calibrations."""
     if config.battery.tuned_at is not None:
         return config.battery.tuned_at.value
     seen = [
@@ -53,10 +54,10 @@ def tuned_voltage(config: RobotConfig) -> float | None:
 
 
 def check_battery(tolerance: float = 0.15, *, refuse: bool = False) -> Action[BatteryCheck]:
-    """Stand for 0.3 s and compare the resting battery with the one the program was tuned at.
+    """Stand for 0.3 s and compare the resting battery with the one that the program was tuned at.
 
-    tolerance: V, up to 1. refuse: raise CalibrationError instead of only saying so in the result, recording
-    and log. Raises ValueError for a tolerance that is not allowed, such as the voltage itself.
+    tolerance: V, up to 1. refuse: raise CalibrationError instead of only reporting it in the result,
+    recording and log. Raises ValueError for a tolerance that is not allowed, such as the voltage itself.
     """
     check_positive("tolerance", tolerance)
     if tolerance > MAX_TOLERANCE_V:
@@ -101,7 +102,7 @@ def judge_voltage(voltage: float | None, config: RobotConfig, tolerance: float) 
 
 
 def describe_weak_battery(voltage: float, config: RobotConfig, tolerance: float = 0.15) -> str:
-    """What to do about a resting voltage (V) that no match begins with; "" where it is none."""
+    """Advice for a resting voltage (V) that is too low to begin a match; "" if it is not."""
     weakest = config.battery.weakest
     if voltage >= weakest - tolerance:
         return ""
@@ -109,7 +110,8 @@ def describe_weak_battery(voltage: float, config: RobotConfig, tolerance: float 
 
 
 def _speed_change(voltage: float, tuned: float, config: RobotConfig) -> float:
-    """Of a free wheel at full power: (U - R I_0) over the same, with the friction current I_0 = T_c / K_E."""
+    """Relative change of a free wheel's speed at full power: (U - R I_0) over the same at the tuned voltage,
+    with the friction current I_0 = T_c / K_E."""
     motor = config.model.left
     lost = motor.armature_resistance.value * config.model.friction.coulomb.value
     lost /= motor.back_emf_constant.value

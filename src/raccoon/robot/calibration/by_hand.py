@@ -1,4 +1,4 @@
-"""Calibration of the tophats without a drive: somebody puts the robot over white, then over black."""
+"""Calibration of the tophats without a drive: someone puts the robot over white, then over black."""
 
 from __future__ import annotations
 
@@ -33,17 +33,18 @@ def calibrate_tophats_by_hand(
     store: str | Path | None = None,
     set_name: str = "default",
 ) -> dict[str, TophatCalibration]:
-    """Calibrate tophats, all where none is named, by what they read over white and then over black.
+    """Calibrate the named tophats, or all, from what they read over white and then over black.
 
-    The robot is put down over each, not held, for 1.5 s. placed: called with the sentence that says what to
-    do; it comes back when that is done. None: the sentence is printed, and the controller's button pressed
-    (over a simulated robot somebody does so). Returns the calibrations by name; they are in use from now on.
-    store, set_name: as `calibrate_tophats`.
-    What was moved meanwhile, reads nothing, or reads the same over both, is asked for again and why, up to
-    twice. Surfaces that were exchanged are told by what they read, and that is said. Raises ConfigError for
-    a tophat that robot.toml does not have, a store that is damaged or cannot be written and a controller
-    without a button; CalibrationError naming each tophat that has no threshold in the end, and why; no
-    calibration is changed then.
+    The robot is put down on each surface for 1.5 s, not held. placed: a function that is called with the
+    sentence that says what to do, and returns when it is done. None: the sentence is printed, and someone
+    presses the controller's button (in simulation the bystander does both). store, set_name: as for
+    `calibrate_tophats`. Returns the calibrations by name; they are in use from now on.
+
+    If a sensor was moved meanwhile, reads nothing or the same over both surfaces, the placement is asked for
+    again with the reason, up to twice. Exchanged surfaces are recognised by their readings and reported.
+    Raises ConfigError for a tophat that robot.toml does not have, a store that is damaged or cannot be
+    written, and a controller without a button. Raises CalibrationError naming each tophat that has no
+    threshold in the end, and why; then no calibration is changed.
     """
     check_robot(robot, "calibrate_tophats_by_hand()")
     robot.require("calibrate_tophats_by_hand()")
@@ -61,8 +62,8 @@ def calibrate_tophats_by_hand(
 
 @contextmanager
 def _choose_asking(robot: Robot, placed: Callable[[str], object] | None) -> Iterator[_Asking]:
-    """Who is asked: the function of the program, else whoever reads what is printed, or stands beside a
-    simulated robot."""
+    """The function that asks for a placement: the program's own, or one that prints the request, or one that
+    asks the bystander of a simulated robot."""
     somebody = bystander_of(robot.port) if placed is None else None
     try:
         yield _Asking(robot, placed or (lambda what: _wait_for_button(robot, what)), somebody)
@@ -74,7 +75,7 @@ def _choose_asking(robot: Robot, placed: Callable[[str], object] | None) -> Iter
 def _calibrate_until_right(
     robot: Robot, asking: _Asking, tophats: Sequence[str]
 ) -> dict[str, TophatCalibration]:
-    """Calibrations by name, of what is asked for until it is right. Raises CalibrationError."""
+    """Calibrations by name; placements are asked for again until they are right. Raises CalibrationError."""
     found: dict[str, TophatCalibration] = {}
     left, why = tuple(tophats), ""
     for _ in range(MAX_TRIES):
@@ -89,13 +90,14 @@ def _calibrate_until_right(
 
 
 class _Asking:
-    """Has somebody put the robot down, and reads it there. placed: see `calibrate_tophats_by_hand`."""
+    """Asks for the robot to be put down and reads the sensors there. placed: see
+    `calibrate_tophats_by_hand`."""
 
     def __init__(self, robot: Robot, placed: Callable[[str], object], somebody: Bystander | None) -> None:
         self._robot, self._placed, self._somebody = robot, placed, somebody
 
     def over(self, surface: str, names: Sequence[str], why: str = "") -> dict[str, list[float]]:
-        """Counts of each tophat over a surface, of a robot that stood. why: it is asked for again."""
+        """Counts of each tophat over a surface, from a robot at rest. why: the reason for asking again."""
         for _ in range(MAX_TRIES):
             many = "tophats" if len(names) > 1 else "tophat"
             if self._somebody is not None:
@@ -117,7 +119,7 @@ class _Asking:
 
 
 def _describe_disturbance(name: str, port: int, counts: Sequence[float]) -> str:
-    """What keeps readings from being those of one place, "" where nothing does."""
+    """Why the readings do not belong to one place; "" if they do."""
     from raccoon.estimate.tophat.quality import MIN_READINGS, is_restless
     from raccoon.estimate.tophat.standing_calibration import was_moved
 
@@ -135,8 +137,8 @@ def _describe_disturbance(name: str, port: int, counts: Sequence[float]) -> str:
 def _judge(
     robot: Robot, white: Mapping[str, Sequence[float]], black: Mapping[str, Sequence[float]]
 ) -> tuple[dict[str, TophatCalibration], dict[str, str]]:
-    """Calibrations by name, and what is wrong with the others. Black reads higher, whatever was asked for:
-    where all sensors say that the surfaces were exchanged they were."""
+    """Calibrations by name, and what is wrong with the other sensors. Black reads higher: if all sensors read
+    the surfaces exchanged, they were exchanged."""
     from raccoon.estimate.tophat.standing_calibration import calibrate_standing
 
     found, wrong, exchanged = {}, {}, []
@@ -164,12 +166,12 @@ def _judge(
 
 
 def _median(counts: Sequence[float]) -> float:
-    """Their median."""
+    """The median of the counts."""
     return sorted(counts)[len(counts) // 2]
 
 
 def _wait_for_button(robot: Robot, what: str) -> None:
-    """Print what to do, and wait until the controller's button was pressed and let go of."""
+    """Print what to do, and wait until the controller's button was pressed and released."""
     print(f"{what}, and press the button", flush=True)
     robot.run(wait_for(button_pressed()))
     robot.run(wait_for(when(lambda robot: robot.button is not True, "button let go of")))

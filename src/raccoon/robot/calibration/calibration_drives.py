@@ -1,4 +1,5 @@
-"""What the drives of calibrations share: every reading is kept, and one that fails is said to be theirs."""
+"""Common parts of calibration drives: all readings are collected, and a drive that fails is reported as the
+calibration's."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ T = TypeVar("T")
 
 
 def collect_inputs(action: Action[Any], inputs: list[Inputs]) -> Action[Any]:
-    """The action, with every reading of its ticks put into `inputs`."""
+    """The action, with the readings of all its ticks appended to `inputs`."""
 
     def look(robot: Robot) -> None:
         if robot.inputs is not None:
@@ -26,7 +27,7 @@ def collect_inputs(action: Action[Any], inputs: list[Inputs]) -> Action[Any]:
 
 
 def run_calibration_drive(robot: Robot, action: Action[T]) -> T:
-    """Do the drive of a calibration; a robot that cannot drive cannot be calibrated."""
+    """Run the drive of a calibration. Raises CalibrationError if the robot cannot drive."""
     try:
         return robot.run(action)
     except MotionTimeout as error:

@@ -1,4 +1,4 @@
-"""What all calibrations of the tophats share: they are compared with those before, taken up, and kept."""
+"""Common end of all tophat calibrations: compare with the previous ones, put into use, and store."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ CARD_ERRNOS = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full, worn
 
 
 def robot_name(robot: Robot) -> str:
-    """Whose calibrations these are."""
+    """The robot's name under which calibrations are stored."""
     simulated = bystander_of(robot.port) is not None or robot.config.controller.port not in REAL_CONTROLLERS
     return robot.config.name + SIMULATED_ONE if simulated else robot.config.name
 
 
 class CalibrationShelf:
-    """Where the calibrations of a robot's tophats go: into use, and into the file `store`, if any.
+    """Puts the calibrations of a robot's tophats into use and into the file `store`, if any.
 
-    Raises ConfigError where that is damaged or cannot be written, and where robot.toml has no tophat. Make it
+    Raises ConfigError if the file is damaged or cannot be written, and if robot.toml has no tophat. Make it
     before anything moves.
     """
 
@@ -50,7 +50,7 @@ class CalibrationShelf:
             }
 
     def take(self, found: Mapping[str, TophatCalibration]) -> None:
-        """Use them from now on, say what is odd about them, and add them to the file."""
+        """Put them into use, report what is odd about them, and add them to the file."""
         robot, kept = self._robot, self._kept
         for name, each in found.items():
             robot.tophat(name).calibrate(each)
@@ -63,10 +63,9 @@ class CalibrationShelf:
 
 
 def _stored_calibrations(store: Path, set_name: str, own: str) -> dict[str, TophatCalibration]:
-    """The newest calibrations of the robot `own` in `store`, by name. Raises ConfigError where it cannot be
-    read or written, but for what the card is to blame for: nobody mends that before a match, and the
-    calibration is good all the same.
-    """
+    """The newest calibrations of the robot `own` in `store`, by name. Raises ConfigError if it cannot be read
+    or written, except for faults of the card: nobody repairs that before a match, and the calibration itself
+    is good."""
     from raccoon.estimate.tophat.store import TophatStore
 
     found: dict[str, TophatCalibration] = {}
@@ -87,7 +86,8 @@ def _stored_calibrations(store: Path, set_name: str, own: str) -> dict[str, Toph
 def _remark_on_changes(
     robot: Robot, before: Mapping[str, TophatCalibration | None], found: Mapping[str, TophatCalibration]
 ) -> None:
-    """Say which sensors to use with care, and which sit higher or lower than at the calibration before."""
+    """Report sensors to use with care, and sensors that sit higher or lower than at the previous
+    calibration."""
     from raccoon.estimate.tophat.calibration import Verdict
     from raccoon.estimate.tophat.calibration_watch import find_swapped, has_height_changed
 
