@@ -1,1 +1,1 @@
-"""Fits by simulation error: one linear algebra of recording and simulator, its noise, and the way down."""
+"""Fits by simulation error: the problem, its linear model, its noise, and the descent."""

@@ -1,5 +1,4 @@
-"""Fits of gears with play: from the best places around where a fit stops, since the misfit there is a
-staircase."""
+"""Fits of backlash, whose misfit is a staircase: restarted from the best points of a grid around a fit."""
 
 from __future__ import annotations
 
@@ -16,38 +15,38 @@ from raccoon.diagnose.fit.whitener import WhiteningMap
 
 BACKLASH = "drive.backlash"
 SCAN_SIZES = (-0.16, -0.08, -0.04, -0.02, 0.0, 0.02, 0.04, 0.08, 0.16)
-"""Relative changes of the first coordinate in the scan of a staircase."""
+"""Relative changes of the first coordinate (the angle) on the grid around a fit."""
 SCAN_SHAPES = (-0.6, -0.4, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.4, 0.6)
-"""Changes of the second coordinate in it."""
+"""Changes of the second coordinate (how far wheels coast) on that grid."""
 MIN_SCAN_SIZE = 0.05
-"""Size of the first coordinate below which its changes become no smaller."""
+"""Lower bound on the size of the first coordinate to which its changes are relative."""
 WIDE_SIZES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.2, 1.5)
 WIDE_SHAPES = (-0.6, 0.0, 0.6)
-"""Grid on which inactive play is searched for: these sizes with the usual bins, and more between them with
-shorter ones. The width of the valley is how far a wheel turns in a bin."""
+"""Grid on which inactive backlash is searched for: these sizes with the usual bins, and more between them
+with shorter ones. The valley of the misfit is as wide as a wheel turns in a bin."""
 MIN_HALF_COST_SAVED = 10.0
-"""Half the cost that a point of that grid must save with nothing fitted. On clean robots none saves anything,
-and with 0.07 rad of play in a drive that seldom reverses the best saved 265, where those a quarter larger or
-smaller cost 20 and 90 more than none."""
+"""Half of the cost that a point of that grid must save while nothing is fitted. On clean robots none saves
+anything; with 0.07 rad of backlash in a drive that seldom reverses the best saved 265, and points a quarter
+larger or smaller cost 20 and 90 more than no backlash."""
 SCAN_STARTS = 3
-"""Best points of a scan from which everything is fitted."""
+"""Number of points of a scan, the best ones, from which everything is fitted."""
 MAX_SCANS = 4
-"""Most scans of one play, each from the best of the last."""
+"""Maximum number of scans of one backlash, each around the best fit of the previous one."""
 
 
 def active_backlash(point: Point) -> list[str]:
-    """Names of the active causes that are play, of either wheel or both."""
+    """Names of the active causes that are backlash, of either wheel or both."""
     return [each for each in point.active if each.partition("@")[0] == BACKLASH]
 
 
 def fit_with_backlash_scan(
     problem: Problem, whitener: WhiteningMap, start: Point | Fit, last: bool = False
 ) -> Fit:
-    """`fit_point`; where gears have play, repeated from the best points around, until none is better.
+    """`fit_point`; with active backlash, repeated from the best points around the fit until none improves it.
 
-    Seen closely the misfit over the gap and over the coasting in it is a staircase, as a tooth is met before
-    or after a sample of the gyro, and a fit stops on a stair. last: whether this fit's numbers are reported;
-    in a search half a unit of log evidence is not worth another scan.
+    The misfit over the backlash angle and over how far wheels coast in it is a staircase, since a tooth is
+    met before or after a gyro sample, and a fit stops on a stair. last: whether this fit's numbers are
+    reported; during a search a gain below half a unit of log evidence ends the scans.
     """
     fit, min_decrease = fit_point(problem, whitener, start), CONVERGED_DECREASE if last else ROUGH_DECREASE
     for name in active_backlash(fit.point):
@@ -61,8 +60,8 @@ def fit_with_backlash_scan(
 
 
 def find_backlash_starts(problem: Problem, whitener: WhiteningMap, fit: Fit) -> list[Point]:
-    """The best few starts of inactive play of both wheels that cost clearly less than no play, all else held.
-    The valley is narrow, and the columns of no play do not lead into it."""
+    """The best points of inactive backlash of both wheels that cost clearly less than no backlash, everything
+    else fixed. The valley is narrow, and the columns at no backlash do not lead into it."""
     subdivision = max(round(BIN_S / problem.features.width), 1)
     positions = np.arange(subdivision * (len(WIDE_SIZES) - 1) + 1) / subdivision
     sizes = np.interp(positions, np.arange(len(WIDE_SIZES)), WIDE_SIZES)
@@ -73,8 +72,8 @@ def find_backlash_starts(problem: Problem, whitener: WhiteningMap, fit: Fit) -> 
 
 
 def _best_around(problem: Problem, whitener: WhiteningMap, fit: Fit, name: str) -> list[Point]:
-    """The best few points of a grid over both coordinates of a cause around a fit, all others held; without
-    the fit's own point, from which a fit was made already."""
+    """The best points of a grid over both coordinates of a cause around a fit, all others fixed; without the
+    fit's own point, which was already a starting point."""
     vector, first = fit.point.vector(), fit.point.spans()[name].start
     size = max(abs(float(vector[first])), MIN_SCAN_SIZE)
     grid = np.repeat(vector[None], len(SCAN_SIZES) * len(SCAN_SHAPES), axis=0)

@@ -1,4 +1,4 @@
-"""Held-out errors: those with which each half second is predicted by a fit of all the others."""
+"""Held-out errors: each half second is predicted by a fit of all others."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ from raccoon.diagnose.fit.evidence import Gram
 Array = NDArray[np.float64]
 
 MIN_DIRECTION_VARIANCE = 0.02
-"""Variance, in units of the noise, below which a direction is left out: it would change nothing."""
+"""Variance, in units of the noise, below which a direction is left out, since it has no effect."""
 MIN_HELD_OUT_SHARE = 0.003
-"""Share of a direction's variance below which other half seconds say too little of it to predict it."""
+"""Lower bound on the eigenvalues of 1 - X_b C X_b', the share of a direction that the other half seconds
+determine: below it they cannot predict the direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingPart:
-    """A part of a recording, with directions that the whole recording shares and directions that wander in
+    """A part of a recording, with directions that the whole recording shares and slowly varying directions of
     this part alone.
 
-    white (columns, rows), goal (rows,): whitened columns, those of the `slow` wandering directions first, and
-    the whitened target. columns (columns, bins, channels), target (bins, channels): before whitening.
+    columns (columns, bins, channels), target (bins, channels): before whitening; the first `slow` columns are
+    the slowly varying directions. white (columns, rows), goal (rows,): the same, whitened. gram: Gram matrix
+    of the whitened columns and target.
     """
 
     columns: Array
@@ -38,17 +40,18 @@ class RecordingPart:
 
     @classmethod
     def of(cls, columns: Array, white: Array, target: Array, goal: Array, slow: int) -> RecordingPart:
-        """white, goal: columns and target whitened. The first `slow` columns are of what wanders."""
+        """white, goal: columns and target, whitened. The first `slow` columns are the slowly varying
+        directions."""
         rows, flat = white.reshape(len(white), -1), goal.reshape(-1)
         return cls(columns, rows, target, flat, Gram.of(rows.T, flat), slow)
 
     def scaled(self, wander: float) -> Gram:
-        """Its inner products, for wandering directions of that standard deviation."""
+        """The Gram matrix if the slowly varying directions have the standard deviation `wander`."""
         return self.gram.scaled(np.repeat([wander, 1.0], [self.slow, len(self.columns) - self.slow]))
 
 
 def log_evidence_of_wander(parts: Sequence[RecordingPart], wander: float) -> float:
-    """Log evidence of all columns, for a standard deviation `wander` of the wandering ones and 1 of
+    """Log evidence of all columns, for a standard deviation `wander` of the slowly varying ones and 1 of the
     others."""
     grams = [each.scaled(wander) for each in parts]
     alone = sum(gram.take(range(each.slow)).evidence() for gram, each in zip(grams, parts, strict=True))
@@ -58,9 +61,10 @@ def log_evidence_of_wander(parts: Sequence[RecordingPart], wander: float) -> flo
 def held_out_error(parts: Sequence[RecordingPart], sizes: Array, wander: float, event: int) -> Array:
     """Error of the prediction of each half second by columns fitted to all others, (bins, channels).
 
-    sizes (known,), wander: standard deviations of the priors of the shared and of the wandering directions.
-    To a part all other parts amount to a mean and a covariance of the shared directions (their wandering ones
-    are eliminated), which are its prior. event: bins in half a second; parts consist of whole ones.
+    sizes (known,), wander: standard deviations of the priors of the shared and of the slowly varying
+    directions. For a part, all other parts reduce to a mean and a covariance of the shared directions (with
+    their slowly varying ones eliminated), which are its prior. event: bins in half a second; parts consist of
+    whole ones.
     """
     shared = [each.scaled(wander).eliminate_leading(each.slow) for each in parts]
     errors = []
@@ -80,8 +84,8 @@ def held_out_error(parts: Sequence[RecordingPart], sizes: Array, wander: float, 
 def _held_out_error_of_part(part: RecordingPart, prior: Array, expected: Array, event: int) -> Array:
     """`held_out_error` of one part, for a prior with mean `expected` and covariance S = prior prior'.
 
-    The fit's mean is m = C X' y, C = (S^-1 + X' X)^-1, y less the prior mean's prediction. Leaving rows b out
-    moves it to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury).
+    The fit's mean is m = C X' y with C = (S^-1 + X' X)^-1 and y the target less the prediction of the prior
+    mean. Leaving out rows b changes it to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury).
     """
     powers, vectors = np.linalg.eigh(prior.T @ part.gram.matrix @ prior)
     strong = powers > MIN_DIRECTION_VARIANCE
@@ -102,12 +106,12 @@ def _held_out_error_of_part(part: RecordingPart, prior: Array, expected: Array, 
 
 
 def _influence(part: Array, rest: Array) -> Array:
-    """P (1 - P' P)^-1 times the residual of a half second, P (directions, rows) with P' P = X_b C X_b':
-    solved in rows or in directions, whichever are fewer, since it is (1 - P P')^-1 P as well.
+    """P (1 - P' P)^-1 times the residual of a half second, with P (directions, rows) and P' P = X_b C X_b'.
+    Solved in rows or in directions, whichever are fewer, since it is (1 - P P')^-1 P as well.
 
-    A direction that only this half second shows is not predicted by the others at all. A wheel that slips and
-    stops gives one: a reading jumps there if a number moves by next to nothing. Its residual is no measure of
-    noise, so `MIN_HELD_OUT_SHARE` bounds its influence.
+    A direction that shows in this half second only is not predicted by the others at all. A wheel that slips
+    and stops gives one: a reading jumps there if a number changes slightly. Its residual is no measure of
+    noise, so `MIN_HELD_OUT_SHARE` limits its influence.
     """
     few = len(part) < len(rest)
     inner, goal = (part @ part.T, part @ rest) if few else (part.T @ part, rest)

@@ -1,13 +1,13 @@
-"""Evidence of sets of causes in a linearised model, by algebra alone.
+"""Log evidence of sets of columns in a linear model with unit normal priors, by linear algebra alone.
 
-Around a working point the whitened data are y = X u + w with unit noise w and unit normal priors on u: every
-column of X is one direction of the model times the width of its prior. Some columns are always included (what
-robot.toml leaves open, slow floor friction); each cause adds one or more. The log evidence of a set I is
+Around a working point the whitened data are y = X u + w with unit noise w and unit normal priors on u: each
+column of X is one direction of the model times the width of its prior. Some columns are always included (base
+numbers, slowly varying floor friction); each cause adds one or more. The log evidence of a set I is
 
     log p(y | I) = 1/2 h' (1 + G)^-1 h - 1/2 log det(1 + G) + const,   G = X_I' X_I,  h = X_I' y
 
 (Bayesian linear regression; Bishop 2006, eq. 3.86). The columns that are always included are eliminated once
-(Schur complement), so scoring a set costs a solve of its own few columns.
+(Schur complement), so scoring a set takes a solve for its own few columns.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ Array = NDArray[np.float64]
 
 
 MAX_ACTIVE_SET_SWEEPS = 10
-"""Most changes of the active set, the coordinates held at a bound."""
+"""Maximum number of changes of the active set, the coordinates that are fixed at a bound."""
 
 
 def minimise_in_bounds(
     matrix: Array, projection: Array, low: Array, high: Array, near: Array | None = None
 ) -> Array:
-    """Minimise u' matrix u - 2 projection' u inside bounds around 0; matrix: positive definite.
+    """Minimise u' matrix u - 2 projection' u subject to low <= u <= high, for a positive definite matrix.
 
-    By active sets: a coordinate that would leave is held at its bound, the others are solved beside it, and
-    one whose gradient points inwards is freed again. That is quick where it ends, mostly after two or three
-    rounds; where it cycles, bounded least squares is used instead.
+    Active-set method: coordinates that would leave their bounds are fixed there, the others are solved for,
+    and those whose gradient points inwards are freed again. It usually ends after two or three sweeps; if it
+    cycles, bounded least squares is used instead.
 
-    near: a point at the bounds that are likely to be active; it changes the time that takes, nothing else.
+    near: a point at the bounds that are likely to be active; it changes the computing time only.
     """
     found = np.zeros(len(projection)) if near is None else np.clip(near, low, high)
     free = np.ones(len(projection), bool) if near is None else (found > low) & (found < high)
@@ -55,7 +55,7 @@ def minimise_in_bounds(
 
 
 def _solve_free(matrix: Array, projection: Array, found: Array, free: NDArray[np.bool_]) -> None:
-    """Solve for the free coordinates beside the held ones, in place."""
+    """Solve for the free coordinates with the others fixed, in place."""
     if free.all():
         found[:] = np.linalg.solve(matrix, projection)
         return
@@ -66,7 +66,7 @@ def _solve_free(matrix: Array, projection: Array, found: Array, free: NDArray[np
 
 
 def _minimise_by_bvls(matrix: Array, projection: Array, low: Array, high: Array) -> Array:
-    """The same by bounded least squares, one coordinate after the other (Stark and Parker 1995)."""
+    """The same by bounded-variable least squares (Stark and Parker 1995)."""
     from scipy.optimize import lsq_linear
 
     factor = np.linalg.cholesky(matrix)
@@ -84,7 +84,7 @@ class Gram:
 
     @classmethod
     def of(cls, columns: Array, target: Array) -> Gram:
-        """columns (n, m), target (n,)."""
+        """Statistics of columns (n, m) and target (n,)."""
         return cls(columns.T @ columns, columns.T @ target)
 
     def __sub__(self, other: Gram) -> Gram:
@@ -94,7 +94,7 @@ class Gram:
         return Gram(self.matrix + other.matrix, self.projection + other.projection)
 
     def take(self, index: Sequence[int] | Array) -> Gram:
-        """Only these columns."""
+        """The statistics of these columns only."""
         chosen = np.asarray(index, int)
         return Gram(self.matrix[chosen[:, None], chosen], self.projection[chosen])
 
@@ -115,15 +115,16 @@ class Gram:
         return float(0.5 * half @ half - np.log(np.diag(factor)).sum())
 
     def scaled(self, sizes: Array) -> Gram:
-        """Each column times a number, by which its prior's standard deviation is multiplied."""
+        """The statistics with each column multiplied by a number, as is the standard deviation of its
+        prior."""
         return Gram(self.matrix * np.outer(sizes, sizes), self.projection * sizes)
 
     def shifted(self, held: Array) -> Gram:
-        """With the target less the columns' contribution at the coordinates `held`."""
+        """The statistics for the target less the columns' contribution at the coordinates `held`."""
         return Gram(self.matrix, self.projection - self.matrix @ held)
 
     def eliminate_leading(self, count: int) -> Gram:
-        """Marginalise the first `count` columns under their unit priors: the rest behaves as new data."""
+        """Marginalise the first `count` columns under their unit priors: the rest acts like new data."""
         inner = np.linalg.inv(np.eye(count) + self.matrix[:count, :count])
         cross = self.matrix[count:, :count]
         matrix = self.matrix[count:, count:] - cross @ inner @ cross.T
@@ -135,9 +136,9 @@ class Gram:
     ) -> Iterator[tuple[Array, float]]:
         """For each span of further columns, its most likely coordinates and the log evidence that it adds.
 
-        The first columns stay inside their bounds; a span's have none. By Laplace's method with the curvature
-        of all columns, as in `Fit.evidence`: log det of all = log det of the first + log det of the span's
-        Schur complement.
+        The first columns stay within their bounds; a span's have none. Laplace's method with the curvature of
+        all columns, as in `Fit.evidence`: log det of all = log det of the first + log det of the span's Schur
+        complement.
         """
         count = len(low)
         leading, inner = list(range(count)), Gram(np.eye(len(self.matrix)) + self.matrix, self.projection)
@@ -153,7 +154,7 @@ class Gram:
             yield mean[count:], -0.5 * (cost - first_cost + float(np.linalg.slogdet(schur)[1]))
 
     def _minimise_in_bounds(self, low: Array, high: Array, near: Array | None) -> tuple[Array, float]:
-        """Most likely coordinates inside bounds, and their cost; the matrix must include the priors."""
+        """Most likely coordinates within bounds, and their cost; the matrix must include the priors."""
         mean = minimise_in_bounds(self.matrix, self.projection, low, high, near)
         return mean, float(mean @ self.matrix @ mean - 2.0 * self.projection @ mean)
 

@@ -1,7 +1,7 @@
 """The result of a fit: a point, its whitened residual, and its columns.
 
-The cost ||w(u)||^2 + ||u||^2 is minimised: the whitened residual and the prior, both in units of one standard
-deviation. The log evidence of the fitted model is then, up to a constant, by Laplace's method
+A fit minimises the cost ||w(u)||^2 + ||u||^2 of the whitened residual w and the prior, both in units of one
+standard deviation. By Laplace's method the log evidence of the fitted model is then, up to a constant,
 
     -1/2 (||w||^2 + ||u||^2) - 1/2 log det(1 + J J')
 """
@@ -32,7 +32,7 @@ class Fit:
 
     @classmethod
     def of(cls, problem: Problem, point: Point, white: Array, jacobian: Array) -> Fit:
-        """The fit with its cost and its free coordinates computed."""
+        """The fit, with its cost and its free coordinates computed."""
         return cls(point, white, jacobian, cost_of(point, white), inside_bounds(problem, point))
 
     @cached_property
@@ -42,7 +42,8 @@ class Fit:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the simulation gave finite numbers, at the point and a step away from it."""
+        """Whether the simulation returned finite numbers at the point and one difference step away from
+        it."""
         return bool(np.isfinite(self.cost) and np.isfinite(np.diag(self.curvature)).all())
 
     @cached_property
@@ -55,20 +56,21 @@ class Fit:
 
     @property
     def target(self) -> Array:
-        """What the free columns must explain, as seen from u = 0."""
+        """Whitened residual at u = 0 of the free coordinates, according to the linear model."""
         free = self.free
         return np.asarray(self.whitened_residual + self.point.vector()[free] @ self.jacobian[free], float)
 
 
 def cost_of(point: Point, white: Array) -> float:
-    """The cost of a point with this whitened residual; infinite where the simulation gives no numbers."""
+    """The cost of a point with this whitened residual; infinite if the simulation returned numbers that are
+    not finite."""
     vector = point.vector()
     cost = float(white @ white + vector @ vector)
     return cost if np.isfinite(cost) else np.inf
 
 
 def inside_bounds(problem: Problem, point: Point) -> NDArray[np.bool_]:
-    """Which coordinates are strictly inside their bounds, (coordinates,)."""
+    """Which coordinates are strictly within their bounds, (coordinates,)."""
     vector = point.vector()
     low, high = problem.limits(point)
     return np.asarray((vector > low + 1e-9) & (vector < high - 1e-9))

@@ -1,4 +1,4 @@
-"""Simulation-error fits under coloured noise and priors, several starts at a time."""
+"""Fits by simulation error under coloured noise and priors, from several starts at once."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from raccoon.diagnose.fit.whitener import WhiteningMap
 Array = NDArray[np.float64]
 
 MAX_STEPS_WITHOUT_COLUMNS = 9
-"""Most steps that a descent takes with its present columns, between two linearisations."""
+"""Maximum number of steps of a descent with its present columns, between two linearisations."""
 RESIDUALS_AT_ONCE = 128
-"""Residuals that are whitened together: of 40 s they take some 30 MB."""
+"""Number of residuals that are whitened together: for 40 s they take some 30 MB."""
 PROFILE_STEPS = 4
-"""Steps of a fit with one coordinate held."""
+"""Number of steps of a fit with one coordinate fixed."""
 
 
 def fit_with_frozen_columns(
@@ -32,10 +32,10 @@ def fit_with_frozen_columns(
     linearisations: int,
     give_up: GiveUpRule | None = None,
 ) -> list[Fit]:
-    """Fit every start. frozen (m, rows): whitened columns of the first m coordinates, taken as they are;
-    columns of the other coordinates are simulated where the last ones predict too badly, at most
-    `linearisations` times. give_up: which fits are abandoned. A start that is a fit must be one under this
-    whitener; its columns count as simulated."""
+    """Fit from every start. frozen (m, rows): whitened columns of the first m coordinates, which are not
+    simulated again. Columns of the other coordinates are simulated whenever the last ones predict too badly,
+    at most `linearisations` times. give_up: which fits are stopped. A start that is a Fit must be one under
+    this whitener; its columns count as simulated."""
     descents = [_descent_from(problem, each) for each in starts]
     for _ in range(linearisations):
         running = [descent for descent in descents if descent.is_running(give_up)]
@@ -69,14 +69,14 @@ def _descent_from(problem: Problem, start: Point | Fit) -> Descent:
 
 
 def whitened_residuals(problem: Problem, whitener: WhiteningMap, points: Sequence[Point]) -> Iterator[Array]:
-    """The whitened residual (rows,) of one point after the other, made as they are consumed."""
+    """The whitened residual (rows,) of one point after the other, computed as they are consumed."""
     predictions = problem.predictions(points)
     while chunk := list(islice(predictions, RESIDUALS_AT_ONCE)):
         yield from whitener(problem.features.measured - np.stack(chunk))
 
 
 def costs_at(problem: Problem, whitener: WhiteningMap, points: Sequence[Point]) -> Array:
-    """The cost of each point as it is, nothing fitted, (points,)."""
+    """The cost of each point, without any fit, (points,)."""
     whites = whitened_residuals(problem, whitener, points)
     return np.array([cost_of(point, white) for point, white in zip(points, whites, strict=True)])
 
@@ -84,10 +84,11 @@ def costs_at(problem: Problem, whitener: WhiteningMap, points: Sequence[Point]) 
 def _needing_columns(
     problem: Problem, whitener: WhiteningMap, descents: Sequence[Descent], give_up: GiveUpRule | None
 ) -> list[Descent]:
-    """The descents whose trial needs columns: at their start, or better than their best but not as predicted.
+    """The descents whose trial needs new columns: at their start, or if the trial is better than their best
+    point but its gain was not well predicted.
 
-    The others go on with the columns that they have: a third of all trials is no better and takes a shorter
-    step next, and half of the rest is as predicted. Columns are what takes time.
+    The others continue with their columns: a third of all trials is no better and is followed by a shorter
+    step, and half of the rest is as predicted. Simulating columns takes most of the time.
     """
     found = [descent for descent in descents if descent.best is None]
     running = [descent for descent in descents if descent.best is not None]
@@ -120,7 +121,7 @@ def fit_starts(
     linearisations: int,
     give_up: GiveUpRule | None = None,
 ) -> list[Fit]:
-    """Fit every start with all columns simulated, at most `linearisations` times."""
+    """Fit from every start with all columns simulated, at most `linearisations` times."""
     none = np.zeros((0, problem.features.measured.size))
     return fit_with_frozen_columns(problem, whitener, starts, none, linearisations, give_up)
 
@@ -132,24 +133,25 @@ def fit_point(
     linearisations: int = 10,
     give_up: GiveUpRule | None = None,
 ) -> Fit:
-    """Fit all coordinates from one start until it has converged or is given up, or its columns were simulated
-    `linearisations` times. A start that is a fit must be one under this whitener; its columns do not
+    """Fit all coordinates from one start until it has converged or is stopped, or its columns were simulated
+    `linearisations` times. A start that is a Fit must be one under this whitener; its columns do not
     count."""
     return fit_starts(problem, whitener, [start], linearisations, give_up)[0]
 
 
 def evaluate_fit(problem: Problem, whitener: WhiteningMap, point: Point) -> Fit:
-    """The point as it is, nothing fitted, as a fit with its columns under a whitener."""
+    """The point, without any fit, as a Fit with its columns under a whitener."""
     return fit_point(problem, whitener, point, 1)
 
 
 def cost_with_last_held(
     problem: Problem, whitener: WhiteningMap, current: Fit, point: Point, held: Sequence[int]
 ) -> float:
-    """Cost of a fit that starts at a point and holds its last coordinate (a step of a profile likelihood).
+    """Cost of a fit that starts at a point and keeps its last coordinate fixed (a step of a profile
+    likelihood).
 
-    current: the fit without that coordinate, whose columns serve for those of the point. held: coordinates of
-    it that are held as well.
+    current: the fit without that coordinate, whose columns are used at the point. held: indices of its
+    coordinates that are fixed as well.
     """
     moving = np.delete(np.arange(len(current.jacobian)), held)
     columns = current.jacobian[moving]

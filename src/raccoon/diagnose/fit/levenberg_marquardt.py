@@ -1,4 +1,4 @@
-"""The way of a fit from one start down to where its cost is least: Levenberg-Marquardt."""
+"""A Levenberg-Marquardt descent of a fit from one start to a minimum of its cost."""
 
 from __future__ import annotations
 
@@ -14,23 +14,25 @@ from raccoon.diagnose.fit.problem import Point, Problem
 
 Array = NDArray[np.float64]
 GiveUpRule = Callable[[Fit, float], bool]
-"""Whether to give up a fit, given the cost decrease that is predicted for its next step."""
+"""Whether to stop a fit, given its best point so far and the cost decrease predicted for its next step."""
 
 CONVERGED_DECREASE = 0.05
 """Decrease of the cost, in an iteration or predicted for the next, below which a fit has converged."""
 ROUGH_DECREASE = 1.0
-"""The same for a step that was predicted to help and did not: where wheels break loose the cost is rough."""
+"""The same after a step that did not bring its predicted decrease: where wheels break loose the cost is
+rough."""
 STALLED_RATIO = 0.1
-"""Share of the predicted decrease below which a decrease so small is no progress."""
+"""Share of the predicted decrease below which a decrease of up to ROUGH_DECREASE counts as converged."""
 MAX_STEP_FACTOR = 2.0
-"""Largest factor by which a step is lengthened where columns turned out too steep, as kinks make them."""
+"""Largest factor by which a step is lengthened if columns turned out too steep, as they are at kinks."""
 GOOD_GAIN_RATIOS = (0.6, 1.6)
 """Gain ratios (decrease of the cost over the predicted one) between which the columns, with a Broyden update,
-serve for the next step as well: a step then takes one simulation instead of thirty."""
+are reused for the next step: a step then takes one simulation instead of thirty."""
 STALE_DECREASE = 20.0
-"""Decrease of the cost that updated columns predicted in vain, above which they are simulated anew."""
+"""Threshold on the decrease of the cost that updated columns predicted wrongly, above which they are
+simulated anew."""
 STEP_REDUCTION = 0.3
-"""Share of a step that is tried next where the whole of it made things worse."""
+"""Share of a step that is tried next if the whole step did not lower the cost."""
 
 
 @dataclass(slots=True)
@@ -38,8 +40,8 @@ class Descent:
     """A Levenberg-Marquardt descent from one start: its best fit so far, its next trial, damping,
     convergence.
 
-    predicted_decrease: of the cost from the best to the trial, by the linear model. has_updated_columns:
-    whether the columns of the best are Broyden updates of an earlier point's instead of simulated.
+    predicted_decrease: of the cost from the best fit to the trial, by the linear model. has_updated_columns:
+    whether the columns of the best fit are Broyden updates of an earlier point's columns, not simulated.
     """
 
     trial: Point
@@ -50,15 +52,15 @@ class Descent:
     has_updated_columns: bool = False
 
     def is_no_better(self, cost: float) -> bool:
-        """Whether the trial, of this cost, is not below the best so far."""
+        """Whether the trial, with this cost, is not below the best fit so far."""
         return self.best is not None and cost >= self.best.cost
 
     def should_give_up(self, give_up: GiveUpRule | None) -> bool:
-        """Whether the rule gives the best up."""
+        """Whether the rule stops the descent."""
         return give_up is not None and self.best is not None and give_up(self.best, self.predicted_decrease)
 
     def is_running(self, give_up: GiveUpRule | None) -> bool:
-        """Whether it has neither converged nor been given up."""
+        """Whether the descent has neither converged nor been stopped."""
         return not (self.converged or self.should_give_up(give_up))
 
     def shorten_step(self, problem: Problem) -> None:
@@ -69,7 +71,7 @@ class Descent:
         self.converged = self.predicted_decrease < ROUGH_DECREASE
 
     def is_well_predicted(self, cost: float) -> bool:
-        """Whether the best's columns predicted well the gain of the trial, of this cost."""
+        """Whether the best fit's columns predicted the gain of the trial, with this cost, well."""
         if self.best is None:
             return False
         low, high = GOOD_GAIN_RATIOS
@@ -77,21 +79,22 @@ class Descent:
 
     @property
     def is_misled(self) -> bool:
-        """Whether updated columns predicted a large decrease where the trial is no better."""
+        """Whether updated columns predicted a large decrease and the trial is no better."""
         return self.has_updated_columns and self.predicted_decrease > STALE_DECREASE
 
     def accept_with_updated_columns(self, problem: Problem, white: Array) -> None:
-        """Go on from the trial, of this whitened residual, with the best's columns updated (Broyden)."""
+        """Continue from the trial, with this whitened residual, and the best fit's columns updated
+        (Broyden)."""
         assert self.best is not None
         self.consider(problem, _broyden_update(problem, self.best, self.trial, white), updated=True)
 
     def return_to_best(self) -> None:
-        """Make the best the next trial, so that its columns are simulated."""
+        """Make the best point the next trial, so that its columns are simulated."""
         assert self.best is not None
         self.trial, self.has_updated_columns, self.predicted_decrease = self.best.point, False, np.inf
 
     def consider(self, problem: Problem, fit: Fit, updated: bool = False) -> None:
-        """Accept the trial's fit and plan the next step from it, or shorten the step where it is no better.
+        """Accept the trial's fit and plan the next step from it, or shorten the step if it is no better.
 
         updated: whether its columns are a Broyden update.
         """
@@ -125,8 +128,9 @@ class Descent:
 
 
 def _broyden_update(problem: Problem, fit: Fit, point: Point, white: Array) -> Fit:
-    """A fit at a point near another one, with the other's columns changed so that they predict the step
-    between the two (Broyden 1965): each by a share of the misprediction, as large as its part in the step."""
+    """A fit at a point near another one, with the other's columns corrected such that they predict the step
+    between the two (Broyden 1965). Each is corrected by a share of the prediction error in proportion to its
+    part in the step."""
     step = point.vector() - fit.point.vector()
     missed = fit.whitened_residual - white - step @ fit.jacobian
     share = step * (np.diag(fit.curvature) - 1.0)
@@ -134,9 +138,10 @@ def _broyden_update(problem: Problem, fit: Fit, point: Point, white: Array) -> F
 
 
 def _step_factor(ratio: float) -> float:
-    """Factor by which to lengthen the next step after one that lowered the cost `ratio` times as predicted.
+    """Factor by which to lengthen the next step after one that lowered the cost `ratio` times as much as
+    predicted.
 
-    Where columns are c times too steep, steps are c times too short and the ratio is 2 - 1/c.
+    If columns are c times too steep, steps are c times too short and the ratio is 2 - 1/c.
     """
     return float(np.clip(1.0 / max(2.0 - ratio, 1e-9), 1.0, MAX_STEP_FACTOR))
 
@@ -144,8 +149,8 @@ def _step_factor(ratio: float) -> float:
 def _damped_step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:
     """The point after a damped Gauss-Newton step, and the cost decrease that the linear model predicts.
 
-    The step is kept inside the bounds: a coordinate that would leave goes as far as its bound, and the others
-    to their optimum beside it.
+    The step stays within the bounds: a coordinate whose optimum is out of bounds goes to its bound, and the
+    others to their optimum given that.
     """
     vector = fit.point.vector()
     low, high = problem.limits(fit.point)

@@ -24,11 +24,11 @@ FRICTION_STEP_WIDTHS = 0.1
 class ColumnGroup:
     """Columns of one cause or probe, which are added and dropped together.
 
-    start: coordinates at which they were taken (secants of a cause). over_place: whether they are friction
-    that depends on where the robot is. parts: subsets of the columns of which one alone may be all that acts.
-    choice_penalty: log evidence that such a part costs, for the choice among them; part: which columns it
-    has. min_lead: log evidence up to which something usual imitates the group where the norm of its
-    coordinates is below `usual`; min_lead_if_larger: the same above.
+    start: coordinates at which they were computed (secants of a cause). over_place: whether they are friction
+    that depends on the robot's place. parts: subsets of the columns, of which one alone may act.
+    choice_penalty: log evidence that the choice of such a part costs; part: the indices of its columns.
+    min_lead: lead up to which ordinary effects imitate the group if the norm of its coordinates is below
+    `usual`; min_lead_if_larger: the same above.
     """
 
     name: str
@@ -44,15 +44,17 @@ class ColumnGroup:
     min_lead_if_larger: float = 0.0
 
     def without_columns(self) -> ColumnGroup:
-        """The same with empty columns: they are some megabytes, and can be made again."""
+        """The group with empty columns: they take some megabytes, and can be computed again."""
         return replace(self, columns=np.empty((len(self.columns), 0, 0)))
 
 
 @dataclass(frozen=True, slots=True)
 class LinearModel:
-    """target = residual + columns at the working point times its coordinates, all raw (bins, channels).
+    """target = residual + columns at the working point times its coordinates, all unwhitened (bins,
+    channels).
 
-    groups: columns of the inactive causes. cause_responses: what each active cause changes, (bins, channels).
+    groups: columns of the inactive causes. cause_responses: difference that each active cause makes, (bins,
+    channels).
     """
 
     point: Point
@@ -63,11 +65,11 @@ class LinearModel:
 
     @property
     def target(self) -> Array:
-        """What all columns together must explain, as seen from u = 0."""
+        """The residual at u = 0 according to the linear model, which all columns together must explain."""
         return np.asarray(self.residual + np.tensordot(self.point.vector(), self.jacobian, axes=1))
 
     def column(self, name: str) -> Array | None:
-        """The column of a cause's first coordinate, active or not; None where it was not simulated."""
+        """The column of a cause's first coordinate, active or not; None if it was not simulated."""
         span = self.point.spans().get(name)
         if span is not None:
             return np.asarray(self.jacobian[span.start], float)
@@ -106,7 +108,7 @@ def linearise(problem: Problem, point: Point, tried: Sequence[str], sizes: int |
 
 
 def _has_linear_coordinates(problem: Problem, name: str) -> bool:
-    """Whether a cause's coordinates are all linear: each has a column of its own, from a guess along it."""
+    """Whether a cause's coordinates are all linear: each has its own column, from a guess along it."""
     cause = problem.causes[name]
     return len(cause.variants[0]) > 1
 
@@ -118,7 +120,7 @@ def _group(problem: Problem, name: str, found: list[tuple[Array, tuple[float, ..
 
 
 def wheel_speed(problem: Problem, columns: Array, side: str) -> Array | None:
-    """Speed of a wheel in rad/s, (..., bins), from readings or columns (..., bins, channels); None where the
+    """Speed of a wheel in rad/s, (..., bins), from readings or columns (..., bins, channels); None if the
     wheel has no reading."""
     roles = problem.features.roles
     if f"speed_{side}" in roles:
@@ -130,7 +132,7 @@ def wheel_speed(problem: Problem, columns: Array, side: str) -> Array | None:
 
 
 def coulomb_response(problem: Problem, linear: LinearModel, side: str) -> Array | None:
-    """Response to one N m of Coulomb friction at a wheel; None where that was not simulated."""
+    """Response to 1 N m of Coulomb friction at a wheel; None if it was not simulated."""
     name = f"friction.coulomb@{side}"
     column = linear.column(name)
     if column is None:
@@ -146,10 +148,10 @@ def coulomb_response(problem: Problem, linear: LinearModel, side: str) -> Array 
 
 @dataclass(frozen=True, slots=True)
 class GramTable:
-    """Inner products of the whitened columns, and which columns belong to what.
+    """Inner products of the whitened columns, and the owner of each column.
 
-    base_count: number of base coordinates, which come first. active: columns of each active cause. inactive:
-    groups that may be added, with their columns; those of probes have no column data.
+    base_count: number of base coordinates, which come first. active: column indices of each active cause.
+    inactive: groups that may be added, with their column indices; those of probes have no column data.
     """
 
     gram: Gram
@@ -172,8 +174,8 @@ class GramTable:
 def gram_tables(
     linear: LinearModel, extra: Sequence[ColumnGroup], whitener: Whitener
 ) -> tuple[GramTable, GramTable]:
-    """Whiten all columns once and keep their inner products: under the whole noise, and under the noise
-    model alone, without wandering friction."""
+    """Whiten all columns once and keep their inner products: under the whole noise, and under the noise model
+    alone, without slowly varying friction."""
     every = [*linear.groups, *extra]
     columns = np.concatenate([linear.jacobian, *(each.columns for each in every), linear.target[None]])
     groups = (*linear.groups, *(each.without_columns() for each in extra))
@@ -185,7 +187,7 @@ def gram_tables(
 
 
 def _table(linear: LinearModel, groups: Sequence[ColumnGroup], gram: Array) -> GramTable:
-    """gram: inner products of all columns, the target last."""
+    """gram: inner products of all columns, with the target last."""
     whole = Gram(gram[:-1, :-1], gram[:-1, -1])
     active = {name: list(span) for name, span in linear.point.spans().items()}
     inactive, position = [], len(linear.jacobian)

@@ -1,11 +1,10 @@
-"""Noise of what nothing in the catalogue explains, at a working point.
+"""Estimation of the noise at a working point: the residual that nothing in the catalogue explains.
 
-The residual of a model also holds what a missing effect does, and noise estimated from it would hide that
-effect. So all directions in which the model may differ, probes among them, are fitted first, and what they
-leave is taken for noise. But a fit of two hundred directions also swallows noise, most of all in the few
-moments in which everything acts at once: reversals, wheels that break loose. There its residual is several
-times too small. The noise is therefore estimated from the *held-out* error: that with which each half second
-is predicted by a fit of all the others.
+The residual of a model also contains the effect of a missing cause, and noise estimated from it would hide
+that cause. So all directions in which the model may differ, including the probes, are fitted first. But a fit
+of two hundred directions also absorbs noise, most of all in the few moments in which everything acts at once:
+reversals, wheels that break loose. There its residual is several times too small. The noise is therefore
+estimated from the *held-out* error, with which each half second is predicted by a fit of all others.
 """
 
 from __future__ import annotations
@@ -39,38 +38,42 @@ from raccoon.diagnose.hypotheses.form_errors import form_error_factor, form_weig
 Array = NDArray[np.float64]
 
 VAR_ORDER = 6
-"""Order of the noise's autoregression, in bins of 20 ms."""
+"""Order of the noise's vector autoregression, in bins of 20 ms."""
 VAR_ORDER_SHORT_BINS = 12
-"""The same for bins of a quarter of that. With 6, two of six faults that a wheel loop drove with had a small
-friction named beside them, with 12 one."""
+"""The same for bins of a quarter of that width. With order 6, two of six faults in drives with a wheel loop
+had a small friction named beside them, with 12 one."""
 STANDSTILL_SHARE = 0.03
-"""Share of the largest reading of a wheel: below it the wheel is taken to stand."""
+"""Threshold on a wheel's reading, relative to its largest, below which the wheel counts as standing."""
 CREEP_SHARE = 0.15
-"""Share of the largest reading of a wheel: below it stick and slip rule."""
+"""Threshold on a wheel's reading, relative to its largest, below which stick and slip dominate."""
 CHANGE_SHARE = 0.03
-"""Change of a wheel's reading in 20 ms, of its largest: above it the wheel speeds up or brakes."""
+"""Threshold on the change of a wheel's reading in 20 ms, relative to its largest reading, above which the
+wheel accelerates or brakes."""
 FORM_ERROR_RMS = 0.006
-"""Error of form, in units of the noise, that any model has in the direction of any effect: it is no evidence
-of the effect."""
+"""RMS form error, in units of the noise, of any model in the direction of any effect: it is no evidence of
+the effect."""
 MAX_FORM_ERROR_WIDTHS = 0.0125
-"""Most of that, in the effect's widths. Both are multiplied by the effect's `form_error_factor`."""
+"""Upper bound of the form error in the effect's widths. Both are multiplied by the effect's
+`form_error_factor`."""
 FORM_ERROR_SHARE = 0.005
-"""Share of the response to a cause of usual `form_weight` that is an error of form in the direction of any
-other effect."""
+"""Share of the response to a cause of usual `form_weight` that is a form error in the direction of any other
+effect."""
 EXEMPT_RESPONSE_RMS = 1.8
-"""Root mean square of that response, in units of the noise, up to which the gates are enough against it."""
+"""RMS of that response, in units of the noise, up to which the gates protect sufficiently against its form
+error."""
 MAX_FORM_ERROR_FACTOR = 2.5
-"""Largest factor by which that raises `FORM_ERROR_RMS`."""
+"""Largest factor by which the responses of active causes raise `FORM_ERROR_RMS`."""
 FEW_SPEED_CHANGES = 8
-"""Changes of speed up to which a drive may show too few of them to predict one from the others: a leg there
-and back has four, 10 s as the tool advises 9 at least, 12 s of an exciting drive 11, a contest drive 17."""
+"""Number of speed changes up to which a drive may have too few of them to predict one from the others: a leg
+there and back has four, 10 s as the tool advises at least 9, 12 s of an exciting drive 11, a contest drive
+17."""
 MAX_HELD_OUT_RATIO = 1.25
-"""Held-out error of a channel, over the residual at the working point, above which too little was left to
-predict it from: on a leg there and back it is up to 5."""
+"""Ratio of a channel's held-out error to the residual at the working point, above which the remaining data
+were too few to predict it: on a leg there and back it is up to 5."""
 PRIOR_SHRINKAGES = (0.3, 0.1, 0.03)
-"""Factors on the prior widths of all directions but the model's own that are tried then."""
+"""Factors on the prior widths of all directions except the model's own that are tried in that case."""
 WANDER_SHARES = (0.0, 0.02, 0.04, 0.07)
-"""Shares of Coulomb friction by which a floor may let it wander, root mean square, that are compared."""
+"""Sizes of slowly varying floor friction, RMS relative to Coulomb friction, that are compared."""
 
 
 def estimate_whitener(
@@ -81,15 +84,16 @@ def estimate_whitener(
     unknown: Sequence[str] = (),
     tolerant: bool = True,
 ) -> Whitener:
-    """Estimate the noise of what nothing in the catalogue explains.
+    """Estimate the noise: the residual that nothing in the catalogue explains.
 
-    extra: probes. before: the whitener so far, whose noise model the estimation starts from.
+    extra: probes. before: the previous whitener, whose noise model is the start of the estimation.
 
-    tolerant: whether a little of every inactive effect counts as noise. A search needs it; a last fit does
-    not: causes would come out too small, and base numbers that resemble an effect would hardly count.
+    tolerant: whether a small deviation of every inactive effect counts as noise. A search needs that. The
+    last fit does not: causes would come out too small, and base numbers that resemble an effect would hardly
+    count.
 
-    unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
-    known cause is blamed for what they do.
+    unknown: probes that were found to act; their curves are part of the noise, so that no known cause is
+    named for their effect.
     """
     order = VAR_ORDER if problem.features.width > BIN_S / 2 else VAR_ORDER_SHORT_BINS
     pieces = [Piece.of(problem, linear, bins, order) for bins in split_into_pieces(problem.features)]
@@ -128,17 +132,17 @@ def estimate_whitener(
 
 
 def active_response_rms(responses: Mapping[str, Array], noise: NoiseModel) -> float:
-    """Root mean square, in units of the noise, of the responses (bins, channels) to the active causes, each
-    weighted by how inexact its form is: a latency is wrong by nothing but its size."""
+    """RMS, in units of the noise, of the responses (bins, channels) to the active causes, each weighted by
+    how inexact its form is: a latency is wrong in its size only."""
     weights = [form_weight(name) for name in responses]
     powers = [float((noise.whiten(each) ** 2).mean()) for each in responses.values()]
     return math.sqrt(sum(weight**2 * power for weight, power in zip(weights, powers, strict=True)))
 
 
 def form_error_rms(strength: float, width: float = 1.0) -> float:
-    """Error of form, in units of the noise, that the active causes make in the direction of any effect.
+    """RMS form error, in units of the noise, of the active causes in the direction of any effect.
 
-    strength: see `active_response_rms`. width: of a bin, in units of the 20 ms that all errors are for.
+    strength: see `active_response_rms`. width: of a bin, in units of the 20 ms to which all errors refer.
     """
     return FORM_ERROR_SHARE * math.sqrt(max(strength**2 / width - EXEMPT_RESPONSE_RMS**2, 0.0))
 
@@ -146,11 +150,11 @@ def form_error_rms(strength: float, width: float = 1.0) -> float:
 def form_error_parts(
     names: Sequence[str], base: Array, columns: Array, strength: float = 0.0, width: float = 1.0
 ) -> Array:
-    """The share of each whitened column that no model is expected to get right, (columns,).
+    """The share of each whitened column that counts as form error, (columns,).
 
-    names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
-    under their unit priors. strength: response to the active causes; see `active_response_rms`. width: of a
-    bin, in units of the 20 ms that all errors are for.
+    names: the cause of each column. base: the whitened columns of base numbers, which absorb a part under
+    their unit priors. strength: response to the active causes; see `active_response_rms`. width: of a bin, in
+    units of the 20 ms to which all errors refer.
     """
     factor = min(math.hypot(1.0, form_error_rms(strength, width) / FORM_ERROR_RMS), MAX_FORM_ERROR_FACTOR)
     size = int(np.prod(columns.shape[1:]))
@@ -163,7 +167,8 @@ def form_error_parts(
 
 
 def classify_regimes(problem: Problem) -> NDArray[np.intp]:
-    """Regime of each bin (bins,): standing, steady, changing or creeping; without wheels all are steady."""
+    """Regime of each bin (bins,): standing, steady, changing or creeping; steady throughout if there are no
+    wheels."""
     features = problem.features
     wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
     if not wheels:
@@ -180,7 +185,7 @@ def classify_regimes(problem: Problem) -> NDArray[np.intp]:
 
 
 def _dilate(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
-    """The flags, and so many bins before and after each run of them."""
+    """The flags, extended by so many bins before and after each run of them."""
     wide = flags.copy()
     for shift in range(1, before + 1):
         wide[:-shift] |= flags[shift:]
@@ -197,14 +202,15 @@ def _estimate_unexplained(
     residual_rms: Array | None,
     event: int,
 ) -> tuple[Array, float]:
-    """The held-out error, (bins, channels), and the expected share of wandering friction.
+    """The held-out error, (bins, channels), and the expected size of slowly varying friction.
 
     known: directions, the model's own first. residual_rms: for a drive with few changes of speed, the
-    residual at the working point (bins, channels), root mean square over its regime; else None.
+    residual at the working point (bins, channels), RMS over its regime; else None.
 
-    A drive with four ramps predicts none of them from the others, once two hundred directions may differ: the
-    error is then what is not known, as smooth as a model is, and beside such noise smooth errors of a model
-    cost nothing. There the priors of all but the model's own directions are narrowed to what predicts best.
+    In a drive with four ramps none can be predicted from the others if two hundred directions may differ: the
+    error is then unknown dynamics, as smooth as a model, and under such noise smooth errors of a model cost
+    nothing. In that case the priors of all directions except the model's own are narrowed to the width that
+    predicts best.
     """
     goal = noise.whiten(target)
     parts = []
@@ -217,7 +223,7 @@ def _estimate_unexplained(
     wander = expected_wander_share([log_evidence_of_wander(parts, share) for share in WANDER_SHARES])
 
     def error_with_shrinkage(shrinkage: float) -> Array:
-        """The held-out error with the prior widths of all but the model's own directions shrunk."""
+        """The held-out error with the prior widths of all directions except the model's own shrunk."""
         widths = np.repeat([1.0, shrinkage], [len(known[0]), sum(len(each) for each in known[1:])])
         return held_out_error(parts, widths, wander, event)
 
@@ -229,12 +235,12 @@ def _estimate_unexplained(
 
 
 def _worst_channel_ratio(error: Array, residual_rms: Array) -> float:
-    """Root mean square of an error over the residual's, of the channel where that is largest."""
+    """RMS of an error relative to the residual, in the channel with the largest ratio."""
     return float(np.sqrt(((error / residual_rms) ** 2).mean(axis=0)).max())
 
 
 def _rms_by_regime(values: Array, regimes: NDArray[np.intp]) -> Array:
-    """Root mean square of each channel over the bins of a regime, in each of its bins."""
+    """RMS of each channel over the bins of a regime, in each of its bins."""
     levels = np.empty_like(values)
     for regime in np.unique(regimes):
         rows = regimes == regime
@@ -243,11 +249,11 @@ def _rms_by_regime(values: Array, regimes: NDArray[np.intp]) -> Array:
 
 
 def expected_wander_share(evidence: Sequence[float]) -> float:
-    """Posterior root mean square share of wandering friction, by the log evidence of `WANDER_SHARES` and a
-    uniform prior over them.
+    """Posterior RMS size of slowly varying friction, relative to Coulomb friction, from the log evidence of
+    each of `WANDER_SHARES` and a uniform prior over them.
 
-    40 s decide between them. 12 s do not: the likeliest share was 0 in most of them, as all that is fitted
-    beside it takes its place, and a cause was named on 7 of 160 clean ones (on 2 with the mean).
+    40 s determine the size. 12 s do not: the most likely size was 0 in most of them, since everything that is
+    fitted beside it takes its place, and a cause was named on 7 of 160 clean drives (on 2 with the mean).
     """
     weights = np.exp(np.array(evidence) - max(evidence))
     return float(np.sqrt(weights @ np.square(WANDER_SHARES) / weights.sum()))

@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 SettingsKey = tuple[float, ...]
 
 BASE_STEP_STDS = 0.005
-"""Step, in standard deviations, over which a base number's column is differenced."""
+"""Difference step of a base number's column, in standard deviations."""
 CACHE_BYTES = 8e6
-"""Bytes of the latest simulations that are kept: of some 120 robots on 40 s. Several problems keep theirs."""
+"""Size in bytes of each problem's cache of the latest simulations: some 120 robots of 40 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Point:
     active: Mapping[str, Array] = field(default_factory=dict)
 
     def vector(self) -> Array:
-        """All coordinates: the base's, then each cause's in its order."""
+        """All coordinates: those of the base, then each cause's in its order."""
         return np.concatenate([self.base, *self.active.values()]) if self.active else self.base.copy()
 
     def moved(self, vector: Array) -> Point:
@@ -54,7 +54,8 @@ class Point:
         return Point(self.base, {**self.active, name: np.asarray(u, float)})
 
     def shrunk(self, base: float, causes: float = 1.0) -> Point:
-        """The same causes, with the base coordinates and the causes' coordinates times these factors."""
+        """The same causes, with the base coordinates and the causes' coordinates multiplied by these
+        factors."""
         return Point(base * self.base, {name: causes * u for name, u in self.active.items()})
 
     def without_cause(self, name: str) -> Point:
@@ -64,10 +65,10 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class BatteryCreep:
-    """Standard deviation in V by which a battery's reading wanders, and its correlation time in s.
+    """Slow variation of a battery's reading: its standard deviation in V, and its correlation time in s.
 
-    The defaults are a usual battery's, whose voltage creeps after its current: in ten seconds through some
-    hundredths of an ohm.
+    The defaults are those of a usual battery, whose voltage creeps after its current: within ten seconds
+    through some hundredths of an ohm.
     """
 
     volts: float = 0.003
@@ -78,10 +79,11 @@ class BatteryCreep:
 class Problem:
     """Everything a fit needs: what was measured, how to simulate it, what may differ.
 
-    reading_evidence: log evidence of causes that the readings themselves show, without any simulation, and
-    the smallest first coordinate at which it counts. creep: how the battery's reading wanders slowly.
+    reading_evidence: log evidence of causes that the readings themselves contain, without any simulation, and
+    the smallest first coordinate at which it counts. creep: slow variation of the battery's reading.
     coast_share: share of the time in which a driven motor is unpowered to be measured. friction_may_change:
-    whether friction may change at some moment, as when the robot takes a load. change: a known change.
+    whether friction may change at some moment, for example when the robot takes a load. change: a known
+    change.
     """
 
     features: Features
@@ -100,7 +102,7 @@ class Problem:
     )
 
     def reading_evidence_at(self, point: Point) -> float:
-        """Log evidence of a point's causes that is in the readings themselves, without any simulation."""
+        """Log evidence of a point's causes that the readings themselves contain, without any simulation."""
         present = (
             (*self.reading_evidence[name], u[0])
             for name, u in point.active.items()
@@ -126,8 +128,8 @@ class Problem:
         return outputs
 
     def predictions(self, points: Sequence[Point]) -> Iterator[Array]:
-        """Simulated bins (bins, channels) of one point after the other, not to be written to. They are made
-        as they are consumed, so that many points need not be in memory at once."""
+        """Simulated bins (bins, channels) of one point after the other, which must not be modified. They are
+        computed as they are consumed, so that many points need not be in memory at once."""
         settings = [self.settings(each) for each in points]
         keys = [tuple(each.values()) for each in settings]
         wanted, latest = dict(zip(keys, settings, strict=True)), self._latest
@@ -149,7 +151,8 @@ class Problem:
             yield bins
 
     def _simulate_missing(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
-        """Bins (bins, channels) of each variant, and the integration step in s, 0 where there are none."""
+        """Bins (bins, channels) of each variant, and the integration step in s, 0 if there are no
+        variants."""
         if not variants:
             return iter(()), 0.0
         parts, step = self.rollout(variants)
@@ -163,7 +166,7 @@ class Problem:
             self._latest.popitem(last=False)
 
     def nominal(self) -> Point:
-        """The point at which everything is as robot.toml says."""
+        """The point at which everything is as in robot.toml."""
         return Point(np.zeros(len(self.base)))
 
     def base_indices_of(self, name: str) -> list[int]:
@@ -172,7 +175,7 @@ class Problem:
         return [index for index, each in enumerate(self.base) if moved & set(each.settings)]
 
     def steps(self, point: Point) -> Array:
-        """The step of each coordinate of the point's vector over which its column is differenced."""
+        """The difference step of each coordinate of the point's vector, for its column."""
         causes = [coordinate.step for name in point.active for coordinate in self.causes[name].coordinates]
         return np.array([BASE_STEP_STDS] * len(self.base) + causes)
 
@@ -227,8 +230,8 @@ def neighbouring_points(problem: Problem, point: Point, start: int = 0) -> tuple
 
 
 def transfer_point(point: Point, here: Problem, there: Problem) -> Point:
-    """A point of problem `here` in problem `there`, whose base coordinates may be others, with other widths:
-    the same numbers, as near as its limits allow."""
+    """A point of problem `here` as one of problem `there`, whose base coordinates and widths may differ: the
+    same numbers, as far as the limits there allow."""
     known = {each.settings: (each, u) for each, u in zip(here.base, point.base, strict=True)}
     base = np.zeros(len(there.base))
     for index, each in enumerate(there.base):
@@ -239,8 +242,8 @@ def transfer_point(point: Point, here: Problem, there: Problem) -> Point:
 
 
 def transfer_columns(columns: Array, here: Problem, there: Problem) -> Array | None:
-    """Columns (coordinates, ...) of problem `here` as those of problem `there`; None where `here` lacks one
-    of its base coordinates. Columns after those of the base coordinates are kept as they are."""
+    """Columns (coordinates, ...) of problem `here` as those of problem `there`; None if `here` lacks one of
+    its base coordinates. Columns after those of the base coordinates are kept unchanged."""
     known = {each.settings: index for index, each in enumerate(here.base)}
     rows = [known.get(each.settings, -1) for each in there.base]
     if -1 in rows:

@@ -1,7 +1,7 @@
-"""What wanders slowly and is no fault of the robot: the friction of its floor, and its battery's voltage.
+"""Slow variations that are no fault of the robot: of its floor's friction, and of its battery's voltage.
 
-Either is an Ornstein-Uhlenbeck process with a correlation time of seconds, so a long recording is treated in
-pieces: as a whole it would take time and memory by the square of its length.
+Each is an Ornstein-Uhlenbeck process with a correlation time of seconds. A long recording is processed in
+pieces: as a whole, time and memory would grow with the square of its length.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from raccoon.sim.effects.parameters import SIDES
 Array = NDArray[np.float64]
 
 FLOOR_CORRELATION_S = 4.0
-"""Correlation time of friction that wanders with the floor."""
+"""Correlation time in s of slowly varying floor friction."""
 KNOT_SPACING = 0.2
-"""Distance of a course's knots, as a share of its correlation time."""
+"""Distance of the knots of a process, as a share of its correlation time."""
 MAX_GROWTH = 300.0
-"""Correlation times over which a sum may grow exponentially before it is rescaled."""
+"""Number of correlation times over which a sum may grow exponentially before it is rescaled."""
 PIECE_S = 40.0
 """Length of a piece in s: 10 correlation times of a floor, 4 of a battery."""
 
 
 def split_into_pieces(features: Features) -> list[slice]:
-    """Bins of each piece, which consists of whole half seconds and lasts some `PIECE_S`."""
+    """Bins of each piece, which consists of whole half seconds and lasts about `PIECE_S`."""
     bins, event = len(features.time), features.event
     count = max(int(bins * features.width / PIECE_S + 0.5), 1)
     edges = [event * round(bins / event * part / count) for part in range(count)]
@@ -40,9 +40,9 @@ def split_into_pieces(features: Features) -> list[slice]:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """The wandering directions of a part of a recording. friction, creep (columns, bins, channels): responses
-    to a wander of all of Coulomb friction, and of a battery's usual creep, in the part and in the `margin`
-    bins before it, which the noise's memory needs. bins: those of the part itself."""
+    """The slowly varying directions of a part of a recording. friction, creep (columns, bins, channels):
+    responses to a variation of the size of Coulomb friction, and to a battery's usual creep, in the part and
+    in the `margin` bins before it, which the noise's autoregression needs. bins: those of the part itself."""
 
     bins: slice
     margin: int
@@ -51,7 +51,7 @@ class Piece:
 
     @classmethod
     def of(cls, problem: Problem, linear: LinearModel, bins: slice, memory: int) -> Piece:
-        """memory: bins that the noise remembers at most."""
+        """The piece of these bins. memory: largest order of the noise's autoregression, in bins."""
         margin = min(memory, bins.start)
         span = slice(bins.start - margin, bins.stop)
         friction = wandering_friction_columns(problem, linear, bins=span)
@@ -59,27 +59,27 @@ class Piece:
 
     @property
     def span(self) -> slice:
-        """The part's bins and those before."""
+        """The part's bins and the margin before them."""
         return slice(self.bins.start - self.margin, self.bins.stop)
 
     def inside(self, columns: Array) -> Array:
-        """Columns of the span in the part itself."""
+        """Columns of the span, cut to the part itself."""
         return columns[:, self.margin :]
 
     def whitened(self, noise: NoiseModel, columns: Array) -> Array:
-        """Columns of the span, whitened by the noise model, in the part itself."""
+        """Columns of the span, whitened by the noise model and cut to the part itself."""
         return self.inside(noise.part(self.span).whiten(columns))
 
 
 def wandering_friction_columns(
     problem: Problem, linear: LinearModel, seconds: float = FLOOR_CORRELATION_S, bins: slice = slice(None)
 ) -> Array:
-    """Columns, in these bins, of a torque at either wheel that wanders with that correlation time, by all of
-    Coulomb friction (one standard deviation).
+    """Columns, in these bins, of a torque at each wheel that varies with that correlation time, with a
+    standard deviation equal to the Coulomb friction.
 
-    The robot forgets a torque within 0.1 s, so friction that changes over seconds acts as its constant
-    response times its course. Only the angle that a wheel lost by it stays lost, which shows where wheels are
-    not round. What it lost before these bins is one number more.
+    The robot forgets a torque within 0.1 s, so the response to friction that changes over seconds is the
+    response to a constant friction times the process. Only the angle that a wheel lost by it stays lost,
+    which shows if wheels are eccentric. The angle lost before these bins is one more column.
     """
     course = ornstein_uhlenbeck_basis(problem.features.time[bins], seconds)
     columns = []
@@ -98,7 +98,7 @@ def wandering_friction_columns(
 
 
 def creeping_battery_columns(problem: Problem, linear: LinearModel, bins: slice = slice(None)) -> Array:
-    """Columns of a battery whose voltage creeps: after each change of its current by some mV, for seconds."""
+    """Columns of a battery whose voltage creeps by some mV for seconds after each change of its current."""
     roles, shape = problem.features.roles, linear.residual[bins].shape
     if "battery" not in roles:
         return np.zeros((0, *shape))
@@ -109,9 +109,9 @@ def creeping_battery_columns(problem: Problem, linear: LinearModel, bins: slice 
 
 
 def ornstein_uhlenbeck_basis(time: Array, seconds: float) -> Array:
-    """What a wander of size 1 and that correlation time is made of, (knots, bins): each times a normal number
-    is an Ornstein-Uhlenbeck process on a grid of hats. In a gap without bins there are no knots, and as much
-    is forgotten there as in any other time."""
+    """Basis (knots, bins) of an Ornstein-Uhlenbeck process of standard deviation 1 and that correlation time:
+    its rows, each multiplied by an independent standard normal number, sum to the process on a grid of hat
+    functions. A gap without bins has no knots; the correlation decays there as in any other time."""
     grid = KNOT_SPACING * seconds
     before = np.unique(np.floor((time - time[0]) / grid).astype(int))
     knots = time[0] + grid * np.union1d(before, before + 1)
@@ -121,8 +121,8 @@ def ornstein_uhlenbeck_basis(time: Array, seconds: float) -> Array:
 
 
 def covariance_of_sums(weights: Array, time: Array, seconds: float) -> Array:
-    """Covariance (sums, sums) of sums over bins of a course of size 1 and that correlation time, each bin
-    counted by weights (sums, bins): those of bins i and j times exp(-|t_i - t_j| / seconds)."""
+    """Covariance (sums, sums) of sums over bins of a process of standard deviation 1 and that correlation
+    time. weights (sums, bins): of each bin; those of bins i and j count times exp(-|t_i - t_j| / seconds)."""
     since = (time - time[0]) / seconds
     before, remembered = np.empty_like(weights), np.zeros((len(weights), 1))
     edges = np.searchsorted(since, np.arange(0.0, since[-1] + MAX_GROWTH, MAX_GROWTH))
@@ -138,8 +138,8 @@ def covariance_of_sums(weights: Array, time: Array, seconds: float) -> Array:
 
 
 def _response_to_lost_angle(problem: Problem, linear: LinearModel, columns: Array, bins: slice) -> Array:
-    """What the angles that wheels lose or gain by columns (columns, bins, channels) change from then on, in
-    these bins."""
+    """Change of the readings in these bins due to the angles that wheels lost or gained until then by columns
+    (columns, bins, channels)."""
     changed = np.zeros_like(columns)
     for side in SIDES:
         wheel = _eccentricity_response(linear, side)
@@ -152,9 +152,8 @@ def _response_to_lost_angle(problem: Problem, linear: LinearModel, columns: Arra
 def _response_to_earlier_loss(
     problem: Problem, linear: LinearModel, at_once: Array, bins: slice, seconds: float
 ) -> Array:
-    """What the angle changes, in these bins, that each wheel usually lost before them, (wheels, bins,
-    channels).
-    """
+    """Change of the readings in these bins due to the angle that each wheel lost before them, of one standard
+    deviation, (wheels, bins, channels)."""
     start = bins.indices(len(at_once))[0]
     found = [np.zeros((0, *at_once[bins].shape))]
     for side in SIDES if start else ():
@@ -168,7 +167,7 @@ def _response_to_earlier_loss(
 
 
 def _eccentricity_response(linear: LinearModel, side: str) -> Array | None:
-    """Response to a rad of a wheel that is not round, (bins, channels); None for one that is."""
+    """Response to a rad of an eccentric wheel, (bins, channels); None for a wheel that is not."""
     name = f"drive.wheel_eccentricity@{side}"
     span = linear.point.spans().get(name)
     if span is None:

@@ -1,4 +1,4 @@
-"""From residuals to independent unit-variance numbers."""
+"""Whitening: the map from residuals to independent unit-variance numbers."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class WhiteningMap(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class UncertainDirections:
-    """Directions in which some rows have more than unit variance, and how to shrink them to it.
+    """Directions in which some rows have more than unit variance, and the factors that reduce it to 1.
 
     directions (rows, k): orthonormal; shrink (k,): (1 + R R')^(-1/2) = 1 - U diag(1 - 1/sqrt(1 + s^2)) U' for
-    R = U s V'. Single precision is enough for what is subtracted, and takes half the time: a residual is
-    some units of the noise.
+    R = U s V'. Single precision suffices for the subtracted part, and takes half the time: a residual is some
+    units of the noise.
     """
 
     rows: slice
@@ -47,7 +47,7 @@ class UncertainDirections:
         return cls(slice(start, start + len(rows)), left.astype(np.float32), shrink)
 
     def with_share(self, share: float) -> UncertainDirections:
-        """The same directions with that share of their standard deviations."""
+        """The same directions with their standard deviations multiplied by `share`."""
         variance = share**2 * (1.0 / (1.0 - self.shrink) ** 2 - 1.0)
         return replace(self, shrink=1.0 - 1.0 / np.sqrt(1.0 + variance))
 
@@ -57,7 +57,7 @@ class UncertainDirections:
         return np.asarray(self.directions * np.sqrt(1.0 / (1.0 - self.shrink) ** 2 - 1.0), float)
 
     def restricted_to(self, mask: NDArray[np.bool_]) -> UncertainDirections:
-        """The uncertain directions of the rows in a mask (rows of the whole recording,) alone."""
+        """The uncertain directions restricted to the rows of a mask (rows of the whole recording,)."""
         spread = self.spread * mask[self.rows, None]
         return UncertainDirections.of(spread.T[:, :, None], self.rows.start)
 
@@ -67,7 +67,7 @@ class UncertainDirections:
         own += own @ self.directions * (1.0 / (1.0 - self.shrink) - 1.0) @ self.directions.T
 
     def whiten_in_place(self, rows: Array) -> None:
-        """Whiten rows (..., rows) of the whole recording in these directions too."""
+        """Whiten rows (..., rows) of the whole recording in these directions as well."""
         own = rows[..., self.rows]
         along = own.astype(np.float32) @ self.directions * self.shrink.astype(np.float32)
         own -= along @ self.directions.T
@@ -75,16 +75,17 @@ class UncertainDirections:
 
 @dataclass(frozen=True, slots=True)
 class Whitener:
-    """Turns residuals into independent unit-variance numbers: by the VAR noise model, then by what wanders
-    slowly, piece by piece, then by what is common to the whole recording; with one piece both at once.
+    """Map from residuals to independent unit-variance numbers: by the VAR noise model, then by the slowly
+    varying directions, piece by piece, then by those common to the whole recording; with one piece both at
+    once.
 
     (1 + W W' + C C')^-1 = A' (1 + A C C' A')^-1 A with A = (1 + W W')^(-1/2), so `common` holds the common
-    directions after noise and wander were whitened.
+    directions C after whitening by the noise model and the slowly varying directions W.
 
-    unexplained (bins, channels): what nothing explained when this was estimated. held_out_variance (bins,
-    channels): variance, in squared channel units, that wandering friction and errors of form have on unseen
-    data; a fit of everything absorbs it, so it is not in `unexplained`. wander_share: share of Coulomb
-    friction by which the floor is expected to let it wander, root mean square.
+    unexplained (bins, channels): the held-out error from which the noise was estimated. held_out_variance
+    (bins, channels): variance, in squared channel units, that slowly varying friction and form errors have on
+    unseen data; a fit of everything absorbs it, so it is not in `unexplained`. wander_share: expected RMS
+    size of slowly varying floor friction, relative to Coulomb friction.
     """
 
     noise: NoiseModel
@@ -96,7 +97,7 @@ class Whitener:
 
     @classmethod
     def plain(cls, noise: NoiseModel, unexplained: Array) -> Whitener:
-        """From a noise model alone."""
+        """A whitener of a noise model alone."""
         return cls(noise, (), None, unexplained, np.zeros_like(unexplained))
 
     @classmethod
@@ -109,8 +110,8 @@ class Whitener:
         held_out_variance: Array,
         wander_share: float,
     ) -> Whitener:
-        """wandering: directions (directions, bins, channels) of one piece after the other; common: those of
-        the whole recording. Both are whitened by the noise."""
+        """wandering: slowly varying directions (directions, bins, channels) of one piece after the other;
+        common: those of the whole recording. Both are whitened by the noise model."""
         if len(wandering) == 1:
             wandering, common = [np.concatenate([*wandering, common])], common[:0]
         starts = np.cumsum([0, *(each.shape[1] * each.shape[2] for each in wandering)])
@@ -124,18 +125,19 @@ class Whitener:
         return replace(local, common=UncertainDirections.of(rows[:, :, None]))
 
     def noise_only(self) -> Whitener:
-        """The same with the noise model alone, nothing uncertain beside it."""
+        """The whitener of the noise model alone, without uncertain directions."""
         return replace(self, wandering=(), common=None)
 
     def with_wander_share(self, share: float) -> Whitener:
-        """The same with that share of what wanders. Raises ValueError where there are common directions:
-        whitened after it, they depend on it."""
+        """The whitener with the slowly varying directions multiplied by `share`. Raises ValueError if there
+        are common directions: they are whitened after these and depend on them."""
         if self.common is not None:
             raise ValueError("what is uncertain beside what wanders would have to be made white anew")
         return replace(self, wandering=tuple(each.with_share(share) for each in self.wandering))
 
     def restricted_to_bins(self, mask: NDArray[np.bool_]) -> Whitener:
-        """The same of the bins in a mask (bins,) alone: rows of the others become 0, whatever is in them."""
+        """The whitener restricted to the bins of a mask (bins,): rows of the others become 0, whatever is in
+        them."""
         noise = replace(self.noise, weights=self.noise.weights * mask)
         rows = np.repeat(mask, self.unexplained.shape[1])
         wandering = tuple(each.restricted_to(rows) for each in self.wandering)
@@ -155,7 +157,8 @@ class Whitener:
         return self._whiten_uncertain_in_place(white.reshape(*white.shape[:-2], -1))
 
     def whiten_uncertain(self, rows: Array) -> Array:
-        """Whiten rows (..., rows), which the noise model has whitened, in the uncertain directions too."""
+        """Whiten rows (..., rows), which the noise model has whitened, in the uncertain directions as
+        well."""
         return self._whiten_uncertain_in_place(rows.copy())
 
     def _whiten_uncertain_in_place(self, rows: Array) -> Array:
@@ -166,7 +169,8 @@ class Whitener:
         return rows
 
     def gram_reduction(self, rows: Array) -> Array:
-        """Reduction by `whiten_uncertain` of the rows' inner products, (rows, rows), at half its cost."""
+        """Amount by which `whiten_uncertain` reduces the rows' inner products, (rows, rows), at half its
+        cost."""
         reduction = np.zeros((len(rows), len(rows)))
         common = np.zeros((rows.shape[1], 0)) if self.common is None else self.common.directions
         left = rows @ common
@@ -180,5 +184,5 @@ class Whitener:
 
 
 def _product_reduction(along: Array, shrink: Array) -> Array:
-    """By how much shrinking the components along some directions lowers the inner products."""
+    """Amount by which shrinking the components along some directions reduces the inner products."""
     return np.asarray((along * (1.0 - (1.0 - shrink) ** 2)) @ along.T, float)
