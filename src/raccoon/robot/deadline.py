@@ -1,4 +1,4 @@
-"""The end of a match, whatever the program does then."""
+"""Ends a match on time, whatever the program does."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 RING_AGAIN_S = 1.0
-"""s until an alarm that was caught comes again."""
+"""s until an alarm that the program caught is raised again."""
 MAX_CAUGHT_READINGS, MAX_CAUGHT_ALARMS = 1000, 10
-"""How often a program may catch what tells it that the time is over, in readings and in alarms."""
+"""How many times a program may catch MatchOver, raised by readings and by alarms, before its process is
+ended."""
 NEVER_ENDS_MESSAGE = (
     "raccoon: the program never ends: it catches everything (except BaseException, or a bare except), also "
     "that the time is over; its process is ended. Write except Exception\n"
@@ -25,19 +26,19 @@ NEVER_ENDS_MESSAGE = (
 
 
 class MatchOver(BaseException):
-    """The time is over. No Exception, so that a program that catches everything ends all the same."""
+    """The time is over. Not a subclass of Exception, so that a program that catches every Exception still
+    ends."""
 
 
 class Alarm:
-    """rings: how often the program was told that the time is over, also where it has caught that."""
+    """rings: how often MatchOver was raised in the program, including the times it was caught."""
 
     rings = 0
 
 
 def end_match(robot: Robot) -> NoReturn:
-    """Raise MatchOver, everything off with the next command; end the process of a program that caught it
-    time and again.
-    """
+    """Raise MatchOver; the next command switches everything off. Ends the process of a program that keeps
+    catching it."""
     robot.ends += 1
     if robot.ends > MAX_CAUGHT_READINGS:
         end_process(robot.port.close)
@@ -46,12 +47,13 @@ def end_match(robot: Robot) -> NoReturn:
 
 
 def can_ring() -> bool:
-    """Whether an alarm can ring in this thread: in the main one, where there is such a timer."""
+    """Whether an alarm works in this thread: only in the main one, and if the system has such a timer."""
     return threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
 
 
 def end_process(close: Callable[[], None]) -> None:
-    """End a program that nothing else ends, with status 1. close: the port, so that nothing moves on."""
+    """End the process of a program that nothing else ends, with status 1. close: the port, so that nothing
+    keeps moving."""
     with suppress(Exception):
         sys.stdout.flush()
         os.write(2, NEVER_ENDS_MESSAGE.encode())
@@ -63,11 +65,11 @@ def end_process(close: Callable[[], None]) -> None:
 
 @contextmanager
 def real_deadline(seconds: float, close: Callable[[], None]) -> Iterator[Alarm]:
-    """MatchOver after so many real seconds, also in code that never comes back to the robot's loop.
+    """Raise MatchOver after so many real seconds, even in code that never returns to the robot's loop.
 
-    It comes again every second until the block is left; to a program that always catches it ten times, then
-    its process is ended (`end_process`). Only in the main thread, where signals arrive; elsewhere, and where
-    there is no such timer, no limit.
+    It is raised again every second until the block is left; after ten times the process is ended
+    (`end_process`). This works only in the main thread, where signals arrive, and if the system has such a
+    timer; otherwise there is no limit.
     """
     if not can_ring():
         yield Alarm()
@@ -80,7 +82,7 @@ def real_deadline(seconds: float, close: Callable[[], None]) -> Iterator[Alarm]:
 def raise_after(
     seconds: float, over: Callable[[], BaseException], close: Callable[[], None]
 ) -> Iterator[Alarm]:
-    """Raise what `over` gives after so many real seconds and every second from then on, in the main thread;
+    """Raise what `over` returns after so many real seconds and every second from then on, in the main thread;
     end the process of a program that has caught it ten times. close: see `end_process`."""
     alarm = Alarm()
 

@@ -29,18 +29,16 @@ LONGEST_STEP_S = 0.0025
 """s; the plant's own step, see docs/simulator.md."""
 DEVICES: dict[Firmware, Device] = {"stock": STOCK, 17: RACCOON_17, 21: RACCOON_21}
 FLOATING = 2000.0
-"""Counts on an analog port that nothing is plugged into."""
+"""Counts on an analog port with nothing plugged in."""
 
 
 class SimulatedPlant:
     """The simulated robot as the motors and sensors of an emulated controller.
 
-    Everything up to the terminals and pins is the simulator's; sampling, filtering and coasting windows are
-    the emulated firmware's, so the plant's own are left out. `latency` is not simulated: the emulator has
-    its own.
-
-    world: its table, with walls, objects and ramps; None is the usual one's lines on an endless floor.
-    device: whose counters robot.toml has calibrated the mechanisms' motors with.
+    Everything up to the terminals and pins comes from the simulator; sampling, filters and coasting windows
+    are the emulated firmware's, so the plant's own are switched off. `latency` is not simulated: the emulator
+    has its own. world: its table, with walls, objects and ramps; None means the usual table's lines on an
+    endless floor. device: the one whose counters robot.toml's mechanisms are calibrated with.
     """
 
     def __init__(
@@ -62,7 +60,7 @@ class SimulatedPlant:
         }
         """The motors of the mechanisms by port."""
         self.button = False
-        """Whether somebody presses the controller's button, but for who stands by."""
+        """Whether the controller's button is pressed by anyone but the bystander."""
         self.bystander = SimulatedBystander()
 
     @property
@@ -71,12 +69,13 @@ class SimulatedPlant:
         return self._state.x, self._state.y, self._state.heading
 
     def become(self, parameters: Parameters) -> None:
-        """Go on as another robot, from here at this speed: another battery, another load. Wiring stays."""
+        """Continue as another robot from this place at this speed: another battery, another load. The wiring
+        stays."""
         self._numbers = _without_controller(parameters)
         self._contact.set_robot(self._numbers)
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
-        """Let time pass with the motors driven this way."""
+        """Advance the time with the motors driven like this."""
         before = self._state.forward_speed + self._contact.slip.forward
         left, right = drives[self._ports[0]], drives[self._ports[1]]
         left = None if left is None else self._signs[0] * left
@@ -98,7 +97,7 @@ class SimulatedPlant:
         self._numbers = self._contact.with_loads(self._numbers, x, y)
 
     def _imu_words(self, before: float, seconds: float) -> PlantState:
-        """before: m/s ahead, so many seconds ago."""
+        """What the firmware samples: terminals, IMU, pins. before: forward speed (m/s) `seconds` s ago."""
         self.bystander.time = self._state.time
         s, p, slip = self._state, self._numbers, self._contact.slip
         speed, turn_rate = s.forward_speed + slip.forward, s.yaw_rate + slip.turning
@@ -132,7 +131,7 @@ class SimulatedPlant:
 
 
 def _without_controller(parameters: Parameters) -> Plant:
-    """The plant's numbers less what the emulated firmware does itself."""
+    """The plant's numbers without what the emulated firmware does itself."""
     return plant_numbers(parameters)._replace(latency=0.0, closed_share=1.0)
 
 
@@ -144,11 +143,11 @@ def open_emulated(
     world: World | None = None,
     robot: Parameters | None = None,
 ) -> WombatPort:
-    """A Wombat in software with the simulated robot on it, as fast as the computer can (its clock is
+    """An emulated Wombat with the simulated robot on it, as fast as the computer allows (its clock is
     stepped).
 
-    firmware: "stock", 17 or 21. world: see `SimulatedPlant`. robot: the simulated one, which may be another
-    than `config` has it, by default that with the motors that it has calibrated behind this firmware.
+    firmware: "stock", 17 or 21. world: see `SimulatedPlant`. robot: the simulated robot, which may differ
+    from `config`; by default `config`'s, with the motors that were calibrated behind this firmware.
     """
     clock = SteppedClock()
     device = DEVICES[firmware]
@@ -167,7 +166,8 @@ def open_emulated(
 
 
 def emulated_firmware(config: RobotConfig) -> Firmware:
-    """The firmware that `controller.port` means: of the two RaccoonOS the one whose ticks robot.toml has."""
+    """The firmware that `controller.port` means; of the two RaccoonOS versions, the one whose ticks
+    robot.toml has."""
     if config.controller.port == "emulator":
         return "stock"
     ticks = simulated_device(config).position_counts_seconds

@@ -1,4 +1,5 @@
-"""Around the loop: motors stop on every way out, also where Python does not unwind; ticks come in time."""
+"""Around the loop: motors stop on every way out, even where Python does not unwind the stack, and ticks are
+on time."""
 
 from __future__ import annotations
 
@@ -20,13 +21,13 @@ PRIORITY = 40
 
 @contextmanager
 def punctual() -> Iterator[None]:
-    """Let nothing that can be helped delay a tick inside the block.
+    """Avoid delays of ticks inside the block.
 
-    A full garbage collection walks through every object of every library that is loaded (80 ms on a desktop
-    core, most of a second on a Raspberry Pi 3, in which the supervisor would stop the motors). So it is done
-    now, and what is there now is left out of later ones. Where the system permits it, the thread that drives
-    gets real-time priority, and none that it starts inherits that: four that look at pictures would keep it
-    from every core. Elsewhere it goes without.
+    A full garbage collection walks through every object of every loaded library (80 ms on a desktop core,
+    most of a second on a Raspberry Pi 3, in which time the supervisor would stop the motors). So it is done
+    now, and existing objects are left out of later ones. If the system permits it, the thread that drives
+    gets real-time priority. Threads that it starts do not inherit that: four that process pictures would keep
+    it from every core.
     """
     gc.collect()
     gc.freeze()
@@ -49,8 +50,8 @@ def stopped_on_exit(stop: Callable[[], None]) -> Iterator[None]:
     """Call `stop` when the block is left: by return, by an error, by Ctrl-C, SIGTERM, SIGHUP or sys.exit.
 
     SIGTERM and SIGHUP raise SystemExit (status 128 + number) where the program stands, so every `finally` on
-    the way runs. One that is ignored stays ignored (nohup does that: the program is to outlive its terminal).
-    `stop` may be called more than once. Outside the main thread signals stay as they are.
+    the way runs. A signal that is ignored stays ignored (nohup does that: the program is to outlive its
+    terminal). `stop` may be called more than once. Outside the main thread signals stay as they are.
     """
     atexit.register(stop)
     previous = {}
@@ -72,8 +73,8 @@ def stopped_on_exit(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _defers_interrupt(handler: object) -> bool:
-    """Whether a handler of SIGINT keeps Ctrl-C for later: asyncio's does, until the coroutine waits for
-    something, and a robot that drives in it would drive on. Python's own becomes it in `asyncio.run`."""
+    """Whether a handler of SIGINT defers Ctrl-C. asyncio's does until the coroutine awaits something, while a
+    robot that drives in it would drive on. `asyncio.run` replaces Python's own handler by it."""
     asyncios = getattr(getattr(handler, "func", None), "__qualname__", "") == "Runner._on_sigint"
     return asyncios or handler is signal.default_int_handler
 

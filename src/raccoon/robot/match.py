@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 MATCH_SECONDS = 120.0
 LONGEST_MATCH_S = 3600.0
-"""s of a match; more is a time in milliseconds."""
+"""s; longest match. A longer time is in milliseconds."""
 CAUGHT_END_REMARK = (
     "the program went on after the end of the match: it catches everything (except BaseException, or a bare "
     "except), the end too; write except Exception"
@@ -43,22 +43,22 @@ class StepTime:
 
     @property
     def label(self) -> str:
-        """Its name, and why it ended where it was not done."""
+        """Its name, and why it ended if it was not done."""
         return self.name if self.ended == "done" else f"{self.name}: {self.ended}"
 
     @property
     def seconds(self) -> float:
-        """How long it took."""
+        """Its duration, s."""
         return self.end - self.begin
 
 
 @dataclass(frozen=True, slots=True)
 class MatchReport:
-    """How a match went.
+    """Report of a match.
 
-    seconds: from the light to the end. finished: the program ended by itself, in time. steps: every `timed`
-    step. result: what the program returned. remarks: what was strange, in words, each once. stopped: what the
-    clock ended, such as "run(straight 1 m)"; "" where nothing ran.
+    seconds: from the light to the end. finished: whether the program ended by itself, in time. steps: every
+    `timed` step. result: what the program returned. remarks: what was strange, in words, each once. stopped:
+    what the clock ended, such as "run(straight 1 m)"; "" if nothing was running.
     """
 
     seconds: float
@@ -69,11 +69,11 @@ class MatchReport:
     stopped: str = ""
 
     def __str__(self) -> str:
-        """For people: its table."""
+        """The table, as text."""
         return self.table()
 
     def table(self) -> str:
-        """The steps, one a line, for people."""
+        """The steps as text, one a line."""
         lines = [f"{step.begin:7.2f} s  {step.seconds:7.2f} s  {step.label}" for step in self.steps]
         where = self.stopped and f" in {self.stopped}"
         state = "finished" if self.finished else f"stopped by the clock{where}"
@@ -82,7 +82,7 @@ class MatchReport:
 
 
 class TimedStep(Action[T]):
-    """An action whose time is taken."""
+    """An action whose duration is recorded."""
 
 
 def timed(action: Action[T], name: str | None = None) -> Action[T]:
@@ -117,7 +117,7 @@ def mission(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
 @overload
 def mission(*actions: Action[Any]) -> Action[list[Any]]: ...
 def mission(*actions: Action[Any]) -> Action[list[Any]]:
-    """One after the other like `seq`, each of them a timed step."""
+    """Actions in sequence like `seq`, each as a timed step."""
     check_actions("mission", actions)
 
     def steps(robot: Robot) -> Steps[list[Any]]:

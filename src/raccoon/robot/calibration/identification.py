@@ -1,8 +1,8 @@
-"""A short excitation from which each wheel's voltages follow: for the tuner and for static compensation.
+"""A short excitation that identifies each wheel's voltages, for the tuner and for static compensation.
 
-Both wheels are driven straight ahead and back at several duties. From the motor equation in volts
-(raccoon.control.voltage_fit) come friction, V a rad/s and V a rad/s2 of each wheel, and from those the gains
-of its speed loop with their margins.
+Both wheels drive straight ahead and back at several duties. The motor equation in volts
+(raccoon.control.voltage_fit) gives each wheel's friction, V per rad/s and V per rad/s2, and from them the
+gains of its speed loop with their margins.
 """
 
 from __future__ import annotations
@@ -32,23 +32,24 @@ DUTY_LEVELS = (0.30, 0.55, 0.80)
 LEVEL_TIME_S = 0.45
 REST_TIME_S = 0.4
 WORST_RESIDUAL = 0.25
-"""V that a window may be off by before the motor equation is no model of the wheel."""
+"""V; largest residual of a window for which the motor equation still counts as a model of the wheel."""
 WORST_SHARE = 0.2
 """Relative standard deviation above which a voltage is not supported by the data."""
 MAX_WAY_ERROR_SHARE = 0.005
-"""Share by which the odometry may have one wheel's way too long after such a drive: so far are the factors of
-robots as `raccoon sweep` draws them from those of their simulation."""
+"""Relative error by which the odometry may overestimate one wheel's way after such a drive: robots as
+`raccoon sweep` draws them differ that much in their factors from their simulation."""
 MIN_PHASE, MIN_GAIN_DB = math.radians(45.0), 6.0
 
 Rows = list[tuple[Vector3, float]]
 Sample = tuple[float, float, float, float]
-"""V since the sample before, speeds in rad/s of left and right at its end, s since the sample before; of 0 s
-where a duty begins."""
+"""Mean voltage (V) since the previous sample, speeds of left and right at its end (rad/s), s since the
+previous sample; 0 s where a duty begins."""
 
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """What was seen: rows of the motor equation of the left and of the right wheel; mean battery V."""
+    """Measured data: rows of the motor equation for the left and the right wheel, and the battery's mean
+    voltage (V)."""
 
     left: Rows
     right: Rows
@@ -56,10 +57,11 @@ class Excitation:
 
 
 def excite(levels: Sequence[float] = DUTY_LEVELS, seconds: float = LEVEL_TIME_S) -> Action[Excitation]:
-    """Drive straight ahead at each duty of `levels` for `seconds` s, and back again.
+    """Drive straight ahead at each duty of `levels` for `seconds` s, and back again. The robot moves about
+    0.2 m ahead and returns.
 
-    The robot moves about 0.2 m ahead and returns. Raises MotionTimeout where the gyro shows for half a second
-    that a motor is plugged in the other way round: what it feels then is no drive's load.
+    Raises MotionTimeout if the gyro shows for half a second that a motor is plugged in the other way round,
+    since its load is then not that of a drive.
     """
     for level in levels:
         if not 0.0 < level <= 1.0:
@@ -95,7 +97,7 @@ def _drive_level(
     batteries: list[float],
     miswired: float,
 ) -> Steps[float]:
-    """One duty for so long. miswired, and the result: see `check_wiring`."""
+    """Drive at one duty for a time. miswired, and the result: see `check_wiring`."""
     begin, before = robot.time, 0.0
     while robot.time - begin < seconds:
         miswired = check_wiring(robot, miswired, "the drive of the calibration")
@@ -111,11 +113,8 @@ def _drive_level(
 
 
 def _motor_rows(samples: Sequence[Sample], delay: float) -> tuple[Rows, Rows]:
-    """Rows of both wheels, of voltages that act `delay` s late.
-
-    Where that is left out it looks like inertia, 8 ms of it like a quarter of the usual one more, of which
-    the gains would be made.
-    """
+    """Rows of both wheels for voltages that act `delay` s late. A neglected delay looks like inertia: 8 ms
+    add a quarter of the usual one, and the gains would follow."""
     import numpy as np
 
     windows = (Windows(), Windows())
@@ -146,7 +145,7 @@ def _wait_for_rest(robot: Robot) -> Steps[None]:
 
 @dataclass(frozen=True, slots=True)
 class WheelFit:
-    """One wheel as identified, with the gains of its loop and the margins they give."""
+    """One wheel as identified, with the gains of its speed loop and their margins."""
 
     side: str
     port: int
@@ -156,7 +155,7 @@ class WheelFit:
     margins: Margins
 
     def entries(self, battery: float) -> dict[str, Measured]:
-        """The values by their key in robot.toml."""
+        """The values by their keys in robot.toml."""
         found = self.voltages
         pairs = (
             ("static_voltage", max(found.static, 0.0), found.static_std),
@@ -170,7 +169,8 @@ class WheelFit:
 
 
 def fit_wheels(seen: Excitation, config: RobotConfig, device: Device) -> tuple[WheelFit, WheelFit]:
-    """Left and right wheel. Raises CalibrationError where the data cannot support the gains, saying why."""
+    """Fit the left and the right wheel. Raises CalibrationError if the data cannot support the gains, saying
+    why."""
     models, late = wheel_models(config, device), dead_time(config)
     return (
         _fit_wheel("left", config.drive.left, seen.left, models[0], late),
@@ -214,7 +214,7 @@ def power_factors(fits: tuple[WheelFit, WheelFit], battery: float) -> dict[str, 
     """Static compensation k by its key in robot.toml: the faster motor gets less, so that both turn alike.
 
     At full power on `battery` V a wheel turns at w = (U - S) / V. With the slower wheel's w the other one
-    needs k = (V w + S) / U. The deviation is that of the voltages, as if they were independent.
+    needs k = (V w + S) / U. The standard deviation treats the voltages' errors as independent.
     """
     slowest = min((battery - fit.voltages.static) / fit.voltages.speed for fit in fits)
     factors = {}

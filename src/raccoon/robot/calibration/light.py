@@ -1,4 +1,4 @@
-"""Getting the start light right before a match: its calibration and a rehearsal."""
+"""The start light before a match: its calibration and a rehearsal."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ if TYPE_CHECKING:
 
 READING_S = 1.0  # of readings with the lamp off, and on
 SIMULATED_LAMP = 3000.0, 300.0
-"""Counts with a simulated lamp off and on, where no calibration says what it reads."""
+"""Counts with a simulated lamp off and on if no calibration gives them."""
 
 
 def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) -> StartLightCalibration:
-    """What the sensor on analog `port` reads with the lamp off and on, for `wait_for_light`.
+    """Measure what the sensor on analog `port` reads with the lamp off and on, for `wait_for_light`. Call it
+    with the lamp off.
 
-    Call it with the lamp off. switched_on: asked once, comes back when somebody has switched it on (such as
-    `lambda: input("lamp on, then Enter")`); a simulated lamp is on then. The result is noted in the
-    recording. Raises CalibrationError where the lamp makes too little difference or the port reads nothing,
-    ValueError where there is no such port, TypeError where `switched_on` is no function.
+    switched_on: called once; returns when someone has switched the lamp on (such as `lambda: input("lamp on,
+    then Enter")`). A simulated lamp is on then. The result is noted in the recording. Raises CalibrationError
+    if the lamp makes too little difference or the port reads nothing, ValueError if the port does not exist,
+    TypeError if `switched_on` is not a function.
     """
     check_robot(robot, "calibrate_light()")
     robot.require("calibrate_light()")
@@ -52,10 +53,10 @@ def rehearse_light(
 ) -> Action[int]:
     """Test mode of the start light: how often the lamp was seen to go on within `seconds` s.
 
-    Every time is noted in the recording and nothing starts. Where it is too bright to tell the lamp, or light
-    that stays is refused, that is said. Raises ValueError for a time that is not above 0, or longer than
-    600 s, and for a port that is not there, TypeError for a time that is no number and for a calibration that
-    is none.
+    Each time is noted in the recording, and nothing starts. It reports if it is too bright to see the lamp,
+    or if light that stays on is ignored. Raises ValueError for a time that is not above 0 or longer than 600
+    s, and for a port that does not exist; TypeError for a time that is not a number and for anything that is
+    not a calibration.
     """
     check_lamp(port, calibration)
     check_limit(seconds=seconds)
@@ -78,7 +79,8 @@ def rehearse_light(
 
 
 def check_lamp(port: int, calibration: StartLightCalibration | None) -> None:
-    """Raise ValueError where there is no such port, TypeError for what is no calibration of a start light."""
+    """Raise ValueError if the port does not exist, TypeError if the lamp is not a calibration of a start
+    light."""
     check_port("analog", port, ANALOG_PORTS)
     if calibration is not None:
         from raccoon.estimate.start_light import StartLightCalibration
@@ -92,8 +94,8 @@ def check_lamp(port: int, calibration: StartLightCalibration | None) -> None:
 
 
 def no_tophat(port: int) -> Check:
-    """A check for a ConfigError where analog `port` is a tophat's, which looks at the floor: it would be
-    waited at for ever."""
+    """A check that raises ConfigError if analog `port` is a tophat's: it looks at the floor and would never
+    see the light."""
 
     def check(robot: Robot) -> None:
         for name, each in robot.config.tophats.items():
@@ -107,12 +109,13 @@ def no_tophat(port: int) -> Check:
 
 
 def light_counts(robot: Robot, port: int) -> float | None:
-    """Counts of this very cycle, None where it had none: the last ones again would be light that stands."""
+    """Counts of this cycle, None if it had none: repeating the previous counts would look like steady
+    light."""
     return None if robot.inputs is None else robot.inputs.analog[port]
 
 
 def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
-    """Say what keeps the start light on analog `port` from being seen."""
+    """Report what keeps the start light on analog `port` from being seen."""
     if reading.refused:
         add_remark(
             robot,
@@ -132,8 +135,8 @@ def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
 def simulate_lamp(
     robot: Robot, port: int, calibration: StartLightCalibration | None = None, *, lit: bool | None = None
 ) -> None:
-    """Have a lamp over the sensor of a simulated robot that reads as the calibration says: lit, not lit, or
-    (None) switched on soon. Nothing on a real robot."""
+    """Put a lamp over the sensor of a simulated robot that reads as the calibration says: on, off, or (None)
+    switched on soon. Does nothing on a real robot."""
     somebody = bystander_of(robot.port)
     if somebody is None:
         return

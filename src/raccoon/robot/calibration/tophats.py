@@ -1,4 +1,4 @@
-"""Calibrations of the tophats: made by a drive over floor and lines, kept in a file, taken up again."""
+"""Calibrations of the tophats by a drive over floor and lines, and their reuse from a file."""
 
 from __future__ import annotations
 
@@ -86,7 +86,8 @@ def calibrate_tophats(
 
 
 def _collect_readings(action: Action[T], log: list[tuple[Inputs, float]]) -> Action[T]:
-    """The action, with every reading of its ticks and how fast the robot went then (m/s) put into `log`."""
+    """The action, with the readings of all its ticks and the robot's speed at each (m/s) appended to
+    `log`."""
 
     def look(robot: Robot) -> None:
         if robot.inputs is not None:
@@ -96,7 +97,7 @@ def _collect_readings(action: Action[T], log: list[tuple[Inputs, float]]) -> Act
 
 
 def _counts_and_ways(log: Sequence[tuple[Inputs, float]], port: int) -> tuple[list[float], list[float]]:
-    """What an analog port read, and the way (m) that the robot went to each of those readings."""
+    """Readings of an analog port, and the distance (m) driven up to each since the one before."""
     counts, ways, way = [], [], 0.0
     before = log[0][0].time if log else 0.0
     for inputs, speed in log:
@@ -114,13 +115,13 @@ _ASKED = {
     "one_surface": "; where it came over both, is a tophat plugged into analog {}, and no other sensor?",
     "saturated": "; look at the plug of analog {}",
 }
-"""What to ask by `Verdict` of a tophat that cannot be used."""
+"""What a person should check, by `Verdict` of a tophat that cannot be used."""
 
 
 def _describe_useless(
     robot: Robot, found: Mapping[str, TophatCalibration], standing: Sequence[Sequence[Inputs]]
 ) -> dict[str, str]:
-    """Why a tophat cannot be used, by name. standing: what was read while the robot stood."""
+    """The reasons why tophats cannot be used, by name. standing: readings while the robot stood."""
     from raccoon.estimate.tophat.quality import is_restless
 
     useless = {}
@@ -174,7 +175,7 @@ def load_tophats(
 
 
 def _newest_calibration(stored: Sequence[StoredCalibration], own: str) -> StoredCalibration | None:
-    """The newest one that may be of the robot `own`, else the newest of any that is real; `stored`: oldest
+    """The newest calibration that may be the robot `own`'s, else the newest of any real robot. stored: oldest
     first."""
     real = [each for each in stored if not each.robot.endswith(SIMULATED_ONE)]
     named = [each for each in real if each.robot in ("", own.removesuffix(SIMULATED_ONE))]
@@ -183,7 +184,8 @@ def _newest_calibration(stored: Sequence[StoredCalibration], own: str) -> Stored
 
 
 def _describe_stored(shelf: TophatStore, own: str) -> str:
-    """What a file of calibrations has, for the robot `own`, which looks for something else."""
+    """Describes what a file of calibrations contains, for the robot `own`, which found nothing suitable in
+    it."""
     sets: dict[str, dict[str, None]] = {}
     for each in shelf.history():
         foreign = each.robot.endswith(SIMULATED_ONE) and not own.endswith(SIMULATED_ONE)

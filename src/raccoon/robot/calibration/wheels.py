@@ -72,8 +72,8 @@ def calibrate_drive(
 
 
 def _ask_distance(taped: Callable[[], float | str]) -> float:
-    """The m that `taped` gives, a text as of `input` included. It is asked again where that is no such way,
-    and its last error raised."""
+    """The distance (m) that `taped` returns, also as a text (of `input`). It is asked again for anything that
+    is not a possible distance; then its last error is raised."""
     left = ASKED
     while True:
         left -= 1
