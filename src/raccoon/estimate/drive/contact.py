@@ -1,6 +1,5 @@
-"""Whether the robot runs into something or pushes at it: the accelerometer against the wheels, and what the
-wheels carry. And which wheel reads nothing although its motor is driven.
-"""
+"""Detection of contact (the robot runs into something or pushes against it), from the accelerometer compared
+with the wheels and from the wheels' load; and of a wheel whose motor is driven but gives no reading."""
 
 from __future__ import annotations
 
@@ -17,25 +16,28 @@ from raccoon.estimate.drive.wheel_track import HOLD_S
 from raccoon.model.drive import DriveGeometry
 
 CATCH_UP_S = 0.1
-"""s after a wheel was silent in which its speed makes up for what was missed."""
+"""s after a wheel was silent in which bumps are not detected, because its speed catches up with what was
+missed."""
 FAULT_DELAY_S, ROLL_OUT_S = 0.05, 0.3
-"""s until a motor at fault is told of, and s at its speed before that a robot without power rolls at most."""
+"""s from a motor's fault to its report, and the longest time, s, for which a robot without power rolls on at
+its previous speed."""
 KEPT_SPEEDS = 4
-"""Steps of the filter, of which one is older than that."""
+"""Number of filter steps whose speeds are kept, so that one is older than FAULT_DELAY_S."""
 DRIVEN_DUTY = 0.25
-"""Duty that turns any motor: one that reads nothing under less may be the one that is not at fault."""
+"""Duty that turns any motor. A motor without a reading at a smaller duty need not be the one at fault."""
 SLOW_SHARE, MIN_DUTY, USUAL_BATTERY_V = 0.4, 0.2, 6.6
-"""Share of the V that a duty gives a motor, from such a duty and of such a battery, that its back-EMF has
-where it turns freely. A port calls it at fault below 0.3, from a duty of 0.25."""
+"""Bound on the back-EMF, as a share of the voltage that a duty applies, below which a driven motor may be the
+one at fault; smallest such duty; and battery voltage assumed, V. A port reports a fault below a share of 0.3,
+from a duty of 0.25."""
 UNSEEN_TURN_SHARE = 0.25
-"""Of what a robot turns at most between two readings of the gyro as it runs into something, with one corner
-that stands and the other wheel that goes on: deviation of what no reading tells."""
+"""Standard deviation of the turn between two gyro readings that neither shows as the robot runs into
+something, as a share of the largest possible turn: one corner stops and the other wheel goes on."""
 SAME_CONTACT_S = 0.5
-"""s in which it runs into the same thing once."""
+"""s within which further contact counts as the same contact."""
 
 
 class ContactMonitor:
-    """Tells in the readings' reasons what it finds. Feed it every step of the filter."""
+    """Adds its findings to the reasons of the readings. Feed it every step of the filter."""
 
     def __init__(self, robot: RobotConfig, readings: DriveReadings) -> None:
         self._left, self._right = readings.left, readings.right
@@ -45,25 +47,25 @@ class ContactMonitor:
         self._track_in_radii = DriveGeometry.from_robot(robot).track_width / self._radius
         self._ports = robot.drive.left, robot.drive.right
         self._half_signs = tuple(-0.5 if robot.motor(port).inverted else 0.5 for port in self._ports)
-        self._duty = self._duty_jump = 0.0  # of both wheels ahead, and by how much it changed at once lately
+        self._duty = self._duty_jump = 0.0  # mean duty forwards of both wheels, and its largest recent jump
         self._driven = self.mute = (False, False)
         self._forward_bump, self._side_bump = BumpWatch(), BumpWatch()
         self._load = LoadWatch(robot, SIMULATOR)
         self._catch_up_left = 0.0
         self.pushed_along_variance = self.pushed_across_variance = 0.0
-        """m^2 that the next step adds to the doubt about the place, ahead and to the side, as something
-        pushed the robot in this one."""
-        self._speeds = deque([0.0], KEPT_SPEEDS)  # m/s ahead in the last steps without a fault
-        self._mute_seconds = self._mute_way = 0.0  # s and m since there is one
+        """m^2 that the next step adds to the variance of the position, forwards and sideways, because
+        something pushed the robot in this one."""
+        self._speeds = deque([0.0], KEPT_SPEEDS)  # m/s forwards in the last steps without a fault
+        self._mute_seconds = self._mute_way = 0.0  # duration (s) and distance (m) of the present mute phase
         self._is_in_contact = False
-        self._seconds_since_contact = SAME_CONTACT_S  # since it touched something first
+        self._seconds_since_contact = SAME_CONTACT_S  # since contact began
 
     def configure(self, device: Device) -> None:
-        """Words of this device follow."""
+        """Set the device that the following words come from."""
         self._load.configure(device)
 
     def take_command(self, inputs: Inputs, command: Outputs | None) -> None:
-        """A cycle, read while `command` was in force (None: not known)."""
+        """Take a cycle that was read while `command` was in force (None: unknown)."""
         self._load.take_command(inputs, command)
         left, right = self._ports
         if inputs.faults:
@@ -80,7 +82,7 @@ class ContactMonitor:
             self._duty_jump = max(self._duty_jump, abs(self._duty - before))
 
     def restart(self, velocity: float, turn_rate: float) -> None:
-        """Nobody looked for a while; the robot goes at `velocity` m/s and turns at `turn_rate` rad/s now."""
+        """Start again after a gap in the readings, at the present velocity (m/s) and turn rate (rad/s)."""
         self._restart_bump_watches(velocity, turn_rate)
         self._load.restart()
 
@@ -89,7 +91,7 @@ class ContactMonitor:
         self._side_bump.restart(0.0, turn_rate)
 
     def detect_bump(self, pending: Pending, still: bool) -> None:
-        """Compare the accelerometer with the wheels, over a step. still: the robot stands."""
+        """Compare the accelerometer with the wheels over a step. still: the robot stands."""
         self.pushed_along_variance = self.pushed_across_variance = 0.0
         if pending.accel_count == 0:
             return
@@ -101,7 +103,7 @@ class ContactMonitor:
             self._restart_bump_watches(velocity, turn_rate)
             return
         forward_bump, side_bump, sample_period = self._forward_bump, self._side_bump, span / count
-        sideways = pending.left_accel_sum / count - velocity * turn_rate  # without that of the bend
+        sideways = pending.left_accel_sum / count - velocity * turn_rate  # less the centripetal acceleration
         forward, pitch_rate = pending.forward_accel_sum / count, pending.pitch_rate_sum / count
         jolt = self._duty_jump
         was_struck = forward_bump.update(
@@ -122,13 +124,13 @@ class ContactMonitor:
             )
 
     def along_variance(self, span: float, left: float, right: float, turn: float | None) -> float:
-        """m^2 that a step of `span` s adds to the doubt about the place ahead: of load, of mute wheels, and
-        of what pushed the robot in the step before. left, right, turn: as for `mute_variance`."""
+        """m^2 that a step of `span` s adds to the variance of the position along the heading: because of
+        load, of mute wheels, and of a push in the step before. left, right, turn: as for `mute_variance`."""
         found = self.load_variance(span, left, right) + self.mute_variance(span, left, right, turn)
         return found + self.pushed_along_variance
 
     def load_variance(self, span: float, left: float, right: float) -> float:
-        """m^2 that a step of `span` s adds to the doubt about the place, because the wheels carry too much.
+        """m^2 that a step of `span` s adds to the variance of the position, because the load is too high.
 
         left, right: rad/s of the wheels, without their offsets.
         """
@@ -142,9 +144,8 @@ class ContactMonitor:
         return self._load.place_variance
 
     def unseen_turn_std(self, span: float, gyro_period: float) -> float:
-        """rad, deviation of what the robot turned in this step of `span` s and no reading of the gyro tells:
-        it has just run into something, and they are `between` s apart.
-        """
+        """rad, standard deviation of the turn in this step of `span` s that no gyro reading shows, because
+        the robot has just run into something; 0 otherwise. gyro_period: s between two gyro readings."""
         first = self._is_in_contact and self._seconds_since_contact >= SAME_CONTACT_S
         self._seconds_since_contact = (
             0.0 if self._is_in_contact else min(self._seconds_since_contact + span, SAME_CONTACT_S)
@@ -157,12 +158,13 @@ class ContactMonitor:
         )
 
     def find_mute_wheels(self, left: float, right: float, faulty: bool) -> None:
-        """Find out which wheel is `mute`, left and right: a motor at fault (faulty: there is one) is driven
-        and its wheel reads nothing, until it reads something again.
+        """Update `mute`, left and right: whether a wheel reads nothing while its motor is driven and a motor
+        fault is reported (faulty). It stays mute until it reads something again.
 
-        It stands where it is blocked. Where its plug or fuse is open or its converter is dead it does not,
-        and the gyro and the other wheel tell how fast it turns. So nothing is taken of one that is mute
-        alone; of two, the robot is blocked more likely. left, right: rad/s of the wheels, without offsets.
+        Such a wheel stands if it is blocked. It may turn if its plug or fuse is open or its converter is
+        dead; then the gyro and the other wheel show its speed. So the reading of a single mute wheel is not
+        used; if both are mute, a blocked robot is more likely. left, right: rad/s of the wheels, without
+        offsets.
         """
         before, driven = self.mute, self._driven
         self.mute = (
@@ -171,12 +173,11 @@ class ContactMonitor:
         )
 
     def mute_variance(self, span: float, left: float, right: float, turn: float | None) -> float:
-        """m^2 that a step of `span` s adds to the doubt about the place, because a wheel is mute.
+        """m^2 that a step of `span` s adds to the variance of the position because a wheel is mute.
 
-        One that rolls on by the gyro and the other wheel may be blocked all the same, with the other one
-        spinning. Two of them read 0 where they are blocked, and also where the robot rolls on without power.
-        left, right: rad/s of the wheels, without their offsets. turn: rad/s of the robot, None where no gyro
-        tells.
+        A mute wheel that seems to roll on, by gyro and other wheel, may be blocked while the other one spins.
+        Two mute wheels read 0 both when blocked and when the robot rolls on without power. left, right: rad/s
+        of the wheels, without their offsets. turn: turn rate of the robot, rad/s; None without a gyro.
         """
         if not any(self.mute):
             self._mute_seconds = self._mute_way = 0.0
@@ -200,7 +201,7 @@ class ContactMonitor:
 
     @property
     def held_way(self) -> float:
-        """See LoadWatch."""
+        """See `LoadWatch.held_way`."""
         return self._load.held_way
 
     @property
@@ -209,9 +210,8 @@ class ContactMonitor:
 
 
 def _is_slow(inputs: Inputs, command: Outputs | None, port: int) -> bool:
-    """Whether the motor on `port` may be the one that is at fault, which no port says: it is driven, and does
-    not turn as it would. An arm at its stop is no doubt about the pose.
-    """
+    """Whether the motor on `port` may be the one at fault (a port reports a fault without naming the motor):
+    it is driven and turns too slowly for its duty. An arm at its stop does not make the pose uncertain."""
     if command is None:
         return True
     duty, word = command.duty[port], inputs.bemf[port]

@@ -1,4 +1,4 @@
-"""One step of the drive filter: the readings that it takes, and the state after it."""
+"""One step of the drive filter: the readings that it uses, and the state after it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from raccoon.estimate.ekf.state import State
 
 @dataclass(frozen=True, slots=True)
 class RestDoubt:
-    """Deviations that a robot at rest that seems to creep adds to the state.
+    """Standard deviations to add to the state because a robot at rest seems to creep.
 
-    offsets: rad/s, of both wheels. bias: rad/s, of the gyro, and seconds: s for which it has turned the
-    heading. heading, place: rad and m besides.
+    offsets: rad/s, of both wheels. bias: rad/s, of the gyro; it has turned the heading for `seconds` s.
+    heading, place: further ones of heading (rad) and position (m).
     """
 
     offsets: float
@@ -27,7 +27,7 @@ class RestDoubt:
     place: float
 
     def add_to(self, drive: DriveFilter) -> None:
-        """Widen the filter's covariance by it."""
+        """Add them to the filter's covariance."""
         drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), self.offsets)
         drive.widen_bias(self.bias, self.seconds)
         drive.widen((State.HEADING,), self.heading)
@@ -36,19 +36,24 @@ class RestDoubt:
 
 @dataclass(frozen=True, slots=True)
 class StepReading:
-    """What was read over `span` s until `time`.
+    """The readings over `span` s until `time`.
 
-    values, variances: left and right wheel (rad/s, nominal scale) and, where there is one, the gyro (rad/s).
-    turn_acceleration: rad/s2. differential_variance: (rad/s)^2 by which one wheel reads more and the other
-    less. still: the robot stood. turn_timing_std: rad of the heading, where it is not known when in the step
-    a turn began. along_variance: m^2 of the place along the heading, where the robot may stand while its
-    wheels turn, or roll on while a motor at fault reads nothing. across_variance: m^2 across the heading,
-    where something pushed it. end_speeds: the wheels' speeds at its end, rad/s, where a part of the step is a
-    gap in the readings; values are then the mean by the counters, variances and differential_variance those
-    of the angles, rad^2, and angle_covariance, rad^2, of both angles. is_wheel_mute: nothing is taken of one
-    wheel, so there is nothing to judge the other one by. way_doubt: what `ScaleDoubt` added in this step.
-    added_scale_std: added to the scales before it, because they turned out wrong. rest_doubt: likewise, by
-    what standing showed.
+    values, variances: of the left and right wheel (rad/s, nominal scale) and, if there is one, the gyro
+    (rad/s).
+    turn_acceleration: rad/s^2. still: the robot stood.
+    differential_variance: (rad/s)^2, of an error that adds to one wheel's speed and subtracts from the
+    other's.
+    turn_timing_std: rad, of the heading, because the time at which a turn began within the step is unknown.
+    along_variance: m^2, of the position along the heading, because the robot may stand while its wheels turn,
+    or roll on while a motor at fault gives no reading. across_variance: m^2, across the heading, because of a
+    push.
+    end_speeds: rad/s of the wheels at the end of the step if a part of it is a gap in the readings. Then
+    `values` are means by the counters; variances and differential_variance are those of the angles, rad^2,
+    and angle_covariance is the covariance of both angles, rad^2.
+    is_wheel_mute: one wheel's reading is not used, so nothing can be compared with the other one.
+    way_doubt: standard deviations that `ScaleDoubt` added in this step.
+    added_scale_std: relative, added to both scales before the step because they turned out to be wrong.
+    rest_doubt: added likewise, because of what standing showed.
     """
 
     time: float
@@ -70,7 +75,8 @@ class StepReading:
 
     @property
     def gyro_variance(self) -> float:
-        """(rad/s)^2 by which the mean turn rate is in doubt, that of the gyro and that of when it changed."""
+        """(rad/s)^2, variance of the mean turn rate: of the gyro, and of the time at which the rate
+        changed."""
         return self.variances[2] + (self.turn_timing_std / self.span) ** 2
 
     @property
@@ -79,7 +85,7 @@ class StepReading:
         return self.along_variance > 0.0 or self.across_variance > 0.0
 
     def without_turn_of_wheels(self, variance: float) -> StepReading:
-        """The same with a turn by the gyro alone: (rad/s)^2 more doubt about the wheels' difference."""
+        """The same step with its turn by the gyro alone: (rad/s)^2 added to the differential variance."""
         doubt = self.differential_variance + variance
         return replace(self, turn_acceleration=0.0, differential_variance=doubt)
 
@@ -94,5 +100,5 @@ class FilterStep:
 
     @property
     def time(self) -> float:
-        """Its end, s."""
+        """End of the step, s."""
         return self.reading.time

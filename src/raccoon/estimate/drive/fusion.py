@@ -1,7 +1,7 @@
-"""The drive filter at work: steps of wheels and gyro, wheels that slip, standstill, and late observations.
+"""Sensor fusion of the drive: filter steps of wheels and gyro, slip, standstill, and late observations.
 
-Every step is kept for two seconds, with the observations after it. A late observation is applied to the state
-of its own time, and all later steps and observations are applied again, so it counts where it belongs.
+Every step of the last two seconds is kept, with the observations after it. A late observation updates the
+state at its own time; then all later steps and observations are applied again.
 """
 
 from __future__ import annotations
@@ -35,26 +35,26 @@ from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.drive import DriveGeometry, arc_end
 
 KEPT_STEPS = 115
-"""Of 17.5 ms, two seconds."""
+"""Number of filter steps kept for late observations: two seconds of steps of 17.5 ms."""
 DOUBTED_VARIANCE = 1e4
-"""(rad/s)^2, variance of a wheel that slips: it counts for nothing beside the others."""
+"""(rad/s)^2, variance added to the speed of a slipping wheel, so large that its reading has no weight."""
 LOST_HEADING_STD = 0.4
-"""rad, deviation after a gap beyond which nothing is known of the pose."""
+"""rad, standard deviation of the heading after a gap above which the whole pose counts as unknown."""
 LOST_POSE_STD = 2.0
-"""m and rad: anywhere on a table, facing anywhere."""
+"""m and rad, standard deviation of an unknown pose: anywhere on a table, with any heading."""
 RELEARNT_SCALE_STD = 0.05
-"""Deviation that both scales get where they turn out wrong."""
+"""Relative standard deviation added to both wheel scales when they turn out to be wrong."""
 WRONG_BLAME_SHARE = 0.3
-"""Deviation of the way while a wheel is not believed, of what the other choice would make it: one in ten such
-choices is wrong, as where somebody turns the robot by hand or another robot pushes it."""
+"""Standard deviation of the distance while one wheel is distrusted, as a share of the difference that blaming
+the other wheel would make: one choice in ten is wrong, as when a hand or another robot pushes this one."""
 AMBIGUOUS_BLAME_SHARE = 0.5
-"""The same where it could be either wheel: the way lies in the middle, and each choice is so far from it."""
+"""The same share if it may be either wheel: the filter takes the mean of the two distances."""
 MAX_RELEARNINGS = 5
-"""How often they get it: the truth is found in two or three."""
+"""Maximum number of such additions to the scales' variance: two or three suffice to find the true scales."""
 
 
 class Fusion:
-    """Applies steps and observations to the filter, and keeps the last ones to apply them again."""
+    """Applies steps and observations to the filter, and keeps the most recent ones to apply them again."""
 
     def __init__(self, drive: DriveFilter, settings: OdometrySettings) -> None:
         self.drive = drive
@@ -63,7 +63,7 @@ class Fusion:
         self.wheel_travel = WheelTravel()
         self.distance = 0.0
         self.may_be_held = False
-        """Whether the robot may have stood in the last step though its wheels turned."""
+        """Whether the robot may have stood still in the last step although its wheels turned."""
         self._settings = settings
         self._track = self.geometry.track_width / self.geometry.wheel_radius
         self._bridged_travel = self._blamed_way = 0.0
@@ -71,14 +71,14 @@ class Fusion:
         self._steps: deque[FilterStep] = deque(maxlen=KEPT_STEPS)
 
     def place(self, x: float, y: float, heading: float) -> None:
-        """Set the pose, m, m, rad, as known; drop the kept steps."""
+        """Set the pose (m, m, rad) as known exactly, and drop the kept steps."""
         self.drive.set_pose(x, y, heading, 1e-4)
         self._steps.clear()
         self.distance = 0.0
         self.wheel_travel = WheelTravel()
 
     def advance(self, reading: StepReading, reasons: Reasons, repeated_gyro: bool) -> None:
-        """Apply a step. repeated_gyro: the gyro's last words were equal, which noise never gives for long."""
+        """Apply a step. repeated_gyro: the gyro repeated a reading more often than its noise allows."""
         before = self.drive.flat
         innovations = self._apply(reading)
         self.may_be_held = reading.along_variance > 0.0
@@ -103,14 +103,14 @@ class Fusion:
     def _resolve_disagreement(
         self, reading: StepReading, before: Flat, innovations: Flat, reasons: Reasons, repeated_gyro: bool
     ) -> StepReading:
-        """Apply the step again from the state before it, without the wheel or the gyro that disagrees; gives
-        the step as applied."""
+        """Apply the step again from the state `before` it, without the wheel or gyro that disagrees, if one
+        does; returns the step as applied."""
         slip, time = self.slip, reading.time
         innovation, variance = innovations[4], innovations[5]
         if not slip.disagrees(innovation, variance):
             spins = slip.slipped or reading.may_slide
             if spins or slip.may_slip(innovation, variance, reading.gyro_variance):
-                # The gyro tells the turn, and nothing is learnt of scales and delays.
+                # The turn is taken from the gyro alone, and scales and delay are not updated.
                 self.drive.flat = before
                 half = innovation * 0.5 * self._track
                 doubt = DOUBTED_VARIANCE if spins else half * half
@@ -138,7 +138,7 @@ class Fusion:
         return reading
 
     def _distrust_wheel(self, reading: StepReading, innovation: float) -> StepReading:
-        """The step with the variance of the slipping wheel, or of both where it may be either, widened."""
+        """The step with a larger variance for the slipping wheel, or for both if either may slip."""
         flat, (left, right) = self.drive.flat, reading.values[:2]
         speeds = left - flat[State.LEFT_OFFSET], right - flat[State.RIGHT_OFFSET]
         turn = (reading.values[2] - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
@@ -157,7 +157,7 @@ class Fusion:
         return replace(reading, variances=(of_left, of_right + DOUBTED_VARIANCE, of_gyro))
 
     def _apply(self, reading: StepReading) -> Flat:
-        """Apply a step to the filter; gives its innovations and their variances, () after a gap."""
+        """Apply a step to the filter. Returns its innovations and their variances; () after a gap."""
         span, values, variances = reading.span, reading.values, reading.variances
         if reading.rest_doubt is not None:
             reading.rest_doubt.add_to(self.drive)
@@ -178,7 +178,7 @@ class Fusion:
         return found
 
     def _bridge(self, reading: StepReading, end_speeds: tuple[float, float]) -> None:
-        """Move the filter over a gap by the counters alone."""
+        """Move the filter over a gap in the readings by the counters alone."""
         flat, span, (left, right) = self.drive.flat, reading.span, reading.values
         speeds = end_speeds[0] - flat[State.LEFT_OFFSET], end_speeds[1] - flat[State.RIGHT_OFFSET]
         motion = self.geometry.body_motion(*speeds)
@@ -186,13 +186,13 @@ class Fusion:
         shared = reading.differential_variance, reading.angle_covariance
         self._bridged_travel = self.drive.bridge(span, angles, variances, *shared, motion)
         if span >= LONGEST_GAP_S or self.deviation(State.HEADING) > LOST_HEADING_STD:
-            # No straight line goes through so much doubt: what is learnt later would throw the pose about.
+            # The filter is not linear over such uncertainty: later updates would move the pose erratically.
             x, y, heading = flat[: State.VELOCITY]
             self.drive.set_pose(x, y, heading, LOST_POSE_STD)
             self._bridged_travel = 0.0
 
     def _keep_scales_plausible(self, before: Flat) -> None:
-        """Restore the scales of `before` where the new ones are beyond any error of a robot.toml."""
+        """Restore the scales of `before` if the new ones are beyond any plausible error of robot.toml."""
         if not are_scales_plausible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
             self.drive.copy_scales(before)
 
@@ -201,8 +201,8 @@ class Fusion:
         self.drive.apply_standstill(settings.standstill_velocity**2, settings.standstill_turn_rate**2)
 
     def doubt_way(self, way: float) -> None:
-        """Add a deviation of `way` m along the heading to the place: in the last step, so that it stays where
-        steps are applied again."""
+        """Add a standard deviation of `way` m along the heading to the position, also to the last kept step,
+        so that it remains when steps are applied again."""
         self.drive.widen_along(way * way)
         if self._steps:
             last = self._steps.pop()
@@ -214,7 +214,7 @@ class Fusion:
     ) -> Observation:
         """Apply a measurement of the pose at `time` (s; None: now).
 
-        shift: (3,) m, m, rad by which the robot is now beyond the pose of the last step, `span` s ago.
+        shift: (3,) m, m, rad from the pose of the last step, `span` s ago, to the pose now.
         """
         if time is None:
             return self._observe_and_keep(partial(self._apply_measurement, measured, shift))
@@ -249,7 +249,7 @@ class Fusion:
         return found
 
     def _observe_and_keep(self, observe: Callable[[], Observation]) -> Observation:
-        """Apply an observation; where it is accepted keep it with the last step, to apply both again."""
+        """Apply an observation; keep an accepted one with the last step, to apply both again later."""
         found = observe()
         if found.accepted and self._steps:
             last = self._steps.pop()
@@ -258,7 +258,7 @@ class Fusion:
         return found
 
     def _shift_between(self, ahead: Flat, behind: Flat) -> Array:
-        """(3,) m, m, rad from the pose of state `behind` to the robot of state `ahead`, delays included."""
+        """(3,) m, m, rad from the pose of state `behind` to the robot in state `ahead`, delays included."""
         x, y, heading = ahead[: State.VELOCITY]
         pose = arc_end(x, y, heading, *believed_delay_motion(ahead, self._settings.timing))
         moved: Array = np.array(pose) - np.array(behind[: State.VELOCITY])
@@ -271,7 +271,7 @@ class Fusion:
         return self._gate(before, distance, measured.gate)
 
     def observe_way(self, distance: float, std: float) -> Observation:
-        """Apply the taped way of the robot's middle since the mark, m; negative where it went back."""
+        """Apply a taped distance of the robot's origin since the mark, m; negative: backwards."""
         check_observation(std, distance)
         return self._observe_and_keep(partial(self._apply_way, replace(self.wheel_travel), distance, std))
 
@@ -288,7 +288,7 @@ class Fusion:
         return self._gate(before, mahalanobis, GATES[1])
 
     def _gate(self, before: Flat, distance: float, gate: float) -> Observation:
-        """Accept an observation at a Mahalanobis distance, or restore the state of `before`."""
+        """Accept an observation at this Mahalanobis distance, or restore the state `before` it."""
         if distance <= gate:
             self._keep_scales_plausible(before)
             return Observation(True, distance)

@@ -1,8 +1,8 @@
-"""Where the robot is, how it moves, and how well both are known: wheels and gyro in one filter.
+"""Odometry: the estimate of pose and motion, with standard deviations, from wheels and gyro in one filter.
 
-Once a cycle `Odometry.update` turns raw words into wheel angles and a turn rate, moves the drive filter on
-to the newest gyro reading and gives a `DriveEstimate`. The pose is in the field frame, heading unwrapped
-(docs/quantities.md); docs/odometry.md derives the filter and shows what it reaches.
+In every cycle `Odometry.update` converts the raw words to wheel angles and a turn rate, moves the drive
+filter on to the newest gyro reading and returns a `DriveEstimate`. The pose is in the field frame, its
+heading unwrapped (docs/quantities.md). docs/odometry.md derives the filter and states its accuracy.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]
 
 DEFAULTS = OdometrySettings()
 STEP_S = 0.0175
-"""s; the filter moves on with the first gyro reading after it (every 20 ms at 50 and at 200 Hz)."""
+"""s; the filter moves on with the first gyro reading after this time (every 20 ms at 50 and at 200 Hz)."""
 MAX_OBSERVATION_AGE_S = 2.0
-"""s; what was seen longer ago is not taken any more."""
+"""s, maximum age of an observation; an older one is rejected."""
 
 
 class Odometry:
-    """Estimator of a two-wheel drive. Feed it every cycle.
+    """Estimator of a two-wheel drive. Call `update` in every cycle.
 
-    Makes its filterpy filter at construction (which imports filterpy: a second or two), never in a cycle.
-    Raises ConfigError for settings or a geometry that make no sense.
+    The constructor makes the filterpy filter (importing filterpy takes a second or two); no cycle imports it.
+    Raises ConfigError for implausible settings or geometry.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Odometry:
         self._device = SIMULATOR
         self._stepper = FilterStepper(robot, settings, self._readings, self._device)
         self.resets = 0
-        """How often the pose was set anew, after which nothing planned in the one before holds."""
+        """Number of times the pose was set. Plans made in the previous pose are invalid after that."""
         self.reset(x, y, heading)
 
     @property
@@ -73,37 +73,36 @@ class Odometry:
 
     @property
     def wheel_scales(self) -> tuple[float, float]:
-        """Speed as read over true speed, left and right: 1 where the calibration is right."""
+        """Speed as read over true speed, of the left and right wheel; 1 if the calibration is right."""
         flat = self._stepper.fusion.drive.flat
         return wheel_scales(flat[State.WAY], flat[State.BALANCE])
 
     @property
     def gyro_scale(self) -> tuple[float, float]:
-        """Turn rate as the gyro reads it over the true one, by robot.toml and by what was seen in the field;
-        and its standard deviation."""
+        """Turn rate as read by the gyro over the true one, from robot.toml and the observations so far, and
+        its standard deviation."""
         flat = self._stepper.fusion.drive.flat
         return flat[State.GYRO_SCALE], math.sqrt(flat[variance_index(State.GYRO_SCALE)])
 
     @property
     def turn_share(self) -> float:
-        """Turn by the gyro over that of the wheels, where all turns say that a number is far off; else 1."""
+        """Turn by the gyro over turn by the wheels if all turns show that a scale is far off; otherwise 1."""
         return self._stepper.turn_share.value
 
     @property
     def held_way(self) -> float:
-        """m that both wheels turned so far while they carry what they do at a wall; 0 where they do not."""
+        """m that both wheels turned since their load is as high as at a wall; 0 if it is not."""
         return self._stepper.contact.held_way
 
     @property
     def slipped(self) -> bool:
-        """Whether a wheel slipped since the robot last stood, in a motion that had begun well."""
+        """Whether a wheel slipped since the robot last stood, in a motion that had begun without slip."""
         return self._stepper.fusion.slip.slipped
 
     @property
     def silent_wheels(self) -> tuple[bool, bool]:
-        """Whether the left and the right wheel have said nothing for so long that their speed is not known:
-        the estimate has 0 then, which is no reading.
-        """
+        """Whether the left and the right wheel gave no reading for so long that their speed is unknown. The
+        estimate's wheel speed of 0 is then no reading."""
         return (
             self._readings.left.silence > HOLD_S,
             self._readings.right.silence > HOLD_S,
@@ -111,15 +110,15 @@ class Odometry:
 
     @property
     def wiring(self) -> Wiring:
-        """Whether the robot turns as its wheels say."""
+        """The check of the wheels' signs against the gyro: does the robot turn as its wheels read?"""
         return self._readings.wiring
 
     @property
     def pose_covariance(self) -> NDArray[np.float64]:
         """Covariance of x, y (m) and heading (rad), (3, 3).
 
-        That of the filter's last step (at most 20 ms ago), and what the robot moves in the time by which its
-        readings may be early or late.
+        It is that of the filter's last step (at most 20 ms ago), plus the motion of the robot in the time by
+        which its readings may be early or late.
         """
         return pose_covariance(self._stepper.fusion.drive.flat, self._estimate, self._settings.timing)
 
@@ -132,11 +131,11 @@ class Odometry:
         position_std: float = 0.0,
         heading_std: float = 0.0,
     ) -> None:
-        """Take the robot to be at this pose (m, m, rad); what is known of scales and offsets stays.
+        """Set the robot's pose (m, m, rad); the learnt scales and offsets stay.
 
-        position_std, heading_std: m and rad by which it may have been put down wrong; walls and lines that
-        are seen later correct it. Raises ValueError for a value that is not finite, a heading that looks like
-        degrees, or a deviation below 0.
+        position_std, heading_std: standard deviations of that pose, m and rad; later observations of walls
+        and lines correct it. Raises ValueError for a value that is not finite, a heading that looks like
+        degrees, or a standard deviation below 0.
         """
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)):
             raise ValueError(f"pose ({x}, {y}, {heading}): every value must be finite")
@@ -153,13 +152,13 @@ class Odometry:
         self._estimate = self._build_estimate()
 
     def update(self, inputs: Inputs, command: Outputs | None = STOP) -> DriveEstimate:
-        """Take the cycle `inputs`, read while `command` was in force, and give the estimate at its time.
+        """Process the cycle `inputs`, read while `command` was in force; returns the estimate at its time.
 
-        command: None where it is not known: the robot is then never taken to stand because nothing drives it.
-        Never raises for what a sensor says; see `DriveEstimate.reasons`.
+        command: None if it is unknown; the robot then never counts as standing still. Never raises for a bad
+        sensor reading; see `DriveEstimate.reasons`.
         """
         if inputs.device is not self._device:
-            if inputs.device != self._device:  # a recording may say the same one anew
+            if inputs.device != self._device:  # a recording may contain an equal device again
                 self._stepper.configure(inputs.device)
             self._device = inputs.device
         self._stepper.contact.take_command(inputs, command)
@@ -178,16 +177,17 @@ class Odometry:
         heading_std: float,
         time: float | None = None,
     ) -> Observation:
-        """The robot was seen at a pose (m, m, rad), at `time` (None: now).
+        """Update the filter with an observed pose (m, m, rad) of the robot at `time` (s; None: now).
 
-        A heading counts modulo a turn. Not believed (and not used) where it lies beyond the 99.9 % that the
-        present uncertainty allows: after a kidnapping use `reset`. Raises ValueError for values that are not
-        finite or a deviation that is not above 0.
+        A heading counts modulo a full turn. The observation is rejected if it is beyond the 99.9 % gate of
+        the present uncertainty: after the robot was moved by hand use `reset`. Raises ValueError for values
+        that are not finite or a standard deviation that is not above 0.
         """
         return self._observe(pose_measurement(x, y, heading, position_std, heading_std), time)
 
     def observe_heading(self, heading: float, std: float, *, time: float | None = None) -> Observation:
-        """The robot was seen heading this way, rad: aligned to a wall. Otherwise as `observe_pose`."""
+        """Update the filter with an observed heading and its std, rad, as after an alignment with a wall.
+        Otherwise as `observe_pose`."""
         return self._observe(heading_measurement(heading, std), time)
 
     def observe_line(
@@ -199,26 +199,29 @@ class Odometry:
         std: float,
         time: float | None = None,
     ) -> Observation:
-        """A sensor crossed the line through `point` (m) along `direction` (rad).
+        """Update the filter with a sensor that crossed the line through `point` (m) along `direction` (rad).
 
-        sensor: m ahead and m to the left of the robot's origin. std: m. Otherwise as `observe_pose`.
+        sensor: its position, m ahead and m to the left of the robot's origin. std: m, of the crossing's
+        distance from the line. Otherwise as `observe_pose`.
         """
         return self._observe(line_measurement(point, direction, sensor, std), time)
 
     def doubt_way(self, way: float) -> None:
-        """Of the last `way` m (0 or more) that the wheels turned, the robot may have gone none: at a wall."""
+        """Add uncertainty: of the last `way` m (0 or more) that the wheels turned, the robot may have moved
+        none, as at a wall."""
         if way > 0.0:
             self._stepper.fusion.doubt_way(way)
             self._estimate = self._build_estimate()
 
     def mark(self) -> None:
-        """Begin the way that `observe_distance` measures here; `reset` does so too."""
+        """Start the distance that `observe_distance` measures; `reset` does so too."""
         self._stepper.fusion.wheel_travel = WheelTravel()
 
     def observe_distance(self, distance: float, std: float) -> Observation:
-        """The robot went `distance` m (negative: back) since the mark, by tape; it stands now.
+        """Update the filter with the distance (m, negative: backwards) since the mark, by tape; the robot
+        stands.
 
-        Tells the wheels' scales, and through them corrects the pose. Otherwise as `observe_pose`.
+        It corrects the wheels' scales, and through them the pose. Otherwise as `observe_pose`.
         """
         found = self._stepper.fusion.observe_way(distance, std)
         self._estimate = self._build_estimate()

@@ -1,4 +1,4 @@
-"""Builds each step of the drive filter from what was read since the last one."""
+"""Assembly of each step of the drive filter from the readings since the last one."""
 
 from __future__ import annotations
 
@@ -30,27 +30,29 @@ from raccoon.model.bemf import counts_scale
 from raccoon.model.drive import DriveGeometry
 
 TURN_TIMING_SHARE = 1.2
-"""Of the time between two gyro readings: deviation of when the rate jumped by more than
-`readings.SHARP_TURN_ACCELERATION`. The gyro's turn stays what counts: wheels that slip in that moment are
-worse."""
+"""Standard deviation of the time at which the turn rate jumped by more than
+`readings.SHARP_TURN_ACCELERATION`, as a share of the time between two gyro readings. The turn is still the
+gyro's: wheels slip in such a moment, which is worse."""
 GYRO_RATE_HZ = 100.0
-"""Hz, readings of a gyro with a noise of their own: its chip smooths with 41 Hz, so that those which come
-more often share it."""
+"""Hz, maximum rate of gyro readings with independent noise: the chip's filter of 41 Hz correlates more
+frequent ones."""
 REST_TIMING_S = 0.05
-"""s, deviation of the time since which a robot that seems to creep has stood."""
+"""s, standard deviation of the time at which a robot that seems to creep came to rest."""
 BIAS_HEADING_SHARE, BIAS_PLACE_SHARE = 0.29, 0.25
-"""A bias that changed at any time since the robot last stood: deviation of the heading, of what the bias
-turned since; and of that times the way, deviation of the place: across the way, by half of it, and half of
-that by when the bias changed."""
+"""Standard deviations after the gyro's bias changed at an unknown time since the robot last stood. Of the
+heading: as a share of the angle that the change of bias makes in that time. Of the position: as a share of
+this angle times the distance; it is across the path, half of that, and half again because of the unknown
+time."""
 TURN_MISMATCH = "the robot turns otherwise than its wheels say"
 _VB = variance_index(State.GYRO_BIAS)
 _VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
 
 
 class FilterStepper:
-    """Moves the filter on, and feeds the detectors that watch the drive with each step.
+    """Moves the filter on, and feeds each step to the detectors that watch the drive.
 
-    fusion: the filter at work, another one for each device. contact, turn_share: of what was read so far.
+    fusion: the filter with its kept steps, a new one for each device. contact, turn_share: detectors that
+    were fed everything so far.
     """
 
     def __init__(
@@ -66,28 +68,29 @@ class FilterStepper:
         self._turn_acceleration, self._shaking = TurnAcceleration(), Shaking()
         self._standstill, self._creeping = StandstillDetector(), CreepDetector()
         self._motion_start: tuple[float, float] | None = (
-            None  # s and m; None where it has not moved since rest
+            None  # time (s) and distance (m); None: no motion since rest
         )
         self._was_still = False
-        self._bias_before_rest = (0.0, 0.0)  # rad/s of the gyro, and its deviation
+        self._bias_before_rest = (0.0, 0.0)  # the gyro's bias and its standard deviation, rad/s
         self.contact, self.turn_share = ContactMonitor(robot, readings), TurnShare()
         self.fusion = self._new_fusion(device)
 
     def configure(self, device: Device) -> None:
-        """Start a new filter for the words of this device, at the pose of the old one and as sure of it."""
+        """Start a new filter for the words of this device, with the pose and pose covariance of the old
+        one."""
         flat = self.fusion.drive.flat
         self.fusion = self._new_fusion(device)
         self.fusion.drive.copy_pose(flat)
         self._motion_start = None
 
     def place(self, x: float, y: float, heading: float) -> None:
-        """Set the pose, m, m, rad, as known: what a bias turned before no longer counts."""
+        """Set the pose (m, m, rad) as known exactly: what a wrong bias turned before no longer counts."""
         self.fusion.place(x, y, heading)
         if self._motion_start is not None:
             self._motion_start = self._readings.time, self.fusion.distance
 
     def _new_fusion(self, device: Device) -> Fusion:
-        """A filter that has read nothing, and the scale of this device's words."""
+        """A filter without readings, with the scale of this device's words."""
         self._left.lag = self._right.lag = lag_seconds(self._robot, device)
         self._noise = WheelNoise(self._robot, self._settings, device)
         self.contact.configure(device)
@@ -99,7 +102,7 @@ class FilterStepper:
         return Fusion(drive, self._settings)
 
     def advance(self, command: Outputs | None) -> None:
-        """Move the filter to now, over the whole time since it last moved."""
+        """Move the filter on by all that was read since it last moved."""
         pending, self._readings.pending = self._readings.pending, Pending()
         span, noise, left, right = pending.span, self._noise, self._left, self._right
         if pending.gap:
@@ -154,18 +157,19 @@ class FilterStepper:
     def _wheel_variances(
         self, speeds: tuple[float, ...], span: float, still: bool, mute: tuple[bool, bool]
     ) -> tuple[float, ...]:
-        """(rad/s)^2 of the left and the right wheel's speed over a step."""
+        """(rad/s)^2, variances of the left and right wheel's mean speeds over a step."""
         left = self._noise.variance(self._left, speeds[0], span, still, mute[0])
         return left, self._noise.variance(self._right, speeds[1], span, still, mute[1])
 
     def _gyro_variance(self, pending: Pending, shaking: float) -> float:
-        """(rad/s)^2 of the gyro's mean over a step. shaking: rad/s by which the wheels shake the robot."""
+        """(rad/s)^2, variance of the gyro's mean over a step. shaking: rad/s of wheel speed that shakes the
+        robot."""
         independent_readings = min(pending.gyro_count, GYRO_RATE_HZ * pending.gyro_span)
         variance = self._settings.gyro_noise**2 / independent_readings + pending.gyro_kink_variance
         return variance + (GYRO_SHAKING_SHARE * self._geometry.body_motion(-shaking, shaking)[1]) ** 2
 
     def _check_signs(self, span: float, left: float, right: float, gyro: float) -> None:
-        """Compare the turn by the wheels' speeds, rad/s, with the gyro's, and tell where they contradict."""
+        """Compare the turn by the wheels' speeds (rad/s) with the gyro's, and report a contradiction."""
         turned = self._geometry.body_motion(left, 0.0)[1], self._geometry.body_motion(0.0, right)[1]
         self._readings.wiring.update(span, *turned, gyro)
         self.turn_share.update(span, sum(turned), gyro)
@@ -173,7 +177,7 @@ class FilterStepper:
             self._reasons.tell(TURN_MISMATCH, self._readings.time)
 
     def _bridge(self, pending: Pending) -> None:
-        """Move the filter to now over a gap in the readings."""
+        """Move the filter over a gap in the readings."""
         span, noise, left, right = pending.span, self._noise, self._left, self._right
         variances = (
             noise.angle_variance(left, pending.left, span),
@@ -206,10 +210,10 @@ class FilterStepper:
     def _infer_silent_wheel(
         self, pending: Pending, variances: tuple[float, float], left_is_silent: bool
     ) -> tuple[float, float]:
-        """Set the angle of the silent wheel to what the other and the gyro's rate before and after the gap
-        say; gives the variances of both angles, rad^2.
+        """Set the angle of the silent wheel from the other wheel and the gyro's rate before and after the
+        gap. Returns the variances of both angles, rad^2.
 
-        In the gap the robot may not have turned at all, or twice as much, and about the silent wheel.
+        In the gap the robot may not have turned at all, or twice as much, or about the silent wheel.
         """
         flat, span = self.fusion.drive.flat, pending.span
         offset_left, offset_right = span * flat[State.LEFT_OFFSET], span * flat[State.RIGHT_OFFSET]
@@ -228,10 +232,11 @@ class FilterStepper:
         return variances[0], variances[0] + (doubt + abs(other)) ** 2
 
     def _check_standstill(self, span: float, command: Outputs | None) -> tuple[bool, RestDoubt | None]:
-        """Whether the robot stands, and the doubt to add where it seems to creep."""
+        """Whether the robot stands, and the uncertainty to add if it seems to creep (else None)."""
         flat = self.fusion.drive.flat
         driven = command is None or any(command.duty[port] != 0.0 for port in self._ports)
-        # A wheel that reads 0 in the dead zone may be at rest: there an offset of robot.toml does not show.
+        # In the dead zone a wheel reads 0 and may be at rest: the offset of robot.toml is not in that
+        # reading.
         left = 0.0 if self._left.blind_time > 0.0 else self._left.settled_speed - flat[State.LEFT_OFFSET]
         right = 0.0 if self._right.blind_time > 0.0 else self._right.settled_speed - flat[State.RIGHT_OFFSET]
         sigma = sqrt(max(flat[_VOL], flat[_VOR]))
@@ -264,12 +269,13 @@ class FilterStepper:
     def _rest_doubt(
         self, wheel_excess: float, sigma: float, bias_change: float, motion_start: tuple[float, float] | None
     ) -> RestDoubt:
-        """The doubt about offsets and bias, and about the pose, of a robot that stands while its wheels and
-        gyro read so much, rad/s, beyond their offsets, known to `sigma`.
+        """Uncertainty of offsets, bias and pose of a robot at rest whose wheels read `wheel_excess` (rad/s)
+        beyond their offsets, with standard deviation `sigma`, and whose gyro's bias changed by `bias_change`
+        (rad/s).
 
-        The offsets are wrong, and so was the motion that they have been taken for. motion_start: s and m,
-        where it has moved since the bias was right. When the bias changed nobody knows: on average halfway
-        between then and now, which is taken back as the new one is learnt.
+        The offsets are wrong, and so is the motion that they were taken for. motion_start: s and m, if the
+        robot moved since the bias was right. The time of the change is unknown; its mean is halfway between
+        then and now, and learning the new bias takes the turn since that time back.
         """
         flat = self.fusion.drive.flat
         hidden_speed = bias_change / self._geometry.body_motion(-1.0, 1.0)[1]  # if the offsets hide a turn
