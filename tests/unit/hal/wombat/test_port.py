@@ -294,7 +294,10 @@ def test_wheels_that_came_to_rest_while_the_controller_restarted_are_read(
     bench.run(FORWARD, 100)
     bench.emulator.reset()
     seen = bench.run(STOP, 150)
-    assert [each for each in seen if Fault.RESET in each.faults]
+    (begun,) = [each.time for each in seen if Fault.RESET in each.faults]
+    # The stock firmware's filter of the analog words rises from 0 meanwhile.
+    analog = [(each.time - begun, set(each.analog) == {None}) for each in seen if each.time >= begun]
+    assert all(is_blank is (since < 0.099) for since, is_blank in analog if not 0.099 < since < 0.101)
     assert not seen[-1].faults
     assert None not in (*seen[-1].position, *seen[-1].bemf)
 
