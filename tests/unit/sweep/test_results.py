@@ -70,6 +70,7 @@ def test_a_sweep_that_was_killed_before_its_first_match_gives_its_name_to_anothe
         Results(path, ("run", "seed"), {**ABOUT, "program": "corrected.py"})
     killed._file.close()  # as the system does it
     results = Results(path, (*COLUMNS, "y"), {**ABOUT, "program": "corrected.py"})
+    assert results.about["program"] == "corrected.py"
     results.add(row(0, y=1.5))
     results.finish()
     results.close()
@@ -91,9 +92,8 @@ def test_it_goes_on_where_it_was_left_and_with_more_runs(path: Path) -> None:
     assert read_results(path) == [row(run) for run in range(5)]
 
 
-def test_parquet_shows_the_rows_while_they_come(tmp_path: Path) -> None:
-    pytest.importorskip("pyarrow")
-    path = tmp_path / "results.parquet"
+def test_a_table_shows_the_rows_while_they_come(path: Path) -> None:
+    """So a program that is killed loses none of them."""
     results = Results(path, COLUMNS, ABOUT)
     results.add(row(0))
     results.add(row(1))
@@ -244,7 +244,7 @@ def test_a_disk_that_is_full_at_the_end_keeps_nobody_from_going_on(
     again.close()
 
 
-def test_without_pyarrow_parquet_is_refused_before_anything_is_played(
+def test_without_pyarrow_parquet_alone_is_refused_before_anything_is_played(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = builtins.__import__
@@ -260,3 +260,4 @@ def test_without_pyarrow_parquet_is_refused_before_anything_is_played(
     with pytest.raises(ConfigError, match="Parquet needs pyarrow"):
         Results(tmp_path / "results.parquet", COLUMNS, ABOUT)
     assert list(tmp_path.iterdir()) == []
+    begun(tmp_path / "results.csv", ABOUT)
