@@ -49,6 +49,26 @@ class Breaking(Executor):
         return future
 
 
+class KilledWorker(Exception):
+    """As Dask's: workers died under a call, and the others go on."""
+
+
+class Losing(Executor):
+    """Runs calls at once; the call with `fatal` takes its worker down each time."""
+
+    def __init__(self, fatal: int) -> None:
+        self._fatal, self.asked = fatal, 0
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        if args[0] == self._fatal:
+            self.asked += 1
+            future.set_exception(KilledWorker("three of them"))
+        else:
+            future.set_result(fn(*args, **kwargs))
+        return future
+
+
 def test_on_threads() -> None:
     with ThreadPoolExecutor(3) as threads:
         found = list(run_all(squared, range(50), Crew(threads, 6), nothing))
@@ -60,6 +80,13 @@ def test_a_broken_pool_is_replaced_and_only_the_guilty_call_given_up() -> None:
     found = list(run_all(squared, range(10), Crew(lambda: Breaking(4), 3), nothing))
     assert sorted(found) == sorted([(n, n**2) for n in range(10) if n != 4] + [(4, -4)])
     assert Breaking.opened == 4  # at first, after it broke, and after each of two tries alone
+
+
+def test_a_call_that_takes_workers_down_is_given_up_while_the_others_go_on() -> None:
+    executor = Losing(4)
+    found = list(run_all(squared, range(10), Crew(executor, 3), nothing))
+    assert sorted(found) == sorted([(n, n**2) for n in range(10) if n != 4] + [(4, -4)])
+    assert executor.asked == 3  # among others, and twice alone
 
 
 def test_a_broken_pool_from_outside_is_said_so() -> None:

@@ -139,14 +139,17 @@ def test_no_run_counts_twice(path: Path) -> None:
     results.close()
 
 
-def test_a_row_that_is_there_twice_is_named(tmp_path: Path) -> None:
+def test_a_row_that_is_there_twice_or_holds_no_number_is_named(tmp_path: Path) -> None:
     path = tmp_path / "results.csv"
     results = Results(path, COLUMNS, ABOUT)
     results.add(row(0))
     results.close()
     text = path.read_text()
     path.write_text(text + text.split("\n")[1] + "\n")
-    with pytest.raises(ConfigError, match="row 3: run 0 is there twice"):
+    with pytest.raises(ConfigError, match=r"results\.csv: row 3: run 0 is there twice"):
+        Results(path, COLUMNS, ABOUT)
+    path.write_text(text + "1,5,ok,,1.2.3\n")
+    with pytest.raises(ConfigError, match=r"results\.csv: row 3: could not convert .*1\.2\.3"):
         Results(path, COLUMNS, ABOUT)
 
 
