@@ -1,1 +1,2 @@
-"""What a recording does not say of controller, gears and log: found out first, and tried again later."""
+"""Habits of controller, gears and log, which a recording does not state: estimated first, and tested again
+later."""

@@ -1,7 +1,8 @@
-"""What a search found, fitted under other habits of the controller and the gears, and taken where it leads.
+"""Comparison of a search's result with fits and searches under other habits of the controller and the gears.
 
-Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a habit
-does. So what was found is fitted under others too, and searched for again where one of them leads.
+Habits are estimated before any cause is known, and the part of a cause that base numbers cannot absorb hides
+the effect of a habit. So the result of a search is also fitted under other habits, and searched for again
+under those with a lead.
 """
 
 from __future__ import annotations
@@ -36,20 +37,20 @@ from raccoon.diagnose.select.state import Search
 Array = NDArray[np.float64]
 LATENCY, BATTERY_RESISTANCE = "actuation.latency", "battery.internal_resistance"
 MIN_LOG_EVIDENCE_LEAD = 10.0
-"""Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
+"""Log evidence, gates included, by which another filter than the firmware's must lead in the end."""
 ROUGH_STEPS = 8
-"""Of a fit that says which of several starts is the likeliest."""
+"""Linearisations of a fit that determines which of several starts is the most likely."""
 SEARCHING_AGAIN = "searching again as another controller or gear would have it"
 HOPELESS_DEFICIT, PREDICTED_GAIN_FACTOR = 150.0, 4.0
-"""Log evidence that a fit lacks, also after so many times the gain that is predicted of its next step, when
-it is given up; what a habit may lack in the end is a hundred."""
+"""A fit is stopped if it is behind by so much log evidence even with this multiple of the gain that is
+predicted for its next step; at most a hundred is accepted of a habit in the end."""
 
 
 def fit_best_start(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:
-    """The fit in another problem from the likeliest of these starts, gates counted.
+    """The fit in another problem from the most likely of these starts, gates included.
 
-    Several starts are first fitted roughly, with the Jacobian's base columns at the first of them; a single
-    one with the columns that it has in the search, for a while. A fit that falls far behind stops there.
+    Several starts are first fitted roughly, with the base columns computed at the first of them; a single one
+    starts with the columns that it has in the search. A fit that falls far behind is stopped.
     """
     whitener, carried_starts = (
         search.whitener,
@@ -77,12 +78,12 @@ def fit_best_start(search: Search, problem: Problem, starts: Sequence[Point]) ->
 
 
 def log_evidence_lead(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
-    """Log evidence, gates counted, by which the best of these starts is ahead of a search."""
+    """Log evidence, gates included, by which the best of these starts leads a search."""
     return net_lead(search, fit_best_start(search, problem, starts), search.fit)
 
 
 def search_again(search: Search, problem: Problem) -> Search | None:
-    """The whole search of another problem, where what was found there is ahead."""
+    """The result of a whole search of another problem if it leads; else None."""
     second = _run_unless_behind(start_selection(start_afresh(problem)), search, 0.0, run_search)
     ahead = second is not None and lead_over_search(second, search) > MIN_LOG_EVIDENCE_LEAD
     return second if ahead else None
@@ -98,11 +99,11 @@ def adopt_if_ahead(
     min_fit_lead: float = MIN_LOG_EVIDENCE_LEAD,
     min_search_lead: float = MIN_LOG_EVIDENCE_LEAD,
 ) -> SearchAndHabits:
-    """The search under other habits, whose problem this is, where they lead; else the search as it is.
+    """The search under other habits, whose problem is given, if they lead; else the unchanged search.
 
-    They lead where the fit of one of these starts is ahead by `min_fit_lead` in log evidence, and then what a
-    search finds by `min_search_lead`. Where nothing is wrong under the others they need not be ahead by more
-    than 0: that a wheel slides in another way than was thought is no less likely than a fault.
+    They lead if the fit from one of these starts is ahead by `min_fit_lead` in log evidence, and then the
+    result of a search by `min_search_lead`. If that search finds no cause, a lead of 0 suffices: that a wheel
+    slides in another way than assumed is no less likely than a fault.
     """
     fit = fit_best_start(search, problem, starts)
     fit_lead = net_lead(search, fit, search.fit)
@@ -118,20 +119,22 @@ def adopt_if_ahead(
         min_search_lead = min(min_search_lead, 0.0)
     search_lead = lead_over_search(second, search)
     if second.fit.point.active.keys() == fit.point.active.keys():
-        # What was fitted under less noise is no best fit under more: one that was ahead by 75 lacked 46.
+        # A point that was fitted under smaller noise need not be the best fit under larger noise: one that
+        # was ahead by 75 was 46 behind.
         search_lead = max(search_lead, fit_lead)
     return (second, other) if search_lead > min_search_lead else (search, habits)
 
 
 def found_nothing(search: Search) -> bool:
-    """Whether no cause is named, and nothing unknown."""
+    """Whether neither a cause nor an unknown effect is named."""
     return not (search.fit.point.active or search.unknown)
 
 
 def _run_unless_behind(
     first: Search, search: Search, min_search_lead: float, run_search: RunSearch
 ) -> Search | None:
-    """A search that has begun, as far as one goes; None where it is behind another on the way."""
+    """Continue a search that has begun as far as `run_search` would; None if it falls behind another
+    search."""
     report(SEARCHING_AGAIN)
     if run_search is start_selection:
         return first
@@ -145,7 +148,7 @@ def _run_unless_behind(
 
 def _ended_far_behind(second: Search, search: Search, min_search_lead: float) -> bool:
     """Whether a search that has only begun ended with the causes that are named already, far from the lead
-    that it needs: going on from these found nothing better under the habits that they were found under."""
+    that it needs: under the first habits, going on from these causes found nothing better."""
     named, named_by_second = search.fit.point.active, second.fit.point.active
     same = set(named) == set(named_by_second) and set(search.unknown) == set(second.unknown)
     few = len(named_by_second) < SEVERAL_CAUSES
@@ -153,8 +156,8 @@ def _ended_far_behind(second: Search, search: Search, min_search_lead: float) ->
 
 
 def _grown_crowded_and_behind(second: Search, search: Search) -> bool:
-    """Whether a search that has grown beside a crowd of causes explains less, with a crowd as well or far
-    less: what other habits do not make simpler is no sign of them, and the rest of such a search takes
+    """Whether, beside many causes (CROWDED_CAUSES), another search is behind and has as many, or is far
+    behind: habits that do not simplify the result are unlikely, and the rest of such a search takes
     longest."""
     if len(search.fit.point.active) < CROWDED_CAUSES:
         return False
@@ -169,7 +172,8 @@ def adopt_first_ahead(
     trials: HabitTrials,
     min_fit_lead: float = MIN_LOG_EVIDENCE_LEAD,
 ) -> SearchAndHabits:
-    """The search under the closest of other habits that leads, or as it is; see `adopt_if_ahead`."""
+    """The search under the closest of other habits that leads, or the unchanged search; see
+    `adopt_if_ahead`."""
     untried = trials.untried(search, habits, [each for each in others if each != habits])
     closer = _closer_habits(search, untried, trials)
     trials.reject(search, habits, (each for each in untried if each not in closer))
@@ -182,21 +186,22 @@ def adopt_first_ahead(
 
 
 def try_friction_forms(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with wheels that slide in another way, where that explains more.
+    """Test other forms of sliding; the search under the first that leads, else the unchanged search.
 
-    Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
-    little friction: the same drive, in which what gives is stiffer.
+    Rigid wheels, when the true ones were compliant, were reported as a robot with five times the resistance,
+    a fifth of the inertia and little friction: the same drive, in which the compliance is stiffer.
     """
     others = [replace(habits, sliding=each) for each in WheelSliding if each is not habits.sliding]
     return adopt_first_ahead(search, habits, others, trials)
 
 
 def try_battery_filters(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with another filter of the battery's readings, where that explains more.
+    """Test other filters of the battery's readings; the search under the best if it leads, else the unchanged
+    search.
 
-    RaccoonOS adds one of 0.1 s; of a robot without a fault that made a battery of no resistance, and
-    something unknown. The firmware's own is tried under other filters of the wheels' readings as well: a
-    resistance 13 % high and a slip of 3 ms were named of a sound robot 105 behind it.
+    RaccoonOS adds a filter of 0.1 s; without it a fault-free robot had a battery without resistance, and
+    something unknown. The firmware's own filter is tested under other filters of the wheels' readings as
+    well: a resistance 13 % high and a slip of 3 ms were named on a fault-free robot, 105 behind it.
     """
     if habits.knows_battery or "battery" not in search.problem.features.roles:
         return search, habits
@@ -217,7 +222,7 @@ def try_battery_filters(search: Search, habits: Habits, trials: HabitTrials) -> 
 def with_least_battery_error(
     search: Search, problems: Mapping[Habits, Problem], starts: Sequence[Point]
 ) -> Habits:
-    """Of habits, with their problems, those from which the battery's readings are least off."""
+    """Of several habits, with their problems, those with the smallest error of the battery's readings."""
     carried_starts = {
         habits: [transfer_point(each, search.problem, problem) for each in starts]
         for habits, problem in problems.items()
@@ -232,8 +237,8 @@ def without_causes(point: Point, names: Collection[str]) -> Point:
 
 def _closer_habits(search: Search, others: Sequence[Habits], trials: HabitTrials) -> dict[Habits, Problem]:
     """The other habits, with their problems, under which one of `_starts_for_habits` is closer to the
-    readings; the closest first. None where nothing was found: known causes are far worse under them than
-    under their own."""
+    readings; the closest first. Empty if nothing was found: known causes fit far worse under them than under
+    their own habits."""
     if found_nothing(search):
         return {}
     present = _whitened_misfits(search, search.problem)
@@ -244,7 +249,7 @@ def _closer_habits(search: Search, others: Sequence[Habits], trials: HabitTrials
 
 
 def _starts_for_habits(search: Search) -> list[Point]:
-    """What was found, the same without what another logger is most likely to have been taken for, and
+    """The fitted point, the same without each cause that most likely imitates another logger, and
     robot.toml."""
     point = search.fit.point
     without = [point.without_cause(each) for each in (LATENCY, BATTERY_RESISTANCE) if each in point.active]
@@ -252,7 +257,7 @@ def _starts_for_habits(search: Search) -> list[Point]:
 
 
 def _whitened_misfits(search: Search, problem: Problem) -> Array:
-    """Of each start in a problem, (starts,): the sum of the sizes of its whitened residuals."""
+    """For each start in a problem, (starts,): the sum of the absolute whitened residuals."""
     starts = [transfer_point(each, search.problem, problem) for each in _starts_for_habits(search)]
     white = search.whitener(problem.features.measured - problem.predict(starts))
     return np.asarray(np.abs(white).sum(axis=-1), float)

@@ -1,5 +1,4 @@
-"""Trials of other chains of samples: another filter of the wheels' readings, commands that are logged
-late."""
+"""Tests of other sensor chains: another filter of the wheels' readings, or commands that are logged late."""
 
 from __future__ import annotations
 
@@ -33,25 +32,28 @@ from raccoon.sim.effects.chain import Chain
 
 LOOKS_LIKE_FILTER = (LATENCY, "bemf.filter_lag")
 MAX_FIRMWARE_DEFICIT = 100.0
-"""Log evidence that the firmware's chain may lack with the causes that were found under another, and be
-searched under."""
+"""Log evidence by which the firmware's chain may be behind, with the causes that were found under another
+one, and still be searched under."""
 
 
 def try_sensor_chains(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search under another chain of the wheels' readings, where that explains more.
+    """Test other chains of the wheels' readings; the search under each one that leads, else the unchanged
+    search.
 
-    Where nothing is named none is tried: what a floor does to a robot whose loops answer it, many a filter
-    with another time constant explains a little better. The firmware's may be the right one where a latency
-    or a lag stands in for it, or for its pause a resistance or what has its scale, and need not be ahead
-    before it has been searched under. A late gyro may be all that is commanded, under a filter that delays by
-    as much less, and a latency of a sample the gyro alone under a median. That motors coast while they are
-    sampled is the same drive with a resistance that is less by their share of the time, so it is taken where
-    that is as likely. To encoders the firmware's filter is no more than that.
+    * If nothing is named, none is tested: disturbances by a floor of a robot with feedback loops are
+      explained slightly better by many a filter with another time constant.
+    * The firmware's chain may be the right one if a latency or a lag imitates it, or, for its pause, a
+      resistance or a number on its scale. It need not lead before a search under it.
+    * A late gyro may really be late commands under a filter whose delay is shorter by as much, and a latency
+      of one sample a late gyro under a median.
+    * Motors that coast while they are sampled are the same drive as a resistance that is lower by their share
+      of the time, so that chain is adopted if it is as likely. With encoders the firmware's chain is no more
+      than that.
     """
     if found_nothing(search):
         return search, habits
     roles = search.problem.features.roles
-    back_emf = has_back_emf(roles)  # to encoders the firmware's chain alone is tried for its pause
+    back_emf = has_back_emf(roles)  # with encoders only the firmware's chain is tested, for its pause
     chains = (without_unneeded_pause(each, habits.chain, roles) for each in alternative_chains(habits.chain))
     chains = (each for each in chains if each != habits.chain)
     for other in trials.untried(search, habits, (replace(habits, chain=each) for each in chains)):
@@ -81,8 +83,8 @@ def try_sensor_chains(search: Search, habits: Habits, trials: HabitTrials) -> Se
 
 
 def _try_median_with_low_pass(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with a median and a gyro that smooths at once, where late commands were named without both
-    and that is as likely: each by itself leaves the other half of what they delay unexplained."""
+    """Test a median and a gyro with a low-pass together if late commands were named without both; adopted if
+    they are as likely. Each alone leaves the other half of the delay unexplained."""
     if habits.chain.median or habits.low_pass or LATENCY not in search.fit.point.active:
         return search, habits
     point, (latency,) = search.fit.point, search.problem.causes[LATENCY].coordinates
@@ -107,13 +109,13 @@ def _try_median_with_low_pass(search: Search, habits: Habits, trials: HabitTrial
 
 
 def try_commands_until_row(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search of a log whose rows hold the command that was in force until them, where that explains more.
+    """Test a log whose rows hold the command that was in force until then; the search under it if it leads.
 
-    Such commands are in the row after theirs and seem early, as nothing in the catalogue is; that made a
-    filter without a median, a latency of 3 ms and a gear that loses torque.
+    Such commands are in the row after theirs and seem early, which nothing in the catalogue is; they were
+    reported as a filter without a median, a latency of 3 ms and a gear that loses torque.
     """
     firmware = with_driver_of(Chain.firmware(), habits.chain)
-    # A plain filter that stood in for it may have taken the battery's with it.
+    # A plain filter that imitated it may have absorbed the battery's filter.
     seen = replace(firmware, battery_time_constant=habits.chain.battery_time_constant)
     chains = dict.fromkeys((habits.chain, seen, firmware))
     others = [replace(habits, chain=chain, commands_precede_rows=True) for chain in chains]

@@ -1,9 +1,9 @@
-"""Commands that changed within the row before theirs: a logger beside the program that drives.
+"""Commands that changed within the row before theirs, as in the rows of a logger beside the driving program.
 
-Such a logger sleeps for 8 or 10 ms and then writes the last command and the last readings, while commands go
-whenever the program gives them. Each has then begun up to a row before its own, and of 8 ms that looks like
-friction, inertia and a wheel's slip. Wheels tell when: a jump that changes a speed by 1000 counts in 50 ms
-is known to a tenth of a row.
+Such a logger sleeps for 8 or 10 ms and then writes the last command and the last readings, while the program
+gives commands at any time. Each has then begun up to a row before its own; with rows of 8 ms that looks like
+friction, inertia and a wheel's slip. The wheels show when: the time of a jump that changes a speed by 1000
+counts in 50 ms is known to a tenth of a row.
 """
 
 from __future__ import annotations
@@ -31,29 +31,31 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 MIN_DUTY_JUMP, MIN_HELD_S = 0.2, 0.04
-"""Duty by which a command must jump, and s for which it must hold before and after, to tell when."""
+"""Size of a command's jump (duty), and the time (s) for which it must be constant before and after, for its
+time to be determined."""
 MIN_JUMPS = 12
-"""Such jumps."""
+"""Number of such jumps that is required."""
 TRIED_OFFSETS = np.arange(-0.75, 1.76, 0.25)
-"""Rows by which commands are simulated to have begun before their own. A filter that is not quite right moves
-all of them alike, later ones as well."""
+"""Offsets in rows, before their own row, at which commands are simulated to begin. A filter that is not quite
+right moves all of them alike, also to later times."""
 FINE_OFFSETS = np.arange(-0.75, 1.751, 0.05)
-"""The same for which errors are interpolated between them."""
+"""Offsets in rows for which errors are interpolated between those."""
 MAX_ERROR_RATIO, MAX_FINAL_ERROR_RATIO = 0.25, 0.08
-"""Part of the error at one moment for all jumps that is left at each one's own: where each has its own,
-and where that is all that is wrong, once the habits are those of commands that begin so. The first was 0.02
-to 0.24 of 17 loggers that read at once (0.39 of one more), 0.11 to 0.34 of 24 that write the readings of a
-cycle of 5 ms, and 0.32 and more of 190 drives of controllers as slow as their rows, each cause and what no
-catalogue has among them. The second was 0.06 at most of 15 of the first (0.5 of two), 0.1 and more of the
-others."""
+"""Bounds on the error with a separate offset for each jump, relative to that with a common one. The first
+applies as a test for separate offsets, the second to whether they are all that is wrong, after the habits
+were fitted to commands that begin so. The first ratio was 0.02 to 0.24 for 17 loggers that read at once (0.39
+for one more), 0.11 to 0.34 for 24 that write the readings of a cycle of 5 ms, and 0.32 and more for 190
+drives of controllers as slow as their rows, among them each cause and effects outside the catalogue. The
+second was at most 0.06 for 15 of the first (0.5 for two), and 0.1 and more for the others."""
 MIN_OFFSET_SPREAD = 0.25
-"""Rows between the quartiles of these moments. Were any moment as likely, it would be half a row."""
+"""Required interquartile range of the offsets, in rows. For a uniform distribution over a row it is half a
+row."""
 WHOLE_CYCLE_TOLERANCE = 0.1
-"""Part of a controller's cycle by which a row may differ from several whole ones. Such rows are every second
-or third cycle of the controller itself, and are left as they are."""
+"""Deviation of a row from a whole number of a controller's cycles, in cycles, up to which its rows are taken
+as every second or third cycle of the controller itself, and not changed."""
 MEAN_OFFSET_RANGE = (0.2, 0.5)
-"""Rows by which commands begin before theirs, on the average: by half of one, less what readings are old.
-Which it is the filter tells that robot.toml has."""
+"""Bounds in rows on the mean offset of commands before their rows: half a row, less the age of the readings.
+The filter in robot.toml determines which."""
 CHANGES_WITHIN_ROWS_NOTE = (
     "commands change within the row before the one that holds them, as the wheels answer: a logger with a "
     "clock of its own writes so, beside the program that commands (controller.rate_hz is that program's). "
@@ -64,14 +66,15 @@ ADVICE = "write rows from the program that commands, each with what it has just 
 
 @dataclass(frozen=True, slots=True)
 class CommandJumps:
-    """Commands that jump. rows: the first of each. answered: s in which wheels answer it."""
+    """Commands that jump. rows: the first row of each. answered: time in s in which the wheels respond to
+    each."""
 
     rows: Rows
     answered: Array
 
     @classmethod
     def of(cls, log: Log) -> CommandJumps:
-        """Those of a log that are large and held long enough to tell when they came."""
+        """The jumps of a log that are large and held long enough to determine their times."""
         rows = _changed_rows(log)
         gaps = np.diff(log.time[rows], prepend=log.time[0], append=log.time[-1])
         sizes = np.abs(log.duty[rows] - log.duty[rows - 1]).max(axis=1)
@@ -81,7 +84,7 @@ class CommandJumps:
 
 
 def _changed_rows(log: Log) -> Rows:
-    """Rows with another command than the one before, which no lost row lies between."""
+    """Rows with another command than the row before, if no row is missing between the two."""
     near = np.diff(log.time) < 1.5 * median_step(log.time)
     return np.flatnonzero(near & (np.diff(log.duty, axis=0) != 0.0).any(axis=1)) + 1
 
@@ -89,12 +92,12 @@ def _changed_rows(log: Log) -> Rows:
 def place_commands(
     log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None
 ) -> tuple[Log, HabitFit | None]:
-    """The log with commands where the wheels answer them, if those surely change within its rows, and the fit
-    of habits (`fit_habits`) to it, if one was made.
+    """The log with commands moved to the times of the wheels' responses if they certainly change within its
+    rows, and the fit of habits (`fit_habits`) to it, if one was made.
 
-    The same log where rows are as short as a usual cycle, or whole cycles of robot.toml's controller. Where
-    more than the commands' moments is wrong, as where readings are of other moments than their rows, only a
-    note says so.
+    The log is returned unchanged if rows are as short as a usual cycle, or whole cycles of robot.toml's
+    controller. If more than the commands' times is wrong, for example readings of other times than their
+    rows, only a note is added.
     """
     cycles = median_step(log.time) * robot.controller.rate_hz
     several = round(cycles) > 1 and abs(cycles - round(cycles)) <= WHOLE_CYCLE_TOLERANCE
@@ -121,10 +124,10 @@ def place_commands(
 def with_commands_placed(
     log: Log, problem_of: Callable[[Log], Problem], point: Point, max_error_ratio: float
 ) -> Log | None:
-    """The log with each change of command where the wheels answer it in the simulation of `point`.
+    """The log with each change of command at the time of the wheels' response in the simulation of `point`.
 
-    None where more than `max_error_ratio` of the error at one moment for all changes would be left, or where
-    all have nearly one.
+    None if the remaining error, relative to that with a common offset, exceeds `max_error_ratio`, or if all
+    offsets are nearly equal.
     """
     jumps = CommandJumps.of(log)
     wheels = [index for index, each in enumerate(log.channels) if each.role in WHEELS]
@@ -147,8 +150,8 @@ def with_commands_placed(
 def _errors_by_offset(
     log: Log, jumps: CommandJumps, problem_of: Callable[[Log], Problem], point: Point, wheels: list[int]
 ) -> tuple[Array, Array]:
-    """Squared errors of the wheels' answer to each jump, had it come so many rows before,
-    (jumps, `FINE_OFFSETS`), in the simulation of a point and in that of robot.toml."""
+    """Squared errors of the wheels' response to each jump if it began so many rows earlier, (jumps,
+    `FINE_OFFSETS`), in the simulation of a point and in that of robot.toml."""
     usual, row = problem_of(log), median_step(log.time)
     residuals = []
     for offset in TRIED_OFFSETS:

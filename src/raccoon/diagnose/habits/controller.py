@@ -1,7 +1,8 @@
-"""The habits of a drive before any cause is known: of the controller's samples, of duty 0, of gears.
+"""Estimation of a drive's habits before any cause is known: the controller's samples, duty 0, compliance of
+wheels.
 
-Whether the controller filters with a median is not in a recording, nor whether wheels give before they slide;
-whether it brakes at duty 0 in few. Nothing of it is for a team to change.
+A recording does not state whether the controller filters with a median, nor whether wheels are compliant
+before they slide; few state whether it brakes at duty 0. A team cannot change any of these.
 """
 
 from __future__ import annotations
@@ -40,27 +41,27 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import median_step
 
 MIN_MISFIT_SAVED_BY_FILTER = 0.06
-"""How much log misfit another filter than the firmware's must save, unless it alone has robot.toml's time
-constant: then nothing is asked of it."""
+"""Log misfit that another filter than the firmware's must save, unless it is the only one with robot.toml's
+time constant: then it need not save any."""
 MIN_MISFIT_SAVED_BY_BRAKES = 0.2
-"""The same for motors that brake at duty 0, where both are possible."""
+"""The same for motors that brake at duty 0, if both are possible."""
 MIN_MISFIT_SAVED_BY_RIGID_WHEELS = 0.006
-"""The same for wheels that do not give before they slide. Of 60 robots whose wheels did, rigid ones saved
-0.004 at most, with two numbers less."""
+"""The same for wheels without compliance before they slide. On 60 robots with compliant wheels, rigid ones
+saved 0.004 at most, with two numbers fewer."""
 MIN_MISFIT_SAVED_BY_PAUSE = 0.002
-"""The same for wheels that a pause slows down before they are read, which is asked again beside causes. Of 15
-drives with such pauses 11 saved that and more, of 11 without none saved anything."""
+"""The same for wheels that a pause slows down before they are sampled, which is tested again beside causes.
+On 15 drives with such pauses 11 saved that and more, on 11 without none saved anything."""
 MAX_CYCLE_S = 0.1
-"""s of the longest cycle that a `Chain` may have."""
+"""Upper bound in s of the cycle of a `Chain`."""
 FAST_BATTERY_FILTERS_S = (0.005, 0.01)
 SLOW_BATTERY_FILTERS_S = (0.05, 0.1, 0.2, 0.4)
-"""s, of filters of the battery's reading that are tried, beside none and the firmware's. A recording that
-falls between two of them is nearer to wrong habits: behind one of 5 ms a controller by its own clock was
-taken for one that pauses at the end of a row, with a latency of 5 ms."""
+"""Time constants in s of filters of the battery's reading that are tested, besides none and the firmware's. A
+recording between two of them favours wrong habits: behind a filter of 5 ms a controller with its own clock
+was taken for one that pauses at the end of a row, with a latency of 5 ms."""
 MAX_BATTERY_ERROR_RATIO = 0.85
-"""Part of the battery's error that is left with another filter of its readings, up to which it is taken at
-once. With the firmware's own filter none left less than 0.9; RaccoonOS's further one of 0.1 s leaves 0.3 to
-0.85."""
+"""Ratio of the battery's error with another filter of its readings to that with the firmware's, up to which
+the filter is adopted at once. With the firmware's own filter the ratio was never below 0.9; with RaccoonOS's
+further one of 0.1 s it is 0.3 to 0.85."""
 
 
 def find_habits(
@@ -71,9 +72,9 @@ def find_habits(
     firmware: Firmware | None = None,
     fit: HabitFit | None = None,
 ) -> tuple[Log, Habits]:
-    """The log with changes of commands whose rows it lost, and the controller's habits, see `fit_habits`.
+    """The log with changes of commands whose rows it lost, and the controller's habits; see `fit_habits`.
 
-    fit: that of the habits, where it is known.
+    fit: the fit of the habits, if it exists.
     """
     fit = fit or fit_habits(log, robot, causes, model, firmware)
     free_problem = free_problem_of(robot, causes, fit.habits, model)
@@ -81,15 +82,15 @@ def find_habits(
 
 
 def _initial_habits(log: Log, firmware: Firmware | None) -> Habits:
-    """What is tried first. Whoever reads no back-EMF need not let motors coast for it: with encoders a sound
-    robot had a resistance that was 10 % low."""
+    """The habits that are tried first. A controller that reads no back-EMF need not let motors coast: with
+    encoders a fault-free robot would have a resistance that is 10 % low."""
     if firmware is not None:
         return Habits(firmware.chain, False, low_pass=firmware.has_gyro_low_pass, firmware=firmware)
     return Habits(_usual_chains(log)[0], False)
 
 
 def _usual_chains(log: Log) -> Sequence[Chain]:
-    """The usual chains, the one that is tried first before the other."""
+    """The usual chains in the order in which they are tried."""
     return USUAL_CHAINS if has_back_emf(each.role for each in log.channels) else USUAL_CHAINS[::-1]
 
 
@@ -100,11 +101,12 @@ def fit_habits(
     model: Parameters | None,
     firmware: Firmware | None = None,
 ) -> HabitFit:
-    """The fit under the habits that come nearest to the wheels' readings, of which a drive has one at least.
+    """The fit under the habits that come nearest to the wheels' readings; a drive has at least one wheel's
+    readings.
 
-    Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
-    what the wheels were driven with. firmware: of which nothing needs to be found out but, where the
-    recording itself does not name it, what else filters the battery.
+    Only the wheels' readings count (and the battery's, for the voltage that drove the wheels): the gyro shows
+    nothing of the filter of back-EMF. firmware: the known firmware, of which only the battery's further
+    filter is estimated, and only if the recording itself does not name the firmware.
     """
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
     first, back_emf = _initial_habits(log, firmware), has_back_emf(each.role for each in log.channels)
@@ -117,7 +119,7 @@ def fit_habits(
         return fit_from(problem, choose_start(problem), habits)
 
     def better_of(habits: Habits, best: HabitFit, min_saved: float) -> HabitFit:
-        """The fit under habits where it saves so much log misfit, as a rough one says first; else the
+        """The fit under habits if it saves so much log misfit, which a rough fit must promise first; else the
         best."""
         problem = free_problem(habits)
         start = best.carried_to(problem)
@@ -139,7 +141,7 @@ def fit_habits(
         best = fit_under(with_battery_filter(first, slow))
     if log.brake is None and motors_brake(log):
         best = fit_under(replace(best.habits, brake=True)).if_better_than(best, MIN_MISFIT_SAVED_BY_BRAKES)
-        if best.habits.ramp is not None:  # without brakes, one made the stops of a robot that has them
+        if best.habits.ramp is not None:  # without brakes, a ramp imitated the stops of a braking robot
             no_ramp = fit_under(replace(best.habits, ramp=None, brake=True))
             best = no_ramp.if_better_than(best, -MIN_MISFIT_SAVED_BY_RAMP)
     if firmware is None:
@@ -159,8 +161,8 @@ def fit_habits(
 
 
 def _with_free_sample_moments(habits: Habits) -> Habits:
-    """With samples of any moment of a row. It is tried before another filter, which with a latency looks
-    like it."""
+    """Habits with samples at any moment of a row. They are tried before another filter, which together with a
+    latency imitates them."""
     time = habits.chain.battery_time_constant
     return replace(habits, chain=replace(FREE_RUNNING, battery_time_constant=time), fits_sample_ages=True)
 
@@ -168,7 +170,7 @@ def _with_free_sample_moments(habits: Habits) -> Habits:
 def _detect_battery_filter(
     habits: Habits, free_problem: Callable[[Habits], Problem], point: Point
 ) -> float | None:
-    """s of a slow filter of the battery's readings that they clearly show, None where they show none."""
+    """Time constant in s of a slow filter of the battery's readings if they clearly show one; else None."""
 
     def error(problem: Problem) -> float:
         return battery_error(problem, [point, problem.nominal()])
@@ -182,25 +184,25 @@ def _detect_battery_filter(
 
 
 def with_battery_filter(habits: Habits, seconds: float) -> Habits:
-    """With another filter of the battery's readings."""
+    """The habits with another filter of the battery's readings."""
     return replace(habits, chain=replace(habits.chain, battery_time_constant=seconds))
 
 
 def sample_cycle_from_rows(log: Log) -> float:
-    """s between two samples of a controller that takes one a row, where a row is longer than its usual cycle;
-    else that cycle. A program, or a simulation, may filter what it logs by itself."""
+    """Time in s between two samples of a controller that takes one per row, if a row is longer than its usual
+    cycle; else that cycle. A program, or a simulation, may itself filter what it logs."""
     row, usual = median_step(log.time), Chain().cycle
     return row if 1.5 * usual < row <= MAX_CYCLE_S else usual
 
 
 def with_sample_cycle(habits: Habits, seconds: float) -> Habits:
-    """With so many s between two samples of the wheels."""
+    """The habits with so many s between two samples of the wheels."""
     return replace(habits, chain=replace(habits.chain, cycle=seconds))
 
 
 def battery_error(problem: Problem, starts: Sequence[Point]) -> float:
-    """The least mean error (V) of the battery's reading from these starts, each with the scale and offset
-    that suit it, as another resistance and voltage would make."""
+    """Smallest mean error (V) of the battery's reading over these starts, each with its best scale and
+    offset, which stand for another resistance and voltage."""
     index, errors = problem.features.roles.index("battery"), []
     measured = problem.features.measured[:, index]
     for each in problem.predict(starts)[..., index]:

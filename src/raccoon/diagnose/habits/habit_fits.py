@@ -1,7 +1,7 @@
-"""Fits that tell habits apart: of the wheels alone, every number of robot.toml free.
+"""Fits that distinguish habits: of the wheels alone, with all base numbers free.
 
-What a robot is does not matter yet, and no cause is known. What is compared is how near to the wheels'
-readings each habit can come.
+The robot's numbers do not matter yet, and no cause is known. Compared is how near to the wheels' readings
+each habit can come.
 """
 
 from __future__ import annotations
@@ -26,30 +26,31 @@ Array = NDArray[np.float64]
 
 BEMF_FILTER_LAG, LATENCY = "bemf.filter_lag", "actuation.latency"
 BASE_RANGE_STDS = 60.0
-"""Standard deviations that base numbers may move here."""
+"""Range of base numbers in these fits, in standard deviations."""
 CAUSE_STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
-"""Coordinates of causes of which one is chosen as the start of a fit; the first changes next to nothing."""
+"""Coordinates of causes, of which the best is chosen for the start of a fit; the first has nearly no
+effect."""
 LONGER_WINDOW_STDS = 1.5
-"""Standard deviations by which encoders count over more than a row in a further start of a fit."""
+"""Standard deviations by which the encoders' window is longer in a further start of a fit."""
 NEGLIGIBLE_ERROR = 1e-9
-"""Of each reading's unit: a channel that is simulated that well from any start decides nothing."""
+"""Error, in units of the reading, below which a channel does not count in the choice of a start."""
 MASKING_COORDINATES = (
     multiplicative_coordinate("bemf.scale", "left", 0.05),
     multiplicative_coordinate("bemf.scale", "right", 0.05),
     additive_coordinate("actuation.deadband", None, "duty", 0.03, low=0.0),
 )
-"""What no base number can stand in for, and would hide what a filter does. Without them deadbands made the
-simulator's filter look like the firmware's in five of eight rehearsals, and a scale beside others the
-firmware's like the simulator's."""
+"""Effects that no base number can imitate, and that would hide the effect of a filter. Without them deadbands
+made the simulator's filter look like the firmware's in five of eight rehearsals, and a scale beside others
+the firmware's like the simulator's."""
 ROUGH_FIT_EXCESS, ROUGH_STEPS = 0.005, 8
-"""Log misfit by which a fit with the columns of another may stay behind one with its own, and its steps: of
-14 none did by more than 0.003."""
+"""Largest log misfit by which a fit with the columns of another may be above one with its own, and its steps:
+of 14 none was by more than 0.003."""
 
 
 @dataclass(frozen=True, slots=True)
 class HabitFit:
-    """A fit under some habits: where it arrived, with which log misfit of the wheels. columns (coordinates,
-    bins, channels): its last Jacobian."""
+    """A fit under some habits: its point and its log misfit of the wheels. columns (coordinates, bins,
+    channels): its last Jacobian."""
 
     log_misfit: float
     point: Point
@@ -59,19 +60,21 @@ class HabitFit:
 
     @property
     def filter_as_specified(self) -> bool:
-        """Whether the filter's time constant is inside robot.toml's deviations here: no cause is needed."""
+        """Whether the fitted time constant of the filter is within robot.toml's deviations, so that no cause
+        is needed."""
         names = [each.settings[0][0] for each in self.problem.base]
         if BEMF_FILTER_LAG not in names:
             return True
         return abs(float(self.point.base[names.index(BEMF_FILTER_LAG)])) <= MAX_BASE_STDS
 
     def if_better_than(self, other: HabitFit, min_saved: float) -> HabitFit:
-        """This fit where it saves so much log misfit, else the other."""
+        """This fit if it saves so much log misfit, else the other."""
         return self if self.log_misfit < other.log_misfit - min_saved else other
 
     def carried_to(self, problem: Problem) -> Point:
-        """Where a fit in another problem, of these coordinates or fewer, arrives with the columns of this
-        one: no further from the readings than `ROUGH_FIT_EXCESS` beyond a fit with columns of its own."""
+        """The point of a fit in another problem, with the same coordinates or fewer, that uses the columns of
+        this one: its log misfit is above that of a fit with its own columns by no more than
+        `ROUGH_FIT_EXCESS`."""
         columns = transfer_columns(self.columns, self.problem, problem)
         assert columns is not None, "other habits have coordinates of their own"
         start = transfer_point(self.point, self.problem, problem)
@@ -80,9 +83,10 @@ class HabitFit:
 
 
 def with_all_base_free(problem: Problem, wheels: WheelSliding) -> Problem:
-    """The problem with all base numbers free, the filter's time constant among them: kept near robot.toml, a
-    robot with a shorter filter would seem to have another one. It is one for both wheels, and no loop's delay
-    is free: the firmware's slots could be anything then. `MASKING_COORDINATES` are free as well."""
+    """The problem with all base numbers free, including the filter's time constant: if that were kept near
+    robot.toml, a robot with a shorter filter would seem to have another kind. It is one number for both
+    wheels, and no loop's delay is free: with it the firmware's slots could not be distinguished.
+    `MASKING_COORDINATES` are free as well."""
     base = [
         each.beside(problem.neutral)
         for each in base_coordinates(problem.robot, inside=BASE_RANGE_STDS, sliding=wheels)
@@ -101,9 +105,9 @@ def with_all_base_free(problem: Problem, wheels: WheelSliding) -> Problem:
 
 
 def choose_start(problem: Problem) -> Point:
-    """The start of a fit that is nearest to the readings: with a latency, which resembles a slower filter,
-    and a limit of the current. With encoders also with a longer window: a latency stands for half of it, and
-    from there no fit finds back."""
+    """The start of a fit that is nearest to the readings, among starts with a latency (which resembles a
+    slower filter) and with a current limit. With encoders also with a longer window: a latency imitates half
+    of it, and from there no fit finds the window."""
     starts = [problem.nominal(), *_with_longer_window(problem)]
     for name, sizes in CAUSE_STARTS.items():
         if name in problem.causes:
@@ -125,7 +129,7 @@ def _nearest_start(problem: Problem, starts: list[Point]) -> Point:
 
 
 def _with_longer_window(problem: Problem) -> list[Point]:
-    """The nominal point with a longer window of the encoders; none where there are none."""
+    """The nominal point with a longer window of the encoders; empty if there are none."""
     nominal = problem.nominal()
     places = [index for index, each in enumerate(problem.base) if each.settings == (WINDOW,)]
     return [
@@ -135,7 +139,7 @@ def _with_longer_window(problem: Problem) -> list[Point]:
 
 
 def fit_from(problem: Problem, start: Point, habits: Habits) -> HabitFit:
-    """The fit from a start, under these habits, whose problem this is."""
+    """The fit from a start under these habits, whose problem is given."""
     whitener = _whitener(problem, start)
     fit = fit_point(problem, whitener, start, 5)
     columns = (
@@ -146,7 +150,8 @@ def fit_from(problem: Problem, start: Point, habits: Habits) -> HabitFit:
 
 
 def _whitener(problem: Problem, start: Point) -> Whitener:
-    """White noise, in each channel as large as the changes of a start's residual from bin to bin."""
+    """White noise, with a scale in each channel equal to the median change of a start's residual from bin to
+    bin."""
     residual = problem.features.measured - problem.predict([start])[0]
     scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), problem.features.floors)
     noise = white_noise(scale, np.zeros(len(residual), np.intp))
@@ -154,7 +159,8 @@ def _whitener(problem: Problem, start: Point) -> Whitener:
 
 
 def log_misfit(problem: Problem, point: Point) -> float:
-    """Mean over the wheels of the logarithm of their mean absolute residual over their spread."""
+    """Mean over the wheels of the logarithm of their mean absolute residual relative to the standard
+    deviation of their readings."""
     features = problem.features
     residual = features.measured - problem.predict([point])[0]
     spread = np.maximum(np.std(features.measured, axis=0), features.floors)

@@ -1,8 +1,9 @@
 """The search of a drive under the habits of the controller, and the form of slip, that fit it best.
 
-Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a habit
-does. So once causes are named what was found is fitted under the others too, and searched for again where one
-of them leads: by the steps of `FIRST_STEPS`, `GROWN_STEPS` and `LAST_STEPS`, one after the other.
+Habits are estimated before any cause is known, and the part of a cause that base numbers cannot absorb hides
+the effect of a habit. So once causes are named, the result is fitted under the other habits too, and searched
+for again under those with a lead: by the steps of `FIRST_STEPS`, `GROWN_STEPS` and `LAST_STEPS`, one after
+the other.
 """
 
 from __future__ import annotations
@@ -51,8 +52,8 @@ from raccoon.sim.effects.parameters import Parameters
 
 @dataclass(frozen=True, slots=True)
 class HabitStep:
-    """One habit that is tried in another form. attempt: gives the search under it where that leads, else the
-    search as it is. known_firmware: whether it is tried as well where the recording names the firmware, whose
+    """A habit that is tested in another form. attempt: returns the search under it if it leads, else the
+    unchanged search. known_firmware: whether it is also tested if the recording names the firmware, whose
     habits are known."""
 
     attempt: Callable[[Search, Habits, HabitTrials], SearchAndHabits]
@@ -64,46 +65,47 @@ FIRST_STEPS = (
     HabitStep(try_sampling_once_a_row),
     HabitStep(try_deadband_shapes),
     HabitStep(try_whole_currents),
-    # The battery's filter before the wheels': where it is wrong, another of theirs may suit by chance.
+    # The battery's filter before the wheels': if it is wrong, a wrong one of theirs may fit by chance.
     HabitStep(try_battery_filters, known_firmware=True),
     HabitStep(try_sensor_chains),
-    # After other filters, which a lag of some milliseconds may be as well.
+    # After other filters, which may be equivalent to a lag of some milliseconds.
     HabitStep(try_continuous_filter),
     HabitStep(try_pause_slowdown),
-    # Again, under the filter of the wheels' readings that was found.
+    # Again, under the estimated filter of the wheels' readings.
     HabitStep(try_friction_forms),
     HabitStep(try_battery_filters),
     HabitStep(try_lagging_readings),
 )
-"""Of a search that has only begun. Under wrong habits most of its time goes to sets of causes that are not
-there, so what a whole search would find out about wheels and filters is found out before it goes on."""
+"""Steps of a search that has only begun. Under wrong habits most of its time would be spent on sets of causes
+that do not exist, so everything about wheels and filters that a whole search would find is determined before
+it continues."""
 GROWN_STEPS = (
     HabitStep(try_sensor_chains),
     HabitStep(try_friction_forms, known_firmware=True),
     HabitStep(try_lags_as_causes, known_firmware=True),
     HabitStep(try_pause_slowdown_beside_causes),
 )
-"""Of the first part of a search with several causes: habits that replace those which were taken while little
-was known. The rest takes as long again under each, and seldom changes by which it leads."""
+"""Steps of the first part of a search with several causes: they replace habits that were adopted while little
+was known. The rest of the search takes as long again under each habit, and seldom changes its lead."""
 LAST_STEPS = (
     HabitStep(try_sensor_chains),
     HabitStep(try_friction_forms, known_firmware=True),
     HabitStep(try_other_stopping, known_firmware=True),
-    # What else writes logs: something that follows the battery more slowly, adds up currents by itself, has a
-    # gyro that smooths, or writes what it has just done.
+    # Other loggers: with a slower filter of the battery, sums of currents, a gyro with a low-pass, or rows
+    # with the command that has just ended.
     HabitStep(try_battery_filters, known_firmware=True),
     HabitStep(try_whole_currents),
     HabitStep(try_deadband_shapes),
     HabitStep(try_pause_slowdown),
     HabitStep(try_lagging_readings),
     HabitStep(try_commands_until_row),
-    # Of lags, once all that makes them by habit has been tried.
+    # Lags, after all habits that produce lags.
     HabitStep(try_lags_as_causes, known_firmware=True),
     HabitStep(try_immediate_slip, known_firmware=True),
     HabitStep(drop_lags_of_firmware, known_firmware=True),
     HabitStep(try_low_pass_for_gyro_lag, known_firmware=True),
 )
-"""Of a whole search."""
+"""Steps of a whole search."""
 
 
 def search_with_habits(
@@ -113,14 +115,14 @@ def search_with_habits(
     model: Parameters | None,
     firmware: Firmware | None = None,
 ) -> tuple[Search, Habits, Log]:
-    """The search, the habits that it is under, and the log with the changes of commands whose rows it lost.
+    """The search, its habits, and the log with the changes of commands whose rows it lost.
 
-    firmware: the controller's, whose habits are not tried then.
+    firmware: the controller's, whose habits are then not tested.
 
-    Commands that changed in lost rows are placed again once causes are known: a limit of the current that is
-    not known yet looks like a later change. Where commands swing and one cause is not all, what is in the
-    swings is not compared: a loop that hears of a push before the wheels' readings do has had several causes
-    of a robot without any.
+    Commands that changed in lost rows are placed again once causes are known: a current limit that is not yet
+    known looks like a later change. If commands swing and one cause does not explain everything, the motion
+    within swings is not compared: a loop that responds to a push before the wheels' readings do produced
+    several causes on a robot without any.
     """
     report("finding out what the controller does with its samples")
     log, fit = (log, None) if firmware else place_commands(log, robot, causes, model)
@@ -149,7 +151,7 @@ def search_with_habits(
 
 
 def _take(steps: Sequence[HabitStep], search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search, and the habits that it is under, after each of these steps in turn."""
+    """The search and its habits after each of these steps in turn."""
     for step in steps:
         if habits.firmware is None or step.known_firmware:
             search, habits = step.attempt(search, habits, trials)
@@ -157,13 +159,14 @@ def _take(steps: Sequence[HabitStep], search: Search, habits: Habits, trials: Ha
 
 
 def _begin(habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The beginning of a search from these habits on."""
+    """The beginning of a search from these habits (`start_selection`), followed by FIRST_STEPS."""
     search = start_selection(start_afresh(trials.problem_of(habits)))
     return _take(FIRST_STEPS, search, habits, trials.running(start_selection))
 
 
 def _grow(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The first part of a search that has begun; of one with few causes that is its beginning."""
+    """The rest of the first part of a search that has begun, followed by GROWN_STEPS; unchanged if it ended
+    with few causes."""
     if len(search.fit.point.active) < SEVERAL_CAUSES:
         return search, habits
     return _take(GROWN_STEPS, continue_selection(search), habits, trials.running(continue_selection))

@@ -1,5 +1,5 @@
-"""Trials of what else may make the lags that were named: a gyro's chip that smooths, a controller whose cycle
-has a clock of its own, another lag."""
+"""Tests of other explanations of named lags: a gyro with a low-pass, a controller's own clock, another
+lag."""
 
 from __future__ import annotations
 
@@ -49,27 +49,29 @@ Array = NDArray[np.float64]
 
 GYRO_LATENCY, SLIP = "imu.latency", "drive.wheel_slip"
 GYRO_LAGS = (GYRO_LATENCY, SLIP)
-"""Causes by which a gyro alone is late."""
+"""Causes that delay the gyro alone."""
 MIN_LOW_PASS_LEAD = 3.0
-"""Log evidence, gates counted, by which a gyro that smooths must lead. Wheels that slip by its time are the
-same to it, and lack their gate."""
+"""Log evidence, gates included, by which a gyro with a low-pass must lead. Wheels that slip by its time are
+equivalent, less their gate."""
 MAX_FEW_CAUSES = 2
-"""Other causes beside which that is so. The stock firmware's chip smooths, so of a robot with one or two
-things wrong the lag is usually its; of one with many a small slip may well be one more."""
+"""Number of other causes up to which that applies. The stock firmware's chip has a low-pass, so for a robot
+with one or two faults it usually is the lag; for one with many a small slip may well be one more."""
 CLEAR_LOG_EVIDENCE_LEAD = 15.0
-"""Log evidence by which it must lead there in the end. It has two numbers and a slip one: beside three causes
-and more it led by 1 to 4, once by 11, of wheels that slip, and by 3 to 24 where the chip does smooth. It was
-14 ahead of a fit of slip that had not arrived, which leads by 1."""
+"""Log evidence by which a low-pass must lead beside more causes. It has two numbers, slip one: beside three
+causes and more it led by 1 to 4, once by 11, if wheels slipped, and by 3 to 24 if the chip had a low-pass. It
+was 14 ahead of a fit of slip that had not converged, which then led by 1."""
 
 
 def try_lagging_readings(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with a gyro whose chip smooths, or also a controller's own clock, where lags fit it better.
+    """Test a gyro with a low-pass, and that with a controller's own clock, if lags are named; the search
+    under them if it leads.
 
-    The clock comes first: it is how a Wombat works, and need not be ahead before it has been searched under,
-    nor by more than the gates of the lags that it takes up. So it is with a gyro that smooths where lags are
-    all that was found, and beside a few causes once a search was whole. A robot of which more is wrong may
-    slip as well, and a slip and a late gyro together look like a gyro's filter: there that must explain more
-    by itself, or else it is a rival of the lag. A search that has only begun does not know how much is wrong.
+    The clock has priority: it is how a Wombat works, and need not lead before a search under it, nor by more
+    than the gates of the lags that it explains. The same applies to the low-pass if lags are all that was
+    found, and beside few causes once the search was whole. A robot with more faults may slip as well, and a
+    slip and a late gyro together look like a gyro's low-pass: then the low-pass must explain more without
+    gates, or it becomes a rival of the lag. A search that has only begun does not know how many faults there
+    are.
     """
     point, lags = search.fit.point, _named_lags(search)
     if not lags or trials.lags_of_robot or "gyro" not in search.problem.features.roles:
@@ -104,16 +106,16 @@ def try_lagging_readings(search: Search, habits: Habits, trials: HabitTrials) ->
 
 
 def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search without a gyro that smooths and a clock of the controller's own, where more turned out to be
-    wrong than when these were taken, lags of the catalogue explain about as much, and one of the gyro has the
-    evidence that it needs.
+    """Test the lags of the catalogue instead of a gyro's low-pass and a controller's own clock. They are
+    adopted if more causes are named than when these habits were adopted, if the lags explain about as much,
+    and if one of the gyro reaches its gate.
 
-    Instead of a clock they must explain more: on robots with one they lack up to 8, and lead by 30 to 145
-    where there is none; by 7 where samples that may be of any moment are the firmware's. What was given up so
-    is not tried again.
+    Instead of a clock they must explain more: on robots with one they are behind by up to 8, and lead by 30
+    to 145 if there is none; by 7 if samples at any moment are the firmware's. Habits that were replaced in
+    this way are not tested again.
     """
     active, clock = search.fit.point.active.keys(), habits.chain.free_running
-    # A chip that smooths makes no command late, a clock does.
+    # A gyro's low-pass delays no command, a clock does.
     others = active - (_named_lags(search) if clock else _named_gyro_lags(search))
     if not (habits.low_pass or clock) or habits.wombat or len(others) <= MAX_FEW_CAUSES:
         return search, habits
@@ -121,9 +123,9 @@ def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> S
     max_lead = CLEAR_LOG_EVIDENCE_LEAD
     if clock:
         max_lead = -MIN_LOW_PASS_LEAD if habits.fits_sample_ages else -MIN_LOG_EVIDENCE_LEAD
-    problem = trials.problem_of(other)  # if rejected, too: without lags it is far behind a clock
+    problem = trials.problem_of(other)  # also if rejected: without lags it is far behind a clock
     fit = fit_best_start(search, problem, _starts_with_lags_as_causes(search, problem))
-    settled = fit_point(search.problem, search.whitener, search.fit)  # as the other is
+    settled = fit_point(search.problem, search.whitener, search.fit)  # converged, as the other fit is
     if log_evidence_lead(problem, settled, fit) < max_lead:
         report("going on with lags of the robot instead of its gyro's filter or its controller's clock")
         second = look_from(search, problem, fit.point)
@@ -135,8 +137,8 @@ def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> S
 
 
 def _without_clock_and_low_pass(habits: Habits) -> Habits:
-    """Habits of a controller in step with its rows, and of a gyro that does not smooth. The battery's filter
-    stays."""
+    """Habits of a controller in step with its rows, and of a gyro without a low-pass. The battery's filter is
+    kept."""
     other = replace(habits, low_pass=False)
     if not habits.chain.free_running:
         return other
@@ -146,9 +148,9 @@ def _without_clock_and_low_pass(habits: Habits) -> Habits:
 
 
 def _starts_with_lags_as_causes(search: Search, problem: Problem) -> list[Point]:
-    """Where a search ended, with all by which its gyro is late as a slip, a late gyro, or half of each; in a
-    problem that leaves less of it open. So it is with the commands. One wheel that slips beside a gyro that
-    smooths is usually half of both."""
+    """The fitted point, in a problem with fewer free numbers, with the gyro's whole lag as a slip, a late
+    gyro, or half of each; each with and without the lag of the commands as a latency. A slip of one wheel
+    beside a gyro's low-pass is usually half of both."""
     point, causes = search.fit.point, problem.causes
     settings = search.problem.settings(point)
     gyro_lag = settings[GYRO_LOW_PASS, None, "time_constant"] + settings[GYRO_LATENCY, None, "seconds"]
@@ -156,7 +158,7 @@ def _starts_with_lags_as_causes(search: Search, problem: Problem) -> list[Point]
     without_gyro_lags = without_causes(point, _named_gyro_lags(search))
 
     def as_cause(name: str, seconds: float) -> dict[str, Array]:
-        """A lag of so many seconds, where the catalogue has it."""
+        """A lag of so many seconds, if the catalogue has it."""
         return {name: np.array([seconds / causes[name].coordinates[0].value(1.0)])} if name in causes else {}
 
     gyro_lags = [as_cause(each, gyro_lag) for each in GYRO_LAGS]
@@ -170,9 +172,9 @@ def _starts_with_lags_as_causes(search: Search, problem: Problem) -> list[Point]
 
 
 def starts_with_low_pass(search: Search, gyro_lags: Sequence[str], lags: Sequence[str]) -> list[Point]:
-    """Where a search ended, with its lags less by what a gyro's chip takes up, or without them. Each of the
-    gyro's also alone: a chip that is a little slower than usual takes up all of one beside another, and what
-    is left of it must not cost a gate."""
+    """The fitted point, and the same with its lags shortened by the delay of a gyro's low-pass, or without
+    them. Each of the gyro's lags is also removed alone: a chip slightly slower than usual explains all of one
+    beside another, and a small rest of it must not cost a gate."""
     point = search.fit.point
     return [
         point,
@@ -183,8 +185,8 @@ def starts_with_low_pass(search: Search, gyro_lags: Sequence[str], lags: Sequenc
 
 
 def _with_free_running_clock(search: Search, habits: Habits, trials: HabitTrials) -> Habits:
-    """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
-    readings that suits them; one that was seen is kept. Whoever reads no back-EMF need not pause for it."""
+    """These habits for a controller with its own clock, with the best filter of the battery's readings; a
+    slow one that was detected is kept. A controller that reads no back-EMF need not pause for it."""
     time = habits.chain.battery_time_constant
     free = with_driver_of(FREE_RUNNING, habits.chain)
     chain = without_unneeded_pause(free, habits.chain, search.problem.features.roles)
@@ -199,10 +201,10 @@ def _with_free_running_clock(search: Search, habits: Habits, trials: HabitTrials
 
 
 def drop_lags_of_firmware(search: Search, habits: Habits, _: HabitTrials) -> SearchAndHabits:
-    """The search without a lag that is no more than a known firmware may have anyway.
+    """The search without a lag that is no larger than a known firmware may have.
 
-    Rows make steps of what a latency does, and a fit of what is open stops on one: a sound robot of which 3.4
-    ms were found open had 0.8 ms more with 42 of log evidence, and none where all 4.2 are tried as open.
+    A fit of the base number stops on a step of the latency's staircase: with 3.4 ms in it a fault-free robot
+    had 0.8 ms more as a cause with 42 of log evidence, and none with all 4.2 ms in it.
     """
     for name in _named_lags(search) if habits.wombat else ():
         start = _with_lag_in_base(search, name)
@@ -218,8 +220,8 @@ def drop_lags_of_firmware(search: Search, habits: Habits, _: HabitTrials) -> Sea
 
 
 def _with_lag_in_base(search: Search, name: str) -> Point | None:
-    """Where a search ended, with a lag added to the base number of the same setting; None where there is none
-    or its range ends before."""
+    """The fitted point with a lag added to the base number of the same setting; None if there is none or the
+    result is out of its bounds."""
     point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
     for index, each in enumerate(search.problem.base):
         if each.settings == coordinate.settings:
@@ -231,10 +233,10 @@ def _with_lag_in_base(search: Search, name: str) -> Point | None:
 
 
 def try_low_pass_for_gyro_lag(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search, with a note beside a lag of the gyro that a chip which smooths may be all of it; or the
-    search with such a chip, where it is clearly ahead of the lag that was named."""
+    """The search, with the gyro's low-pass recorded as a rival of each lag of the gyro; or the search with a
+    low-pass if it clearly leads the named lag."""
     gyro_lags = _named_gyro_lags(search)
-    lags = [each for each in gyro_lags if each in GYRO_LAGS]  # not of one wheel
+    lags = [each for each in gyro_lags if each in GYRO_LAGS]  # not those of one wheel
     if habits.low_pass or not lags or "gyro" not in search.problem.features.roles:
         return search, habits
     few = len(search.fit.point.active.keys() - gyro_lags) <= MAX_FEW_CAUSES
@@ -256,7 +258,7 @@ def try_low_pass_for_gyro_lag(search: Search, habits: Habits, trials: HabitTrial
 
 
 def note_rival(search: Search, name: str, other: str, deficit: float) -> None:
-    """Note that another may be in a cause's place, in a form that lacks so much log evidence."""
+    """Record another cause as a rival of a cause, by `deficit` of log evidence behind it."""
     known = search.rivals.get(name, [])
     same = [Rival(other, deficit), *(each for each in known if each.name == other)]
     best = min(same, key=lambda each: each.lead)
@@ -266,23 +268,22 @@ def note_rival(search: Search, name: str, other: str, deficit: float) -> None:
 
 
 def look_from(search: Search, problem: Problem, point: Point) -> Search:
-    """A search at a point of this problem, to go on from; what was called unknown stays so."""
+    """A search at a point of this problem, ready to continue; unknown probes are kept."""
     return linearise_search(problem, make_probe_function(problem), point, search.whitener, search.unknown)
 
 
 def _named_lags(search: Search) -> list[str]:
-    """What was named that lags."""
+    """The named causes that are lags."""
     return [name for name in search.fit.point.active if name.startswith((LATENCY, *GYRO_LAGS))]
 
 
 def _named_gyro_lags(search: Search) -> list[str]:
-    """What was named by which the gyro alone is late."""
+    """The named causes that delay the gyro alone."""
     return [name for name in search.fit.point.active if name.startswith(GYRO_LAGS)]
 
 
 def starts_with_other_lags(search: Search, name: str, others: Sequence[str]) -> list[Point]:
-    """Where a search ended, each time with another of these lags instead of a named one; none where that is
-    not named."""
+    """The fitted point with each of these other lags in place of a named one; empty if that is not named."""
     point = search.fit.point
     if name not in point.active:
         return []
@@ -294,7 +295,7 @@ def starts_with_other_lags(search: Search, name: str, others: Sequence[str]) -> 
 
 
 def _with_shorter_lag(search: Search, name: str, seconds: float) -> Point:
-    """Where a search ended, with a lag less by that much, or without it where that is all of it."""
+    """The fitted point with a lag shortened by `seconds`, or without it if nothing is left."""
     point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
     left = point.active[name] - seconds / coordinate.value(1.0)
     return point.with_cause(name, left) if left[0] > 0.0 else point.without_cause(name)

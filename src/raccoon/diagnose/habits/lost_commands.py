@@ -1,8 +1,8 @@
-"""Commands that changed in rows which a recording lost: when they did, by what the wheels answer.
+"""Commands that changed in rows which a recording lost: their times, from the wheels' response.
 
-A recorder that drops a row drops the command in it. Where the command has changed by the next row, it did so
-in one of the cycles between, up to a whole gap before the row that has it: of 0.2 s in which a wheel answers,
-5 ms are 80 counts of error and more.
+A recorder that drops a row drops its command. If the command has changed in the next row, it did so in one of
+the cycles between, up to a whole gap before that row: 5 ms are 80 counts of error and more in the 0.2 s of a
+wheel's response.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from raccoon.diagnose.fit.problem import Point, Problem
 Array = NDArray[np.float64]
 
 ROW_TOLERANCE = 0.25
-"""Part of a row by which the usual rows' clock may be off, and a gap from a whole number of rows."""
+"""Tolerance, in rows, of the usual rows' clock, and of a gap against a whole number of rows."""
 MAX_GAP_S = 0.1
-"""s of gap. After longer ones nobody knows how often a command has changed."""
+"""Largest gap in s. In longer ones a command may have changed several times."""
 MIN_DUTY_JUMP = 0.1
-"""Of duty. A smaller change does little, whenever it came, and may be a part of a ramp."""
+"""Duty. A smaller change has little effect, whenever it came, and may be part of a ramp."""
 RESPONSE_S = 0.15
-"""s in which a wheel answers a command."""
+"""Time in s in which a wheel responds to a command."""
 MAX_LISTED = 5
-"""Moments that a note lists."""
+"""Number of times that a note lists."""
 MAX_CHANGES = 20
-"""Changes that are placed, the largest first: each costs a simulation for every lost row."""
+"""Number of changes that are placed, the largest first: each takes a simulation for every lost row."""
 
 
 @dataclass(frozen=True, slots=True)
 class LostChange:
-    """A change of command in a gap. row: the first one after it. moments: s, the lost rows' times, the latest
-    first."""
+    """A change of command in a gap. row: the first row after it. moments: times (s) of the lost rows, the
+    latest first."""
 
     row: int
     moments: tuple[float, ...]
 
 
 def find_lost_changes(log: Log) -> list[LostChange]:
-    """The changes that a log lost the rows of, in the order of time; none where its rows follow no clock."""
+    """The changes whose rows a log lost, in the order of time; empty if its rows follow no clock."""
     steps = np.diff(log.time)
     usual = float(np.median(steps))
     if np.mean(np.abs(steps - usual) > ROW_TOLERANCE * usual) > ROW_TOLERANCE:
@@ -62,12 +62,13 @@ def find_lost_changes(log: Log) -> list[LostChange]:
 
 
 def _times_of_lost_rows(start: float, end: float, rows: int) -> Array:
-    """s, the latest first, of the lost rows in a gap that is so many rows long."""
+    """Times (s), the latest first, of the lost rows in a gap of so many rows."""
     return np.asarray(np.linspace(end, start, rows + 1)[1:-1], float)
 
 
 def with_change_at(log: Log, change: LostChange, moment: float) -> Log:
-    """The log with a row at that moment, which has the command of the row after the gap and no reading."""
+    """The log with an additional row at that time, with the command of the row after the gap and no
+    readings."""
     channels = tuple(
         replace(each, values=np.insert(each.values, change.row, np.nan)) for each in log.channels
     )
@@ -78,10 +79,11 @@ def with_change_at(log: Log, change: LostChange, moment: float) -> Log:
 
 
 def restore_lost_changes(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Log:
-    """The log with every change where the wheels' answer fits best, in the simulation of `point`.
+    """The log with every change at the time that fits the wheels' response best, in the simulation of
+    `point`.
 
-    A change stays in the row that has it where that fits as well: a loop that was late sent it there. Without
-    wheels nothing is moved.
+    A change stays in its recorded row if that fits as well: a loop that was late sent it then. Without wheels
+    nothing is moved.
     """
     changes = find_lost_changes(log)
     wheels = [index for index, each in enumerate(log.channels) if each.role in WHEELS]
@@ -101,7 +103,7 @@ def restore_lost_changes(log: Log, problem_of: Callable[[Log], Problem], point: 
             chosen.append((change, change.moments[best - 1]))
     if not chosen:
         return log
-    for change, moment in reversed(chosen):  # from the end on, so that rows keep their numbers
+    for change, moment in reversed(chosen):  # from the end, so that row numbers stay valid
         log = with_change_at(log, change, moment)
     return replace(log, notes=(*log.notes, _describe_moments([moment for _, moment in chosen])))
 
@@ -115,8 +117,8 @@ def _describe_moments(moments: Sequence[float]) -> str:
 
 
 def in_bins_like(usual: Problem, problem: Problem, log: Log) -> Problem:
-    """The problem of a log with another row, in bins as wide as those of the usual one: where a loop changes
-    commands bins are as long as a command holds, and one that is moved may change their number."""
+    """The problem of a log with an additional row, in bins as wide as those of the usual problem: if a loop
+    changes commands, bins are as long as a command holds, and a moved command may change that."""
     width = usual.features.width
     if problem.features.width == width:
         return problem

@@ -1,5 +1,5 @@
-"""Trials of what a motor driver, or who simulates one, takes from the battery, makes of small commands, and
-does at duty 0."""
+"""Tests of the motor driver, real or simulated: its current from the battery, its deadband, and its state at
+duty 0."""
 
 from __future__ import annotations
 
@@ -26,23 +26,24 @@ from raccoon.diagnose.select.state import Search, linearise_search
 
 DEADBAND = "actuation.deadband"
 LOOKS_LIKE_DEADBAND = (DEADBAND, "friction.stiction", "friction.coulomb", "bemf.dead_zone")
-"""What is named where small commands do less than was thought."""
+"""Causes that are named if small commands do less than assumed."""
 DEADBAND_SIZES = (0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.15, 0.2)
-"""Duty, of deadbands that are tried first."""
+"""Sizes of a deadband (duty) that are tried first."""
 REFINEMENT_FACTORS = (0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25)
-"""Parts of the best of them that are tried then."""
+"""Factors on the best of them that are tried next."""
 REFINEMENT_ROUNDS = 2
-"""How often a deadband is looked for around the last best one."""
+"""Number of times that a deadband is refined around the last best one."""
 DEADBAND_SHAPES = ((False, False), (True, False), (False, True))
-"""`Chain.threshold` and `Chain.cut`: whether commands beyond it do all that they say, and whether so much
-less; else all at full power."""
+"""`Chain.threshold` and `Chain.cut`: whether commands beyond the deadband act in full, and whether they are
+reduced by it; with neither they are stretched so that full power is full power."""
 
 
 def try_whole_currents(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with a battery that carries all of each motor's current, where that explains more.
+    """Test a battery that carries all of each motor's current; the search under it if it leads.
 
-    Whoever simulates, or adds up currents, may not count what a driver takes from the battery by the share of
-    the time in which it connects a motor: sound robots were then something unknown over the speed.
+    A simulation, or a sum of currents, may omit that a driver takes from the battery only in the share of the
+    time in which it connects a motor: on fault-free robots this was reported as something unknown over the
+    speed.
     """
     if "battery" not in search.problem.features.roles:
         return search, habits
@@ -51,8 +52,8 @@ def try_whole_currents(search: Search, habits: Habits, trials: HabitTrials) -> S
 
 
 def try_other_stopping(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with motors that brake at duty 0 where they were taken to coast, or the other way round,
-    where that explains more and rows say nothing of it."""
+    """Test motors that brake at duty 0 instead of coasting, or the opposite, if the rows do not state it; the
+    search under it if it leads."""
     if not trials.stops_unrecorded:
         return search, habits
     other = replace(habits, brake=not habits.brake)
@@ -60,9 +61,8 @@ def try_other_stopping(search: Search, habits: Habits, trials: HabitTrials) -> S
 
 
 def try_deadband_shapes(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with a deadband beyond which commands do all that they say, or so much less, where that
-    explains more: one of 0.1 that ends at once was one of 0.015, beside three frictions.
-    """
+    """Test deadbands beyond which commands act in full, or reduced by it; the search under each that leads.
+    One of 0.1 beyond which commands act in full was reported as 0.015, beside three frictions."""
     named = [name for name in search.fit.point.active if name.startswith(LOOKS_LIKE_DEADBAND)]
     if not (named or search.unknown) or DEADBAND not in search.problem.causes:
         return search, habits
@@ -86,8 +86,9 @@ def try_deadband_shapes(search: Search, habits: Habits, trials: HabitTrials) -> 
 
 
 def _fit_best_deadband(search: Search, problem: Problem, points: Sequence[Point]) -> Fit:
-    """The best fit with a deadband beside one of these points of the search. One that ends at once does the
-    same between two commands, where a fit stays where it starts: so sizes are looked for by their cost."""
+    """The best fit with a deadband added to one of these points of the search. The response to a deadband
+    without stretching is constant between two commands, so a fit would stay at its start: sizes are chosen by
+    their cost."""
     (deadband,) = problem.causes[DEADBAND].coordinates
     whitener = search.whitener
 

@@ -1,4 +1,4 @@
-"""Notes on the habits that a recording was read with, and what they leave open of its causes."""
+"""Notes on the habits with which a recording was read, and on the ambiguity of its causes that follows."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from raccoon.diagnose.select.refits import GYRO_LOW_PASS
 from raccoon.sim.effects.chain import Chain
 
 MIN_NOTED_WINDOW_S = 0.004
-"""s, from which on the window of encoders is said: half of it would be a latency to no team."""
+"""Window of encoders in s from which it is noted: half of a shorter one would not matter as a latency."""
 RESISTANCE_SHARE_BY_READ_TIME = 0.08
-"""Share of a battery's resistance that a reading leaves open where nobody knows when in a row, and in which
-of a motor's pauses, it was taken. The sag of a reversal decays with the wheels, in some 30 ms: by readings
-from the beginning of a row of 5 ms a resistance was 16 % larger than by those from its end, which the
+"""Standard deviation, relative to a battery's resistance, if it is unknown when in a row, and in which of a
+motor's pauses, a reading was taken. The sag of a reversal decays with the wheels, in some 30 ms: by readings
+from the beginning of a row of 5 ms a resistance was 16 % larger than by those from its end, where the
 simulated ones are; by readings that see no pause it is a ninth larger."""
 MAY_BE_READ_TIME = (
     "But when in a row its reading is taken is not known so exactly, and may make all of it: change nothing "
@@ -42,7 +42,7 @@ COMMAND_IN_FORCE_BEFORE = (
 def habit_notes(
     habits: Habits, causes: Sequence[CauseResult], uncertainty: FitUncertainty
 ) -> tuple[str, ...]:
-    """Notes on how the log was read, where that is not the usual way, and what the usual may be taken for."""
+    """Notes on how the log was read, if that is not the usual way, and on what it could be confused with."""
     known = () if habits.firmware is None else (_firmware_note(habits.firmware),)
     return (
         *known,
@@ -53,9 +53,10 @@ def habit_notes(
 
 
 def with_habit_uncertainty(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
-    """Causes, the battery's resistance and the latencies less sure by what is not known of when readings are
-    taken. None is more probable than such a number allows, and where that may be all of it the explanation
-    says so: `validate_causes` named it by what the drive alone leaves open."""
+    """Causes with the standard deviations of the battery's resistance and the latencies increased, since it
+    is not known exactly when readings are taken. Their probability is limited to what the increased deviation
+    allows, and if it may be the whole number the explanation says so: `validate_causes` named it from the
+    drive alone."""
     firmware = habits.firmware if habits.knows_battery else None
     share = RESISTANCE_SHARE_BY_READ_TIME if firmware is None else firmware.unread_resistance_share
     unknown = {BATTERY_RESISTANCE[0]: (share, 0.0)}
@@ -66,8 +67,8 @@ def with_habit_uncertainty(causes: Sequence[CauseResult], habits: Habits) -> tup
 
 
 def _with_wider_std(cause: CauseResult, share: float, extra: float) -> CauseResult:
-    """The cause, whose one number has a further standard deviation of that share of itself, and of
-    `extra`."""
+    """The cause with its one number's standard deviation increased by `share` of the number and by `extra`
+    (root sum of squares)."""
     ((name, number),) = cause.parameters.items()
     std = math.hypot(number.std, share * number.value, extra)
     deviations = (number.value - number.nominal) / std
@@ -76,7 +77,7 @@ def _with_wider_std(cause: CauseResult, share: float, extra: float) -> CauseResu
     words, rounded = (
         explanation_sentence(cause.id, cause.where, each) for each in (cause.parameters, numbers)
     )
-    said = cause.explanation.replace(words, rounded)  # no number has more places than are known
+    said = cause.explanation.replace(words, rounded)  # no more decimal places than are certain
     return replace(
         cause,
         explanation=said if abs(deviations) >= MIN_DEVIATIONS else f"{said} {MAY_BE_READ_TIME}",
@@ -86,7 +87,7 @@ def _with_wider_std(cause: CauseResult, share: float, extra: float) -> CauseResu
 
 
 def _firmware_note(firmware: Firmware) -> str:
-    """What was taken as known of the controller."""
+    """Note on the controller's known firmware."""
     if not firmware.wombat:
         return f"the recording is of {firmware.name}, whose filter is known; a row is taken for a cycle"
     zone = f", its dead zone of {firmware.dead_zone:g} counts" if firmware.dead_zone else ""
@@ -97,7 +98,7 @@ def _firmware_note(firmware: Firmware) -> str:
 
 
 def _controller_notes(habits: Habits, causes: Sequence[CauseResult]) -> tuple[str, ...]:
-    """Of the controller's commands, its samples and its battery's readings."""
+    """Notes on the controller's commands, samples and battery readings."""
     chain, notes = habits.chain, []
     if habits.commands_precede_rows:
         notes.append(COMMAND_IN_FORCE_BEFORE)
@@ -126,7 +127,7 @@ def _controller_notes(habits: Habits, causes: Sequence[CauseResult]) -> tuple[st
 
 
 def _ramp_note(ramp: Ramp) -> str:
-    """Of a ramp between commands and motors, and who may have put it there."""
+    """Note on a ramp between commands and motors, and its possible origin."""
     when, who = "", "a limit of how fast power changes, in a program or a firmware"
     if ramp.soft:
         when, who = ", wherever they are driven more", "a driver that starts softly"
@@ -138,7 +139,7 @@ def _ramp_note(ramp: Ramp) -> str:
 
 
 def _sampling_notes(chain: Chain) -> tuple[str, ...]:
-    """Of when samples are taken in."""
+    """Notes on when samples are taken."""
     notes = []
     if chain.cycle == CONTINUOUS_CYCLE_S:
         notes.append(
@@ -159,7 +160,7 @@ def _sampling_notes(chain: Chain) -> tuple[str, ...]:
 
 
 def _motor_driver_notes(chain: Chain, causes: Sequence[CauseResult]) -> tuple[str, ...]:
-    """Of what the motors' driver makes of commands, and takes from the battery."""
+    """Notes on the motor driver's deadband and its current from the battery."""
     notes = []
     if DEADBAND in {each.name.partition("@")[0] for each in causes} and (chain.threshold or chain.cut):
         beyond = "all that they say" if chain.threshold else "so much less than they say"
@@ -173,7 +174,8 @@ def _motor_driver_notes(chain: Chain, causes: Sequence[CauseResult]) -> tuple[st
 
 
 def _pause_notes(chain: Chain, causes: Sequence[CauseResult], told: bool) -> tuple[str, ...]:
-    """Of pauses in which motors coast to be read. told: whether how slow wheels are then is said."""
+    """Notes on pauses in which motors coast to be sampled. told: whether to include the wheels' slowdown in
+    them."""
     notes = []
     if chain.pause and told:
         notes.append(
@@ -197,7 +199,7 @@ def _pause_notes(chain: Chain, causes: Sequence[CauseResult], told: bool) -> tup
 
 
 def _encoder_notes(uncertainty: FitUncertainty) -> tuple[str, ...]:
-    """Of the time over which encoders count."""
+    """Note on the time over which encoders count."""
     window = uncertainty.settings.get(WINDOW, 0.0)
     if window < MIN_NOTED_WINDOW_S:
         return ()
@@ -210,7 +212,7 @@ def _encoder_notes(uncertainty: FitUncertainty) -> tuple[str, ...]:
 def _gyro_notes(
     habits: Habits, causes: Sequence[CauseResult], uncertainty: FitUncertainty
 ) -> tuple[str, ...]:
-    """Of a gyro whose chip smooths the turn rate."""
+    """Note on a gyro whose chip filters the turn rate."""
     if not habits.low_pass:
         return ()
     late = uncertainty.value_of((GYRO_LOW_PASS, None, "time_constant"))

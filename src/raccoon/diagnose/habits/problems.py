@@ -24,10 +24,11 @@ from raccoon.diagnose.rollout.sample_ages import age_coordinates, age_settings
 from raccoon.sim.effects.parameters import Parameters
 
 HELD_BATTERY_CREEP = BatteryCreep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)
-"""A battery's reading that is held between two edges is off by a count or so, until its load changes: by 0.6
-to 1.1 counts beside a mean of 0.5 to 1.5, for a second, in six drives of sound robots behind the emulated
-stock firmware. Of a count for ten seconds, 9 s had a battery's resistance beside a scrub, a reading's scale
-in the place of viscous friction, and something unknown on one of three sound robots."""
+"""Creep of a battery's reading that is held between two edges. It is off by a count or so until its load
+changes: by 0.6 to 1.1 counts around a mean of 0.5 to 1.5, for a second, in six drives of fault-free robots
+behind the emulated stock firmware. With a count for ten seconds, 9 s of driving had a battery's resistance
+beside a scrub, a reading's scale in the place of viscous friction, and something unknown on one of three
+fault-free robots."""
 
 
 def drive_problem(
@@ -71,7 +72,7 @@ def drive_problem(
 
 
 def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
-    """The simulation's settings before any diagnosis; a model's inertias count from robot.toml's."""
+    """The simulation's settings before any diagnosis; a model's inertias are factors on robot.toml's."""
     settings = neutral_settings(robot)
     if model is None:
         return settings
@@ -88,7 +89,8 @@ def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
 def free_problem_of(
     robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
 ) -> Callable[[Log], Problem]:
-    """The problem of a log under habits, with all base numbers free: see `with_all_base_free`."""
+    """A function from a log to its problem under habits, with all base numbers free: see
+    `with_all_base_free`."""
     return lambda log: with_all_base_free(drive_problem(log, robot, causes, habits, model), habits.sliding)
 
 
@@ -100,6 +102,6 @@ def with_lost_changes(
     model: Parameters | None,
     point: Point,
 ) -> Log:
-    """The log with changes of commands in rows that it lost, when they suit the simulation of `point`."""
-    habits = replace(habits, swing_period=0.0)  # a wheel answers within one
+    """The log with changes of commands in lost rows placed where they fit the simulation of `point` best."""
+    habits = replace(habits, swing_period=0.0)  # a wheel responds within a swing
     return restore_lost_changes(log, lambda each: drive_problem(each, robot, causes, habits, model), point)

@@ -1,7 +1,7 @@
-"""A ramp between commands and motors, of which no column tells: found out as a habit of the controller.
+"""Detection of a ramp between commands and motors, which has no column: a habit of the controller.
 
-A driver that starts softly, and a program or firmware that limits how fast its commands change below where
-they are recorded, were a limit of the current with a deadband, stiction, a latency and more beside it.
+A driver that starts softly, and a program or firmware that limits the rate of its commands after they are
+recorded, would be reported as a current limit with a deadband, stiction, a latency and more.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from raccoon.diagnose.rollout.plant_rollout import Habits
 Array = NDArray[np.float64]
 
 RAMP_RATES = (30.0, 20.0, 12.0, 8.0, 5.0, 3.0)
-"""Duty a second that are tried, the gentlest first: where even that does harm, as of most drives, no other is
-tried. One of 40 is over in 25 ms, as a reading's filter is."""
+"""Rates (duty per second) that are tried, from the largest: if even that one fits worse, as on most drives,
+no other is tried. A ramp of 40 takes 25 ms, as long as a reading's filter."""
 COARSE_STEPS, FINE_STEPS = (0.4, 0.2), (0.1, 0.05, 0.025, 0.012, 0.006, 0.003)
-"""Steps to either side of the best rate, as a part of it, by which it is refined before it is judged, and
-once it is taken; with a fit each, since a latency goes with it."""
+"""Relative steps to either side of the best rate by which it is refined before the decision, and after it;
+with a fit each, since a latency changes with the rate."""
 MIN_MISFIT_SAVED_BY_RAMP = 0.4
-"""Log misfit that a ramp must save, all base numbers free. It was 0.77 to 3.05 on 24 drives behind one of 5
-to 20 a second, alone and beside a cause, 0.2 behind one of 40, and 0.05 at most without one, with limits of
-the current, latencies and each other cause."""
+"""Log misfit that a ramp must save, all base numbers free. It was 0.77 to 3.05 on 24 drives behind a ramp of
+5 to 20 per second, alone and beside a cause, 0.2 behind one of 40, and at most 0.05 without one, with current
+limits, latencies and each other cause."""
 
 
 def with_ramp_if_clear(
     fit: HabitFit, free_problem: Callable[[Habits], Problem], causes: Sequence[Cause]
 ) -> HabitFit:
-    """The fit with a ramp between commands and motors where the wheels are clearly nearer to it, else as it
-    is.
+    """The fit with a ramp between commands and motors if the wheels are clearly nearer to it, else the
+    unchanged fit.
 
-    free_problem: the problem under habits, see `with_all_base_free`. causes: those that are searched for;
-    where a team has an idea of its own of what reaches the motors, a ramp would take the better part of it.
+    free_problem: the problem under habits, see `with_all_base_free`. causes: those that are searched for; if
+    one is a team's own effect on the commands, no ramp is tried, since it would absorb most of that effect.
     """
     if any(each.own is not None and each.own.commands is not None for each in causes):
         return fit

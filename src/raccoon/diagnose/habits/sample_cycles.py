@@ -1,5 +1,5 @@
-"""Trials of how often the controller takes in a sample of the wheels: once a row, once a cycle, or all the
-time; and of whether a wheel is slower then."""
+"""Tests of how often the controller samples the wheels (once a row, once a cycle, continuously), and of
+whether wheels are slower at that moment."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ from raccoon.sim.effects.chain import Chain
 
 
 def try_sampling_once_a_row(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with motors that are sampled once a row, or once a cycle, where that explains more.
+    """Test motors that are sampled once a row instead of once a cycle, or the opposite; the search under it
+    if it leads.
 
-    A filter that runs once a row of 20 ms is 8 ms sooner than one of the same time constant that runs every
-    5 ms: of a sound robot that made a filter two thirds as slow.
+    A filter that runs once a row of 20 ms is 8 ms earlier than one of the same time constant that runs every
+    5 ms: on a fault-free robot it was reported as a filter with two thirds of the time constant.
     """
     by_row = habits.chain.cycle == trials.row_cycle
     cycle = Chain().cycle if by_row else trials.row_cycle
@@ -35,9 +36,10 @@ def try_sampling_once_a_row(search: Search, habits: Habits, trials: HabitTrials)
 
 
 def try_continuous_filter(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with a filter of the wheels' readings that runs all the time, where that explains more.
+    """Test a filter of the wheels' readings in continuous time; the search under it if it leads.
 
-    It was a latency of 2 ms of each of ten sound robots. It has no number to pay for.
+    On each of ten fault-free robots it was reported as a latency of 2 ms. It has no parameter, so it needs no
+    gate.
     """
     if habits.chain.median or habits.chain.free_running:
         return search, habits
@@ -46,12 +48,13 @@ def try_continuous_filter(search: Search, habits: Habits, trials: HabitTrials) -
 
 
 def try_pause_slowdown(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search with wheels that are slower when they are sampled than on average, or that are not, where
-    that explains more.
+    """Test wheels that are slower when they are sampled than on average, or the opposite; the search under it
+    if it leads.
 
-    A motor that coasts for half a millisecond before each sample loses a count or two until then, whichever
-    way it turns: a deadband of 0.002 to 0.004 with a probability of 1, or the scale of a reading, of most
-    sound robots with such pauses. Whoever simulates them by the mean of the torque has none of it.
+    A motor that coasts for half a millisecond before each sample loses a count or two until then, in either
+    direction: on most fault-free robots with such pauses this was reported as a deadband of 0.002 to 0.004
+    with a probability of 1, or as the scale of a reading. A simulation by the mean of the torque does not
+    have it.
     """
     other = _with_pause_slowdown_toggled(search, habits)
     if other is None:
@@ -60,7 +63,7 @@ def try_pause_slowdown(search: Search, habits: Habits, trials: HabitTrials) -> S
 
 
 def try_pause_slowdown_beside_causes(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The same beside several causes, which stay: a pause takes a count or two."""
+    """The same beside several causes, which are kept: a pause changes a reading by a count or two."""
     other = _with_pause_slowdown_toggled(search, habits)
     if other is None or not trials.untried(search, habits, [other]):
         return search, habits
@@ -75,7 +78,8 @@ def try_pause_slowdown_beside_causes(search: Search, habits: Habits, trials: Hab
 
 
 def _with_pause_slowdown_toggled(search: Search, habits: Habits) -> Habits | None:
-    """Habits with wheels that pauses slow down, or that are as fast again; None where there are no pauses."""
+    """Habits with wheels that pauses slow down, or without that if they have it; None if there are no
+    pauses."""
     chain = with_pause_slowdown_toggled(habits.chain)
     if chain is None or not has_back_emf(search.problem.features.roles):
         return None

@@ -1,4 +1,4 @@
-"""The form of a wheel's slip: whether it follows acceleration at once."""
+"""The form of a wheel's slip: whether it follows acceleration without delay."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from raccoon.diagnose.select.state import Search
 
 
 def try_immediate_slip(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search, or that with slip which follows acceleration at once, where that explains more: to a lag
-    it looks like a gyro that is late, or that smooths as well."""
+    """Test slip that follows acceleration without delay; the search with it if it leads. Compared with the
+    lagging slip it looks like a gyro that is late, or also has a low-pass."""
     point, causes = search.fit.point, search.problem.causes
     lags = [name for name in (GYRO_LATENCY, SLIP) if name in point.active]
     if not lags or SLIP not in causes:

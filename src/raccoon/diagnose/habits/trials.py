@@ -1,4 +1,5 @@
-"""Trials of other habits on one drive: its problem under each, what was tried in vain, searches to share."""
+"""Tests of other habits on one drive: its problem under each, the rejected ones, and searches that are
+shared."""
 
 from __future__ import annotations
 
@@ -15,26 +16,27 @@ from raccoon.diagnose.unknown.step_change import KNOWN_CHANGE_LOG_EVIDENCE, chan
 from raccoon.sim.effects.chain import Chain
 
 Trial = tuple[frozenset[str], frozenset[str], Habits, Habits]
-"""The named causes, the unknowns, the habits that they were found under, and the habits that were tried."""
+"""The named causes, the unknown probes, the habits under which they were found, and the habits that were
+tested."""
 SearchAndHabits = tuple[Search, Habits]
-"""A search and the habits that it was made under."""
+"""A search and its habits."""
 RunSearch = Callable[[Search], Search]
-"""How far to go on with a search: all the way (`run_search`), its first part (`continue_selection`), or the
-beginning (`start_selection`)."""
+"""How far to continue a search: to its end (`run_search`), through its first part (`continue_selection`), or
+its beginning (`start_selection`)."""
 MAX_CACHED_STARTS = 4
-"""Beginnings of searches that are kept, some ten megabytes each."""
+"""Number of cached beginnings of searches, some ten megabytes each."""
 
 
 @dataclass(frozen=True, slots=True)
 class HabitTrials:
-    """What is tried with one drive.
+    """Tests of habits on one drive.
 
-    problem_of: its problem under some habits. run_search: how far a search under other habits goes on before
-    it is compared. row_cycle: s between samples of a controller that takes one a row, see
-    `sample_cycle_from_rows`. stops_unrecorded: whether motors are at duty 0 without a word of what they do
-    there. rejected: trials whose fit was not ahead; they are not repeated with the same causes. started: the
-    latest searches from their start, by their habits, as far as one begins. lags_of_robot: habits that were
-    given up because the robot's own lags explain as much.
+    problem_of: its problem under some habits. run_search: how far a search under other habits continues
+    before it is compared. row_cycle: time in s between samples of a controller that takes one a row, see
+    `sample_cycle_from_rows`. stops_unrecorded: whether motors are at duty 0 and the rows do not state whether
+    they brake. rejected: tests whose fit did not lead; they are not repeated with the same causes. started:
+    the latest beginnings of searches, by their habits. lags_of_robot: habits that were replaced because the
+    robot's own lags explain as much.
     """
 
     problem_of: Callable[[Habits], Problem]
@@ -46,11 +48,11 @@ class HabitTrials:
     lags_of_robot: set[Habits] = field(default_factory=set)
 
     def running(self, run_search: RunSearch) -> HabitTrials:
-        """The same trials, whose searches run that far; what is noted in one is noted in both."""
+        """The same tests with searches that continue that far; both share what is recorded in either."""
         return replace(self, run_search=run_search)
 
     def start(self, habits: Habits, problem: Problem) -> Search:
-        """The beginning of a search under habits, whose problem this is; made once for whoever asks."""
+        """The beginning of a search under habits, whose problem is given; computed once."""
         self.started[habits] = found = self.started.pop(habits, None) or start_selection(
             start_afresh(problem)
         )
@@ -65,11 +67,11 @@ class HabitTrials:
         )
 
     def untried(self, search: Search, habits: Habits, others: Iterable[Habits]) -> list[Habits]:
-        """Those of other habits that were not rejected with what the search has named."""
+        """Those of other habits that were not rejected with the present named causes."""
         return [each for each in others if _trial(search, habits, each) not in self.rejected]
 
     def reject(self, search: Search, habits: Habits, others: Iterable[Habits]) -> None:
-        """Note that no fit under these others is ahead."""
+        """Record that no fit under these other habits leads."""
         self.rejected.update(_trial(search, habits, each) for each in others)
 
 
@@ -78,7 +80,7 @@ def _trial(search: Search, habits: Habits, other: Habits) -> Trial:
 
 
 def start_afresh(problem: Problem) -> Search:
-    """A search of what robot.toml leaves open alone; what is known to have changed is beside it."""
+    """A search from the base numbers alone; a known change is part of its noise."""
     search = start_search(problem, make_probe_function(problem))
     if problem.change is None:
         return search
