@@ -1,41 +1,44 @@
-"""Whether the robot was bumped: the accelerometer against the wheels, and the gyro about the axis."""
+"""Detection of bumps: the accelerometer against the wheels, and the gyro's pitch or roll rate."""
 
 from __future__ import annotations
 
 from raccoon.core.readings import GRAVITY
 
 BUMP_VELOCITY, COARSE_BUMP_VELOCITY = 0.06, 0.1
-"""m/s that the accelerometer sees and the wheels do not: with a reading every 5 ms, and where they come so
-seldom that what lies between two of them is not seen. Simulated driving stays below 0.03 and 0.075; a chassis
-that nods adds some hundredths."""
+"""m/s of change of velocity that the accelerometer sees and the wheels do not, thresholds of a bump: for a
+reading every 5 ms, and for readings too far apart to show what happens between them. Simulated driving stays
+below 0.03 and 0.075; a nodding chassis adds some hundredths."""
 FINE_PERIOD_S = 0.008
-"""s between two readings up to which they are the former."""
+"""s between two readings up to which the first threshold holds."""
 BUMP_TIME_S = 0.08
-"""s over which it is summed."""
+"""s, time constant of the sum."""
 TILT_TIME_S = 0.3
-"""s over which what lasts is learnt to be no blow: on a ramp the robot feels its own weight."""
+"""s, time constant with which a lasting acceleration is learnt not to be a bump: on a ramp it is gravity."""
 WAY_STD_FACTOR = 2.0
-"""Times the way that the sum makes of a blow, as it forgets meanwhile: deviation of how far the robot went
-otherwise than its wheels. Pushes of 30 to 100 N for 0.05 to 0.3 s make 1.8 to 3.3 of it."""
+"""Standard deviation of the distance that the robot moved otherwise than its wheels, as a factor on the
+distance by the sum, which decays meanwhile. For pushes of 30 to 100 N for 0.05 to 0.3 s the factor is 1.8 to
+3.3."""
 MAX_ACCELEROMETER_OFFSET_M = 0.08
-"""m by which an accelerometer may sit beside the middle of the axis: where the wheels turn the robot it feels
-so much of that, too."""
+"""m, largest offset of the accelerometer from the middle of the axle; in a turn it adds so much
+acceleration."""
 LATE_SPEED_CHANGE_SHARE = 0.1
-"""Of how much the wheels changed their speed lately, what the accelerometer may still feel of it: at a full
-reversal of duties it comes up to 8 ms later."""
+"""Share of the wheels' recent change of speed that the accelerometer may still have to feel: at a full
+reversal of duties it is up to 8 ms late."""
 JOLT_ACCELERATION = 3.4
-"""m/s2 of a change of both duties by 1, half of what a full one makes: a reading that is the first to feel it
-counts for all the time since the one before, and the wheels are not read to have changed yet."""
+"""m/s^2 for a change of both duties by 1, half of what a full change makes. The first reading that feels it
+counts for the whole time since the one before, while the wheels' readings do not show it yet."""
 KEPT_BIAS_S = 0.2
-"""s at rest for which the bias of before counts, where a robot comes to rest: it may stand on a ramp now."""
+"""s at rest up to which the previous bias still has weight as a robot comes to rest: it may stand on a ramp
+now."""
 
 
 class BumpWatch:
-    """Sums what the accelerometer feels beyond what the wheels and the pitching of the robot explain. Its own
-    bias and that of the gyro about the axis are learnt at rest.
+    """Sums the acceleration that neither the wheels nor the pitching of the robot explain. The biases of
+    accelerometer and gyro are learnt at rest.
 
-    It watches one direction: ahead, as the arguments say, or to the left, with no velocity there. doubt: m^2
-    by which the last step adds to the variance of the place in that direction, because of a blow.
+    It watches one direction: forwards, with the arguments as named, or to the left, with a velocity of 0.
+    place_variance: m^2 that the last step adds to the variance of the position in that direction, because of
+    a bump.
     """
 
     __slots__ = (
@@ -67,7 +70,8 @@ class BumpWatch:
         self._velocity = 0.0
 
     def restart(self, velocity: float, turn_rate: float = 0.0) -> None:
-        """Nobody felt anything for a while; the wheels' motion is this now, m/s and rad/s."""
+        """Start again after a gap in the readings, at the wheels' present velocity (m/s) and turn rate
+        (rad/s)."""
         self._unexplained_velocity, self._velocity, self._turn_rate = 0.0, velocity, turn_rate
         self.place_variance = self._unexplained_way = self._doubted_way = self._turn_rate_change = (
             self._velocity_change
@@ -84,16 +88,17 @@ class BumpWatch:
         turn_rate: float = 0.0,
         jolt: float = 0.0,
     ) -> bool:
-        """True while the robot was bumped.
+        """True while the robot is bumped.
 
-        forward: m/s2, mean of what the accelerometer read in these dt s. velocity: the wheels' mean in them,
-        m/s. between: s from one reading to the next. pitch_rate: rad/s, mean of what the gyro read about the
-        axis: above 0 the nose comes down, as at the end of a ramp, and the robot feels less of its weight.
-        turn_rate: rad/s, as the wheels turn it. jolt: by how much both duties were changed at once lately.
+        forward: m/s^2, mean of the accelerometer over these dt s. velocity: m/s, mean of the wheels.
+        sample_period: s between two readings. turn_rate: rad/s, by the wheels.
+        pitch_rate: rad/s, mean of the gyro about the axle; positive: the nose goes down, as at the end of a
+        ramp, and the robot feels less of gravity.
+        jolt: recent change of both duties at once.
         """
         self.place_variance = 0.0
         if still and not self._was_still:
-            self._accel_bias += self._gravity_ahead + self._lasting_accel  # as it leans now, it will start
+            self._accel_bias += self._gravity_ahead + self._lasting_accel  # it starts as it leans now
             self._unexplained_velocity = self._lasting_accel = self._gravity_ahead = 0.0
             self._bias_seconds = min(self._bias_seconds, KEPT_BIAS_S)
         self._was_still = still
@@ -126,7 +131,7 @@ class BumpWatch:
         return self._is_blow(dt, limit)
 
     def _is_blow(self, dt: float, limit: float) -> bool:
-        """Whether the sum is that of a blow; count the way that it makes, from half of that on."""
+        """Whether the sum exceeds the limit of a bump. Counts the distance, from half of the limit on."""
         unexplained, doubted_before = abs(self._unexplained_velocity), self._doubted_way
         self._unexplained_way = (
             self._unexplained_way + WAY_STD_FACTOR * unexplained * dt if unexplained > 0.5 * limit else 0.0

@@ -1,4 +1,4 @@
-"""What the odometry says: the drive's estimate at a time, and what became of an observation."""
+"""Results of the odometry: the estimate of the drive at a time, and whether an observation was accepted."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from raccoon.core.readings import Status
 from raccoon.model.pose import Pose
 
 HELD = "held: both wheels carry what tyres do that spin at a wall"
-"""The reason of an estimate whose robot may not move though its wheels turn."""
+"""Reason of an estimate whose robot may not move although its wheels turn."""
 SLIPS = {side: f"the {side} wheel slips" for side in ("left", "right")}
-"""By side, the reason of one whose wheel turns otherwise than the robot moves."""
+"""By side, the reason of an estimate whose wheel turns otherwise than the robot moves."""
 AT_REST = "a motor at rest reads motion"
-"""The reason of an estimate that takes what a motor reads at rest, and no offset explains, for motion."""
+"""Reason of an estimate that counts a motor's reading at rest, which no offset explains, as motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class DriveEstimate:
     reasons: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """For people: where it is and how sure that is, how it moves, and how far to trust all of it."""
+        """Readable text: pose and its standard deviations, motion, status and reasons."""
         std, heading_std = 1e3 * math.hypot(self.x_std, self.y_std), math.degrees(self.heading_std)
         place = f"{Pose(self.x, self.y, self.heading)} (+- {std:.1f} mm, {heading_std:.2f} deg)"
         moves = f"{self.velocity:z.3f} m/s, {self.turn_rate:z.3f} rad/s"
@@ -55,10 +55,10 @@ class DriveEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What became of something seen.
+    """Whether an observation was accepted.
 
-    mahalanobis: how many standard deviations it lay from what was expected, all values together.
-    reason: why it was not accepted; empty where it was.
+    mahalanobis: its distance from the expected values, in standard deviations, all values together. reason:
+    why it was not accepted; empty if it was.
     """
 
     accepted: bool

@@ -1,4 +1,4 @@
-"""The odometry's estimate now: the filter's belief, moved on by what was read since it last moved."""
+"""The odometry's present estimate: the filter's state, moved on by the readings since its last step."""
 
 from __future__ import annotations
 
@@ -35,9 +35,10 @@ POSE_DOUBT_REASONS = (
     f"the heading is in doubt by {math.degrees(UNCERTAIN_HEADING):g} degrees or more: "
     "align_on_wall(heading=...) tells it",
 )
-"""Reasons of an estimate whose deviation is above these, also where what it came from has long passed."""
+"""Reasons of an estimate whose standard deviation is above these thresholds, even if their cause has long
+passed."""
 INVALID_AFTER_SILENCE_S = 0.5
-"""s without any wheel reading after which the pose is not to be used."""
+"""s without any wheel reading after which the pose is invalid."""
 
 
 def build_estimate(fusion: Fusion, readings: DriveReadings, settings: OdometrySettings) -> DriveEstimate:
@@ -60,11 +61,11 @@ def build_estimate(fusion: Fusion, readings: DriveReadings, settings: OdometrySe
     lead, lead_std = wheels_lead(flat, settings.timing)
     x, y, heading = arc_end(x, y, heading, *delay_motion(flat, lead, velocity, turn_rate))
     along_std = lead_std * velocity
-    if min(readings.left.silence, readings.right.silence) > HOLD_S:  # the step that is waited for adds it
+    if min(readings.left.silence, readings.right.silence) > HOLD_S:  # the step that is waiting will add it
         along_std = math.hypot(along_std, math.sqrt(0.5 * SILENT_WHEEL * span) * geometry.wheel_radius)
     x_std, y_std = along_std * math.cos(heading), along_std * math.sin(heading)
     heading_std = lead_std * turn_rate
-    # Of way times what the wheels read: both are uncertain, and together.
+    # Variance of the product of scale and speed read; the two are correlated.
     velocity_variance = (
         way * way * flat[_VV]
         + 2.0 * way * velocity_read * flat[_WITH_WAY]
@@ -94,7 +95,7 @@ def build_estimate(fusion: Fusion, readings: DriveReadings, settings: OdometrySe
 
 
 def _status(flat: Flat, readings: DriveReadings) -> tuple[Status, tuple[str, ...]]:
-    """How far to trust it, and why not further."""
+    """Status of the estimate, and the reasons for it."""
     place, heading, reasons = flat[_VX] + flat[_VY], flat[_VH], readings.reasons.now
     if place > UNCERTAIN_PLACE**2:
         reasons = (*reasons, POSE_DOUBT_REASONS[0])
@@ -109,7 +110,8 @@ def _status(flat: Flat, readings: DriveReadings) -> tuple[Status, tuple[str, ...
 def motion_since_step(
     flat: Flat, scales: tuple[float, float], readings: DriveReadings, geometry: DriveGeometry
 ) -> tuple[float, float, float | None]:
-    """Travel (m) and turn (rad) since the filter's last step, and the gyro's turn rate in it, rad/s."""
+    """Travel (m) and turn (rad) since the filter's last step, and the gyro's turn rate in it (rad/s; None
+    without a reading)."""
     pending, ahead = readings.pending, readings.waiting
     span = pending.span + ahead[0]
     left = (pending.left + ahead[1] - flat[State.LEFT_OFFSET] * span) / scales[0]
@@ -124,9 +126,8 @@ def motion_since_step(
 
 
 def pose_covariance(flat: Flat, here: DriveEstimate, timing: float) -> NDArray[np.float64]:
-    """Covariance of x, y (m) and heading (rad), (3, 3): the filter's, and what the robot moves in the time by
-    which its readings may be early or late.
-    """
+    """Covariance of x, y (m) and heading (rad), (3, 3): the filter's, plus the robot's motion in the time by
+    which its readings may be early or late."""
     late = wheels_lead(flat, timing)[1]
     along, turned = late * here.velocity, late * here.turn_rate
     moved = np.array([along * math.cos(here.heading), along * math.sin(here.heading), turned])

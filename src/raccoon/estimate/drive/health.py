@@ -1,4 +1,4 @@
-"""Is what a sensor says alive? The gyro's watch, and the list of reasons not to trust an estimate."""
+"""Plausibility checks of the gyro, and the list of reasons not to trust an estimate."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from raccoon.core.readings import Fault, Inputs
 GYRO_TIMEOUT_S = 0.1
 """s without a gyro reading after which it counts as lost."""
 GYRO_FULL_SCALE = 34.0
-"""rad/s; the gyros of these robots end at 2000 degrees a second (34.9)."""
+"""rad/s; the gyros of these robots end at 2000 degrees a second (34.9 rad/s)."""
 FROZEN_REPEATS = 12
-"""Equal readings in a row that a gyro with noise never gives."""
+"""Number of equal readings in a row that a gyro with noise never gives."""
 SUSPICIOUS_REPEATS = 4
-"""Equal readings in a row that are suspicious where the wheels say something else: with noise of one word on
-each axis two come once in 40 cycles, five once in a million."""
+"""Number of equal readings in a row that is suspicious if the wheels disagree: with noise of one word on each
+axis, two occur once in 40 cycles, five once in a million."""
 NOISY_CHANGES = 50
-"""Changes from one reading to the next that show that a gyro has noise."""
+"""Number of changes from one reading to the next after which a gyro is known to have noise."""
 SHOWN_FOR_S = 0.3
 """s for which a reason stays after its cause has passed."""
 
 
 class Reasons:
-    """Why an estimate is less than ok; each stays for a moment after it was last told."""
+    """Reasons why an estimate is not ok; each stays for a moment after it was last reported."""
 
     __slots__ = ("_until", "now")
 
@@ -31,13 +31,13 @@ class Reasons:
         self.now: tuple[str, ...] = ()
 
     def tell(self, reason: str, time: float, seconds: float = SHOWN_FOR_S) -> None:
-        """`reason` holds at `time`, and for `seconds` after it."""
+        """Report that `reason` holds at `time`, and for `seconds` after it."""
         self._until[reason] = time + seconds
         if reason not in self.now:
             self.now = (*self.now, reason)
 
     def drop_expired(self, time: float) -> None:
-        """Drop what has passed, also where time ran back."""
+        """Drop the expired reasons, also if time ran back."""
         if not self.now:
             return
         kept = {
@@ -51,9 +51,9 @@ class Reasons:
 
 
 class GyroWatch:
-    """Judges every gyro reading.
+    """Checks every gyro reading.
 
-    age: s since a usable reading. repeats: how often the last one came again, exactly.
+    age: s since a usable reading. repeats: how often the last one was repeated exactly.
     """
 
     __slots__ = ("_changes", "_last", "age", "frozen", "repeats", "seen")
@@ -67,7 +67,7 @@ class GyroWatch:
         self.frozen = False
 
     def judge(self, dt: float, inputs: Inputs, reasons: Reasons) -> float | None:
-        """The turn rate of this cycle as the gyro reads it, rad/s; None where there is none to use."""
+        """The gyro's turn rate in this cycle, rad/s; None if there is no usable one."""
         self.age += dt
         rate = inputs.turn_rate
         if rate is None:

@@ -1,13 +1,13 @@
-"""Do both wheels carry far more than they roll with? Then the robot stands at something, or pushes it.
+"""Detection of a robot that stands at something, or pushes it, by the load on both wheels.
 
-By the motor equation (control/feedforward.py) the current beyond what a speed-up takes carries the wheel:
+By the motor equation (control/feedforward.py) the current beyond that of the acceleration carries the load:
 
     R I = s (U - K_E w),   load = R I - R J / K_E dw/dt
 
-in volts, from the duty, the battery and the back-EMF, so that neither K_E nor the wheel's radius matters; s
-is the share of the time in which the firmware powers a motor. What friction, a slope and a carpet take is
-learnt while the robot rolls; tyres that spin at a wall take what they grip with, at once and on both sides:
-0.76 V of the default robot, where a ramp of 10 degrees takes 0.15 and a friction that doubles 0.30.
+in volts, from duty, battery voltage and back-EMF, so that neither K_E nor the wheel radius matters; s is the
+share of the time in which the firmware powers a motor. The load of friction, a slope and a carpet is learnt
+while the robot rolls. Tyres that spin at a wall add the load of their grip, at once and on both sides: 0.76 V
+for the default robot, while a ramp of 10 degrees adds 0.15 V and a doubled friction 0.30 V.
 """
 
 from __future__ import annotations
@@ -21,39 +21,40 @@ from raccoon.estimate.drive.wheel_track import CYCLE_GAP_S
 from raccoon.model.bemf import counts_scale
 
 MIN_LOAD_V = 0.55
-"""V beyond what it rolled with, on each wheel."""
+"""V, threshold on the load of each wheel beyond its rolling load."""
 CHANGE_SHARE = 0.5
-"""Of what the wheels' change of speed takes, and of a change of the voltage: that much may be wrong about the
-inertia, or of another time."""
+"""Share of the voltage of an acceleration, and of a change of the voltage, that is added to the threshold:
+the inertia may be wrong by so much, or the change may be of another time."""
 STEADY_CHANGE_V = 0.2
-"""V for a change of speed up to which most is learnt."""
+"""V of acceleration up to which most of the rolling load is learnt."""
 SMOOTHING_S = 0.04
-"""s of the loads that are compared."""
+"""s, time constant of the loads that are compared."""
 HELD_AFTER_S = 0.06
-"""s of it before the robot is said to be held."""
+"""s above the threshold after which the robot counts as held."""
 LASTING_LOAD_S, EVEN_CHANGE_V = 0.15, 0.4
-"""s of more than MIN_LOAD, and V for a change of speed and voltage up to which that says it, too: no
-inertia that is half wrong makes as much of so little."""
+"""s above MIN_LOAD_V, and V of acceleration and voltage change up to which they count, after which the robot
+counts as held, too: no inertia that is half wrong makes so much load of so small a change."""
 HEAVY_LOAD_V, HEAVY_LOAD_S = 0.38, 0.25
-"""V, and s of it at an even speed, that say it as well: a light robot, or one with little grip, spins its
-wheels with no more. Friction that doubles stays below."""
+"""V, and s above it at a steady speed, after which the robot counts as held, too: a light robot, or one with
+little grip, spins its wheels with no more load. Friction that doubles stays below."""
 LEARN_TIME_S, LEARN_TIME_HELD_S = 1.0, 10.0
-"""s in which what it rolls with is learnt; far slower while it seems to be held, so that a floor that is only
-heavy is forgiven."""
+"""s, time constant of learning the rolling load; far slower while the robot seems to be held, so that a floor
+that is only heavy is learnt after all."""
 LEARNT_AFTER_S = 0.3
-"""s of rolling before anything is said."""
+"""s of rolling before the robot can count as held."""
 MIN_SPEED, MIN_VOLTS = 0.5, 0.3
-"""rad/s and V, both ahead: slower wheels stick, and brakes are no drive."""
+"""rad/s and V in the direction of motion below which nothing is judged: slower wheels stick, and braking is
+no drive."""
 MIN_BATTERY, MAX_BATTERY = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
-"""V between which a reading is a battery's, as the filter of its voltage has it."""
+"""V, bounds on a plausible battery reading, the same as in the filter of the battery voltage."""
 BATTERY_SHARE = 0.1
-"""Of a new battery reading that counts."""
+"""Weight of a new battery reading."""
 
 
 @dataclass(frozen=True, slots=True)
 class _WheelVolts:
-    """A wheel in volts: port and sign of its motor, share of the time in which that is powered, V of a rad/s
-    as back-EMF and by friction, V of a rad/s2."""
+    """Voltages of a wheel: port and sign of its motor, share of the time in which that is powered, back-EMF
+    and friction in V per rad/s, and acceleration in V per rad/s^2."""
 
     port: int
     sign: float
@@ -63,15 +64,16 @@ class _WheelVolts:
     acceleration: float
 
     def load(self, volts: float, speed: float, change: float) -> float:
-        """V that carry the wheel at `given` V and rad/s, of which `change` V speed it up."""
+        """V that carry the wheel's load at this voltage and speed (rad/s); `change` V of it accelerate the
+        wheel."""
         return self.driven * (volts - self.back_emf * speed) - self.viscous * speed - change
 
 
 class LoadWatch:
-    """Watches both wheels. `drive` takes the command of every cycle, `update` what they did in each step.
+    """Watches both wheels. `take_command` takes the command of every cycle, `update` the speeds of each step.
 
-    held: whether they carry too much. doubt: m^2 by which the way of the last step adds to the variance of
-    the place: all that the wheels turned since they carry too much may be no way at all.
+    held: whether the load is too high. place_variance: m^2 that the last step adds to the variance of the
+    position: the robot may not have moved at all since the load became too high.
     """
 
     __slots__ = (
@@ -103,29 +105,29 @@ class LoadWatch:
     def __init__(self, robot: RobotConfig, device: Device) -> None:
         self._robot = robot
         self._radius = robot.model.drive.wheel_radius.value
-        self._rolling_loads = self._rolling_loads_before = (0.0, 0.0)  # V; all of the first step is learnt
+        self._rolling_loads = self._rolling_loads_before = (0.0, 0.0)  # V; the first step sets them
         self.held = False
         self._learnt_seconds = self._battery = self._time = 0.0
         self.configure(device)
         self.restart()
 
     def configure(self, device: Device) -> None:
-        """Go on with the words of this device."""
+        """Continue with the words of this device."""
         self._left = _wheel_volts(self._robot, "left", device)
         self._right = _wheel_volts(self._robot, "right", device)
 
     def restart(self) -> None:
-        """Nobody looked for a while. What it rolls with stays learnt."""
+        """Start again after a gap in the readings; the learnt rolling load stays."""
         self._volt_seconds = (0.0, 0.0)
         self._volt_time = self._direction = 0.0
         self._last_speeds = self._last_volts = (0.0, 0.0)
         self._reset_load()
 
     def _reset_load(self) -> None:
-        """It is not driven on.
+        """Forget the present load: the drive forward ended.
 
-        Where it was held to the end that was no heavy floor, and nothing is kept of it: the third push
-        against a wall would pass for rolling.
+        If the robot was held to the end, that was no heavy floor, and what was learnt meanwhile is dropped;
+        otherwise the third push against a wall would count as rolling.
         """
         if self.held:
             self._rolling_loads = self._rolling_loads_before
@@ -136,7 +138,7 @@ class LoadWatch:
         self.held = False
 
     def take_command(self, inputs: Inputs, command: Outputs | None) -> None:
-        """Take the command that was in force until these readings; None where it is not known."""
+        """Take the command that was in force until these readings; None if it is unknown."""
         dt, self._time = inputs.time - self._time, inputs.time
         if not 0.0 < dt < CYCLE_GAP_S:
             return
@@ -177,13 +179,13 @@ class LoadWatch:
             span,
             direction * self._left.load(volts_left, left, change_left),
             direction * self._right.load(volts_right, right, change_right),
-            # Of each wheel: in a turn the two may change against each other.
+            # For each wheel alone: in a turn the two changes may be opposite.
             max(abs(change_left), abs(change_right), jump),
             0.5 * (left + right) * self._radius * span,
         )
 
     def _judge(self, span: float, left: float, right: float, voltage_change: float, way: float) -> None:
-        """Compare loads, V, with those it rolled with."""
+        """Compare the wheels' loads, V, with their rolling loads."""
         smooth = span / (SMOOTHING_S + span)
         rolls_left, rolls_right = self._rolling_loads
         self._voltage_change += smooth * (voltage_change - self._voltage_change)
@@ -214,7 +216,8 @@ class LoadWatch:
         )
 
     def _learnt_rolling_load(self, rolling_load: float, load: float, learn_seconds: float) -> float:
-        """What a wheel rolls with after `steady` s of a load, V. One wheel alone may be at a wall, too."""
+        """A wheel's rolling load, V, after `learn_seconds` s of a load. Held may also be a single wheel at a
+        wall."""
         held = self._suspicious_seconds > 0.0 or load - rolling_load > HEAVY_LOAD_V
         time_constant = min(self._learnt_seconds, LEARN_TIME_S)
         if held and self._learnt_seconds > LEARNT_AFTER_S:
@@ -222,7 +225,7 @@ class LoadWatch:
         return rolling_load + min(1.0, learn_seconds / time_constant) * (load - rolling_load)
 
     def _count_way(self, way: float, heavy: bool) -> None:
-        """Add to the doubted way, from the first step that was heavy, long before it is said."""
+        """Add to the uncertain distance, from the first step with a high load, long before `held` is set."""
         self._heavy_way = self._heavy_way + way if heavy else 0.0
         counted = self._held_way
         self._held_way = self._heavy_way if self.held else 0.0
@@ -230,7 +233,8 @@ class LoadWatch:
 
     @property
     def held_way(self) -> float:
-        """m that both wheels turned, from the first heavy step on, while it is held; 0 while it is not."""
+        """m that both wheels turned since the first step with a high load, while the robot is held; otherwise
+        0."""
         return abs(self._held_way)
 
 

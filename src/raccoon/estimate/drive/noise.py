@@ -1,4 +1,4 @@
-"""How far a wheel's mean speed over a step of the filter may be off."""
+"""Variance of a wheel's mean speed over a step of the filter."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale
 
 SILENT_WHEEL = 50.0
-"""(rad/s)^2 over one second, variance of a wheel that gives no reading: it may turn at any speed."""
+"""(rad/s)^2 over one second, variance of a wheel without a reading: it may turn at any speed."""
 UNCOUNTED_CORRELATION = 0.9
-"""Correlation of what both wheels turned uncounted: a controller that hung or restarted let both go on, or
-stopped both."""
+"""Correlation of the angles of both wheels that were not counted: a controller that hung or restarted let
+both turn on, or stopped both."""
 
 
 class WheelNoise:
-    """Variances of wheel readings of a robot on a device, (rad/s)^2."""
+    """Variances of wheel readings of a robot with a device, (rad/s)^2."""
 
     def __init__(self, robot: RobotConfig, settings: OdometrySettings, device: Device) -> None:
         per_count = counts_scale(robot, "left", device)
@@ -32,11 +32,12 @@ class WheelNoise:
     def variance(
         self, wheel: WheelTrack, speed: float, span: float, still: bool = False, is_mute: bool = False
     ) -> float:
-        """Of a wheel's mean speed over `span`. still: the robot stands. mute: what it reads is no reading.
+        """(rad/s)^2, of a wheel's mean speed over `span` s. still: the robot stands. is_mute: its reading is
+        not used.
 
-        Noise or tick steps, a little slip everywhere, being a little early or late, and what a dead zone
-        hides. A wheel that stands within it says nothing: however often it reads 0, its offset may be as
-        large as the zone.
+        It sums noise or tick steps, a little slip at all times, the timing uncertainty, and the dead zone. A
+        wheel at rest within the dead zone gives no information: however often it reads 0, its offset may be
+        as large as the zone.
         """
         if is_mute or wheel.silence > HOLD_S or (still and wheel.blind_time > 0.0):
             return SILENT_WHEEL / span
@@ -50,7 +51,7 @@ class WheelNoise:
         return noise + slip + late_std * late_std + unseen_variance + 1e-10
 
     def angle_variance(self, wheel: WheelTrack, angle: float, span: float) -> float:
-        """Of the angle (rad) that a wheel turned over a gap of `span` s by its counter, rad^2."""
+        """rad^2, of the angle (rad) that a wheel turned over a gap of `span` s, by its counter."""
         if wheel.silence > HOLD_S:
             return SILENT_WHEEL * span
         tick_variance = self._tick**2 / 3.0
@@ -64,10 +65,11 @@ class WheelNoise:
         return UNCOUNTED_CORRELATION * left.guessed_angle * right.guessed_angle
 
     def runout_variance(self, left: float, right: float, span: float) -> float:
-        """Of half the difference of both wheels' mean speeds, because they are not round.
+        """(rad/s)^2, of half the difference of both wheels' mean speeds, because they are not round.
 
-        A runout repeats with every revolution, so it loses no way in the long run; but a turn takes about
-        one, and what it tells of the scales is wrong by the runout's mean over that arc. White noise of
-        0.7 runout^2 a rad is as uncertain as that mean for arcs of a quarter to a whole revolution.
+        A runout repeats with every revolution, so its error of the distance does not grow. But a turn takes
+        about one revolution, and what it shows of the scales is wrong by the runout's mean over that arc.
+        White noise of 0.7 runout^2 a rad is as uncertain as that mean for arcs of a quarter to a whole
+        revolution.
         """
         return 0.25 * 0.7 * self._settings.runout**2 * (abs(left) + abs(right)) / span

@@ -1,6 +1,6 @@
 """Observations as measurements of the pose: a known pose, a heading along a wall, the crossing of a line.
 
-Each is the values expected at a pose (x, y, heading) and their Jacobian, (m, 3).
+Each consists of the values expected at a pose (x, y, heading) and their Jacobian, (m, 3).
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ GATES = {1: 3.291, 2: 3.717, 3: 4.033}
 
 @dataclass(frozen=True, slots=True)
 class PoseMeasurement:
-    """A measurement of the pose.
+    """A measurement of the pose, of m values.
 
-    values: (m,). expected, jacobian: functions of the pose. std: (m,). angle: row that is an angle, or None.
+    values: (m,). expected, jacobian: functions of the pose. std: (m,). angle: index of the value that is an
+    angle, or None.
     """
 
     values: Array
@@ -34,11 +35,12 @@ class PoseMeasurement:
 
     @property
     def gate(self) -> float:
-        """Mahalanobis distance above which it is not believed: one true observation in 1000 lies beyond."""
+        """Mahalanobis distance above which the measurement is rejected: one true observation in 1000 is
+        beyond it."""
         return GATES[len(self.values)]
 
     def residual(self, measured: Array, expected: Array) -> Array:
-        """measured - expected, an angle the short way round."""
+        """measured - expected, an angle wrapped to [-pi, pi]."""
         result: Array = measured - expected
         if self.angle is not None:
             result[self.angle] = math.remainder(result[self.angle], math.tau)
@@ -46,7 +48,7 @@ class PoseMeasurement:
 
     def functions_of_state(self, shift: Array) -> tuple[PoseFunction, PoseFunction]:
         """Expected values and Jacobian as functions of the filter's state (13,), whose pose is `shift` (3,)
-        behind."""
+        behind the robot's."""
 
         def expected(state: Array) -> Array:
             return self.expected(state[: State.VELOCITY] + shift)
@@ -60,7 +62,7 @@ class PoseMeasurement:
 
 
 def check_observation(std: float, *values: float) -> None:
-    """Raise ValueError for a value that is not finite or a deviation that is not above 0."""
+    """Raise ValueError for a value that is not finite or a standard deviation that is not above 0."""
     if not (math.isfinite(std) and std > 0.0):
         raise ValueError(f"std is {std}: it must be above 0")
     if not all(math.isfinite(value) for value in values):
@@ -70,7 +72,7 @@ def check_observation(std: float, *values: float) -> None:
 def pose_measurement(
     x: float, y: float, heading: float, position_std: float, heading_std: float
 ) -> PoseMeasurement:
-    """A known pose: m, m, rad."""
+    """Measurement of the whole pose: m, m, rad."""
     check_observation(position_std, x, y, heading)
     check_observation(heading_std)
     return PoseMeasurement(
@@ -83,7 +85,7 @@ def pose_measurement(
 
 
 def heading_measurement(heading: float, std: float) -> PoseMeasurement:
-    """A known heading, rad: the robot stands along a wall."""
+    """Measurement of the heading, rad: the robot stands along a wall."""
     check_observation(std, heading)
     return PoseMeasurement(
         np.array([heading]),
@@ -97,10 +99,10 @@ def heading_measurement(heading: float, std: float) -> PoseMeasurement:
 def line_measurement(
     point: tuple[float, float], direction: float, sensor: tuple[float, float], std: float
 ) -> PoseMeasurement:
-    """A sensor (m ahead, m to the left of the robot's origin) is on the line through `point` along
-    `direction` rad.
+    """Measurement by a sensor (m ahead, m to the left of the robot's origin) that is on the line through
+    `point` along `direction` rad.
 
-    Measured is the sensor's distance from the line, to the left of its direction: 0.
+    The measured value is the sensor's distance from the line, positive to the left of its direction: 0.
     """
     check_observation(std, *point, direction, *sensor)
     normal = np.array([-math.sin(direction), math.cos(direction)])
@@ -121,7 +123,7 @@ def line_measurement(
 
 @dataclass(slots=True)
 class WheelTravel:
-    """What the wheels turned since a mark: rad at nominal scale, and s."""
+    """Turns of the wheels since a mark: rad at nominal scale, and s."""
 
     left: float = 0.0
     right: float = 0.0
@@ -134,18 +136,18 @@ class WheelTravel:
         self.seconds += span
 
     def expected(self, state: Array, radius: float) -> Array:
-        """Way of the robot's middle, m, (1,)."""
+        """Distance of the robot's origin, m, (1,)."""
         return np.array([state[State.WAY] * sum(self._half_ways(state, radius))])
 
     def _half_ways(self, state: Array, radius: float) -> tuple[float, float]:
-        """Half the way of either wheel as both read it, m."""
+        """Half the distance of either wheel, m, without the common scale WAY."""
         balance = state[State.BALANCE]
         left = 0.5 * radius * (self.left - state[State.LEFT_OFFSET] * self.seconds) / (1.0 - balance)
         right = 0.5 * radius * (self.right - state[State.RIGHT_OFFSET] * self.seconds) / (1.0 + balance)
         return left, right
 
     def jacobian(self, state: Array, radius: float) -> Array:
-        """Its derivative by the state, (1, 13)."""
+        """Derivative of `expected` by the state, (1, 13)."""
         H = np.zeros((1, SIZE))
         way, balance = state[State.WAY], state[State.BALANCE]
         left, right = self._half_ways(state, radius)

@@ -1,6 +1,4 @@
-"""What the sensors said since the filter last moved, judged cycle by cycle and set against each other in
-time.
-"""
+"""Sensor readings of the drive since the filter last moved, checked in every cycle and aligned in time."""
 
 from __future__ import annotations
 
@@ -16,85 +14,84 @@ from raccoon.estimate.drive.wheels import LONGEST_GAP_S, MAX_TIME_S, WheelDecode
 from raccoon.estimate.drive.wiring import Wiring
 
 COARSE_GYRO_PERIOD_S = 0.008
-"""s between gyro readings above which a turn may begin or end unseen between them."""
+"""s between gyro readings above which a turn may begin or end unseen between two of them."""
 KINK_SHARE = 0.15
-"""Of how far the rate bends from one reading to the next, deviation of its mean between them where they are
-coarse: where it peaks in between, its top is cut off. While it rises evenly nothing is."""
+"""Standard deviation of the mean rate between two coarse gyro readings, as a share of the change of slope: a
+peak between them is cut off. While the rate rises evenly nothing is lost."""
 SHARP_TURN_ACCELERATION = 30.0
-"""rad/s2; what turns a robot more suddenly, as a wall does, begins or ends between two readings. When it did
-is known no better than they are apart (`TURN_TIMING_SHARE` in steps.py)."""
+"""rad/s^2; a faster change of the turn rate, as at a wall, begins or ends between two readings, and its time
+is known no better than their interval (`TURN_TIMING_SHARE` in stepper.py)."""
 MAX_ACCELERATION = 400.0
-"""m/s2; the accelerometers of these robots end at 16 g or less."""
+"""m/s^2, bound on a plausible reading; the accelerometers of these robots end at 16 g or less."""
 MAX_PITCH_RATE = 3.0
-"""rad/s; no robot on its wheels pitches faster, and a gyro that says so is wrong."""
+"""rad/s, bound on a plausible reading; no robot on its wheels pitches or rolls faster."""
 SILENT_WHEELS_WAIT_S = 0.5
-"""s for which the filter waits for wheels that are silent beside a gyro that is not."""
+"""s, longest time for which the filter waits for silent wheels while the gyro gives readings."""
 
 
 @dataclass(slots=True)
 class Pending:
-    """What was read since the filter last moved: s, wheel angles (rad, nominal), the gyro's turn and time."""
+    """What was read since the filter last moved: span (s), wheel angles (rad, nominal scale), the gyro's turn
+    (rad) and the time that it covers (s)."""
 
     span: float = 0.0
     gap: bool = False
-    """Whether nobody looked for a part of it."""
+    """Whether a part of the span has no readings."""
     left: float = 0.0
     right: float = 0.0
     turn: float = 0.0
     gyro_span: float = 0.0
     gyro_count: int = 0
     gyro_kink_variance: float = 0.0
-    """(rad/s)^2 by which a rate that did not run straight may be off."""
+    """(rad/s)^2, variance of the gyro's mean because its rate did not run straight between readings."""
     gyro_sharp_turn: float = 0.0
-    """rad, how far it would have turned between two readings at what the rate jumped by."""
+    """rad, sum of the sharp jumps of the rate times the time between the two readings."""
     forward_accel_sum: float = 0.0
-    """m/s2 ahead that the accelerometer felt, summed over its readings."""
+    """m/s^2 forwards by the accelerometer, summed over its readings."""
     pitch_rate_sum: float = 0.0
-    """rad/s about the axis that the gyro read with them, summed too; above 0 the nose comes down."""
+    """rad/s about the axle by the gyro, summed over the same readings; positive: the nose goes down."""
     left_accel_sum: float = 0.0
     roll_rate_sum: float = 0.0
-    """The same of what it felt to the left, and of the gyro about the direction ahead; above 0 the left side
-    comes up."""
+    """The same sums sideways: acceleration to the left, and the gyro's rate about the forward axis; positive:
+    the left side goes up."""
     accel_count: int = 0
     faulty: bool = False
-    """Whether the port says that a motor is at fault, and it may be that of a wheel."""
+    """Whether the port reports a motor fault that may be a wheel's."""
 
 
 class DriveReadings:
     """Wheels and gyro of a robot, cycle by cycle.
 
-    imu_latency: s by which the gyro is later than the wheels. pending: what the filter has not taken yet.
-    ahead: s and wheel angles (rad, nominal) that wait for a gyro reading of their time. time: s of the
-    last cycle.
-    rate: rad/s, the gyro's last. at_fault: whether a motor's fault that the port tells of may be a
-    wheel's, in a cycle with faults.
+    imu_latency: s by which the gyro is later than the wheels.
+    pending: what the filter has not used yet.
+    waiting: s and wheel angles (rad, nominal scale) that wait for a gyro reading of their time.
+    time: s, of the last cycle. gyro_rate: rad/s, the gyro's last reading.
+    at_fault: whether a motor fault that the port reports may be a wheel's; set in a cycle with faults.
     """
 
     def __init__(self, robot: RobotConfig, imu_latency: float) -> None:
         lag = robot.model.bemf.filter_time_constant.value
         self.left, self.right = WheelTrack(lag), WheelTrack(lag)
         self.gyro, self.reasons, self.wiring = GyroWatch(), Reasons(), Wiring()
-        self.gyro_rate = self._gyro_acceleration = 0.0  # rad/s, and rad/s2 since the reading before
+        self.gyro_rate = self._gyro_acceleration = 0.0  # rad/s, and its last slope, rad/s^2
         self.time = 0.0
-        self._has_time = False  # whether there was a cycle, whose time is known
+        self._has_time = False  # whether a cycle had a valid time
         self.at_fault = False
         self._decoder = WheelDecoder(robot)
         self._imu_latency = imu_latency
         self._unseen_seconds = 0.0
-        self._moves_at_rest = False  # as the port says of a motor
-        self._is_rest_motion_explained = False  # that, by an offset that was learnt
+        self._moves_at_rest = False  # reported by the port
+        self._is_rest_motion_explained = False  # by a learnt offset
         self.clear()
 
     def clear(self) -> None:
-        """Forget what is pending."""
+        """Drop what is pending."""
         self.pending = Pending()
         self.waiting = [0.0, 0.0, 0.0]
         self._waiting_cycles: deque[tuple[float, float, float]] = deque()
 
     def take(self, inputs: Inputs) -> bool:
-        """Take a cycle. True where a gyro reading came, or none is to be expected, so that the filter may
-        move.
-        """
+        """Take a cycle. True if the filter may move: a gyro reading came, or none is to be expected."""
         reading = self._decoder.decode(inputs)
         self._moves_at_rest = Fault.BEMF_INVALID in inputs.faults and not _is_silent(reading)
         self._is_rest_motion_explained = self._is_rest_motion_explained and self._moves_at_rest
@@ -104,26 +101,25 @@ class DriveReadings:
             self._take_wheels(reading.dt, reading, inputs)
             self._take_accelerometer(inputs)
             fresh = self._take_gyro(reading.dt, inputs) or self.gyro.age > GYRO_TIMEOUT_S
-            if _is_empty(reading, inputs):  # a silent link: what was missed is taken in one piece later
+            if _is_empty(reading, inputs):  # a silent link: the missed time is bridged later, in one piece
                 self._unseen_seconds += reading.dt
                 fresh = False
             else:
                 self._unseen_seconds = 0.0
-            fresh = (
-                fresh and not self._is_waiting_for_wheels
-            )  # a gyro alone does not tell how far the robot went
+            fresh = fresh and not self._is_waiting_for_wheels  # a gyro alone does not give the distance
         self._tell_faults(reading, inputs)
         if not self._has_time and -MAX_TIME_S <= inputs.time <= MAX_TIME_S:
             self._has_time, self.time = True, inputs.time
         return fresh
 
     def explain_rest_motion(self) -> None:
-        """The robot stands: what its wheels read is offset, which is learnt and so no doubt any more."""
+        """The robot stands: the wheels' readings are offsets, which the filter learns, so they need no report
+        any more."""
         self._is_rest_motion_explained = self._moves_at_rest
 
     @property
     def _is_waiting_for_wheels(self) -> bool:
-        """Whether neither wheel has said anything for a while, and may soon tell all of it at once."""
+        """Whether both wheels have been silent for a while, but their counters may soon return."""
         return HOLD_S < min(self.left.silence, self.right.silence) <= SILENT_WHEELS_WAIT_S
 
     def _take_wheels(self, dt: float, reading: WheelReading, inputs: Inputs) -> None:
@@ -140,7 +136,7 @@ class DriveReadings:
         if reading.right_jumped:
             right.take_counter_jump(dt)
         if inputs.faults and Fault.STALE in inputs.faults:
-            # A repeated frame says nothing; a counter that moved all the same does.
+            # The speeds of a repeated frame are old; a counter that moved is new.
             left.update(dt, None, reading.left_angle, self._unseen_seconds)
             right.update(dt, None, reading.right_angle, self._unseen_seconds)
         else:
@@ -157,7 +153,7 @@ class DriveReadings:
         pending.right += right.increment
 
     def _take_late(self, dt: float, latency: float) -> None:
-        """Let the wheels wait until the gyro, which is late, tells of the same time."""
+        """Keep the wheels' increments waiting until the gyro, which is late, reads the same time."""
         late, ahead, pending = self._waiting_cycles, self.waiting, self.pending
         late.append((dt, self.left.increment, self.right.increment))
         for place, value in enumerate(late[-1]):
@@ -172,7 +168,7 @@ class DriveReadings:
             ahead[2] -= right
 
     def _take_gyro(self, dt: float, inputs: Inputs) -> bool:
-        """True where there is a new reading; between two of them the rate runs straight."""
+        """Integrate the gyro by the trapezoidal rule. True if there is a new reading."""
         watch = self.gyro
         rate = watch.judge(dt, inputs, self.reasons)
         if rate is None:
@@ -180,7 +176,7 @@ class DriveReadings:
         pending = self.pending
         before = rate if watch.age > GYRO_TIMEOUT_S else self.gyro_rate
         age = min(watch.age, pending.span)
-        if age > GYRO_TIMEOUT_S:  # what it reads now is no word about a time in which nobody looked
+        if age > GYRO_TIMEOUT_S:  # this reading says nothing about the time without readings
             self.gyro_rate, self._gyro_acceleration = rate, 0.0
             watch.age = 0.0
             return True
@@ -200,7 +196,7 @@ class DriveReadings:
         return True
 
     def _take_accelerometer(self, inputs: Inputs) -> None:
-        """Every reading counts: a blow is over within two."""
+        """Sum every reading: a blow is over within two."""
         if inputs.accel is None:
             return
         unit, pending = inputs.device.accel_m_s2, self.pending
@@ -219,7 +215,7 @@ class DriveReadings:
             pending.roll_rate_sum += roll
 
     def _tell_faults(self, reading: WheelReading, inputs: Inputs) -> None:
-        """Tell what is wrong with this cycle."""
+        """Report what is wrong with this cycle."""
         tell, time, reasons = self.reasons.tell, self.time, self.reasons
         reasons.drop_expired(time)
         if reading.dt <= 0.0 and inputs.time <= time and self._has_time:
@@ -253,11 +249,11 @@ class DriveReadings:
 
 
 def _is_empty(reading: WheelReading, inputs: Inputs) -> bool:
-    """Whether neither wheels nor gyro said anything in this cycle."""
+    """Whether this cycle has neither a wheel's nor the gyro's reading."""
     return inputs.gyro is None and _is_silent(reading)
 
 
 def _is_silent(reading: WheelReading) -> bool:
-    """Whether no wheel said anything in this cycle."""
+    """Whether this cycle has no wheel's reading."""
     speeds = reading.left_speed is None and reading.right_speed is None
     return speeds and reading.left_angle is None and reading.right_angle is None

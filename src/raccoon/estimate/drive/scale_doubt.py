@@ -1,4 +1,5 @@
-"""Whether robot.toml is more wrong about the wheels and the track width than it says."""
+"""Detection of wheel scales and a track width that are more wrong than robot.toml's standard deviations
+allow."""
 
 from __future__ import annotations
 
@@ -9,27 +10,28 @@ from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.state import State
 
 SURPRISING_STDS = 3.0
-"""Deviations by robot.toml from which on what it says of its deviations is not believed either."""
+"""Threshold, in standard deviations of robot.toml, above which its standard deviations are distrusted as
+well."""
 MIN_GROWTH = 1.1
-"""Times what is in doubt already, before more of it is."""
+"""Factor by which an error must exceed the uncertainty added so far before more is added."""
 
 NO_DOUBT = (0.0, 0.0)
 
 
 class ScaleDoubt:
-    """Asks in every step how far both scales that show in every drive are off what robot.toml has.
+    """Compares, in every step, the two scales that every drive shows with robot.toml.
 
-    A straight shows that the wheels are unlike (BALANCE), a turn that they turn the robot otherwise than the
-    gyro (WHEEL_TURN over GYRO_SCALE). Neither says which number is wrong. Within the deviations of robot.toml
-    the filter shares it among them; a calibration that is far beyond its own may have any one wrong, and all
-    of it: the way is then off by as much as they are. Which wheel it is turns tell; whether it is both or the
-    track, nothing but a tape or something seen.
+    Driving straight shows unequal wheels (BALANCE); a turn shows the turn of the wheels against the gyro's
+    (WHEEL_TURN over GYRO_SCALE). Neither shows which number of robot.toml is wrong. Within its standard
+    deviations the filter divides the error among them. If the error is far beyond these, any single number
+    may hold all of it, and distances may be wrong by as much. Turns show which wheel it is; whether it is
+    both wheels or the track width, only a tape or an observation shows.
     """
 
     __slots__ = ("_balance_limit", "_doubted", "_gyro_scale", "_turn_limit")
 
     def __init__(self, flat: Flat) -> None:
-        """flat: the filter's belief before anything was read."""
+        """flat: the filter's state and covariance before any reading."""
         self._balance_limit = SURPRISING_STDS * sqrt(flat[variance_index(State.BALANCE)])
         self._gyro_scale = flat[State.GYRO_SCALE]
         shared = flat[covariance_index(State.WHEEL_TURN, State.GYRO_SCALE)] / self._gyro_scale
@@ -40,13 +42,12 @@ class ScaleDoubt:
         self._doubted = NO_DOUBT
 
     def added_deviations(self, flat: Flat) -> tuple[float, float]:
-        """Deviations to add to what is not known of WAY, for wheels that are unlike and for turns that are
-        otherwise; hardly ever above 0.
-        """
+        """Relative standard deviations to add to WAY: for unequal wheels, and for wrong turns; almost always
+        0."""
         balance = abs(flat[State.BALANCE])
         turn = abs(flat[State.WHEEL_TURN] * self._gyro_scale / flat[State.GYRO_SCALE] - 1.0)
         if balance > self._balance_limit:
-            turn = min(turn, abs(turn - balance))  # one wheel that is another turns the robot as much
+            turn = min(turn, abs(turn - balance))  # a single wrong wheel turns the robot by the same share
         doubted = self._doubted
         added = (
             _added_deviation(balance, self._balance_limit, doubted[0]),

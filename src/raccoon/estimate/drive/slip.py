@@ -1,41 +1,44 @@
-"""Which wheel slips: wheels against gyro.
+"""Detection of the slipping wheel from wheels and gyro.
 
-The filter's gyro innovation, taken after both wheels, is the turn that the wheels do not explain. More of
-it than its variance allows, for a few steps, is a wheel that does not roll. Driven wheels spin rather than
-skid, so of the two explanations the wheel that reads more than it rolled is named, unless the other one
-reads nothing at all.
+The filter's gyro innovation, after the update with both wheels, is the turn that the wheels do not explain.
+If it exceeds its variance for a few steps, a wheel does not roll. Driven wheels spin rather than skid; so of
+the two explanations, the wheel that reads more than it rolled is named, unless the other one reads nothing at
+all.
 """
 
 from __future__ import annotations
 
 SLIP_GATE = 16.0
-"""Squared innovation over its variance: 4 sigma."""
+"""Gate on the squared innovation over its variance: 4 sigma."""
 DOUBTFUL_SLIP_GATE, DOUBTFUL_GYRO_STD = 4.0, 0.02
-"""The same at 2 sigma, where the turn cannot be dated either: rad/s of its deviation."""
+"""The same gate at 2 sigma, used if the time of the turn is uncertain too; and the gyro's standard deviation,
+rad/s, above which that is so."""
 MIN_TURN = 0.08
-"""rad/s; a smaller disagreement is no slip worth a name."""
+"""rad/s; a smaller disagreement is not slip."""
 NAMED_AFTER_S = 0.05
-"""s of disagreement before a wheel is named."""
+"""s of disagreement after which a wheel is named."""
 WRONG_SCALES_AFTER_S = 3.0
-"""s of a disagreement that wrong scales may be, after which it is not slip: the scales are wrong."""
+"""s after which a disagreement that wrong scales can explain counts as wrong scales instead of slip."""
 MAX_SCALE_ERROR, MAX_TURN_ERROR = 0.4, 0.4
-"""How far robot.toml may be off about a wheel's metres, and about the turn that both wheels make, as a share.
-A magnet with half its strength, a track taken at the wrong edge are not more; tyres that spin are."""
+"""Largest plausible relative errors of robot.toml: of the metres of a wheel's turn, and of the turn rate of
+both wheels. A magnet of half strength or a track measured at the wrong edge stay below; spinning tyres do
+not."""
 AGREED_BEFORE_SLIP_S = 0.3
-"""s of driving in which wheels and gyro agreed, after which a disagreement is slip however long it lasts:
-wrong scales are so from the first moment of a motion."""
+"""s of driving in which wheels and gyro agreed, after which any disagreement is slip, however long it lasts:
+wrong scales disagree from the first moment of a motion."""
 AFTER_SLIP_S = 0.3
-"""s after a disagreement in which a wheel may still slip by less than it takes to disagree: that looks like a
-wrong scale."""
+"""s after a disagreement in which a wheel may still slip by less than the gate: that looks like a wrong
+scale."""
 RESTING_SPEED = 0.3
-"""rad/s below which a wheel reads nothing."""
+"""rad/s below which a wheel counts as reading nothing."""
 
 
 class SlipWatch:
-    """Memory of disagreement between wheels and gyro.
+    """Memory of the disagreement between wheels and gyro.
 
-    wheel: "left" or "right" while one is named, else None. slipped: one was named in a motion that had begun
-    well; the robot may slide along something until it stands, and its wheels tell no scale.
+    wheel: "left" or "right" while one is named, else None. slipped: a wheel was named in a motion that had
+    begun without slip; until the robot stands it may slide along something, and its wheels are no evidence on
+    scales.
     """
 
     __slots__ = (
@@ -61,18 +64,18 @@ class SlipWatch:
 
     @property
     def scales_are_wrong(self) -> bool:
-        """They have disagreed as wrong scales do, for longer than a wheel slips."""
+        """Whether the disagreement has fitted wrong scales for longer than a wheel slips."""
         return self._scale_error_seconds > WRONG_SCALES_AFTER_S
 
     def disagrees(self, innovation: float, variance: float) -> bool:
-        """Is the turn that the wheels do not explain (rad/s) more than noise?"""
+        """Whether the turn that the wheels do not explain (rad/s) is more than noise."""
         return abs(innovation) > MIN_TURN and innovation * innovation > SLIP_GATE * variance
 
     def may_slip(self, innovation: float, variance: float, gyro_variance: float) -> bool:
-        """May a wheel slip: one did a moment ago, or the gyro's rate changes too fast to be dated, as where a
-        robot is turned by what it runs into?
+        """Whether a wheel may slip: one did a moment ago, or the gyro's rate changes so fast that the time of
+        the change is uncertain, as when the robot is turned by what it runs into.
 
-        of_gyro: (rad/s)^2 of the turn rate for that.
+        gyro_variance: (rad/s)^2, variance of the turn rate including that uncertainty.
         """
         if self._seconds_since_slip < AFTER_SLIP_S:
             return True
@@ -80,7 +83,7 @@ class SlipWatch:
         return disagrees and gyro_variance > DOUBTFUL_GYRO_STD**2
 
     def begin_rest(self) -> None:
-        """The robot stands: what comes is another motion."""
+        """The robot stands: the next motion is a new one."""
         self._agreed_seconds = 0.0
         self.slipped = False
 
@@ -98,9 +101,8 @@ class SlipWatch:
     def take_disagreement(
         self, span: float, innovation: float, left: float, right: float, may_be_scales: bool
     ) -> str:
-        """The wheel to distrust over `span` s. innovation: rad/s more than the wheels say; speeds rad/s.
-        scales: whether it may be the scales as well.
-        """
+        """The wheel to distrust over `span` s. innovation: rad/s of turn that the wheels do not explain;
+        left, right: rad/s of the wheels. may_be_scales: whether wrong scales can explain it as well."""
         suspect = slipping_wheel(innovation, left, right)
         if suspect != self._suspect:
             self._slip_seconds = self._scale_error_seconds = 0.0
@@ -124,26 +126,26 @@ class SlipWatch:
 
 
 def can_scales_explain(turn: float, left: float, right: float) -> bool:
-    """Whether wrong scales of the wheels may be why they do not turn the robot as the gyro says.
+    """Whether wrong wheel scales can explain the difference between the wheels' turn and the gyro's.
 
-    turn: by the gyro, as the difference of the wheels that would make it. left, right: what they read at the
-    nominal scale, without offsets; all in rad/s. By the model of the filter the rest is
-    balance (left + right) + (wheel_turn - 1) turn; only one of both is far off.
+    turn: by the gyro, as the wheel speed difference of that turn. left, right: wheel readings at nominal
+    scale, without offsets; all in rad/s. In the filter's model the difference is balance (left + right) +
+    (wheel_turn - 1) turn; only one of the two errors is assumed large.
     """
     return abs(right - left - turn) < max(MAX_SCALE_ERROR * abs(left + right), MAX_TURN_ERROR * abs(turn))
 
 
 def are_scales_plausible(way: float, balance: float, wheel_turn: float) -> bool:
-    """Whether robot.toml may be that wrong about wheels and track width (states of the filter)."""
+    """Whether these states of the filter are plausible errors of robot.toml's wheels and track width."""
     off = max(abs(way - 1.0), abs(balance))
     return off <= MAX_SCALE_ERROR and abs(wheel_turn - 1.0) <= MAX_TURN_ERROR
 
 
 def slipping_wheel(innovation: float, left: float, right: float) -> str:
-    """The wheel that does not roll as it reads.
+    """The wheel that does not roll as it reads: "left" or "right".
 
     A left wheel that reads too much makes the wheels' turn too small, a right one too large; backwards the
-    other way round. Where both could be, the faster one is named; a wheel that reads nothing beside one
+    opposite. If either could be the cause, the faster one is named. A wheel that reads nothing beside one
     that turns reads too little.
     """
     if abs(left) < RESTING_SPEED <= abs(right):
@@ -160,5 +162,6 @@ def slipping_wheel(innovation: float, left: float, right: float) -> str:
 
 
 def is_slip_ambiguous(innovation: float, left: float, right: float) -> bool:
-    """Whether nothing tells which wheel slips: both turn, each its own way, and read too much of that."""
+    """Whether either wheel may be the slipping one: they turn in opposite directions and both read too
+    much."""
     return min(left * innovation, -right * innovation) > RESTING_SPEED * abs(innovation)

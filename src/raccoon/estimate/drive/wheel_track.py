@@ -1,12 +1,12 @@
-"""One wheel's angle and speed now, from a counter and a back-EMF word that is late.
+"""One wheel's present angle and speed, from a counter and a back-EMF word that are late.
 
 The board filters the back-EMF, and its counter sums the filtered value, so both lag. For a first-order filter
-the angle now is, but for the change of the last sample::
+the present angle is, except for the change of the last sample::
 
     angle = counter + lag * filtered speed
 
-A whole tick is as much as a wheel turns in a cycle, so the fine back-EMF is integrated and drawn to the
-counter: no cycle that was missed is lost, and no tick's step is seen.
+A whole tick is as much as a wheel turns in a cycle. So the fine back-EMF is integrated, and the integral
+follows the counter: missed cycles are not lost, and ticks make no steps.
 """
 
 from __future__ import annotations
@@ -21,26 +21,28 @@ COUNTER_PULL_S = 0.25
 SPEED_SMOOTHING_S = 0.005
 """s, time constant of the speed handed to the speed loop."""
 STUCK_ANGLE = 0.15
-"""rad that one of counter and back-EMF turned while the other stood still: the other is dead."""
+"""rad by which one of counter and back-EMF turned while the other stood still, after which that one counts as
+dead."""
 STUCK_MEMORY_S = 10.0
-"""s in which such evidence is: words are cut to whole counts, and a start may be minutes away."""
+"""s, time constant of this evidence: words are whole counts, and the start may be minutes ago."""
 MAX_WORD_PERIOD_S = 0.012
-"""s between two back-EMF words that follow each other; who looks more often sees none in between."""
+"""s, longest time between two consecutive back-EMF words; in faster cycles some have none."""
 CYCLE_GAP_S = 0.1
-"""s between two cycles in which nobody saw what the wheel did; the counter alone tells how far it turned."""
+"""s between two cycles above which the wheel counts as unobserved; only the counter tells how far it
+turned."""
 HOLD_S = 0.06
-"""s for which a silent wheel is taken to turn on as before."""
+"""s for which a silent wheel is assumed to keep its speed."""
 
 
 class WheelTrack:
-    """Angle increments and speed of one wheel, rad and rad/s at nominal scale.
+    """Angle increments (rad) and speed (rad/s) of one wheel at nominal scale.
 
     lag: s by which back-EMF and counter are behind the wheel (`wheels.lag_seconds`).
-    increment: rad in the last cycle. speed: rad/s now, smoothed. settled: rad/s, averaged over 0.1 s.
-    mean: rad/s over the filter's last step, kept here for it.
-    silent: s without a reading. fine: True where back-EMF was read, which carries no steps.
-    blind: s of the filter's present step, kept here for it, in which the back-EMF was within the device's
-    dead zone. lost: rad in it, with their sign, that were guessed and that no counter corrects.
+    increment: rad in the last cycle. speed: rad/s now, smoothed. settled_speed: rad/s, averaged over 0.1 s.
+    step_speed: rad/s, mean over the filter's last step; set by the filter.
+    silence: s without a reading. has_bemf: whether back-EMF was read, which has no tick steps.
+    blind_time: s of the filter's present step in which the back-EMF was within the device's dead zone.
+    guessed_angle: rad of it, with sign, that were guessed and that no counter corrects.
     """
 
     __slots__ = (
@@ -68,9 +70,9 @@ class WheelTrack:
         self.lag = lag
         self.blind_time = self.guessed_angle = 0.0
         self._filtered: float | None = None
-        self._filtered_before_silence: float | None = None  # what it was before it fell silent
+        self._filtered_before_silence: float | None = None  # its last value before a silence
         self._counter_ahead = 0.0
-        self._speed_before_silence = 0.0  # rad/s, as it fell silent
+        self._speed_before_silence = 0.0  # rad/s, at the beginning of a silence
         self.increment = 0.0
         self.step_speed = 0.0
         self.speed = 0.0
@@ -79,12 +81,14 @@ class WheelTrack:
         self.has_bemf = False
         self.stuck_source = ""
         self._bemf_angle = self._counter_angle = 0.0
-        self._last_bemf_speed = self._repeated_seconds = 0.0  # the last back-EMF, rad/s, and s since it is so
+        # last back-EMF, rad/s, and s for which it is unchanged
+        self._last_bemf_speed = self._repeated_seconds = 0.0
 
     def update(self, dt: float, speed: float | None, angle: float | None, unseen: float = 0.0) -> None:
-        """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent.
+        """Take one cycle of dt s: the filtered speed (rad/s) and the counter's increment (rad); either may be
+        None.
 
-        unseen: s of cycles before it in which nothing at all was read.
+        unseen: s of cycles before it without any reading.
         """
         if speed is not None and self._is_frozen(dt, speed):
             speed = angle = None
@@ -116,10 +120,9 @@ class WheelTrack:
         self.silence = 0.0
 
     def _is_frozen(self, dt: float, speed: float) -> bool:
-        """Whether the back-EMF is as dead as the counter: it says that the wheel turns, and has for long said
-        the very same, which noise changes in every one that works. (Made-up words may repeat themselves as
-        well, but their counter counts.)
-        """
+        """Whether the back-EMF is dead like the counter: it shows a turning wheel, and has repeated the same
+        value for so long that a working one's noise would have changed it. (Synthetic words may repeat as
+        well, but then the counter counts.)"""
         if speed != self._last_bemf_speed or abs(speed) < RESTING_SPEED:
             self._last_bemf_speed, self._repeated_seconds = speed, 0.0
             return False
@@ -127,11 +130,11 @@ class WheelTrack:
         return self.stuck_source == "counter" and self._repeated_seconds > BEMF_FROZEN_SECONDS
 
     def _bridge(self, dt: float, speed: float | None, angle: float | None) -> None:
-        """Take the first words after a time in which there were none."""
+        """Take the first words after a silence."""
         if angle is None:
             self.guessed_angle = max(
                 self.guessed_angle, self._guessed_angle(dt), key=abs
-            )  # a restart has told of it already
+            )  # a restart may have set it already
             self.increment = 0.0
         else:
             before, now = self._filtered_before_silence if self._filtered is None else self._filtered, speed
@@ -141,28 +144,27 @@ class WheelTrack:
         self._bemf_angle = self._counter_angle = 0.0
         self._filtered, self._filtered_before_silence = speed, None
         self.has_bemf = speed is not None
-        if speed is None and angle is not None and dt <= CYCLE_GAP_S:  # an encoder: it went on as on the mean
+        if speed is None and angle is not None and dt <= CYCLE_GAP_S:  # an encoder: the mean speed
             speed = angle / (self.silence + dt)
         self.speed = self.settled_speed = 0.0 if speed is None else speed
         self.silence = 0.0
 
     def take_counter_jump(self, dt: float) -> None:
-        """The counter jumped, or its controller restarted: what the wheel turned since the last reading stays
-        guessed, and the board's filter may have begun anew. Before `update`.
-        """
+        """Handle a jump of the counter or a restart of its controller, before `update`: the turn since the
+        last reading stays a guess, and the board's filter may have restarted."""
         self.guessed_angle += self._guessed_angle(dt)
         self._counter_ahead = self._bemf_angle = self._counter_angle = 0.0
         self._filtered = None
 
     def _guessed_angle(self, dt: float) -> float:
-        """rad that it would have turned since its last reading at the speed that it had then."""
+        """rad that the wheel would have turned since its last reading at its speed then."""
         return (self._speed_before_silence if self.silence > 0.0 else self.speed) * (self.silence + dt)
 
     def _find_stuck_source(self, dt: float, speed: float, angle: float) -> None:
-        """Find the one of both that is dead: it stands while the other turns."""
+        """Find a dead source: it stands while the other one turns."""
         bemf_angle, counter_angle = speed * dt, angle
-        # Summed with their signs, so that a resting counter's ticks and the offset between them cancel. What
-        # both say is no evidence: forget over about half a radian.
+        # Sums with sign, so that a resting counter's ticks and the offset between them cancel. What both show
+        # is no evidence: forget over about half a radian.
         common = min(abs(bemf_angle), abs(counter_angle)) + 0.1 * max(abs(bemf_angle), abs(counter_angle))
         keep = 1.0 - min(1.0, 2.0 * common + dt / STUCK_MEMORY_S)
         self._bemf_angle = (self._bemf_angle + bemf_angle) * keep
@@ -176,7 +178,7 @@ class WheelTrack:
             self.stuck_source = ""
 
     def _take_back_emf(self, dt: float, speed: float, angle: float | None, span: float) -> None:
-        """Take a speed; span: s since the one before."""
+        """Take a speed. span: s since the one before."""
         before = speed if self._filtered is None else self._filtered
         self.increment = speed * dt + self._pull_to_counter(dt, speed, angle) + self.lag * (speed - before)
         self._filtered, self._filtered_before_silence = speed, None
@@ -185,7 +187,7 @@ class WheelTrack:
         self._smooth(span, speed + (self.lag / max(span, MIN_PERIOD_S) + 0.5) * (speed - before))
 
     def _pull_to_counter(self, dt: float, speed: float, angle: float | None) -> float:
-        """rad by which the counter draws the integrated back-EMF to itself in this cycle."""
+        """rad by which the integrated back-EMF follows the counter in this cycle."""
         if angle is None:
             return 0.0
         self._counter_ahead += angle - speed * dt
@@ -194,7 +196,8 @@ class WheelTrack:
         return pull
 
     def _hold_speed(self, dt: float) -> None:
-        """Nothing was read: turn on as before for a while; a counter that comes back corrects it."""
+        """Handle a cycle without a reading: keep the speed for a while; a counter that returns corrects the
+        angle."""
         if self.silence == 0.0:
             self._speed_before_silence = self.speed
         self.silence += dt

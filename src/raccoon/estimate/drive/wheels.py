@@ -1,5 +1,5 @@
-"""From a controller's counters and back-EMF words to wheel speeds and angles: the one place of that
-conversion.
+"""Conversion of a controller's counters and back-EMF words to wheel speeds and angles (the only place for
+it).
 
 A motor's counter is the integral of its back-EMF, so both share one scale (`raccoon.model.bemf.counts_scale`)
 and one offset in counts, read at standstill, which adds offset · time to the counter.
@@ -15,15 +15,16 @@ from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs
 from raccoon.model.bemf import counter_lag, counts_scale
 
 SAMPLE_TIME_S = 0.005
-"""s between two samples of the back-EMF; their noise is independent from one to the next."""
+"""s between two samples of the back-EMF, whose noise is independent."""
 MAX_WHEEL_SPEED = 60.0
-"""rad/s; no wheel of such a robot turns faster, so a counter that says so jumped, and a back-EMF lies."""
+"""rad/s, bound on the speed of a wheel of such a robot: a faster counter has jumped, a faster back-EMF is
+wrong."""
 MAX_TICKS = 2.0**63
-"""A counter has 64 bits."""
+"""Bound on a counter: it has 64 bits."""
 MAX_TIME_S = 1e12
-"""s; a clock that shows more, 30 000 years, shows no time."""
+"""s, bound on a valid time (30 000 years)."""
 LONGEST_GAP_S = 3600.0
-"""s; a longer gap counts as one of an hour: where the robot is nobody knows after either."""
+"""s; a longer gap counts as this one: after either, the pose is unknown."""
 
 _JUMP_FAULTS = (Fault.POSITION_JUMP, Fault.RESET)
 
@@ -32,14 +33,14 @@ _JUMP_FAULTS = (Fault.POSITION_JUMP, Fault.RESET)
 class WheelReading:
     """One cycle of both wheels, at their nominal scale.
 
-    left_speed, right_speed: rad/s as the board filtered them, so late by its filter's time constant.
-    left_angle, right_angle: rad since the last cycle that had a counter. None: no such reading in this cycle.
-    dt: s since the last cycle, at most LONGEST_GAP; 0 in the first one and where time stood still or ran back
+    left_speed, right_speed: rad/s as filtered by the board, so late by its filter's time constant.
+    left_angle, right_angle: rad since the last cycle with a counter. None: no such reading in this cycle.
+    dt: s since the last cycle, at most LONGEST_GAP_S; 0 in the first one and if time stood still or ran back
     (then nothing else is set).
-    left_jumped, right_jumped: the counter moved further than a wheel can, and was left out.
-    not_a_number: a word was NaN, infinite or beyond what its port can hold, and was left out.
-    left_absurd, right_absurd: the back-EMF is that of a wheel faster than any, and was left out.
-    left_blind, right_blind: the back-EMF reads 0 and may do so while the wheel creeps: the device has a dead
+    left_jumped, right_jumped: the counter moved further than a wheel can; its reading is left out.
+    not_a_number: a word was NaN, infinite or beyond the range of its port, and is left out.
+    left_absurd, right_absurd: the back-EMF is above MAX_WHEEL_SPEED, and is left out.
+    left_blind, right_blind: the back-EMF reads 0, possibly while the wheel creeps: the device has a dead
     zone.
     """
 
@@ -58,9 +59,8 @@ class WheelReading:
 
 
 def lag_seconds(robot: RobotConfig, device: Device) -> float:
-    """s by which back-EMF and counter are behind the wheel: of robot.toml's filter time constant where it
-    gives one, else the device's.
-    """
+    """s by which back-EMF and counter are behind the wheel: from robot.toml's filter time constant if it
+    differs from the default, else from the device."""
     own = robot.model.bemf.filter_time_constant
     if own == BemfModel().filter_time_constant and device.bemf_lag is not None:
         return device.bemf_lag
@@ -68,18 +68,18 @@ def lag_seconds(robot: RobotConfig, device: Device) -> float:
 
 
 def resting_counts(robot: RobotConfig, port: int) -> float:
-    """Back-EMF counts of the motor on `port` at standstill, in the sign of the board."""
+    """Back-EMF counts of the motor on `port` at standstill, with the board's sign."""
     own = robot.motor(port).bemf_offset
     return (robot.model.bemf.offset if own is None else own).value
 
 
 def all_resting_counts(robot: RobotConfig) -> list[float]:
-    """The same of each motor port, in their order."""
+    """The resting counts of every motor port, in order."""
     return [resting_counts(robot, port) for port in range(MOTOR_PORTS)]
 
 
 class _WheelPort:
-    """Words of one motor port to SI."""
+    """Conversion of one motor port's words to SI units."""
 
     __slots__ = (
         "_device",
@@ -125,7 +125,7 @@ class _WheelPort:
         return speed
 
     def angle(self, inputs: Inputs, dt: float) -> float | None:
-        """Angle since the last counter reading."""
+        """Angle since the last counter reading, rad; None without a valid one."""
         if inputs.device is not self._device:
             self.prepare(inputs.device)
         self.jumped = False
@@ -134,7 +134,7 @@ class _WheelPort:
         if ticks is None or not -MAX_TICKS <= ticks <= MAX_TICKS:
             return None
         if ticks == self.last_ticks and inputs.faults and Fault.STALE in inputs.faults:
-            return None  # a repeated frame: what moves meanwhile comes with the next
+            return None  # a repeated frame: the next one shows the motion of both
         last, since = self.last_ticks, self.seconds_since_counter
         self.last_ticks, self.seconds_since_counter = ticks, 0.0
         if last is None:
@@ -156,9 +156,9 @@ class _WheelPort:
 
 
 class WheelDecoder:
-    """Wheel readings of a robot from the raw words of its controller.
+    """Wheel readings of a robot from its controller's raw words.
 
-    Remembers the last counter and time; make a new one for a new recording.
+    Remembers the last counter and time; make a new one for each recording.
     """
 
     def __init__(self, robot: RobotConfig) -> None:
@@ -167,7 +167,7 @@ class WheelDecoder:
         self._time: float | None = None
 
     def decode(self, inputs: Inputs) -> WheelReading:
-        """The readings of the cycle `inputs`. Never raises for a bad word: it is left out."""
+        """The readings of the cycle `inputs`. Never raises for a bad word; it is left out."""
         dt = self._elapsed(inputs.time)
         first = self._left.last_ticks is None and self._right.last_ticks is None
         if dt <= 0.0 and not first:
