@@ -131,13 +131,13 @@ def mission(*actions: Action[Any]) -> Action[list[Any]]:
 
 
 def wait_for_light(port: int, calibration: StartLightCalibration | None = None) -> Action[None]:
-    """Stand until the start light over the sensor on analog `port` goes on.
+    """Stand until the start light over the sensor on analog `port` goes on. The estimators keep learning
+    meanwhile.
 
     calibration: its levels off and on (`calibrate_light`); without one the reading must fall by 35 %,
-    quickly, and stay. The estimators keep learning meanwhile. It waits for as long as it takes: append
-    `.timeout(seconds)` where it must not. Over a simulated robot a lamp goes on after 2 s. Light that stays
-    and is refused, and light in which no lamp can be told, is said. Raises ValueError where there is no such
-    port, TypeError for a calibration that is none.
+    quickly, and stay there. It waits without limit: append `.timeout(seconds)` to set one. In simulation the
+    lamp goes on after 2 s. It reports light that stays on and is ignored, and light that is too bright to see
+    a lamp. Raises ValueError if the port does not exist, TypeError for anything that is not a calibration.
     """
     check_lamp(port, calibration)
 
@@ -162,16 +162,16 @@ def run_match(
     seconds: float = MATCH_SECONDS,
     alarm: bool | None = None,
 ) -> MatchReport:
-    """Do `start` (such as `wait_for_light`), then `program`, for at most `seconds` s; then everything is off.
+    """Run `start` (such as `wait_for_light`), then `program`, for at most `seconds` s; then everything is
+    switched off.
 
-    program: an action, or a function that runs what it likes on the robot; an action that it gives back is
-    done as well. The robot's clock ends it at its next reading, whatever it is doing or catching; an alarm of
-    the wall clock also ends code that never comes back to the robot (alarm: None sets it on a real controller
-    alone). When the program has ended, by itself or not, the match is over: the servos are off too, the
-    background has ended, and the robot runs nothing more. Errors of the program come through, with the motors
-    off; what rescues it then ends with the match.
-
-    Raises RuntimeError for a second match: open the robot again for each.
+    program: an action, or a function that runs what it likes on the robot; an action that it returns is run
+    as well. The robot's clock ends it at its next reading, whatever it is doing or catching; an alarm of the
+    wall clock also ends code that never returns to the robot (alarm: None sets it on a real controller only).
+    When the program has ended, by itself or not, the match is over: the servos are off too, the background
+    has ended, and the robot runs nothing more. Errors of the program are passed on with the motors off;
+    handlers that continue after them end with the match. Raises RuntimeError for a second match: open the
+    robot again for each.
     """
     _check_match(robot, program, start, seconds)
     if start is not None:
@@ -228,7 +228,7 @@ def _check_match(
 
 
 def _is_real_time(robot: Robot, alarm: bool | None) -> bool:
-    """Whether the robot's seconds are the wall's: not in simulation and not in a replay."""
+    """Whether the robot runs in real time: not in simulation and not in a replay."""
     if alarm is not None:
         return alarm
     simulated = robot.inputs is None or robot.inputs.device.name.startswith(SIMULATOR.name)

@@ -1,4 +1,4 @@
-"""What was meant by a name that is not here: by habit, or as other libraries call it."""
+"""Hints for names that raccoon does not have: what other libraries, or habit, call something."""
 
 from __future__ import annotations
 
@@ -39,32 +39,30 @@ KIPR_NAMES = {
     "shut_down_in": "run_match(robot, program, seconds=119)",
     "create_connect": 'port = "create" under [controller] in robot.toml',
 }
-"""What stands here for the functions of KIPR's library."""
+"""What to use for each function of KIPR's library."""
 NAMES_ELSEWHERE = {
     **KIPR_NAMES,
     **{name: f"robot.pose.{name}" for name in ("x", "y", "heading")},
     **{name: f"robot.estimate.{name}" for name in ("distance", "velocity", "turn_rate", "status")},
     "name": "robot.config.name",
 }
-"""What other libraries, and habit, call something that has another place here."""
+"""Where to find what other libraries, or habit, call by these names."""
 _UNKNOWN_KEYWORD = re.compile(r"(?P<function>\w+)\(\) got an unexpected keyword argument '(?P<name>\w+)'")
 PARTS = ("tophat", "servo", "mechanism")
-"""Sections of robot.toml whose names somebody may take for attributes."""
+"""Sections of robot.toml whose names a program may take for attributes."""
 
 
 def hint_for_name(name: str, config: RobotConfig | None) -> str:
-    """What to write instead of an attribute that a robot does not have; "" where nothing is like it, or where
-    it is like an attribute that a robot has, which Python itself says.
-
-    config: of the robot, whose own names may be meant.
-    """
+    """What to write instead of an attribute that a robot does not have; "" if nothing is similar, or if it is
+    similar to an attribute that a robot has, which Python suggests itself. config: the robot's, whose own
+    names may be meant."""
     near = name if _hint_elsewhere(name, config) else nearest_name(name, import_module("raccoon").__all__)
     hint = _hint_elsewhere(near, config)
     return hint if near == name or not hint else f" (did you mean {near}?){hint}"
 
 
 def _hint_elsewhere(name: str, config: RobotConfig | None) -> str:
-    """What to write for a name that is one, but not of a robot; "" for others."""
+    """What to write for a name of something other than a robot's attribute; "" for unknown names."""
     package = import_module("raccoon")
     function = getattr(package, name) if name in package.__all__ else None
     if inspect.isfunction(function):
@@ -82,11 +80,9 @@ def _hint_elsewhere(name: str, config: RobotConfig | None) -> str:
 
 
 def refuse_name(name: str, asking: FrameType) -> NoReturn:
-    """Raise what says that the package `raccoon` has no `name`, and what to write instead.
-
-    asking: the frame that asked. An `import` in it would hide the words of an AttributeError, so it gets an
-    ImportError.
-    """
+    """Raise an error that the package `raccoon` has no `name`, with what to write instead. asking: the frame
+    that asked for it. In an `import` Python would replace the text of an AttributeError, so an ImportError is
+    raised."""
     from opcode import opmap
 
     hint = _kipr_hint(name)
@@ -102,7 +98,7 @@ def _kipr_hint(name: str) -> str:
 
 
 def add_hints(error: BaseException | None) -> None:
-    """Add to an error of a program what to write instead, where that can be told; once."""
+    """Add to a program's error what to write instead, if that is known; once."""
     for add in (_add_value_hint, _add_names_hint, _add_missing_name_hint, _add_keyword_hint):
         add(error)
 
@@ -113,7 +109,7 @@ def _add_note(error: BaseException, note: str) -> None:
 
 
 def _add_value_hint(error: BaseException | None) -> None:
-    """Add to the error of `robot.pose()`, which calls a value like a function, what to write."""
+    """Add a hint to the error of `robot.pose()`, which calls a value like a function."""
     if not (isinstance(error, TypeError) and str(error).endswith("object is not callable")):
         return
     from dis import get_instructions
@@ -134,7 +130,8 @@ def _add_value_hint(error: BaseException | None) -> None:
 
 
 def _add_names_hint(error: BaseException | None) -> None:
-    """Add to the error of `result.distance`, a name that a record of raccoon does not have, those it has."""
+    """Add to the error of `result.distance`, a name that a record of raccoon does not have, the names that it
+    has."""
     if not isinstance(error, AttributeError) or not is_dataclass(error.obj):
         return
     kind = type(error.obj)
@@ -144,8 +141,8 @@ def _add_names_hint(error: BaseException | None) -> None:
 
 
 def _add_missing_name_hint(error: BaseException | None) -> None:
-    """Add to the error of `straght(0.5)` what is meant, where the program did not import it: where it did,
-    Python itself says so."""
+    """Add to the error of `straght(0.5)` the name that is meant, if the program did not import it; otherwise
+    Python suggests it itself."""
     trace = error.__traceback__ if isinstance(error, NameError) else None
     if not isinstance(error, NameError) or trace is None:
         return
@@ -161,7 +158,7 @@ def _add_missing_name_hint(error: BaseException | None) -> None:
 
 
 def _add_keyword_hint(error: BaseException | None) -> None:
-    """Add to the error of `straight(0.5, sped=0.1)` the arguments that there are."""
+    """Add to the error of `straight(0.5, sped=0.1)` the arguments that exist."""
     found = _UNKNOWN_KEYWORD.match(str(error)) if isinstance(error, TypeError) else None
     package = import_module("raccoon")
     if error is None or found is None or found["function"] not in package.__all__:
@@ -172,19 +169,15 @@ def _add_keyword_hint(error: BaseException | None) -> None:
 
 
 def add_unread_hint(error: TypeError, inputs: Inputs | None) -> None:
-    """Add to the error of a program that reckons with readings before there are any how to get some.
-
-    inputs: the robot's.
-    """
+    """Add to the error of a program that computes with readings before there are any how to get some. inputs:
+    the robot's."""
     if inputs is None and "NoneType" in str(error):
         error.add_note("nothing was read yet, so every reading is None: write robot.run(wait(0.1)) first")
 
 
 class Part:
-    """A part of a robot that programs look at and motions move.
-
-    called: what to write where somebody calls it, or asks it to do something. offers: what programs ask it.
-    """
+    """A part of a robot that programs read and motions move. called: what to write if a program calls it, or
+    asks it to act. offers: what programs may read."""
 
     called = ""
     offers = ""

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 _is_only_read = ContextVar("only_read", default=False)
-"""Whether the program that runs is not to open a robot."""
+"""Whether the running program must not open a robot."""
 
 
 @contextmanager
 def no_robot_opened() -> Iterator[None]:
-    """Inside, `open_robot` raises ConfigError unless it is handed a port: a program that is only read,
-    simulated or replayed must not move the robot that its robot.toml names."""
+    """Inside the block `open_robot` raises ConfigError unless it is given a port: a program that is only
+    read, simulated or replayed must not move the robot that its robot.toml names."""
     before = _is_only_read.set(True)
     try:
         yield
@@ -46,10 +46,10 @@ def no_robot_opened() -> Iterator[None]:
 
 @dataclass
 class Substitute:
-    """What is opened in the place of the controller that robot.toml names.
+    """What is opened in place of the controller that robot.toml names.
 
-    port: makes it of a configuration and a seed. record, seed: where the run goes and of which noise it is,
-    where the program does not say; robots: that were opened so far.
+    port: makes the port from a configuration and a seed. record, seed: where to record, and the seed of the
+    noise, if the program gives none. robots: those opened so far.
     """
 
     port: Callable[[RobotConfig, int], Port]
@@ -63,7 +63,7 @@ _substitute: ContextVar[Substitute | None] = ContextVar("_substitute", default=N
 
 @contextmanager
 def substitute_robot(substitute: Substitute) -> Iterator[None]:
-    """Inside, a program that opens the robot of its robot.toml gets this one, which is a simulated one."""
+    """Inside the block a program that opens the robot of its robot.toml gets this simulated one."""
     before = _substitute.set(substitute)
     try:
         yield
@@ -72,7 +72,7 @@ def substitute_robot(substitute: Substitute) -> Iterator[None]:
 
 
 class Opening:
-    """What `open_robot` gives: the robot of one `with` block, opened when the block is entered."""
+    """What `open_robot` returns: the robot of one `with` block, opened when the block is entered."""
 
     def __init__(self, opened: AbstractContextManager[Robot]) -> None:
         self._opened = opened
@@ -111,14 +111,15 @@ def open_robot(
     record: str | Path | None = None,
     seed: int | None = None,
 ) -> Opening:
-    """A robot for a `with` block; its motors stop however the block is left, SIGTERM and Ctrl-C included.
+    """Open a robot for a `with` block. Its motors stop however the block is left, including SIGTERM and
+    Ctrl-C.
 
-    config: a robot.toml, looked for where the program was started and then beside the program, or a
-    configuration. port: handed in by tests; otherwise robot.toml's
-    `controller.port` is opened, and nothing else: there is no falling back to the simulator. record: where to
-    record the run; where there is such a recording, this one gets a number (`run-2`), and where none can be
-    written there is a RuntimeWarning and the robot runs without. seed: of the simulator. Raises ConfigError,
-    HardwareError, FileNotFoundError; TypeError and ValueError for arguments that are none of these.
+    config: a configuration, or a robot.toml, looked for in the folder where the program was started and then
+    beside the program. port: given by tests; otherwise robot.toml's `controller.port` is opened, and there is
+    no fallback to the simulator. record: where to record the run; if the recording exists, the new one gets a
+    number (`run-2`), and if it cannot be written there is a RuntimeWarning and the robot runs without it.
+    seed: of the simulator. Raises ConfigError, HardwareError, FileNotFoundError; TypeError and ValueError for
+    arguments of other kinds.
     """
     if not isinstance(config, RobotConfig | str | Path):
         raise TypeError(f"config is {config!r}: it must be the name of a robot.toml, or a RobotConfig")
@@ -175,7 +176,7 @@ def _open(
 
 
 def _find_config(name: str | Path) -> Path:
-    """A robot.toml from the folder that the program was started in, else from the program's own. Raises
+    """The robot.toml in the folder in which the program was started, else beside the program. Raises
     FileNotFoundError that names both."""
     path = near_program(name)
     if path.is_absolute() or path.exists():
@@ -189,7 +190,7 @@ def _find_config(name: str | Path) -> Path:
 
 
 def _with_recording(port: Port, path: str | Path, config: RobotConfig, seed: int | None) -> Port:
-    """The port with a recording around it, where one can be begun."""
+    """The port wrapped in a recording, if one can be started."""
     import logging
 
     from raccoon.trace.record import RecordingPort, recording_paths
@@ -203,10 +204,8 @@ def _with_recording(port: Port, path: str | Path, config: RobotConfig, seed: int
 
 
 def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
-    """The port that robot.toml's `controller.port` names; who opens it closes it. seed: of a simulated one.
-
-    Raises HardwareError where there is no such controller, or another program has it.
-    """
+    """The port that robot.toml's `controller.port` names; the caller closes it. seed: of a simulated one.
+    Raises HardwareError if there is no such controller, or another program has it."""
     kind = config.controller.port
     if kind == "sim":
         from raccoon.sim.port import open_simulated
@@ -247,11 +246,12 @@ def replay(
 ) -> T:
     """Run `program`, an action or a function of the robot, on a recording of itself and return its result.
 
-    Every command and estimate is compared with the recorded ones: ReplayDiverged names the tick and the field
-    of the first that differs (tolerance: relative; 0 is exact, 1e-9 suits a recording of another machine).
-    When the program has ended nothing moves any more, so it differs where something does in the recording.
-    check=False ignores them. config: the recording's own where None. The program must use the robot alone,
-    no clock and no random numbers. What it stores of its tophats it finds again, and nobody else.
+    Every command and estimate is compared with the recorded ones. ReplayDiverged names the tick and the field
+    of the first difference (tolerance: relative; 0 is exact, 1e-9 suits a recording from another machine).
+    After the end of the program nothing moves any more, so a recording in which something does is a
+    difference. check=False compares nothing. config: the recording's own if None. The program must depend on
+    the robot alone, not on a clock or random numbers. Tophat calibrations that it stores are found by its
+    later steps only.
     """
     from raccoon.trace.format import Trace
     from raccoon.trace.replay import ReplayPort

@@ -1,4 +1,4 @@
-"""What is strange about a robot's motors and wheels, for a motion's result, the recording and the log."""
+"""Remarks about odd motors and wheels, for a motion's result, the recording and the log."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from raccoon.robot.robot_state import RobotState
 
 MIN_MISMATCH = 0.01
-"""Share that the ratio of the wheels' scales, or the gyro's, is off robot.toml's to be worth a word."""
+"""Relative deviation of the ratio of the wheels' scales, or of the gyro's scale, from robot.toml, from which
+it is reported."""
 MISMATCH_SIGMAS = 4.0
-"""And how many of its standard deviations it must be."""
+"""The same in its standard deviations."""
 
 FAULT_REMARKS = {
     Fault.RESET: "the controller restarted: charge the battery, look for a loose battery plug",
@@ -30,23 +31,23 @@ FAULT_REMARKS = {
     "motions: switch the controller off and on",
     Fault.SENSOR_LOST: "an added sensor does not answer: look at its plug and its supply",
 }
-"""What is said of faults that the port does not make good by itself. Of motors, motions tell."""
+"""Remarks on faults that the port does not correct by itself. Faults of motors are reported by motions."""
 
 DRIVEN_DUTY, STANDING_SPEED, STUCK_AFTER_S = 0.2, 0.1, 1.0
-"""Duty that turns any motor, rad/s below which it does not, and s after which that is said: motions to a goal
-have given up by then, and other code may go on for ever."""
+"""Duty that turns any motor, speed (rad/s) below which it stands, and s after which that is reported: motions
+to a goal have given up by then, other code may go on for ever."""
 
 PUSHING_AFTER_S = 3.0
-"""s that a robot slips or pushes before it is said of what has no goal: who pushes on purpose is done by
-then."""
+"""s of slipping or pushing after which it is reported for a motion without a goal; who pushes on purpose is
+done by then."""
 PUSHING_REASONS = frozenset({HELD, *SLIPS.values()})
-"""Those of an estimate whose robot slips or pushes."""
+"""Reasons of an estimate of a robot that slips or pushes."""
 
 ENDLESS_AFTER_S = 120.0
-"""s of a motion without a goal, a whole match, after which it is said that nothing ends it."""
+"""s of a motion without a goal, a whole match, after which it is reported that nothing ends it."""
 
 NUMBER_PATTERN = re.compile(r"(?<![\w.])(?<!port )(?<!analog )[-+]?\d[.\d]*(?:e[-+]\d+)?")
-"""A number in a remark that is no part of a name (arm2) and no port."""
+"""A number in a remark that is not part of a name (arm2) or a port."""
 
 OFFSET_REMARK = (
     "a motor reads motion at rest that its bemf_offset in robot.toml does not explain, and the pose goes "
@@ -55,9 +56,10 @@ OFFSET_REMARK = (
 
 
 def find_oddities(robot: Robot) -> tuple[str, ...]:
-    """Sentences that name side and port: motors not as they should be, scales that do not fit.
+    """Sentences, naming side and port, about motors that are not as they should be and scales that do not
+    match.
 
-    Where wheels and gyro turn otherwise that goes first: what is then said of motors only follows from it.
+    A disagreement of wheels and gyro goes first, since remarks about motors then only follow from it.
     """
     if robot.odometry.turn_share != 1.0:
         return (_describe_turn_mismatch(robot),)
@@ -69,10 +71,10 @@ def find_oddities(robot: Robot) -> tuple[str, ...]:
 
 
 def scale_mismatch(robot: Robot) -> float:
-    """How far the ratio of the wheels' scales is off their calibration, 0 where it is as it should be.
+    """Relative deviation of the ratio of the wheels' scales from their calibration, 0 if it is small.
 
-    The gyro tells the ratio, so a motor or wheel that was changed shows in it. It does not tell which of the
-    two was, so a distance is then unsure by half of it.
+    The gyro measures the ratio, so it shows that a motor or wheel was changed, but not which of the two: a
+    distance is then uncertain by half of it.
     """
     drive = robot.config.drive
     stored = [robot.config.motor(port).radians_per_tick for port in (drive.left, drive.right)]
@@ -93,7 +95,7 @@ def _describe_turn_mismatch(robot: Robot) -> str:
 
 
 def _describe_gyro_scale(robot: Robot) -> tuple[str, ...]:
-    """What is to be said of a gyro's scale that walls, lines and poses have taught to be another one."""
+    """The remark about a gyro's scale that walls, lines and poses have shown to differ from robot.toml's."""
     (scale, std), known = robot.odometry.gyro_scale, robot.config.model.imu.gyro_scale.value
     if abs(scale - known) < max(MIN_MISMATCH * known, MISMATCH_SIGMAS * std):
         return ()
@@ -113,7 +115,7 @@ def _describe_scale_mismatch(robot: Robot, off: float) -> str:
 
 
 def describe_miswiring(robot: Robot) -> str:
-    """What is plugged in otherwise than robot.toml says, by the gyro; "" where nothing seems to be."""
+    """What the gyro shows to be plugged in other than robot.toml says; "" if nothing."""
     wiring = robot.odometry.wiring
     if not wiring.suspects:
         return ""
@@ -138,7 +140,7 @@ def describe_miswiring(robot: Robot) -> str:
 
 
 def remark_oddities(robot: Robot) -> tuple[str, ...]:
-    """The oddities; what was not said before also goes into the recording and to the log "raccoon"."""
+    """The oddities. New ones also go into the recording and the log "raccoon"."""
     found = find_oddities(robot)
     for said in found:
         add_remark(robot, said)
@@ -146,7 +148,7 @@ def remark_oddities(robot: Robot) -> tuple[str, ...]:
 
 
 def remark_cycle(robot: Robot, inputs: Inputs) -> None:
-    """Say what this cycle shows to be wrong and the program cannot know otherwise."""
+    """Report what this cycle shows to be wrong and the program cannot know otherwise."""
     for fault in inputs.faults:
         if fault in FAULT_REMARKS and fault not in robot.drive.remarks:
             add_remark(robot, FAULT_REMARKS[fault] + _describe_guessed_angle(robot, fault), fault)
@@ -162,7 +164,7 @@ def remark_cycle(robot: Robot, inputs: Inputs) -> None:
 
 
 def stuck_motors(robot: Robot) -> tuple[str, ...]:
-    """Wheels and mechanisms, with their motor ports, that have power and do not turn just now."""
+    """Wheels and mechanisms, with their motor ports, that have power and do not turn now."""
     if not robot.drive.followed:
         return ()
     drive, here = robot.config.drive, robot.estimate
@@ -184,15 +186,14 @@ def stuck_motors(robot: Robot) -> tuple[str, ...]:
 
 
 def _describe_guessed_angle(robot: Robot, fault: Fault) -> str:
-    """What to add where a restart of the controller has made the angle of a mechanism a guess."""
+    """The addition to a remark if a restart of the controller made the angle of a mechanism a guess."""
     held = " and ".join(robot.attachments.held) if fault is Fault.RESET else ""
     return held and f"; how far {held} turned meanwhile is guessed: drive it against its end stop"
 
 
 def remark_undriven(robot: Robot, times: int) -> None:
-    """Say that speeds which were asked for before a `run` drive nothing. times: in a row, without a `tick`
-    between them; a loop that was left before its own asks once.
-    """
+    """Report that speeds set before a `run` drive nothing. times: in a row, without a `tick` between them; a
+    loop that was left before its own tick sets one once."""
     if times == 2:
         add_remark(
             robot,
@@ -202,16 +203,14 @@ def remark_undriven(robot: Robot, times: int) -> None:
 
 
 class PushingRemark:
-    """Says once of what has no goal that something holds the robot. Ask `tell` in each tick.
-
-    label: what drives.
-    """
+    """Reports once that something holds the robot in a motion without a goal. Call `tell` in each tick.
+    label: what drives."""
 
     def __init__(self, robot: Robot, label: str) -> None:
         self._robot, self._label, self._lasted = robot, label, 0.0
 
     def tell(self) -> None:
-        """Another tick of it."""
+        """Take one more tick."""
         robot = self._robot
         pushes = not PUSHING_REASONS.isdisjoint(robot.estimate.reasons)
         self._lasted = self._lasted + robot.dt if pushes else 0.0
@@ -225,17 +224,15 @@ class PushingRemark:
 
 
 class EndlessRemark:
-    """Says once of what goes on for a whole match that nothing ends it. Ask `tell` in each tick.
-
-    label: what does. append: what ends it.
-    """
+    """Reports once that nothing ends what has lasted for a whole match. Call `tell` in each tick. label: what
+    lasts. append: what ends it."""
 
     def __init__(self, robot: Robot, label: str, append: str) -> None:
         self._robot, self._label, self._append = robot, label, append
         self._due = robot.time + ENDLESS_AFTER_S
 
     def tell(self) -> None:
-        """Another tick of it."""
+        """Take one more tick."""
         if self._robot.time > self._due:
             self._due = math.inf
             simulated = self._robot.config.controller.port not in REAL_CONTROLLERS
@@ -245,10 +242,8 @@ class EndlessRemark:
 
 
 def add_remark(robot: RobotState, said: str, kind: str | None = None) -> None:
-    """A remark for the recording, the log and the match report, unless one of its kind was made before.
-
-    kind: its text without what was measured where None; names and ports are no numbers that change.
-    """
+    """Add a remark to the recording, the log and the match report, unless one of its kind was made before.
+    kind: if None, the text without measured numbers (names and ports stay)."""
     import logging
 
     kind = NUMBER_PATTERN.sub("", said) if kind is None else kind

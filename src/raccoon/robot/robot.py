@@ -30,15 +30,16 @@ T = TypeVar("T")
 
 PAUSE_S = 0.1  # s from a reading to the next, longer than anything that delays a tick; two cycles at least
 LATE_CYCLES, MAX_LATE_CYCLES = 5.0, 20
-"""Cycles that one takes, from which on the wheels' loop rings; said after so many."""
+"""Length of a cycle, in nominal cycles, from which the wheels' speed loop rings; it is reported after so many
+of them."""
 
 
 class Robot(RobotState):
     """A robot behind `port`, described by `config`. Use it as a context: leaving it stops the motors.
 
-    Everything that moves goes through `run`. Whatever ends it (the action's own end, an error, Ctrl-C), the
+    Everything that moves goes through `run`. Whatever ends that (the action's own end, an error, Ctrl-C), the
     motors are stopped before `run` is left. A mechanism that is held brakes until the next tick; after an
-    error it is let go. One program, one thread: another one may call `stop`, and nothing else.
+    error it is released. One program uses one thread: another thread may call `stop`, and nothing else.
     """
 
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
@@ -47,18 +48,18 @@ class Robot(RobotState):
         self.ticks = 0
         """Cycles so far."""
         self.dt = 0.0
-        """s between the last two readings, for whatever adds up or ramps. After a pause it is one cycle:
-        nothing was controlled meanwhile, so nothing may make up for it at once."""
+        """s between the last two readings. After a pause it is one cycle: nothing was controlled meanwhile,
+        so nothing may make up for it at once."""
         self.paused = False
-        """Whether this tick is the first after a pause, in which the program did not let the robot read."""
+        """Whether this tick is the first after a pause, in which the program kept the robot from reading."""
         self.deadline: float | None = None
-        """s, time of a reading after which nothing runs any more: the end of a match."""
+        """s, time of a reading after which nothing runs any more: the end of the match."""
         self.ends = 0
-        """How often the program was told that it is over."""
+        """How often MatchOver was raised in the program."""
         self.ended_in = ""
-        """What ran when its match was over, "" for nothing."""
+        """What was running at the end of the match, "" for nothing."""
         self.stuck: dict[str, float] = {}
-        """For how many s a motor by now has had power and not turned, by its name."""
+        """s for which a motor has had power without turning, by its name."""
         self.steps: list[StepTime] = []
         """Every timed step so far."""
         self._background: list[Steps[Any]] = []
@@ -79,12 +80,12 @@ class Robot(RobotState):
     # -- the loop -----------------------------------------------------------------------------------------
 
     def run(self, action: Action[T], *more: Never) -> T:
-        """Do an action to its end and return its result. The motors are stopped however it ends.
+        """Run an action to its end and return its result. The motors are stopped however it ends; its errors
+        are passed on. What runs in the background pauses until the next `run` or `tick`.
 
-        An error of the action comes through. What runs in the background stands still until the next `run`
-        or `tick`; what ends the program (Ctrl-C, the end of the match) ends it too. Raises before anything
-        moves what `action.check` finds wrong (ConfigError, ValueError), HardwareError where the robot is
-        closed, RuntimeError where its match is over or in another `run`; Stopped where `stop` ends it.
+        Raises before anything moves: the errors of `action.check` (ConfigError, ValueError), HardwareError if
+        the robot is closed, RuntimeError after its match or inside another `run`. Raises Stopped if `stop`
+        ends it.
         """
         given = (action, *more) if more else action
         check_kind(given, Action, "run()", SEVERAL_ACTIONS_HINT if isinstance(given, list | tuple) else "")
@@ -113,12 +114,11 @@ class Robot(RobotState):
             close(body)
 
     def tick(self) -> Inputs:
-        """One cycle with whatever runs in the background and nothing else; the readings of it.
+        """Run one cycle with whatever runs in the background and nothing else; returns its readings.
 
-        What it drives goes on until the next cycle. A speed that the program asks `drive` for before each is
-        a loop of its own, and the next motion starts from where that came to. The motors are stopped where it
-        fails, as in `run`.
-        Raises RuntimeError in a `run`, which reads by itself, and in another `tick`; Stopped as `run` does.
+        What it drives goes on until the next cycle; the next motion starts from where that ends. The motors
+        are stopped if it fails, as in `run`. Raises RuntimeError inside a `run` and inside another `tick`;
+        Stopped as `run` does.
         """
         self._begin("tick()", "it reads by itself; let time pass with wait()")
         self._undriven = 0
@@ -137,7 +137,7 @@ class Robot(RobotState):
         return self.inputs
 
     def _begin(self, asked: str, instead: str) -> None:
-        """Let `asked` run from now on, unless something runs already (instead: what to write then)."""
+        """Mark `asked` as running, unless something runs already (instead: what to write then)."""
         with self._turn:
             self.require(asked, instead)
             self._thread = get_ident()
@@ -150,12 +150,12 @@ class Robot(RobotState):
             self._running = None
 
     def _obey_stop(self, running: str | None) -> NoReturn:
-        """Do as `stop` has asked."""
+        """Carry out a pending `stop`."""
         self._stopping = False
         raise Stopped(f"robot.stop() ended {running}")
 
     def _refuse_to_run(self, asked: str, instead: str) -> NoReturn:
-        """Say that something runs already: in this thread, or in one that may not."""
+        """Raise an error that something runs already, in this thread or in one that must not."""
         if get_ident() != self._thread:
             raise RuntimeError(
                 f"{asked} while another thread is in {self._running}: a robot has one thread; "
@@ -164,7 +164,7 @@ class Robot(RobotState):
         raise RuntimeError(f"{asked} inside {self._running}: {instead}")
 
     def add_background(self, action: Action[Any]) -> None:
-        """Let `action` run beside everything that follows, while another runs and at each `tick`."""
+        """Run `action` beside everything that follows, during each `run` and at each `tick`."""
         self._background.append(action.start(self))
 
     def _sense(self) -> None:
@@ -200,7 +200,7 @@ class Robot(RobotState):
             self._annotated_port.annotate("drive", replayed_numbers(estimate))
 
     def _act(self, *, resting: bool = False) -> None:
-        """Command this tick. resting: none may follow for long, so nothing is left driving."""
+        """Send the command of this tick. resting: no tick may follow for long, so nothing is left driving."""
         for body in tuple(self._background):
             try:
                 advance(body)
@@ -220,10 +220,11 @@ class Robot(RobotState):
     # -- stopping -----------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """End what runs, motors off: now, or where a `run` or `tick` goes on, in its cycle. Servos hold.
+        """End what runs and switch the motors off; servos hold. It takes effect now, or in the next cycle of
+        a `run` or `tick`, which raises Stopped.
 
-        That `run` or `tick` raises Stopped. Any thread may call this, and a function of a `do`, too. Where
-        another thread calls it between two cycles, the program's next `run` or `tick` raises.
+        Any thread may call this, and so may a function of a `do`. If another thread calls it between two
+        cycles, the program's next `run` or `tick` raises.
         """
         with self._turn:
             if self._running is not None:
@@ -234,14 +235,15 @@ class Robot(RobotState):
             self.switch_off()
 
     def switch_off(self) -> None:
-        """Command every motor off, now; servos hold. In a cycle it is for who ends that: see `stop`."""
+        """Command every motor off now; servos hold. Inside a cycle this is for whoever ends the cycle: see
+        `stop`."""
         if not self._closed:
             self.drive.stop()
             self._outputs = self.attachments.stop_motors()
             self.port.write(self._outputs)
 
     def _stop_after_error(self, error: BaseException) -> None:
-        """Motors off on the way out of an error, which must not be hidden by a second one."""
+        """Switch the motors off on the way out of an error, which a second error must not hide."""
         if isinstance(error, MatchOver):
             self.ended_in = self.ended_in or self._running or ""
         try:
@@ -266,7 +268,8 @@ class Robot(RobotState):
             self.port.close()
 
     def end_match(self) -> None:
-        """Motors, servos and background off for good: as the rules ask, nothing moves or holds then."""
+        """Switch motors, servos and background off for good: as the rules demand, nothing moves or holds
+        then."""
         self._match_over = True
         try:
             self.end_background()
@@ -275,14 +278,15 @@ class Robot(RobotState):
             self.switch_off()
 
     def end_background(self) -> None:
-        """End whatever runs in the background, all of it also where ending one of them fails."""
+        """End everything that runs in the background, even if ending one action fails."""
         bodies, self._background = self._background, []
         with ExitStack() as cleanly:
             for body in bodies:
                 cleanly.callback(close, body)
 
     def require(self, asked: str = "", instead: str = "call it between two runs, where nothing runs") -> None:
-        """Raise HardwareError where it is closed; RuntimeError where its match is over, `asked` in a run."""
+        """Raise HardwareError if the robot is closed; RuntimeError if its match is over or `asked` is called
+        inside a run."""
         if self._closed:
             raise HardwareError(f"the robot is closed: {self._closed}")
         if self._match_over:

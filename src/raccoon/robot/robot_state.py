@@ -1,4 +1,4 @@
-"""The state of a robot: its readings, the estimates made of them, its sensors and servos by name."""
+"""The state of a robot: its readings, the estimates from them, its sensors and servos by name."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ Word = TypeVar("Word")
 _BLANK_INPUTS = Inputs(0.0, SIMULATOR)
 
 MAX_STANDING_READINGS = 1000
-"""Readings of the same time, after which the clock of a port counts as stopped."""
+"""Readings with the same time after which a port's clock counts as stopped."""
 REMARK_AFTER_ASKED = 1000
-"""Times in one cycle that a program asks for readings where it waits for them to change."""
+"""Accesses to the readings in one cycle from which a program seems to wait for them to change."""
 REFUSE_AFTER_ASKED = 1_000_000
-"""Such times after which it would do so for ever."""
+"""Accesses after which it would wait for ever."""
 
 
 @runtime_checkable
 class Annotated(Protocol):
-    """A port that takes what the robot believes: a recording keeps it, a replay checks it."""
+    """A port that takes the robot's estimates: a recording stores them, a replay checks them."""
 
     def annotate(self, name: str, values: tuple[float, ...]) -> None:
         """Numbers of this cycle under a name."""
@@ -103,8 +103,8 @@ class RobotState:
             raise AttributeError(f"a robot has no {name}{hint_for_name(name, self.__dict__.get('config'))}")
 
     def _count_asked(self) -> None:
-        """Count that somebody asks for readings: a loop around them alone sees nothing new for ever.
-        Raises RuntimeError where it is sure to be one."""
+        """Count an access to the readings: a loop around them alone never sees new ones. Raises RuntimeError
+        if it must be such a loop."""
         self._asked_times += 1
         if self._asked_times % REMARK_AFTER_ASKED == 0 and not _getframe(2).f_globals.get(
             "__name__", ""
@@ -126,21 +126,21 @@ class RobotState:
 
     @property
     def estimate(self) -> DriveEstimate:
-        """Pose, velocity and their standard deviations as of the last reading."""
+        """Pose, velocity and their standard deviations at the last reading."""
         return self.odometry.estimate
 
     @property
     def pose(self) -> Pose:
-        """Where the robot believes it is."""
+        """The estimated pose."""
         self._count_asked()
         here = self.odometry.estimate
         return Pose(here.x, here.y, here.heading)
 
     @property
     def plan(self) -> Pose:
-        """Where the last motion was meant to end: the next one starts from there.
+        """The pose at which the last motion was meant to end, from which the next one starts.
 
-        A plan that is far from the estimate (the robot was moved or blocked) is given up for the estimate, as
+        A plan that is far from the estimate (the robot was moved or blocked) is replaced by the estimate, as
         is one from before the odometry was reset.
         """
         here = self.pose
@@ -184,33 +184,30 @@ class RobotState:
         return find_named("mechanism", self.attachments.mechanisms, name)
 
     def analog(self, port: int) -> float | None:
-        """Counts of an analog port as last read, None where it never gave anything; ValueError where there is
-        no such port.
-
-        A cycle without words, as after a frame that was lost, has those of the one before: `inputs` tells.
-        """
+        """Counts of an analog port at its last reading, None if it never gave one; ValueError if the port
+        does not exist. After a cycle without readings, such as a lost frame, these are the previous ones: see
+        `inputs`."""
         check_port("analog", port, ANALOG_PORTS)
         self._count_asked()
         return self._analog[port]
 
     def digital(self, port: int) -> bool | None:
-        """True where the digital port was closed (pressed) when last read, None where it never was read;
-        ValueError where there is no such port.
-        """
+        """Whether the digital port was closed (pressed) at its last reading, None if it never gave one;
+        ValueError if the port does not exist."""
         check_port("digital", port, DIGITAL_PORTS)
         self._count_asked()
         return self._digital[port]
 
     @property
     def button(self) -> bool | None:
-        """Whether the controller's own button is pressed, None where this cycle does not tell."""
+        """Whether the controller's own button is pressed, None if this cycle does not say."""
         self._count_asked()
         extra = None if self.inputs is None else self.inputs.extra
         return bool(extra["button"]) if extra is not None and "button" in extra else None
 
     def _read(self) -> tuple[Inputs, float]:
-        """The next readings, and how many s later they are. Raises TypeError where the port gives none,
-        ValueError where they are no word a port, HardwareError where its time stands."""
+        """The next readings, and how many s later they are. Raises TypeError if the port gives none,
+        ValueError if they do not have a word for each port, HardwareError if its time stands still."""
         inputs = self.port.read()
         if not isinstance(inputs, Inputs):
             raise TypeError(f"read() of {type(self.port).__name__} gives {inputs!r}: it must give Inputs")
@@ -232,7 +229,7 @@ class RobotState:
 
     @property
     def blind(self) -> tuple[str, ...]:
-        """Sentences that name the tophats that see nothing, and why."""
+        """Sentences that name the tophats that cannot see, and why."""
         return tuple(each.complaint for each in self.tophats.values() if each.blind)
 
     @property
@@ -241,13 +238,13 @@ class RobotState:
         return self._outputs
 
     def note(self, text: str) -> None:
-        """Write a remark into the recording, where there is one."""
+        """Write a remark into the recording, if there is one."""
         if self._annotated_port is not None:
             self._annotated_port.event(text)
 
 
 def _check_words(inputs: Inputs) -> None:
-    """Raise ValueError where readings do not have a word for each port."""
+    """Raise ValueError if readings do not have a word for each port."""
     for name in ("bemf", "position", "analog", "digital"):
         words, asked = getattr(inputs, name), getattr(_BLANK_INPUTS, name)
         if not isinstance(words, tuple) or len(words) != len(asked):
@@ -255,7 +252,7 @@ def _check_words(inputs: Inputs) -> None:
 
 
 def _refuse_move(kind: str, action: str, name: str, to: tuple[object, ...]) -> Never:
-    """Say how to move what was only asked for."""
+    """Raise an error that says how to move something that was only read."""
     given = ", ".join(map(repr, (name, *to)))
     raise TypeError(f"robot.{kind}({name!r}) moves nothing: write robot.run({action}({given}))")
 

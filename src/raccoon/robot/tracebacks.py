@@ -1,8 +1,8 @@
-"""What a team sees of an error that ends its program: its own lines and the sentence.
+"""Tracebacks for teams: an error that ends a program is printed with the program's own lines and its message.
 
-How a motion got from `run` to the line that refuses is of no use to who wrote the program, and hides what is.
-So the frames of this package are left out of what is printed, but not of the error, where it was raised in
-words. Where it was not, something is wrong in the package, and all of it is printed.
+How a motion got from `run` to the line that raises does not help who wrote the program, and hides what does.
+So frames of this package are left out of the printed traceback (not of the error) if the error was raised
+deliberately, by a `raise`. Any other error is a fault of the package, and all of it is printed.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from types import TracebackType
 from raccoon.robot.name_hints import add_hints
 
 WHOLE = "RACCOON_TRACEBACK"
-"""Environment variable that has everything printed where it is not empty."""
+"""Environment variable; if it is not empty, everything is printed."""
 
 _PACKAGE = str(Path(__file__).parents[1]) + os.sep
 _STANDARD = sysconfig.get_paths()["stdlib"] + os.sep
 
 
 def install_hook() -> None:
-    """Have errors that end the program printed by `print_error`, unless somebody else prints them."""
+    """Have errors that end the program printed by `print_error`, unless another hook is installed."""
     if sys.excepthook is sys.__excepthook__ and not os.environ.get(WHOLE):
         sys.excepthook = _print_uncaught
 
@@ -33,10 +33,8 @@ def _print_uncaught(_: type[BaseException], error: BaseException, trace: Traceba
 
 
 def print_error(error: BaseException, how: str) -> None:
-    """Print an error to stderr as Python does, without the frames of this package.
-
-    how: what shows them all.
-    """
+    """Print an error to stderr as Python does, without the frames of this package. how: what to do to see
+    them all."""
     add_hints(error)
     whole, suppressed = error.__traceback__, error.__suppress_context__
     own, hidden = _own_frames(whole, isinstance(error, SyntaxError | KeyboardInterrupt))
@@ -51,11 +49,9 @@ def print_error(error: BaseException, how: str) -> None:
 
 
 def _own_frames(trace: TracebackType | None, elsewhere: bool) -> tuple[TracebackType | None, bool]:
-    """The frames of the program, and whether any after its first one is left out. All frames where the error
-    was raised neither in the program nor in this package's words.
-
-    elsewhere: whether the error is none of the line that raised it.
-    """
+    """The frames of the program, and whether any after its first one is left out. All frames if the error was
+    raised neither in the program nor deliberately in this package. elsewhere: whether the error did not arise
+    in the line that raised it."""
     frames: list[TracebackType] = []
     while trace is not None:
         frames.append(trace)
@@ -75,7 +71,7 @@ def _is_of_program(step: TracebackType) -> bool:
 
 
 def _is_in_words(step: TracebackType) -> bool:
-    """Whether it is a `raise` of this package."""
+    """Whether the frame is at a `raise` of this package."""
     from opcode import opmap
 
     code = step.tb_frame.f_code
