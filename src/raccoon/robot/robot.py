@@ -1,7 +1,7 @@
 """The robot: joins a port, the estimators and the drive, and owns the loop.
 
-One tick is `port.read() -> estimate -> decide -> port.write()`; a recording port around the real one does the
-recording. Nothing here reads a clock, a file or a random number: time comes with the readings.
+One tick is `port.read() -> estimate -> decide -> port.write()`; a recording port around the real one records.
+Nothing here reads a clock, a file or a random number: time comes with the readings.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ of them."""
 class Robot(RobotState):
     """A robot behind `port`, described by `config`. Use it as a context: leaving it stops the motors.
 
-    Everything that moves goes through `run`. Whatever ends that (the action's own end, an error, Ctrl-C), the
-    motors are stopped before `run` is left. A mechanism that is held brakes until the next tick; after an
-    error it is released. One program uses one thread: another thread may call `stop`, and nothing else.
+    Everything that moves goes through `run`; whatever ends that (the action's own end, an error, Ctrl-C), the
+    motors are stopped first. A mechanism that is held brakes until the next tick; after an error it is
+    released. One program uses one thread: another thread may only call `stop`.
     """
 
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
@@ -84,8 +84,7 @@ class Robot(RobotState):
         are passed on. What runs in the background pauses until the next `run` or `tick`.
 
         Raises before anything moves: the errors of `action.check` (ConfigError, ValueError), HardwareError if
-        the robot is closed, RuntimeError after its match or inside another `run`. Raises Stopped if `stop`
-        ends it.
+        the robot is closed, RuntimeError after its match or inside another `run`. Stopped: see `stop`.
         """
         given = (action, *more) if more else action
         check_kind(given, Action, "run()", SEVERAL_ACTIONS_HINT if isinstance(given, list | tuple) else "")
@@ -220,12 +219,9 @@ class Robot(RobotState):
     # -- stopping -----------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """End what runs and switch the motors off; servos hold. It takes effect now, or in the next cycle of
-        a `run` or `tick`, which raises Stopped.
-
-        Any thread may call this, and so may a function of a `do`. If another thread calls it between two
-        cycles, the program's next `run` or `tick` raises.
-        """
+        """End what runs and switch the motors off; servos hold. Any thread, and a function of a `do`, may call
+        this. It acts now, or in the next cycle of a `run` or `tick`, which raises Stopped; from another thread
+        between two cycles, in the program's next `run` or `tick`."""
         with self._turn:
             if self._running is not None:
                 self._stopping = True
