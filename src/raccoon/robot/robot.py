@@ -219,9 +219,9 @@ class Robot(RobotState):
     # -- stopping -----------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """End what runs and switch the motors off; servos hold. Any thread, and a function of a `do`, may call
-        this. It acts now, or in the next cycle of a `run` or `tick`, which raises Stopped; from another thread
-        between two cycles, in the program's next `run` or `tick`."""
+        """End what runs and switch the motors off; servos hold. Any thread, and a function of a `do`, may
+        call this. It acts now, or in the next cycle of a `run` or `tick`, which raises Stopped; from another
+        thread between two cycles, in the program's next `run` or `tick`."""
         with self._turn:
             if self._running is not None:
                 self._stopping = True
