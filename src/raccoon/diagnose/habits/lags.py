@@ -1,5 +1,4 @@
-"""Tests of other explanations of named lags: a gyro with a low-pass, a controller's own clock, another
-lag."""
+"""Tests of other explanations of named lags: a gyro's low-pass, a controller's own clock, another lag."""
 
 from __future__ import annotations
 
@@ -51,8 +50,8 @@ GYRO_LATENCY, SLIP = "imu.latency", "drive.wheel_slip"
 GYRO_LAGS = (GYRO_LATENCY, SLIP)
 """Causes that delay the gyro alone."""
 MIN_LOW_PASS_LEAD = 3.0
-"""Log evidence, gates included, by which a gyro with a low-pass must lead. Wheels that slip by its time are
-equivalent, less their gate."""
+"""Log evidence, gates included, by which a gyro's low-pass must lead. Wheels that slip by its time are
+equivalent."""
 MAX_FEW_CAUSES = 2
 """Number of other causes up to which that applies. The stock firmware's chip has a low-pass, so for a robot
 with one or two faults it usually is the lag; for one with many a small slip may well be one more."""
@@ -137,8 +136,8 @@ def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> S
 
 
 def _without_clock_and_low_pass(habits: Habits) -> Habits:
-    """Habits of a controller in step with its rows, and of a gyro without a low-pass. The battery's filter is
-    kept."""
+    """Habits of a controller in step with its rows, and a gyro without a low-pass, with the same battery
+    filter."""
     other = replace(habits, low_pass=False)
     if not habits.chain.free_running:
         return other
@@ -149,8 +148,8 @@ def _without_clock_and_low_pass(habits: Habits) -> Habits:
 
 def _starts_with_lags_as_causes(search: Search, problem: Problem) -> list[Point]:
     """The fitted point, in a problem with fewer free numbers, with the gyro's whole lag as a slip, a late
-    gyro, or half of each; each with and without the lag of the commands as a latency. A slip of one wheel
-    beside a gyro's low-pass is usually half of both."""
+    gyro, or half of each; each with and without the commands' lag as a latency. A slip of one wheel beside a
+    gyro's low-pass is usually half of both."""
     point, causes = search.fit.point, problem.causes
     settings = search.problem.settings(point)
     gyro_lag = settings[GYRO_LOW_PASS, None, "time_constant"] + settings[GYRO_LATENCY, None, "seconds"]
@@ -174,7 +173,7 @@ def _starts_with_lags_as_causes(search: Search, problem: Problem) -> list[Point]
 def starts_with_low_pass(search: Search, gyro_lags: Sequence[str], lags: Sequence[str]) -> list[Point]:
     """The fitted point, and the same with its lags shortened by the delay of a gyro's low-pass, or without
     them. Each of the gyro's lags is also removed alone: a chip slightly slower than usual explains all of one
-    beside another, and a small rest of it must not cost a gate."""
+    beside another, and the rest must not cost a gate."""
     point = search.fit.point
     return [
         point,
@@ -186,7 +185,7 @@ def starts_with_low_pass(search: Search, gyro_lags: Sequence[str], lags: Sequenc
 
 def _with_free_running_clock(search: Search, habits: Habits, trials: HabitTrials) -> Habits:
     """These habits for a controller with its own clock, with the best filter of the battery's readings; a
-    slow one that was detected is kept. A controller that reads no back-EMF need not pause for it."""
+    detected slow one is kept. A controller that reads no back-EMF need not pause for it."""
     time = habits.chain.battery_time_constant
     free = with_driver_of(FREE_RUNNING, habits.chain)
     chain = without_unneeded_pause(free, habits.chain, search.problem.features.roles)
@@ -233,8 +232,8 @@ def _with_lag_in_base(search: Search, name: str) -> Point | None:
 
 
 def try_low_pass_for_gyro_lag(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:
-    """The search, with the gyro's low-pass recorded as a rival of each lag of the gyro; or the search with a
-    low-pass if it clearly leads the named lag."""
+    """The search, with the gyro's low-pass recorded as a rival of each lag of the gyro; or the search with it
+    if it clearly leads the named lag."""
     gyro_lags = _named_gyro_lags(search)
     lags = [each for each in gyro_lags if each in GYRO_LAGS]  # not those of one wheel
     if habits.low_pass or not lags or "gyro" not in search.problem.features.roles:

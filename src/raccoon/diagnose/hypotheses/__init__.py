@@ -1,1 +1,1 @@
-"""What may differ from the nominal model: coordinates, causes of them, and what robot.toml leaves open."""
+"""Possible deviations from the nominal model: coordinates, causes made of them, and base numbers."""

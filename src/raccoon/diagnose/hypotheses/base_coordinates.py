@@ -1,7 +1,7 @@
-"""Base coordinates: the numbers that robot.toml leaves open, which every fit may move, and how far.
+"""Base coordinates: the numbers that robot.toml leaves open and that every fit may change, with their bounds.
 
-robot.toml gives most of them with a standard deviation. Of others it says nothing: how wheels slide, a loop's
-own delay, whether the gyro's chip filters.
+robot.toml gives most of them with a standard deviation. Others are not in it: how wheels slide, a loop's own
+delay, whether the gyro's chip filters.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from raccoon.diagnose.hypotheses.coordinates import Coordinate, additive_coordin
 from raccoon.sim.effects.parameters import SIDES
 
 MAX_BASE_STDS = 3.5
-"""Standard deviations around robot.toml's value inside which a parameter is refitted silently."""
+"""Bound of a base number, in standard deviations around robot.toml's value, within which it is refitted
+without being reported."""
 
 
 class WheelSliding(Enum):
-    """How wheels slide: only beyond friction (RIGID), after yielding a little (COMPLIANT), or slowly at every
-    torque (CREEPING)."""
+    """How wheels slide: only beyond friction (RIGID), after a small elastic deflection (COMPLIANT), or slowly
+    at every torque (CREEPING)."""
 
     RIGID = auto()
     COMPLIANT = auto()
@@ -30,52 +31,54 @@ class WheelSliding(Enum):
 
 
 PRESLIDING = {"compliance": 0.001, "damping": 0.3}
-"""rad/(N m) and N m s/rad: how much a wheel yields before it slides. robot.toml does not say, and it is no
-cause: every gear yields a little, and what a robot does when it stops shows how much."""
+"""Deflection of a wheel before it slides: compliance in rad/(N m), damping in N m s/rad. robot.toml does not
+contain it, and it is no cause: every gear is slightly compliant, and how a robot stops shows by how much."""
 PRESLIDING_WIDTH = 0.7
 """Standard deviation of the logarithm of both: a factor of two."""
 PRESLIDING_MAX_STDS = 1.7
-"""Bound of both in standard deviations: three tenths to three times. Stiffer wheels need shorter steps than a
-millisecond, and differ from rigid ones by less than a reading's noise."""
+"""Bound of both in standard deviations: from three tenths to three times. Stiffer wheels need steps shorter
+than a millisecond, and differ from rigid ones by less than a reading's noise."""
 CREEP_SPEED, CREEP_TAIL = 0.05, 0.5
 """Speed in rad/s at which creeping friction is near its level, known to a factor of two as well, and the
-standard deviation of a number from 0 to 1 that says how gradually."""
+standard deviation of a number from 0 to 1 for how gradually it reaches that level."""
 LOW_PASS, LOW_PASS_WIDTH, LOW_PASS_MAX_STDS = 1.0 / (2.0 * math.pi * 41.0), 0.4, 1.2
 """Time constant in s of a gyro's chip that filters at 41 Hz, as the Wombat's firmware sets it, the standard
-deviation of its logarithm, and its bound in these. Wheels that slip by more remain wheels that slip."""
+deviation of its logarithm, and its bound in standard deviations. A larger lag remains a wheel's slip."""
 LOW_PASS_DELAY, LOW_PASS_DELAY_MAX_STDS = 0.0025, 2.0
-"""s, one standard deviation of the delay of its reading beside that, and the bound in these: a filter of
-second order is nearly one of first order and a delay, and an IMU has a clock of its own, so that the reading
-in a row of 5 ms is up to 5 ms old."""
+"""Standard deviation in s of the additional delay of the gyro's reading, and its bound in standard
+deviations: a filter of second order is nearly one of first order and a delay, and an IMU has its own clock,
+so that the reading in a row of 5 ms is up to 5 ms old."""
 SAMPLE_PHASE_STD = 0.005 / math.sqrt(12.0)
-"""s, one standard deviation of the age of a row's sample where the controller's cycle of 5 ms is not the
-row's, and of the delay of its command. A filter that is slower by as much reads nearly the same."""
+"""Standard deviation in s of the age of a row's sample, and of the delay of its command, if the controller's
+cycle of 5 ms is not the row's. A filter that is slower by as much gives nearly the same readings."""
 SELF_DISCHARGE, SELF_DISCHARGE_MAX_STDS = 0.0004, 3.0
-"""V/C, one standard deviation of what any battery loses while it is driven, and the bound in these: its
-voltage also creeps after the current, by some mV in ten seconds, and goes on doing so."""
+"""Standard deviation in V/C of any battery's loss of voltage while it is driven, and its bound in standard
+deviations: the voltage also creeps after the current, by some mV in ten seconds, and continues to do so."""
 WHEEL_STD_SHARE = 0.25
-"""Share of robot.toml's standard deviation of a number of both wheels by which each wheel differs from it.
-With none a friction of one wheel that is 2 % higher was called its stiction, or its K_E and radius. With 0.5
-that was no rarer, and the gain on unseen data had a tenth percentile of 0.945 instead of 0.965."""
+"""Standard deviation of each wheel's offset from a number of both wheels, relative to that number's in
+robot.toml. With 0 a friction of one wheel that is 2 % higher was reported as its stiction, or as its K_E and
+radius. With 0.5 that was no rarer, and the gain on unseen data had a tenth percentile of 0.945 instead of
+0.965."""
 LOOP_LATENCY = 0.0003
-"""s, one standard deviation of the delay of commands by a controller's own work. No robot.toml says it, and a
-fifth of a millisecond is a cause to no team, though it shows in every reading."""
+"""Standard deviation in s of the delay of commands by a controller's own work. It is in no robot.toml, and a
+fifth of a millisecond is no fault for a team, though every reading shows it."""
 WOMBAT_LATENCY = 0.0025
-"""The same of a Wombat: a command waits for the link and then for its motor's turn, up to a cycle of 5.5 ms
-each. With less, one of eight sound robots had a latency of 4.3 ms."""
+"""The same for a Wombat: a command waits for the link and then for its motor's turn, up to a cycle of 5.5 ms
+each. With less, one of eight fault-free robots had a latency of 4.3 ms."""
 
 
 MAX_KEYS_LISTED = 4
-"""Numbers without a deviation that a note lists."""
+"""Number of numbers without a standard deviation that a note lists."""
 
 
 def with_default_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
-    """The robot with default standard deviations where the model's numbers have none, and the keys of these.
+    """The robot with default standard deviations for those of the model's numbers that have none, and the
+    keys of these.
 
-    robot.toml may give a number without one. If it were taken as exact, whatever is a little off would be a
-    cause, and what is right beside it too. The standard deviation is the same share of the value as by
-    default; of a number that may be 0, such as an offset, it is the default's own. A resistance or a friction
-    of 0 means none at all, and stays exact.
+    robot.toml may give a number without a standard deviation. If it were taken as exact, a small deviation of
+    it would be reported as a cause, and other, correct numbers with it. The default is the same relative
+    standard deviation as in the nominal model; for a number that may be 0, such as an offset, it is the
+    nominal model's absolute one. A resistance or a friction of 0 means that there is none, and stays exact.
     """
     default, model, keys = NominalModel(), robot.model, []
     sections: dict[str, Any] = {}
@@ -119,12 +122,12 @@ def base_coordinates(
     fit_sample_ages: bool = False,
 ) -> tuple[Coordinate, ...]:
     """All base coordinates: one for each number of robot.toml with a standard deviation above 0, and those of
-    which it says nothing.
+    numbers that it does not contain.
 
     inside: bound of each number in standard deviations. sliding: how wheels slide. low_pass: whether the gyro
-    has one. free_running: whether the controller's cycle has a clock of its own. wombat: whether controller
-    and gyro are known to be a Wombat's, whose own delays are likelier than any fault. fit_sample_ages:
-    whether each motor's sample age is a coordinate of its own, so that the filter lag need not cover it.
+    has a low-pass. free_running: whether the controller's cycle has its own clock. wombat: whether controller
+    and gyro are known to be a Wombat's, whose own delays are more likely than any fault. fit_sample_ages:
+    whether each motor's sample age has its own coordinate, so that the filter lag need not include it.
     """
     model = robot.model
     return (
@@ -183,7 +186,7 @@ def _motors(robot: RobotConfig, inside: float) -> Iterator[Coordinate]:
 
 
 def _friction(model: NominalModel, inside: float) -> Iterator[Coordinate]:
-    for place in (None, *SIDES):  # one number for both wheels, from which each differs a little
+    for place in (None, *SIDES):  # one number for both wheels, and each wheel's offset
         coulomb, viscous = (
             _for_place(each, place) for each in (model.friction.coulomb, model.friction.viscous)
         )
@@ -195,7 +198,8 @@ def _friction(model: NominalModel, inside: float) -> Iterator[Coordinate]:
 
 
 def _for_place(number: Measured, place: str | None) -> Measured:
-    """A number of both wheels (place None), or the same with the std by which one wheel differs from it."""
+    """A number of both wheels (place None), or the same with the standard deviation of one wheel's offset
+    from it."""
     return number if place is None else replace(number, std=WHEEL_STD_SHARE * number.std)
 
 
@@ -217,7 +221,7 @@ def _delays(
         delay = math.hypot(delay, SAMPLE_PHASE_STD)
         if lag.std > 0.0 and not any_moment:
             lag = replace(lag, std=math.hypot(lag.std, SAMPLE_PHASE_STD))
-    for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
+    for side in SIDES:  # one filter; the sample's time in the cycle is in no document to a millisecond
         yield from _additive("bemf.filter_lag", side, "time_constant", lag, inside)
     yield additive_coordinate("actuation.latency", None, "seconds", delay, low=0.0, high=MAX_BASE_STDS)
 

@@ -1,8 +1,9 @@
-"""What may differ from the nominal model: coordinates, and the causes that are made of them.
+"""Possible deviations from the nominal model: coordinates, and the causes that are made of them.
 
 Every coordinate u is in units of its prior's width: u = 0 is the nominal (or neutral) value, u = 1 one width
-away. A *base* coordinate is a number that robot.toml gives with a standard deviation: it is refitted silently
-within it. A *cause* is an effect of the catalogue at one place, with the width of an unusual deviation.
+away. A *base* coordinate is a number that robot.toml gives with a standard deviation: it is refitted within
+that without being reported. A *cause* is an effect of the catalogue at one place, with the width of an
+unusual deviation.
 """
 
 from __future__ import annotations
@@ -21,18 +22,17 @@ Setting = tuple[str, str | None, str]
 Settings = dict[Setting, float]
 
 WIDTH_FACTOR = 2.0
-"""Factor on the catalogue's prior widths for causes: deviations that are called a cause are the larger
-ones."""
+"""Factor on the catalogue's prior widths for causes: only larger deviations are reported as causes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
     """One number u. settings: those that it changes: `value(u)` is added to each, or multiplies it (factor).
 
-    low, high: bounds of u. from_zero: what u = 1 adds to a setting of 0 instead, which no factor changes.
-    usual: what a factor multiplies in place of a setting of 0. step: difference of u over which columns are
-    taken. Small: where wheels break loose the response has kinks, and columns over longer steps do not cancel
-    along directions in which nothing changes.
+    low, high: bounds of u. from_zero: added to a setting of 0 per unit of u, since a factor would not change
+    it. usual: value that a factor multiplies instead of a setting of 0. step: difference of u for the
+    columns. It is small because the response has kinks where wheels break loose, and columns over longer
+    steps do not cancel along directions in which nothing changes.
     """
 
     name: str
@@ -57,23 +57,23 @@ class Coordinate:
                 settings[key] = max(self.from_zero * u, 0.0)
 
     def beside(self, settings: Settings) -> Coordinate:
-        """The same for settings that already have some of a one-sided quantity: it may then also be less, by
-        as much as it may be more, down to 0."""
+        """The coordinate for settings that already contain some of a one-sided quantity: it may then also be
+        negative, down to a quantity of 0 and at most as far as it may be positive."""
         if self.low != 0.0 or self.factor:
             return self
         present = min((settings[key] for key in self.settings), default=0.0)
         return replace(self, low=max(-self.high, -present / self.value(1.0))) if present > 0.0 else self
 
     def units_of(self, other: Coordinate) -> float:
-        """One unit of this in units of another coordinate of the same settings."""
+        """One unit of this coordinate in units of another coordinate of the same settings."""
         if self.factor:
             return math.log(self.value(1.0)) / math.log(other.value(1.0))
         return self.value(1.0) / other.value(1.0)
 
 
 FORM_PARAMETERS = {"drive.wheel_slip": "at_once"}
-"""Parameters that choose between two forms of an effect, by id: values in between mean nothing, so no fit
-changes them, and a search uses one form or the other."""
+"""Parameters that choose between two forms of an effect, by id: values between them have no meaning, so no
+fit changes them, and a search uses one form or the other."""
 Points = tuple[tuple[float, ...], ...]
 
 
@@ -81,9 +81,9 @@ Points = tuple[tuple[float, ...], ...]
 class Cause:
     """An effect of the catalogue at one place.
 
-    variants: for each starting guess the points (one u per coordinate) whose secants from 0 give its columns.
-    joint: sets the parameters from all coordinates, where one depends on several (a strength and its shape).
-    own: a team's own effect, which the catalogue does not have.
+    variants: for each starting guess the points (one u per coordinate) whose secants from 0 are its columns.
+    joint: sets the parameters from all coordinates, if one depends on several (a strength and its shape).
+    own: a team's own effect, which is not in the catalogue.
     """
 
     id: str
@@ -133,7 +133,7 @@ def cause_name(id: str, where: str | None) -> str:  # noqa: A002
 
 
 def lookup_by_prefix(table: Mapping[str, float], name: str, otherwise: float) -> float:
-    """The number of the first entry with which a cause's name begins."""
+    """The number of the first entry with which a cause's name begins; `otherwise` if there is none."""
     return next((number for start, number in table.items() if name.startswith(start)), otherwise)
 
 
@@ -185,6 +185,6 @@ def multiplicative_coordinate(
     parameter: str = "factor",
     usual: float = 0.0,
 ) -> Coordinate:
-    """A coordinate whose u multiplies an effect's parameter, or `usual` where that is 0, by exp(u widths)."""
+    """A coordinate whose u multiplies an effect's parameter, or `usual` if that is 0, by exp(u widths)."""
     keys = tuple((id, place, parameter) for place in affected_places(id, where))
     return Coordinate(f"{id}.{parameter}", keys, lambda u: math.exp(width * u), True, low, high, usual=usual)

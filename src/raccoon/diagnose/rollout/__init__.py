@@ -1,1 +1,1 @@
-"""The simulator along the commands of a recording, with what is known of its controller."""
+"""The simulator driven by the commands of a recording, with the known properties of its controller."""

@@ -1,7 +1,7 @@
-"""Evidence of dead zones from histograms of the readings: which wheels lack small readings.
+"""Evidence of dead zones from the histograms of the readings: wheels whose small readings are missing.
 
-A fit sees only what the speed was while a reading was 0, not that no reading of 1 or 2 counts ever came. Of a
-robot whose wheels both read 0 below 3.2 counts one wheel was named.
+A fit only compares the speed while a reading was 0, and does not notice that readings of 1 or 2 counts never
+occur. On a robot whose wheels both read 0 below 3.2 counts, one wheel was named.
 """
 
 from __future__ import annotations
@@ -21,25 +21,26 @@ Array = NDArray[np.float64]
 
 ZONE = "bemf.dead_zone"
 MAX_SHARE_IN_GAP = 0.1
-"""Share of the expected readings below a size, up to which there is a gap."""
+"""Share of the expected readings below a size up to which there is a gap."""
 MIN_SHARE_HEARD = 0.5
-"""The same from which a wheel has small readings as usual."""
+"""Share of the expected readings below a size from which a wheel has small readings as usual."""
 LIFTED_SHARE = 0.05
-"""Share of them that noise lifts out of a zone."""
+"""Share of the readings in a zone that noise lifts out of it."""
 MIN_EXPECTED_READINGS = 20.0
-"""Expected readings below a size, fewer than which a histogram says nothing."""
+"""Number of expected readings below a size, fewer than which a histogram is not used."""
 SAME_GAP_TOLERANCE = 0.2
-"""Share of the narrower gap, beside one count, by which two wheels' gaps may differ and be one zone."""
+"""Difference of two wheels' gaps, relative to the narrower one and in addition to one count, up to which they
+may be one zone."""
 MAX_ZONE_COUNTS = 200
-"""Counts: a wider gap is no dead zone."""
+"""Counts. A wider gap is no dead zone."""
 MAX_GAP_EVIDENCE = 40.0
-"""Largest log evidence of a gap: the zone is sure then, and need not help elsewhere."""
+"""Upper bound on the log evidence of a gap: with that a zone is certain, whatever the rest of the data."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingGaps:
-    """Gaps in the readings of both wheels. histograms: counts of readings by size; widths: of the gaps in
-    counts, 0 where there is none or too little is known."""
+    """Gaps in the readings of both wheels. histograms: number of readings by size. widths: of the gaps in
+    counts, 0 if there is none or too few readings."""
 
     histograms: Mapping[str, Array]
     widths: Mapping[str, int]
@@ -51,7 +52,7 @@ class ReadingGaps:
         return cls(histograms, {side: find_gap(each) for side, each in histograms.items()})
 
     def places(self) -> tuple[str | None, ...]:
-        """Where a dead zone may be: on both wheels (None), or on one."""
+        """Possible places of a dead zone: both wheels (None), or one."""
         wide = [side for side in SIDES if self.widths[side]]
         if len(wide) == len(SIDES):
             narrow, other = sorted(self.widths.values())
@@ -62,8 +63,8 @@ class ReadingGaps:
         return (wide[0],) if other_hears else (None, wide[0])
 
     def evidence(self, place: str | None) -> float:
-        """Log evidence of a dead zone at one of the places, by the readings missing there. It is lowered for
-        all places alike so that the best has at most `MAX_GAP_EVIDENCE`."""
+        """Log evidence of a dead zone at one of the places, from the readings missing there. It is reduced
+        equally for all places such that the best has at most `MAX_GAP_EVIDENCE`."""
         best = max(self._missing(each) for each in self.places())
         return self._missing(place) - max(best - MAX_GAP_EVIDENCE, 0.0)
 
@@ -73,21 +74,21 @@ class ReadingGaps:
         return sum(_missing_evidence(self.histograms[side], each) for side, each in sides.items())
 
     def least(self, place: str | None) -> float:
-        """Counts: half of what a zone there must have."""
+        """Smallest zone in counts that explains the gap there: half the gap's width."""
         sides = SIDES if place is None else (place,)
         return 0.5 * min((self.widths[side] for side in sides if self.widths[side]), default=0)
 
 
 def without_ruled_out_zones(causes: Sequence[Cause], log: Log) -> tuple[Cause, ...]:
-    """The causes without those dead zones that the readings themselves rule out: of one wheel where both lack
-    the same small readings, and of a wheel that has them."""
+    """The causes without the dead zones that contradict the readings: of one wheel if both lack the same
+    small readings, and of a wheel that has them."""
     places = ReadingGaps.of(log).places()
     return tuple(each for each in causes if each.id != ZONE or each.where in places)
 
 
 def dead_zone_evidence(causes: Mapping[str, Cause], log: Log) -> dict[str, tuple[float, float]]:
-    """The dead zones that the readings show, with their log evidence and half of their size in widths, the
-    least at which it counts."""
+    """The dead zones that the gaps show, each with its log evidence and the smallest size (in widths) at
+    which it counts, half the gap."""
     gaps = ReadingGaps.of(log)
     if not any(gaps.widths.values()):
         return {}
@@ -103,11 +104,12 @@ def _other(side: str) -> str:
 
 
 def find_gap(histogram: Array) -> int:
-    """The largest size in counts below which next to no readings but 0 are, though there are many from it to
-    twice it; 0 where there is no such gap."""
+    """The largest size in counts below which nearly no readings except 0 occur, although many occur from
+    there to twice that size; 0 if there is no such gap."""
     total = np.concatenate([[0.0], np.cumsum(histogram)])
     widths = np.arange(2, len(histogram) // 2)
-    # At least three quarters of numbers are their lower quartile or more: few widths need a closer look.
+    # At least three quarters of the numbers are at or above their lower quartile, so few widths need the
+    # exact test.
     most = (widths - 1) * (total[2 * widths + 2] - total[widths]) / (widths + 2) / 0.75
     near = widths[(total[widths] - total[1] <= MAX_SHARE_IN_GAP * most) & (most >= MIN_EXPECTED_READINGS)]
     return max(
@@ -128,18 +130,20 @@ def _histogram(log: Log, side: str) -> Array:
 
 
 def _expected_below(histogram: Array, width: int) -> float:
-    """Expected number of readings below a size that are not 0, by the lower quartile of those just above
-    it."""
+    """Expected number of readings below a size, without those of 0, from the lower quartile of the counts
+    just above it."""
     return (width - 1) * float(np.quantile(histogram[width : 2 * width + 2], 0.25))
 
 
 def _share_below(histogram: Array, width: int) -> float:
-    """Share of the expected readings below a size that exist; NaN where too few are expected."""
+    """Number of readings below a size, without those of 0, relative to the expected number; NaN if too few
+    are expected."""
     expected = _expected_below(histogram, width)
     return float(histogram[1:width].sum()) / expected if expected >= MIN_EXPECTED_READINGS else math.nan
 
 
 def _missing_evidence(histogram: Array, width: int) -> float:
-    """Log evidence (Poisson) for next to no readings below a size, against as many as are expected."""
+    """Log evidence (Poisson) for a zone that passes LIFTED_SHARE of the expected readings below a size,
+    against no zone."""
     expected, heard = _expected_below(histogram, width), float(histogram[1:width].sum())
     return (1.0 - LIFTED_SHARE) * expected + heard * math.log(LIFTED_SHARE)

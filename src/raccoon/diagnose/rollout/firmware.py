@@ -1,7 +1,8 @@
-"""What is known of a controller whose firmware a recording names: how it filters, pauses and cuts off.
+"""Known properties of a controller whose firmware a recording names: its filters, pauses and thresholds.
 
-A Wombat is none of the robot's faults. What its firmware does is written in its source, so of a recording
-that raccoon made of one nothing of it is asked for, and a search starts from a simulation that does the same.
+A Wombat's firmware is no fault of the robot, and its behaviour is known from its source. So for a recording
+that raccoon made of a Wombat none of it is estimated, and a search starts from a simulation with the same
+behaviour.
 """
 
 from __future__ import annotations
@@ -43,24 +44,24 @@ Columns = Mapping[str, Array]
 BATTERY = "battery.voltage"
 LAG = "bemf.filter_lag"
 HELD_READING_SHARE = 0.75
-"""Share of the largest reading above which one that does not change, as its counter does not, is held."""
+"""Share of the largest reading, above which a reading is held if its position counter does not change."""
 
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """What a firmware is known to do.
+    """Known properties of a firmware.
 
-    name: as a report says it. chain: its sensor chain. wombat: whether it is a Wombat's; of the simulator
-    only the chain is known, and every effect is searched for. sample_rates: lowest and highest samples of
-    each motor per second; gyro_rates: the same of the gyro, None where it has no clock of its own.
-    counts_per_tick: back-EMF counts of one sample that move a position by one. shows_only_positions: whether
-    samples show in the positions alone. command_slots_per_sample: how often commands come into force in one
-    sample period. command_to_sample_time: s from then until a sample can be read. max_bemf: counts; above
-    it the last reading below is held. dead_zone: counts below which it reads 0. max_silent_counts: counts up
-    to which a reading may be 0. battery_bias: V by which the battery reads too low where its voltage falls.
-    unread_resistance_share: share of the battery's resistance that its readings do not show.
-    has_gyro_low_pass: whether the gyro is the board's own, which it sets to 41 Hz. is_named_by_recording:
-    whether the recording itself names it, and so the units of all numbers.
+    name: as in a report. chain: its sensor chain. wombat: whether it is a Wombat's; of the simulator only the
+    chain is known, and every effect is searched for. sample_rates: lowest and highest samples of each motor
+    per second; gyro_rates: the same of the gyro, None if it has no clock of its own. counts_per_tick:
+    back-EMF counts of one sample that change a position by one. shows_only_positions: whether only the
+    positions show single samples. command_slots_per_sample: number of times in one sample period at which
+    commands come into force. command_to_sample_time: s from then until a sample can be read. max_bemf:
+    counts; above it the last reading below is held. dead_zone: counts below which it reads 0.
+    max_silent_counts: counts up to which a reading may be 0. battery_bias: V by which the battery reads too
+    low while its voltage falls. unread_resistance_share: share of the battery's resistance that its readings
+    do not show. has_gyro_low_pass: whether the gyro is the board's own, which it sets to 41 Hz.
+    is_named_by_recording: whether the recording itself names it, and with it the units of all numbers.
     """
 
     name: str
@@ -81,7 +82,8 @@ class Firmware:
     is_named_by_recording: bool = True
 
     def with_battery_uncertainty(self, robot: RobotConfig) -> RobotConfig:
-        """The robot whose battery's resistance has as large a standard deviation as the readings leave."""
+        """The robot with the standard deviation of its battery's resistance increased by the share that the
+        readings do not show."""
         number = robot.model.battery.internal_resistance
         if not self.unread_resistance_share or number.std == 0.0:
             return robot
@@ -90,7 +92,8 @@ class Firmware:
         return replace(robot, model=replace(robot.model, battery=battery))
 
     def with_dead_zone(self, robot: RobotConfig, model: Parameters | None) -> Parameters | None:
-        """The simulation to start a search from, with the firmware's dead zone; None for the nominal one."""
+        """The simulation from which a search starts, with the firmware's dead zone; None for the nominal
+        one."""
         if not self.dead_zone:
             return model
         start = Parameters.from_robot(robot) if model is None else model
@@ -99,21 +102,21 @@ class Firmware:
         return start
 
     def without_known_causes(self, causes: Sequence[Cause], *, filters: bool) -> list[Cause]:
-        """The causes without those that the firmware settles: the dead zone, and the filter of back-EMF where
-        the device and not robot.toml says what it is (filters)."""
+        """The causes without those that the firmware determines: the dead zone and, if `filters`, the filter
+        of back-EMF, which the device and not robot.toml then specifies."""
         known = {ZONE, LAG} if filters else {ZONE}
         return [each for each in causes if not (self.wombat and each.id in known)]
 
     def undo_truncation(self, columns: Columns) -> Columns:
-        """The columns with the battery's voltage as it was before its filter truncated it to whole counts.
-        (The truncation of back-EMF is undone where it is read.)"""
+        """The columns with the battery's voltage as before its filter truncated it to whole counts. (The
+        truncation of back-EMF is corrected where it is read.)"""
         if not self.battery_bias or BATTERY not in columns:
             return columns
         return {**columns, BATTERY: columns[BATTERY] + self.battery_bias}
 
     def correct_log(self, log: Log, columns: Columns, robot: RobotConfig) -> Log:
-        """The log with commands as the motor drivers get them, in whole PWM levels (at level 0 a motor
-        coasts); where position counters reveal the sample clocks, with these, and with readings resampled to
+        """The log with commands as the motor drivers receive them, in whole PWM levels (at level 0 a motor
+        coasts). If position counters show the sample clocks, the log has these, and readings are resampled to
         one age."""
         if not self.wombat:
             return log
@@ -153,7 +156,7 @@ class Firmware:
         )
 
     def _without_saturated(self, bemf: Array, position: Array) -> Array:
-        """Back-EMF with NaN for readings that are held while the wheel is faster than can be read."""
+        """Back-EMF with NaN for readings that are held while the wheel is faster than the largest reading."""
         held = (np.diff(position, prepend=position[:1]) == 0.0) & (
             np.abs(bemf) > HELD_READING_SHARE * self.max_bemf
         )
@@ -172,10 +175,10 @@ def _clock_notes(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
 
 
 RACCOON_PAUSE = 0.000544
-"""s: 500 us of coasting and 44 of conversion."""
+"""Time in s: 500 us of coasting and 44 us of conversion."""
 RACCOON_BATTERY = 0.004
-"""s by which the battery's reading is late: the mean of 4 ms of conversions, 0 to 4 ms old. A current that
-decays in 60 ms is 7 % larger that much earlier, and so much too large was a resistance."""
+"""Delay in s of the battery's reading: the mean of 4 ms of conversions, 0 to 4 ms old. A current that decays
+in 60 ms was 7 % larger that much earlier, and without this delay a resistance came out so much too large."""
 _RACCOON = Chain(
     median=True,
     free_running=True,
@@ -184,18 +187,20 @@ _RACCOON = Chain(
     pause=RACCOON_PAUSE,
 )
 RACCOON_RATES = (172.0, 199.0)
-"""Of four motors 175 to 187 were measured, of 200 by design."""
+"""Samples of each motor per second, bounds. With four motors 175 to 187 were measured; the design value is
+200."""
 RACCOON_COMMAND_TO_SAMPLE = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - RACCOON_PAUSE
-"""s: a motor's slot less its pause. After the pause it is driven as commanded, and its reading is ready at
-the end of the slot. Version 17 sets every motor's command in every slot."""
+"""Time in s: a motor's slot less its pause. After the pause it is driven as commanded, and its reading is
+ready at the end of the slot. Version 17 sets every motor's command in every slot."""
 STOCK_MAX_SILENT_COUNTS = 10.0 / 0.25
-"""Counts: a quarter of a sample must be 10 for the filtered reading to leave 0."""
+"""Counts: a quarter of a sample must reach 10 for the filtered reading to leave 0."""
 STOCK_BATTERY_BIAS = 2.0 * BATTERY_VOLTS_PER_COUNT
-"""V, with a count of noise: int(0.95 old + 0.05 new) loses a count whenever a sample is below it."""
+"""Voltage in V, with a count of noise: int(0.95 old + 0.05 new) loses a count whenever a sample is below
+it."""
 UNREAD_RESISTANCE_SHARE = 0.06
-"""No source says when in a slot the converter gets to the battery, nor how many slots RaccoonOS's mean of
-some 50 conversions takes. A reading that never falls into a motor's pause sags by a ninth more than the
-mean."""
+"""Share of the battery's resistance that its readings may not show. No source states when in a slot the
+converter samples the battery, nor how many slots RaccoonOS's mean of some 50 conversions takes. A reading
+that never falls into a motor's pause sags by a ninth more than the mean."""
 FIRMWARES = {
     SIMULATOR.name: Firmware("the simulator", Chain(), wombat=False, has_gyro_low_pass=False),
     "wombat-stock": Firmware(
@@ -235,7 +240,7 @@ FIRMWARES = {
 
 
 def firmware_of(device: Device) -> Firmware | None:
-    """The firmware that a recording names, None where it does not or nothing is known of it."""
+    """The firmware that a recording names; None if it names none or an unknown one."""
     name, _, added = device.name.partition("+")
     known = FIRMWARES.get(name)
     return replace(known, has_gyro_low_pass=False, gyro_rates=None) if known is not None and added else known

@@ -1,4 +1,4 @@
-"""The simulator along several recordings of one robot, each from its own start."""
+"""The simulator driven by several recordings of one robot, each from its own initial state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 
 
 class JoinedRollout:
-    """One plant after the other: motors are cold again, and the battery has what it has in that recording."""
+    """One plant per recording: motors are cold again in each, and the battery has the state of that
+    recording."""
 
     def __init__(self, parts: Sequence[Rollout]) -> None:
         self._parts = tuple(parts)
@@ -30,6 +31,6 @@ class JoinedRollout:
 
 
 def make_rollout(log: Log, robot: RobotConfig, habits: Habits, own: Sequence[OwnEffect] = ()) -> Rollout:
-    """The package's plant along a log's commands, recording by recording."""
+    """The package's plant driven by a log's commands, recording by recording."""
     parts = [PlantRollout(each, robot, habits, own=own) for each in log.split_recordings()]
     return parts[0] if len(parts) == 1 else JoinedRollout(parts)

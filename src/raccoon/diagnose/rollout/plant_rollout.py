@@ -1,4 +1,4 @@
-"""The simulator along a recording's commands, many variants of the robot at once."""
+"""The simulator driven by a recording's commands, for many variants of the robot at once."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ Possible = NDArray[np.bool_]
 
 
 VARIANTS_AT_ONCE = 64
-"""Variants that are simulated side by side: their samples in 40 s take some 30 MB."""
+"""Number of variants that are simulated side by side: their samples in 40 s take some 30 MB."""
 
 
 class Rollout(Protocol):
-    """What a diagnosis asks of a simulator."""
+    """Interface between a diagnosis and a simulator."""
 
     def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
-        """Simulated samples of the log's channels at the log's times, chunk of variants by chunk (variants of
-        the chunk, channels, rows), and the integration step in s. It is the same for all variants, since
-        results of different steps differ a little and cannot be compared."""
+        """Simulated samples of the log's channels at the log's times, in chunks of variants (variants of the
+        chunk, channels, rows), and the integration step in s. It is the same for all variants, since results
+        of different steps differ slightly and cannot be compared."""
         ...
 
 
@@ -59,16 +59,17 @@ _ZONES = [Plant._fields.index(f"dead_zone_{side}") for side in ("left", "right")
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """What the recording does not say of controller and gears.
+    """Properties of controller and gears that the recording does not state.
 
-    chain: the sensor chain. brake: whether duty 0 brakes; rows that say so themselves decide for themselves.
+    chain: the sensor chain. brake: whether duty 0 brakes; rows that state it override this.
     commands_precede_rows: whether the command of a row was in force until the row instead of from it on.
-    sliding: how wheels slide. low_pass: whether the gyro's chip filters the turn rate. swing_period: s in
-    which commands swing, 0 where they do not; see `excitation.swing_period`. firmware: the controller's,
-    where the recording names it; none of its habits is searched for then. fits_sample_ages: whether each
-    motor's sample age is fitted, as a controller in step with the rows may sample at any moment of them; one
-    with a clock of its own samples in the middle on average. ramp: what changes commands before the motors
-    get them, None where nothing does."""
+    sliding: how wheels slide. low_pass: whether the gyro's chip filters the turn rate. swing_period: period
+    in s of swinging commands, 0 if they do not swing; see `excitation.swing_period`. firmware: the
+    controller's, if the recording names it; none of its habits is then searched for. fits_sample_ages:
+    whether each motor's sample age is fitted, since a controller in step with the rows may sample at any time
+    in them; one with its own clock samples in the middle on average. ramp: a limit on the rate of commands
+    before the motors get them, None if there is none.
+    """
 
     chain: Chain
     brake: bool
@@ -87,17 +88,18 @@ class Habits:
 
     @property
     def knows_battery(self) -> bool:
-        """Whether only the firmware filters the battery's readings, as where the recording itself names it.
-        Those in a CSV file may be filtered further: RaccoonOS's programs add 0.05 of each new reading."""
+        """Whether only the firmware filters the battery's readings, which is known if the recording itself
+        names it. Those in a CSV file may be filtered further: RaccoonOS's programs add 0.05 of each new
+        reading."""
         return self.firmware is not None and self.firmware.is_named_by_recording
 
 
 class PlantRollout:
-    """The package's plant along one log's commands.
+    """The package's plant driven by one log's commands.
 
-    A dead zone of the readings acts where the log's readings are silent; see `censor_readings`. plain: it
-    acts where the simulated readings are small, as in the simulator: for a log that has no readings yet, and
-    to judge what a simulator would read. own: a team's effects, written in Python instead of as terms of the
+    A dead zone of the readings acts where the log's readings are 0; see `censor_readings`. plain: it acts
+    where the simulated readings are small, as in the simulator: for a log that has no readings yet, and to
+    judge what a simulator would read. own: a team's effects, written in Python instead of as terms of the
     plant.
     """
 
@@ -147,7 +149,7 @@ class PlantRollout:
     def _simulate_part(
         self, variants: Sequence[Settings], lanes: Lanes, possible: Possible, step: float
     ) -> Array:
-        """Samples, NaN for impossible robots: a fit on its way tries some that have next to no inertia."""
+        """Samples, NaN for impossible robots: a fit may try some with nearly no inertia."""
         if possible.all():
             return self._comparable_samples(variants, lanes, step)
         samples = np.full((len(variants), len(self._roles), len(self._time)), np.nan)
@@ -157,7 +159,8 @@ class PlantRollout:
         return samples
 
     def _comparable_samples(self, variants: Sequence[Settings], lanes: Lanes, step: float) -> Array:
-        """Samples as they are compared with the log's: averaged, delayed, and censored by dead zones."""
+        """Samples in the form in which they are compared with the log's: averaged, delayed, and censored by
+        dead zones."""
         samples = (
             self._with_own_effects(variants, step)
             if self._own
@@ -226,7 +229,7 @@ class PlantRollout:
         return run["truth.x"][0], run["truth.y"][0]
 
     def _lanes(self, variants: Sequence[Settings]) -> Lanes:
-        """Plant numbers of all variants. Packed here, since `Lanes.of` wants one robot.toml and inertias
+        """Plant numbers of all variants. Packed here, since `Lanes.of` requires one robot.toml and inertias
         differ."""
         chain = self._habits.chain
         robots_by_inertia: dict[tuple[float, float], RobotConfig] = {}
@@ -241,7 +244,7 @@ class PlantRollout:
         return Lanes(
             plant=plant,
             gyro=np.array([gyro_numbers(each, self._robot) for each in variants]),
-            signs=(1.0, 1.0),  # of readings and commands: the log's are already taken away
+            signs=(1.0, 1.0),  # of readings and commands: the log's signs are already removed
             ports=(self._robot.drive.left, self._robot.drive.right),
             slots=sample_slots(first),
             cycle=chain.cycle,
@@ -250,12 +253,13 @@ class PlantRollout:
     def _robot_with_inertias(
         self, settings: Settings, made: dict[tuple[float, float], RobotConfig]
     ) -> RobotConfig:
-        """The robot with the settings' inertias. made: robots by their factors, which most variants share."""
+        """The robot with the settings' inertias. made: cache of robots by their factors, which most variants
+        share."""
         straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
         if (straight, turn) not in made:
             plain = straight == turn == 1.0
             robot = self._robot if plain else with_inertia(self._robot, straight, turn)
-            check_section(robot.model, "drive")  # where the inertias are; the rest is as it was
+            check_section(robot.model, "drive")  # the section of the inertias; the rest is unchanged
             made[straight, turn] = robot
         return made[straight, turn]
 
@@ -266,9 +270,10 @@ def _select_lanes(lanes: Lanes, which: slice | Possible) -> Lanes:
 
 
 def _controller_cycle(row: float, usual: float) -> float:
-    """Period in s at which the controller samples: the recording's usual row is a whole number of its cycles.
+    """Period in s at which the controller samples, such that the recording's usual row is a whole number of
+    cycles.
 
-    Rows much shorter than a cycle say nothing of it; otherwise a row shorter than any cycle is one cycle.
+    Rows much shorter than a cycle do not determine it; otherwise a row shorter than any cycle is one cycle.
     """
     cycles = round(row / usual)
     return max(row / cycles, SHORTEST_CYCLE) if cycles else usual
@@ -279,7 +284,7 @@ def _own_values(own: OwnEffect, settings: Settings) -> dict[str, float]:
 
 
 def _bemf_channels(log: Log) -> dict[int, tuple[str, Array, NDArray[np.bool_]]]:
-    """The back-EMF channels of a log by their index: side, samples, which of them flicker."""
+    """The back-EMF channels of a log by their index: side, samples, and which of them flicker."""
     return {
         index: (each.role.removeprefix("bemf_"), each.values, find_flickers(each.values))
         for index, each in enumerate(log.channels)

@@ -1,4 +1,4 @@
-"""Ages of the wheels' samples in a row, of a controller whose cycle is not the row's."""
+"""Ages of the wheels' samples in a row, if the controller's cycle is not the row's."""
 
 from __future__ import annotations
 
@@ -12,22 +12,24 @@ from raccoon.sim.effects.parameters import SIDES
 Array = NDArray[np.float64]
 
 SAMPLE_AGE: dict[str, Setting] = {side: ("sample", side, "age") for side in SIDES}
-"""s by which a side's samples are older than by the sensor chain."""
+"""Additional age in s of a side's samples, beyond that of the sensor chain."""
 MAX_PHASE_STDS = 1.75
 """Bound in units of `SAMPLE_PHASE_STD`: half a cycle, from the middle of one to its ends."""
 
 
 def age_settings() -> Settings:
-    """Neutral settings: samples as old as by the sensor chain."""
+    """Neutral settings: no additional age."""
     return dict.fromkeys(SAMPLE_AGE.values(), 0.0)
 
 
 def age_coordinates() -> tuple[Coordinate, ...]:
-    """Base coordinates of the sample ages, one per side, since each motor is sampled at a moment of its own.
+    """Base coordinates of the sample ages, one per side, since each motor is sampled at its own time in the
+    cycle.
 
-    A clock that drifts samples in the middle of a row on average; one in step with the rows may stay
-    anywhere. A filter of another time constant does not make up for that where wheels speed up: without
-    these, sound robots had a gear that loses torque, or a slip."""
+    A clock that drifts samples in the middle of a row on average; one in step with the rows may sample at any
+    constant phase. A filter with another time constant does not compensate for that while wheels accelerate:
+    without these coordinates, fault-free robots had a gear that loses torque, or a slip.
+    """
     return tuple(
         Coordinate(
             "sample.age", (each,), lambda u: SAMPLE_PHASE_STD * u, low=-MAX_PHASE_STDS, high=MAX_PHASE_STDS
