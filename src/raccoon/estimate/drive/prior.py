@@ -1,4 +1,5 @@
-"""What is believed about a robot before it moves: state, covariance and noise from its `robot.toml`."""
+"""Prior of the drive filter before the robot moves: state, covariance and process noise from its
+`robot.toml`."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ _TURNS = [State.WHEEL_TURN, State.GYRO_SCALE], [State.GYRO_SCALE, State.WHEEL_TU
 
 
 def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tuple[Array, Array]:
-    """Mean (13,) and covariance (13, 13) of a robot that stands at the origin."""
+    """Mean (13,) and covariance (13, 13) of the state of a robot that stands at the origin."""
     mean = np.zeros(SIZE)
     deviations = np.zeros(SIZE)
     imu = robot.model.imu
@@ -33,8 +34,9 @@ def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tup
     covariance = np.diag(deviations**2)
     scales = [scale_std(robot, settings, side) for side in ("left", "right")]
     covariance[np.ix_(_SCALES, _SCALES)] = scale_covariance(scales[0], scales[1], track_std(robot, settings))
-    # Wheels are no second opinion of the gyro's scale: a track width is fitted to its turns, and one that is
-    # wrong must not turn the robot. What is known of the turns that wheels read is so against the gyro's.
+    # The wheels' turn is known only relative to the gyro: a track width is fitted to the gyro's turns. So the
+    # two scales are correlated, the wheels do not correct the gyro's scale, and a wrong track width does not
+    # turn the robot.
     gyro = deviations[State.GYRO_SCALE] / imu.gyro_scale.value
     covariance[State.WHEEL_TURN, State.WHEEL_TURN] += gyro**2
     covariance[_TURNS] = gyro * deviations[State.GYRO_SCALE]
@@ -42,11 +44,11 @@ def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tup
 
 
 def scale_covariance(left: float, right: float, track: float) -> Array:
-    """Covariance (3, 3) of WAY, BALANCE and WHEEL_TURN from the relative deviations of two wheel scales and
-    of the track width.
+    """Covariance (3, 3) of WAY, BALANCE and WHEEL_TURN from the relative standard deviations of both wheel
+    scales and of the track width.
 
-    With scales 1 + l and 1 + r and a track 1 + t, to first order: WAY = 1 - (l + r) / 2,
-    BALANCE = (r - l) / 2, WHEEL_TURN = 1 + (l + r) / 2 + t.
+    With scales 1 + l and 1 + r and a track 1 + t, to first order: WAY = 1 - (l + r) / 2, BALANCE = (r - l) /
+    2, WHEEL_TURN = 1 + (l + r) / 2 + t.
     """
     slopes = np.array([[-0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.5, 0.5, 1.0]])
     found: Array = slopes @ np.diag([left**2, right**2, track**2]) @ slopes.T
@@ -54,15 +56,15 @@ def scale_covariance(left: float, right: float, track: float) -> Array:
 
 
 def offset_std_counts(robot: RobotConfig, settings: OdometrySettings, side: str) -> float:
-    """Standard deviation of a motor's back-EMF offset, counts; 0 says it has none (an encoder, 0 exactly)."""
+    """Standard deviation of a motor's back-EMF offset, counts; 0 means exactly no offset (an encoder)."""
     known = known_offset_std(robot, side)
     return max(robot.model.bemf.offset.std, settings.uncalibrated_offset_counts) if known is None else known
 
 
 def known_offset_std(robot: RobotConfig, side: str) -> float | None:
-    """Counts; of the offset that robot.toml has of this motor, None where it has none.
+    """Standard deviation of this motor's offset in robot.toml, counts; None if it gives no offset.
 
-    One that was written down as a plain number is known as well as the model's: motors do not stay at it.
+    An offset given as a plain number has the model's standard deviation: offsets of motors change.
     """
     own = robot.wheel_motor(side).bemf_offset
     return None if own is None else own.std or (robot.model.bemf.offset.std if own.value else 0.0)
@@ -71,7 +73,8 @@ def known_offset_std(robot: RobotConfig, side: str) -> float | None:
 def gyro_scale_std(robot: RobotConfig, settings: OdometrySettings) -> float:
     """Standard deviation of the gyro's scale.
 
-    A plain number says nothing of it, and that of robot.toml's default is the model's: nobody measured it.
+    A scale without a standard deviation, or equal to the default, was not measured: then the setting
+    `uncalibrated_gyro_scale` holds.
     """
     scale = robot.model.imu.gyro_scale
     if scale.std > 0.0 and scale != ImuModel().gyro_scale:
@@ -82,8 +85,8 @@ def gyro_scale_std(robot: RobotConfig, settings: OdometrySettings) -> float:
 def track_std(robot: RobotConfig, settings: OdometrySettings) -> float:
     """Relative standard deviation of the track width.
 
-    Where robot.toml gives neither a date nor a deviation of its own nobody measured it by driving, a ruler at
-    the most, and the wheels touch the floor somewhere within their width.
+    Without a date or a standard deviation of its own in robot.toml it was not measured by driving, at most
+    with a ruler, and the wheels touch the floor somewhere within their width.
     """
     track, nominal = robot.model.drive.track_width, DriveModel().track_width
     measured = track.date is not None or track.std not in (0.0, nominal.std)
@@ -91,7 +94,7 @@ def track_std(robot: RobotConfig, settings: OdometrySettings) -> float:
 
 
 def scale_std(robot: RobotConfig, settings: OdometrySettings, side: str) -> float:
-    """Relative standard deviation of the metres of one count · second."""
+    """Relative standard deviation of a wheel's metres per count · second."""
     own = robot.wheel_motor(side).radians_per_tick
     if own is not None:
         return max(own.std / own.value, settings.calibrated_scale)
@@ -101,7 +104,7 @@ def scale_std(robot: RobotConfig, settings: OdometrySettings, side: str) -> floa
 
 
 def process_noise(robot: RobotConfig, settings: OdometrySettings, radians_per_count: float) -> ProcessNoise:
-    """How fast the state wanders. radians_per_count: wheel speed of one back-EMF count, rad/s.
+    """Process noise of the state. radians_per_count: wheel speed of one back-EMF count, rad/s.
 
     An offset that is exactly known (an encoder's) does not wander.
     """

@@ -1,41 +1,42 @@
-"""Does the robot stand still? Then velocity and turn rate are known to be 0, and every reading is an offset.
+"""Detection of standstill. Then velocity and turn rate are known to be 0, and every reading is an offset.
 
-Standing still needs all of it for a while: no duty on either wheel, wheels that read no more than their
-offset explains, and a gyro that reads no more than its bias explains.
+The robot stands if all of this holds for a while: no duty on either wheel, wheels that read no more than
+their offsets explain, and a gyro that reads no more than its bias explains.
 """
 
 from __future__ import annotations
 
 HOLD_TIME_S = 0.3
-"""s; longer than a robot coasts and the back-EMF filter forgets."""
+"""s for which all conditions must hold; longer than the robot coasts and the back-EMF filter settles."""
 WHEEL_MARGIN = 0.05
-"""rad/s above what the uncertain offset explains (4 sigma)."""
+"""rad/s beyond what the uncertain offset explains (4 sigma)."""
 GYRO_MARGIN = 0.015
-"""rad/s above what the uncertain bias explains (4 sigma)."""
+"""rad/s beyond what the uncertain bias explains (4 sigma)."""
 CREEP_TIME_S, MAX_CREEP_CHANGE = 0.5, 0.03
-"""s for which wheels that nothing drives keep a speed, and rad/s by which it changes at the most: none rolls
-on like that."""
+"""s for which wheels without power must keep a speed, and rad/s by which it may change, to count as creep: no
+wheel rolls on like that."""
 LARGEST_OFFSET, LARGEST_BIAS = 0.35, 0.1
-"""rad/s that a wheel (115 counts) and the gyro read at the most on a robot that stands: the data sheets of
-such gyros allow 5 degrees a second (0.087)."""
+"""rad/s, bounds on the readings of a wheel (115 counts) and of the gyro of a robot at rest: the data sheets
+of such gyros allow 5 degrees a second (0.087 rad/s)."""
 MAX_TURN_CHANGE = 0.01
-"""rad/s by which the gyro changes meanwhile at the most: no hand turns a robot as evenly."""
+"""rad/s, bound on the change of the gyro's reading meanwhile: no hand turns a robot as evenly."""
 OTHER_BIAS_MARGIN = 0.003
-"""rad/s above what the uncertain bias explains (4 sigma), of its mean in that time: it is another bias."""
+"""rad/s beyond what the uncertain bias explains (4 sigma), of the gyro's mean in that time, above which the
+bias has changed."""
 
 
 def does_offset_explain(speed: float, sigma: float) -> bool:
-    """Whether an offset with this deviation explains a wheel's speed beyond it, rad/s."""
+    """Whether an offset with standard deviation `sigma` explains a wheel's speed beyond it (rad/s)."""
     return abs(speed) <= WHEEL_MARGIN + 4.0 * sigma
 
 
 def does_bias_explain(rate: float, sigma: float) -> bool:
-    """Whether a bias with this deviation explains a turn rate beyond it, rad/s."""
+    """Whether a bias with standard deviation `sigma` explains a turn rate beyond it (rad/s)."""
     return abs(rate) <= GYRO_MARGIN + 4.0 * sigma
 
 
 class StandstillDetector:
-    """Detector with memory: feed it every cycle."""
+    """Detector of standstill, with memory: feed it every cycle."""
 
     __slots__ = ("_quiet_seconds",)
 
@@ -43,16 +44,16 @@ class StandstillDetector:
         self._quiet_seconds = 0.0
 
     def restart(self) -> None:
-        """Forget the time at rest, after a gap in the readings."""
+        """Start the time at rest again, after a gap in the readings."""
         self._quiet_seconds = 0.0
 
     def update(
         self, dt: float, driven: bool, wheel: tuple[float, float], gyro: tuple[float, float] | None
     ) -> bool:
-        """Take one cycle; whether it stands.
+        """Take one cycle of dt s; True if the robot stands.
 
         driven: a drive motor has duty. wheel: (largest speed beyond the offset, sigma of that offset), rad/s.
-        gyro: (rate beyond the bias, sigma of that bias), rad/s, None where there is no gyro.
+        gyro: (rate beyond the bias, sigma of that bias), rad/s; None without a gyro.
         """
         quiet = not driven and does_offset_explain(*wheel)
         if gyro is not None and not does_bias_explain(*gyro):
@@ -62,10 +63,10 @@ class StandstillDetector:
 
 
 class CreepDetector:
-    """Detects that wheels and gyro of a robot that nothing drives seem to creep on at one speed: that is an
-    offset or a bias, whatever robot.toml says, of another controller or learnt from a robot that was pushed.
+    """Detects wheels and a gyro that read a constant slow motion of a robot without power. That is an offset
+    or a bias, whatever robot.toml holds: of another controller, or learnt while the robot was pushed.
 
-    mean_rate: rad/s by the gyro in the creep that was found last.
+    mean_rate: rad/s by the gyro during the last creep.
     """
 
     __slots__ = ("_rate", "_seconds", "_speeds", "_turned", "mean_rate")
@@ -75,9 +76,9 @@ class CreepDetector:
         self._speeds = (0.0, 0.0)
 
     def update(self, dt: float, driven: bool, left: float, right: float, rate: float | None) -> bool:
-        """Take a step of dt s: rad/s of the wheels and of the gyro as they are read, None where it is not.
+        """Take a step of dt s with the readings of wheels and gyro, rad/s (rate: None without a gyro).
 
-        True where both have kept their speed for long; then it begins anew.
+        True if all have kept their speed for CREEP_TIME_S; then the time starts again.
         """
         kept = max(abs(left - self._speeds[0]), abs(right - self._speeds[1])) < MAX_CREEP_CHANGE
         slow = max(left, right, -left, -right) < LARGEST_OFFSET

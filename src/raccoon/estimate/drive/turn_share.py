@@ -1,26 +1,26 @@
-"""How much of the turn that the wheels read the gyro sees: about 1, unless a number is far off.
+"""Turn by the gyro as a share of the turn by the wheels: about 1 unless a scale is far off.
 
-A gyro whose full scale is not the one that the firmware promises reads twice or half of every turn, whatever
-the robot does. Slip, walls and pushes do not: the share is fitted to steps of turning, and counts only where
-it explains them all.
+A gyro whose full scale is not what the firmware states reads twice or half of every turn, always. Slip, walls
+and pushes do not: the share is fitted to steps of turning, and is used only if it explains all of them.
 """
 
 from __future__ import annotations
 
 MIN_RATE = 0.3
-"""rad/s of the wheels below which offsets and noise would count."""
+"""rad/s of turn by the wheels below which offsets and noise matter too much."""
 MEMORY_S = 10.0
-"""s of turning that count."""
+"""s, time constant of the memory, of turning time."""
 MIN_TURN = 3.0
-"""rad by the wheels before anything is said."""
+"""rad of turn by the wheels that a result needs."""
 MIN_SHARE, MAX_SHARE = 0.75, 1.35
-"""What wheels that scrub, and a track width that nobody measured, may do."""
+"""Bounds of a plausible share: wheels that scrub, and a track width that nobody measured, stay within."""
 MAX_MISFIT = 0.03
-"""Of the gyro's squares that the share may leave unexplained."""
+"""Largest part of the gyro's sum of squares that the share may leave unexplained."""
 
 
 class TurnShare:
-    """Feed it every step in which there is a gyro. value: gyro over wheels; 1 as long as nothing is odd."""
+    """Call `update` in every step with a gyro reading. value: gyro over wheels if that is implausible;
+    otherwise 1."""
 
     __slots__ = ("_gyro_square", "_gyro_times_wheels", "_turned_angle", "_wheels_square", "value")
 
@@ -29,7 +29,7 @@ class TurnShare:
         self.value = 1.0
 
     def update(self, span: float, wheels: float, gyro: float) -> None:
-        """A step of `span` s: rad/s of the robot's turn as both wheels and as the gyro read it."""
+        """Take a step of `span` s with the robot's turn rates by the wheels and by the gyro, rad/s."""
         if abs(wheels) < MIN_RATE:
             return
         keep = max(0.0, 1.0 - span / MEMORY_S)

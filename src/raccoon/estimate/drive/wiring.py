@@ -1,29 +1,31 @@
-"""Do the wheels turn the robot as they say? A motor that is plugged in the other way round shows in the gyro.
+"""Check of the wheels' signs against the gyro, which shows a motor that is plugged in reversed.
 
-Its reading has the sign of its command, so the wheels alone look sound. With the turn rates a and b that the
-right and the left wheel give the robot by what they read, the gyro sees a + b where both are as robot.toml
-says, a - b or b - a where one is the other way round, and -a - b where both are or the two are exchanged.
-Each of the four is compared with the gyro over the last moments of motion. What was seen to be wrong once
-while robot.toml's own fitted is not asked again: plugs do not change while a program runs, and what comes
-later is slip. So is, unless it lasts, what comes later in a motion that began as robot.toml says: a robot
-that runs into something turns otherwise than its wheels for a moment. (Straight ahead two motors that are
-both the other way round look sound as well, until the heading is corrected the wrong way.)
+A reversed motor reads with the sign of its command, so the wheels alone look right. Let a and b be the turn
+rates that the readings of the right and left wheel give. The gyro reads a + b if both are as in robot.toml, a
+- b or b - a if one is reversed, and -a - b if both are, or the two are exchanged. Each of the four is
+compared with the gyro over the last moments of motion. A hypothesis that was refuted while that of robot.toml
+fitted is not tested again: plugs do not change while a program runs, and what comes later is slip. A
+contradiction later in a motion that began as in robot.toml is slip, too, unless it lasts: a robot that runs
+into something turns otherwise than its wheels for a moment. (Straight ahead, two reversed motors look right
+as well, until the heading is corrected the wrong way.)
 """
 
 from __future__ import annotations
 
 MEMORY_S = 0.5
-"""s of motion that count."""
+"""s, time constant of the memory, of time in motion."""
 MIN_MOTION_S = 0.25
-"""s of motion before anything is said."""
+"""s of motion that a result needs."""
 LASTING_S = 1.0
-"""s for which the gyro must say otherwise in a motion that began as robot.toml says."""
+"""s for which the gyro must contradict robot.toml in a motion that began in agreement."""
 REST_S = 0.1
 """s at rest that end a motion."""
 MIN_RATE = 0.3
-"""rad/s of the robot that the wheels together are worth, below which offsets and noise would decide."""
+"""rad/s of the robot by both wheels (root of the sum of squares) below which offsets and noise would
+decide."""
 MAX_FITTING_MISFIT, MIN_FAILING_MISFIT = 0.15, 0.5
-"""Misfit, as a share of the squares of a and b, of what the gyro agrees with and of what it does not."""
+"""Misfits, as shares of the sum of squares of a and b: the upper bound for a hypothesis that fits, and the
+lower bound for one that is refuted."""
 Signs = tuple[float, float]
 AS_CONFIGURED: Signs = (1.0, 1.0)
 LEFT_REVERSED: Signs = (-1.0, 1.0)
@@ -32,7 +34,7 @@ BOTH_REVERSED: Signs = (-1.0, -1.0)
 
 
 class Wiring:
-    """Judge of the wheels' signs against robot.toml's. Feed it every step in which there is a gyro."""
+    """Compares the wheels' signs with robot.toml's. Call `update` in every step with a gyro reading."""
 
     __slots__ = (
         "_contradicted_seconds",
@@ -47,14 +49,14 @@ class Wiring:
     def __init__(self) -> None:
         self._misfits = dict.fromkeys((AS_CONFIGURED, LEFT_REVERSED, RIGHT_REVERSED, BOTH_REVERSED), 0.0)
         self._turn_square = self._motion_seconds = self._contradicted_seconds = self._rest_seconds = 0.0
-        self._is_confirmed = False  # since this motion began
+        self._is_confirmed = False  # in this motion
         self.suspects: tuple[Signs, ...] = ()
-        """Signs, left and right, that the gyro agrees with where it does not with robot.toml. More than one
-        where the motion does not tell them apart: then the robot may be stuck as well."""
+        """Signs (left, right) that agree with the gyro while robot.toml's do not. More than one if the motion
+        does not distinguish them; then the robot may also be stuck."""
 
     @property
     def turned(self) -> tuple[str, ...]:
-        """Sides that surely turn the other way than robot.toml says."""
+        """Sides that certainly turn opposite to robot.toml."""
         if not self.suspects:
             return ()
         return tuple(
@@ -64,7 +66,8 @@ class Wiring:
         )
 
     def update(self, span: float, left: float, right: float, turn_rate: float) -> None:
-        """A step of `span` s: rad/s that the left and the right wheel turn the robot by, and the gyro's."""
+        """Take a step of `span` s with the robot's turn rates by the left wheel, the right wheel and the
+        gyro, rad/s."""
         misfits = self._misfits
         if len(misfits) == 1:
             return
@@ -84,7 +87,7 @@ class Wiring:
             self._judge(span)
 
     def _start_motion(self) -> None:
-        """The next motion is judged by itself: a robot that was stuck may be free."""
+        """Start the next motion, which is judged by itself: a robot that was stuck may be free."""
         self._misfits = dict.fromkeys(self._misfits, 0.0)
         self._turn_square = self._motion_seconds = self._contradicted_seconds = 0.0
         self._is_confirmed = False
@@ -99,7 +102,7 @@ class Wiring:
             self._contradicted_seconds = self._contradicted_seconds + span if found else 0.0
             if not self._is_confirmed or self._contradicted_seconds > LASTING_S:
                 self.suspects = found or self.suspects
-        elif as_written < fits:  # others may fit as well, as straight ahead where both are turned
+        elif as_written < fits:  # others may fit, too: straight ahead, both reversed
             self._is_confirmed, self._contradicted_seconds = True, 0.0
             kept = {
                 signs for signs, misfit in self._misfits.items() if misfit < fails or signs == AS_CONFIGURED

@@ -1,1 +1,1 @@
-"""The drive's extended Kalman filter: states, model, unrolled algebra and its readable twin."""
+"""The drive's extended Kalman filter: states, model, unrolled algebra and its readable equivalent."""

@@ -1,9 +1,9 @@
-"""The drive filter over a time in which nobody looked: dead reckoning by what both wheels turned in it.
+"""The drive filter over a gap in the readings: dead reckoning by the angles that both wheels turned.
 
-A step of the filter takes velocity and turn rate as constant, and as known from the step before. Over a
-pause neither holds: a robot that turned, stopped and stood for ten seconds would be moved on by ten seconds
-of turning first, and what the readings then take back is taken back in a straight line. Here the counters
-move it, with A the wheels' angles over T s, lo and ro the offsets, b the track width, r the wheel radius::
+A step of the filter assumes constant velocity and turn rate, predicted from the step before. Over a pause
+neither holds: a robot that turned, stopped and stood for ten seconds would first be turned for ten seconds,
+and the update would take that back along a straight line. Here the counters move it, with A the wheels'
+angles over T s, lo and ro the offsets, b the track width, r the wheel radius::
 
     left  = r (A_left - lo T) / (1 - balance)        right = r (A_right - ro T) / (1 + balance)
     travel = way (left + right) / 2                   turn  = (right - left) / (wheel_turn b)
@@ -20,7 +20,7 @@ from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.model.drive import DriveGeometry, arc_end
 
 UNKNOWN_VELOCITY, UNKNOWN_TURN_RATE = 0.5, 5.0
-"""m/s and rad/s, standard deviations after it: the next step measures both."""
+"""m/s and rad/s, standard deviations after the gap: the next step measures both."""
 
 _POSE = [State.X, State.Y, State.HEADING]
 _MOTION = [State.VELOCITY, State.TURN_RATE]
@@ -37,9 +37,9 @@ def bridge_gap(
 ) -> tuple[Array, Array, float]:
     """Mean (13,) and covariance (13, 13) after `seconds` s, and the travel in m.
 
-    covariance: with what the slow numbers wandered. angles: rad that the wheels turned, at nominal scale.
-    noise: their covariance (2, 2), rad^2. turn_rate: rad/s that the robot turns with at the end, about.
-    Velocity and turn rate are unknown after it.
+    covariance: including the random walks over the gap. angles: rad that the wheels turned, at nominal scale.
+    noise: their covariance (2, 2), rad^2. turn_rate: rad/s, approximate turn rate at the end. Velocity and
+    turn rate are unknown afterwards.
     """
     travel, turn, slopes, of_angles = _wheel_motion(mean, seconds, angles, geometry, turn_rate)
     heading = mean[State.HEADING]
@@ -48,7 +48,7 @@ def bridge_gap(
     moved[_POSE] = x, y, after
     moved[_MOTION] = 0.0
     middle = heading + 0.5 * turn
-    # By travel and turn: of x, y and heading.
+    # Derivative of x, y and heading by travel and turn.
     pose = np.array(
         [
             [math.cos(middle), -0.5 * travel * math.sin(middle)],
@@ -63,7 +63,7 @@ def bridge_gap(
     P: Array = F @ covariance @ F.T
     by_angles = pose @ of_angles
     P[np.ix_(_POSE, _POSE)] += by_angles @ noise @ by_angles.T
-    # Whether it turned before, on or after its way, nobody saw.
+    # Nobody knows whether it turned before, during or after its travel.
     aside = travel * min(0.5 * abs(turn), 1.0) / math.sqrt(3.0)
     P[State.X, State.X] += aside**2
     P[State.Y, State.Y] += aside**2
@@ -82,10 +82,10 @@ def _wheel_motion(
     right = of_right * (angles[1] - mean[State.RIGHT_OFFSET] * seconds)
     way, track = mean[State.WAY], geometry.track_width * mean[State.WHEEL_TURN]
     turn = (right - left) / track
-    # The wheels are ahead of the heading, which is of the gyro's time, before the gap and after it.
+    # The wheels are ahead of the heading (at the gyro's time), before and after the gap.
     slower = mean[State.TURN_RATE] - turn_rate
     early = mean[State.GYRO_DELAY] * slower
-    # Travel and turn by the ways of both wheels.
+    # Travel and turn by both wheels' distances.
     combined = np.array([[0.5 * way, 0.5 * way], [-1.0 / track, 1.0 / track]])
     of_angles: Array = combined * np.array([of_left, of_right])
     slopes = np.zeros((2, SIZE))

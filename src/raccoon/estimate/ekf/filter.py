@@ -1,9 +1,9 @@
-"""The drive filter: an extended Kalman filter whose every-cycle algebra is unrolled.
+"""The drive filter: an extended Kalman filter whose algebra of every cycle is unrolled.
 
-`DriveFilter` holds a `filterpy.kalman.ExtendedKalmanFilter`. What comes every cycle (predict, wheels,
-gyro, standing still) runs in `ekf.generated`, which does filterpy's arithmetic without its arrays; what
-comes now and then (a wall, a line, a known pose, a taped distance) goes through filterpy itself, with the
-full covariance and its Joseph form. A test holds the generated code to stock filterpy throughout.
+`DriveFilter` holds a `filterpy.kalman.ExtendedKalmanFilter`. What comes in every cycle (prediction, wheels,
+gyro, standstill) runs in `ekf.generated`, which does filterpy's arithmetic without its arrays. Occasional
+observations (a wall, a line, a known pose, a taped distance) go through filterpy itself, with the full
+covariance and its Joseph form. A test compares the generated code with stock filterpy.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _ROWS, _COLUMNS = np.triu_indices(SIZE)
 
 
 def flatten(mean: Array, covariance: Array) -> Flat:
-    """State and upper triangle of the covariance as the generated code keeps them."""
+    """State (13,) and upper triangle of the covariance (13, 13), in the order of the generated code."""
     return (*map(float, mean), *map(float, covariance[_ROWS, _COLUMNS]))
 
 
@@ -51,17 +51,17 @@ def covariance_of(flat: Flat) -> Array:
 
 
 def variance_index(state: State) -> int:
-    """Where the variance of a state stands in the flat state."""
+    """Index of a state's variance in the flat state."""
     return covariance_index(state, state)
 
 
 def covariance_index(row: State, column: State) -> int:
-    """Where the covariance of two states, in their order, stands in the flat state."""
+    """Index of the covariance of two states, in their order, in the flat state."""
     return SIZE + row * SIZE - row * (row - 1) // 2 + column - row
 
 
 class ProcessNoise:
-    """Variances a second that the state wanders with; calling it with dt gives the arguments of `predict`."""
+    """Variances per second of the states' random walks; a call with dt gives the arguments of `predict`."""
 
     __slots__ = ("_gyro_bias", "_offset", "_scale", "_turn_rate", "_velocity")
 
@@ -85,7 +85,7 @@ class ProcessNoise:
 
 
 def filterpy_filter(mean: Array, covariance: Array, measurements: int) -> Any:
-    """A stock filterpy EKF with this belief. Imports filterpy (2 s)."""
+    """A stock filterpy EKF with this state and covariance. Imports filterpy (2 s)."""
     from filterpy.kalman import ExtendedKalmanFilter
 
     ekf = ExtendedKalmanFilter(dim_x=SIZE, dim_z=measurements)
@@ -94,9 +94,9 @@ def filterpy_filter(mean: Array, covariance: Array, measurements: int) -> Any:
 
 
 class DriveFilter:
-    """Belief about the drive, moved on by one call a cycle.
+    """State and covariance of the drive, moved on by one call a step.
 
-    `flat` is an immutable value: keeping it is a snapshot, setting it goes back.
+    `flat` is an immutable value: keeping it makes a snapshot, assigning it restores one.
     """
 
     __slots__ = ("_ekf", "_half_track", "_noise", "_radius", "flat", "geometry")
@@ -112,7 +112,7 @@ class DriveFilter:
         self._half_track = 0.5 * geometry.track_width
 
     def predict(self, dt: float) -> None:
-        """Move on by dt s with nothing read."""
+        """Move on by dt s without a reading."""
         self.flat = generated.predict(self.flat, dt, *self._noise(dt))
 
     def step(
@@ -123,12 +123,12 @@ class DriveFilter:
         turn_acceleration: float,
         differential_variance: float = 0.0,
     ) -> Flat:
-        """Move on by dt s and take left wheel, right wheel (rad/s, nominal scale) and, where it is there, the
-        gyro (rad/s): means over dt.
+        """Move on by dt s and update with the left wheel, the right wheel (rad/s, nominal scale) and, if
+        present, the gyro (rad/s): means over dt.
 
-        swing: rad/s2, how fast the turn rate changes; it says how far the gyro's delay can be seen. wobble:
-        variance that either wheel's reading has besides, as much up as the other one's down.
-        Gives innovation and its variance of left, right, gyro in turn, each after those before it.
+        turn_acceleration: change of the turn rate, rad/s^2; it makes the gyro's delay observable.
+        differential_variance: of an error that adds to one wheel's reading and subtracts from the other's.
+        Returns innovation and variance of left, right and gyro in turn, each after the updates before it.
         """
         gyro, of_gyro = None, 0.0
         if len(read) == 3:
@@ -160,10 +160,11 @@ class DriveFilter:
         angle_covariance: float,
         motion: tuple[float, float],
     ) -> float:
-        """Move on by dt s in which nobody looked, by the angles (rad, nominal) that both wheels turned; m.
+        """Move on over a gap of dt s by the angles (rad, nominal scale) that both wheels turned; returns the
+        travel, m.
 
-        variances, wobble: of the angles, rad^2. together: their covariance besides. motion: m/s and rad/s
-        that it has now, about.
+        variances, differential_variance: of the angles, rad^2. angle_covariance: their further covariance,
+        rad^2. motion: approximate velocity (m/s) and turn rate (rad/s) at the end.
         """
         _, _, gyro_bias, offset, scale = self._noise(dt)
         P = covariance_of(self.flat)
@@ -179,7 +180,7 @@ class DriveFilter:
         return travel
 
     def apply_standstill(self, velocity_variance: float, turn_rate_variance: float) -> None:
-        """Take it that the robot does not move."""
+        """Update with a velocity and a turn rate of 0, with these variances."""
         self.flat = generated.update_still(self.flat, velocity_variance, turn_rate_variance)
 
     def observe(
@@ -190,7 +191,7 @@ class DriveFilter:
         noise: Array,
         residual: Callable[[Array, Array], Array] = np.subtract,
     ) -> float:
-        """Take an observation of (m,) values with filterpy; gives its Mahalanobis distance."""
+        """Update with an observation of (m,) values through filterpy; returns its Mahalanobis distance."""
         ekf = self._ekf
         ekf.x, ekf.P = mean_of(self.flat), covariance_of(self.flat)
         ekf.dim_z = len(measured)
@@ -199,7 +200,7 @@ class DriveFilter:
         return float(ekf.mahalanobis)
 
     def set_pose(self, x: float, y: float, heading: float, std: float) -> None:
-        """Take the pose to be this (m, m, rad; std in m and rad); nothing else changes."""
+        """Set the pose (m, m, rad; std in m and rad), without correlation; the rest stays."""
         mean, P = mean_of(self.flat), covariance_of(self.flat)
         pose = [State.X, State.Y, State.HEADING]
         mean[pose] = x, y, heading
@@ -208,7 +209,7 @@ class DriveFilter:
         self.flat = flatten(mean, P)
 
     def copy_pose(self, flat: Flat) -> None:
-        """Take the pose, and how sure it is, to be those of another belief; nothing else changes."""
+        """Copy the pose and its covariance from another flat state; the rest stays."""
         mean, P = mean_of(self.flat), covariance_of(self.flat)
         pose = slice(State.X, State.VELOCITY)
         mean[pose] = flat[pose]
@@ -217,14 +218,14 @@ class DriveFilter:
         self.flat = flatten(mean, P)
 
     def widen(self, states: tuple[State, ...], std: float) -> None:
-        """Add this deviation to what is not known of some states."""
+        """Add a standard deviation to some states."""
         flat = list(self.flat)
         for state in states:
             flat[variance_index(state)] += std**2
         self.flat = tuple(flat)
 
     def widen_along(self, ahead: float, aside: float = 0.0) -> None:
-        """Add m^2 to what is not known of the place ahead, and to the side."""
+        """Add variances (m^2) to the position, along the heading and across it."""
         flat = list(self.flat)
         cosine, sine = math.cos(flat[State.HEADING]), math.sin(flat[State.HEADING])
         flat[variance_index(State.X)] += ahead * cosine * cosine + aside * sine * sine
@@ -233,8 +234,8 @@ class DriveFilter:
         self.flat = tuple(flat)
 
     def widen_bias(self, std: float, seconds: float) -> None:
-        """Add this deviation, rad/s, to what is not known of the gyro's bias, and what that has turned in so
-        many s to what is not known of the heading."""
+        """Add a standard deviation (rad/s) to the gyro's bias, and to the heading the turn that this bias
+        made in `seconds` s, correlated with it."""
         flat, turned = list(self.flat), -std * seconds
         flat[variance_index(State.GYRO_BIAS)] += std * std
         flat[variance_index(State.HEADING)] += turned * turned
@@ -242,7 +243,7 @@ class DriveFilter:
         self.flat = tuple(flat)
 
     def widen_scales(self, std: float) -> None:
-        """Add this relative deviation to what is not known of either wheel's scale."""
+        """Add a relative standard deviation to the scale of each wheel."""
         flat, each = list(self.flat), 0.5 * std**2
         for state in (State.WAY, State.BALANCE, State.WHEEL_TURN):
             flat[variance_index(state)] += each
@@ -250,11 +251,11 @@ class DriveFilter:
         self.flat = tuple(flat)
 
     def widen_way(self, wheel: float, turning: float) -> None:
-        """Add these deviations to what is not known of WAY, as if it had been so from the beginning: all that
-        was believed to hang together with it becomes as much less sure.
+        """Add standard deviations to WAY as if they had been there from the beginning: the states correlated
+        with it become more uncertain accordingly.
 
-        wheel: because one wheel is another. turning: because both are, or the track: which of them no turn
-        tells, and neither says anything of the gyro's scale and delay.
+        wheel: because a single wheel's scale is wrong. turning: because both scales or the track width are
+        wrong; no turn shows which, and neither affects the gyro's scale and delay.
         """
         P = covariance_of(self.flat)
         if P[State.WAY, State.WAY] > 0.0:
@@ -265,7 +266,7 @@ class DriveFilter:
             self.flat = flatten(mean_of(self.flat), P)
 
     def copy_scales(self, flat: Flat) -> None:
-        """Take the scales of wheels and track width to be those of another belief."""
+        """Copy the scales of wheels and track width from another flat state."""
         self.flat = (
             *self.flat[: State.WAY],
             *flat[State.WAY : State.GYRO_SCALE],

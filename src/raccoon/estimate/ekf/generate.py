@@ -45,15 +45,15 @@ VARIANCES = {
     "velocity": "r_velocity",
     "turn_rate": "r_turn_rate",
 }
-"""Variance of each scalar measurement. A differential error moves both wheels' readings by as much, one up
-and one down: their covariance is -r_differential. The right wheel is taken less what the left one tells of
-that, shared = -r_differential / (r_left + r_differential)."""
+"""Variance of each scalar measurement. A differential error adds to one wheel's reading what it subtracts
+from the other's: their covariance is -r_differential. The part of it that the left wheel's update explains,
+shared = -r_differential / (r_left + r_differential), is subtracted from the right wheel's."""
 TELLING_MOTION = {
     State.BALANCE: {"velocity": "telling_velocity"},
     State.WHEEL_TURN: {"wheels_turn": "telling_turn"},
     State.GYRO_SCALE: {"turn_rate": "telling_rate"},
 }
-"""Which motion tells a scale, where it is not too slow."""
+"""Motion in the Jacobian of a scale; 0 if it is too slow to show the scale."""
 TARGET = Path(__file__).with_name("generated.py")
 
 
@@ -68,7 +68,7 @@ def motion() -> dict[State, Any]:
 
 
 def measurements() -> dict[str, Any]:
-    """What each sensor reads: scale times what happens, plus what it reads at rest."""
+    """Reading of each sensor: scale times motion, plus its reading at rest."""
     s = SYMBOLS
     side = HALF_TRACK * s[State.WHEEL_TURN] * WHEELS_TURN
     return {
@@ -152,7 +152,7 @@ def wheels_lines() -> list[str]:
 
 
 def gyro_lines() -> list[str]:
-    """The gyro's update, where it has read; the state is still the predicted one."""
+    """The gyro's update, if it has a reading; the Jacobian is still at the predicted state."""
     lines = [
         f"telling_rate = turn_rate if abs(turn_rate) > {MIN_TURN} else 0.0",
         *linearise_lines("gyro"),
@@ -172,17 +172,18 @@ def linearise_lines(sensor: str) -> list[str]:
 
 
 def reading(sensor: str) -> Any:
-    """What a sensor reads, with the division by the radius done once."""
+    """Reading of a sensor, with the division by the radius done once."""
     return measurements()[sensor].subs(1 / RADIUS, sp.Symbol("inverse_radius"))
 
 
 def short(expression: Any) -> Any:
-    """With the turn rate of the wheels' time as one name."""
+    """The expression with the turn rate of the wheels' time as one name."""
     return expression.subs(WHEELS_TURN, sp.Symbol("wheels_turn"))
 
 
 def slope_code(sensor: str, symbol: State) -> str:
-    """Derivative of a measurement as Python; the right wheel's less what it has in common with the left."""
+    """Derivative of a measurement as Python; the right wheel's without the part it shares with the left
+    one."""
     slope = short(sp.diff(reading(sensor), SYMBOLS[symbol]))
     slope = slope.subs(TELLING_MOTION.get(symbol, {}))
     if sensor != "right":
@@ -192,7 +193,7 @@ def slope_code(sensor: str, symbol: State) -> str:
 
 
 def slopes(sensor: str) -> dict[State, str]:
-    """The states a sensor depends on and the name of the derivative."""
+    """The states that a sensor depends on, with the names of the derivatives."""
     found = {}
     for state, symbol in SYMBOLS.items():
         slope = sp.diff(measurements()[sensor], symbol)
@@ -207,10 +208,10 @@ def slopes(sensor: str) -> dict[State, str]:
 
 
 def update_lines(sensor: str, first: bool) -> list[str]:
-    """One scalar update. The innovation follows what earlier updates of this step already moved.
+    """One scalar update. The innovation includes the changes by earlier updates of this step.
 
-    P - K g' with g = P H' = K S is what Joseph's form (I - K H) P (I - K H)' + K R K' multiplies out to
-    for this K; written on the upper triangle it cannot lose symmetry.
+    P - K g' with g = P H' = K S is the product of Joseph's form (I - K H) P (I - K H)' + K R K' for this K;
+    on the upper triangle it cannot lose symmetry.
     """
     h = slopes(sensor)
     lines = []
@@ -232,7 +233,7 @@ def update_lines(sensor: str, first: bool) -> list[str]:
 
 
 def function(name: str, parameters: str, gives: str, doc: str, body: Sequence[str], returned: str) -> str:
-    """Source of one function over the flat state."""
+    """Source of one function of the flat state."""
     flat = ", ".join(NAMES + [cov(i, j) for i in range(SIZE) for j in range(i, SIZE)])
     head = [f"def {name}(", *fill(f"state: Flat, {parameters}"), f") -> {gives}:", f'    """{doc}"""']
     body = [f"({flat},) = state", *body, f"return ({flat}){returned}"]
@@ -240,12 +241,12 @@ def function(name: str, parameters: str, gives: str, doc: str, body: Sequence[st
 
 
 def moved_lines() -> list[str]:
-    """The state, by what all updates together take it."""
+    """The state, moved by all updates together."""
     return [f"{each} += d{i}" for i, each in enumerate(NAMES)]
 
 
 def fill(line: str) -> list[str]:
-    """One statement, broken where it is too long."""
+    """One statement, broken into lines if it is too long."""
     name, equals, value = line.partition("= ")
     if equals and len(line) > 100:
         line = f"{name}= ({value})"
@@ -269,7 +270,7 @@ Flat = tuple[float, ...]
 
 
 def source() -> str:
-    """The whole generated module."""
+    """The source of the whole generated module."""
     noise = ", ".join(f"{q}: float" for q in dict.fromkeys(PROCESS_NOISE.values()))
     at_rest = [f"y_{sensor} = 0.0 - {sensor}" for sensor in STANDSTILL_SENSORS]
     functions = [

@@ -1,17 +1,17 @@
-"""The drive filter's model with NumPy: motion, readings and their Jacobians, as stock filterpy wants them.
+"""The drive filter's model in NumPy: motion, readings and their Jacobians, as stock filterpy takes them.
 
-Readable twin of `ekf/generated.py`. With the named states of `state.State`, b the track width and r the
-wheel radius::
+The readable equivalent of `ekf/generated.py`. With the named states of `state.State`, b the track width and r
+the wheel radius::
 
-    turn  = wheel_turn (turn_rate + gyro_delay swing)
+    turn  = wheel_turn (turn_rate + gyro_delay turn_acceleration)
     left  = (1 - balance) (velocity - turn b / 2) / r + left_offset
     right = (1 + balance) (velocity + turn b / 2) / r + right_offset
     gyro  = gyro_scale turn_rate + gyro_bias
     way in dt = way velocity dt
 
 A reading is the mean over the step that ends with it, and velocity and turn rate are constant within a step.
-The turn rate is that of the gyro's time; swing is its change over the step, rad/s2, and wheels that are ahead
-of the gyro by a moment turn that much faster.
+The turn rate is that at the gyro's time; turn_acceleration is its change over the step, rad/s^2. The wheels
+are ahead of the gyro by gyro_delay, so their turn rate differs by gyro_delay turn_acceleration.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def predict_state(state: Array, dt: float) -> Array:
 
 
 def motion_jacobian(state: Array, dt: float) -> Array:
-    """Derivative of `moved` by the state, (13, 13)."""
+    """Derivative of `predict_state` by the state, (13, 13)."""
     F = np.eye(SIZE)
     middle = state[State.HEADING] + 0.5 * dt * state[State.TURN_RATE]
     along_x, along_y = dt * math.cos(middle), dt * math.sin(middle)
@@ -58,7 +58,7 @@ def motion_jacobian(state: Array, dt: float) -> Array:
 
 
 def expected_readings(state: Array, geometry: DriveGeometry, turn_acceleration: float = 0.0) -> Array:
-    """Left wheel, right wheel (rad/s at nominal scale) and gyro (rad/s) that the state makes."""
+    """Left wheel, right wheel (rad/s at nominal scale) and gyro (rad/s) that the state predicts."""
     turn_rate = state[State.TURN_RATE] + state[State.GYRO_DELAY] * turn_acceleration
     side = 0.5 * geometry.track_width * state[State.WHEEL_TURN] * turn_rate
     velocity, radius, balance = state[State.VELOCITY], geometry.wheel_radius, state[State.BALANCE]
@@ -71,10 +71,11 @@ def expected_readings(state: Array, geometry: DriveGeometry, turn_acceleration: 
 def expected_readings_jacobian(
     state: Array, geometry: DriveGeometry, turn_acceleration: float = 0.0
 ) -> Array:
-    """Derivative of `readings` by the state, (3, 13). swing: rad/s2, how fast the turn rate changes.
+    """Derivative of `expected_readings` by the state, (3, 13). turn_acceleration: change of the turn rate,
+    rad/s^2.
 
-    A velocity up to MIN_VELOCITY tells nothing of BALANCE, a turn up to MIN_TURN nothing of WHEEL_TURN
-    and GYRO_SCALE: there these slopes are 0.
+    A velocity up to MIN_VELOCITY has no information on BALANCE, a turn rate up to MIN_TURN none on WHEEL_TURN
+    and GYRO_SCALE: there these derivatives are 0.
     """
     H = np.zeros((3, SIZE))
     half, radius = 0.5 * geometry.track_width, geometry.wheel_radius

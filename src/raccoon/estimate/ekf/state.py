@@ -1,7 +1,7 @@
-"""The names of the drive filter's states, and its settings.
+"""Names of the drive filter's states, and its settings.
 
-The state is what the robot cannot measure directly: where it is, how it moves, and the slowly drifting
-numbers between motion and readings. No code addresses a state by a bare number.
+The state is what the robot cannot measure directly: its pose, its motion, and the slowly drifting parameters
+between motion and readings. No code addresses a state by a bare number.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from raccoon.core.errors import ConfigError
 class State(IntEnum):
     """Index of each state in the filter's vector.
 
-    VELOCITY is m/s as the wheels read it at their nominal scale; TURN_RATE is true. Offsets are readings at
-    rest, rad/s. WAY: true way over the way read. WHEEL_TURN: the turn the wheels read over the true one.
-    BALANCE: a motion read as 1 by both wheels together is read as 1 - BALANCE by the left one and
-    1 + BALANCE by the right one. GYRO_SCALE: reading over truth. GYRO_DELAY: s by which the gyro is later
-    than the wheels.
+    VELOCITY: m/s, as read by the wheels at their nominal scale. TURN_RATE: rad/s, true.
+    LEFT_OFFSET, RIGHT_OFFSET: readings at rest, rad/s. GYRO_BIAS: rad/s.
+    WAY: true distance over distance read. WHEEL_TURN: turn read by the wheels over the true turn.
+    BALANCE: a motion that both wheels together read as 1 is read as 1 - BALANCE by the left one and as 1 +
+    BALANCE by the right one.
+    GYRO_SCALE: reading over truth. GYRO_DELAY: s by which the gyro is later than the wheels.
 
-    WAY, BALANCE and WHEEL_TURN hold what two wheel scales and the track width say (`wheel_scales`), in the
-    three numbers that show in a different way: driving straight shows BALANCE alone, a turn WHEEL_TURN alone,
-    and WAY shows only as it hangs together with the two, or by tape.
+    WAY, BALANCE and WHEEL_TURN are the two wheel scales (`wheel_scales`) and the track width, transformed to
+    three numbers that are observable in different ways: driving straight shows BALANCE alone, a turn
+    WHEEL_TURN alone, and WAY only through its correlation with these two, or by tape.
     """
 
     X = 0
@@ -44,9 +45,9 @@ class State(IntEnum):
 
 SIZE = len(State)
 MIN_VELOCITY, MIN_TURN = 0.02, 0.1
-"""m/s that tell BALANCE, rad/s that tell WHEEL_TURN and GYRO_SCALE. A slower motion is hardly more than
-noise. What a scale would do to a reading is taken from the motion of the step before; where the noise of that
-and of this step is alike, it looks like a scale, always of the same sign."""
+"""m/s above which BALANCE is updated, and rad/s above which WHEEL_TURN and GYRO_SCALE are. A slower motion is
+hardly more than noise. The Jacobian of a scale uses the motion of the previous step; if its noise is
+correlated with that of this step, the product looks like a scale, always of the same sign."""
 
 
 def wheel_scales(way: float, balance: float) -> tuple[float, float]:
@@ -56,29 +57,28 @@ def wheel_scales(way: float, balance: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class OdometrySettings:
-    """How noisy the sensors are and how fast their errors wander. Every value is a standard deviation
-    unless said.
+    """Noise of the sensors and drift of their errors. Every value is a standard deviation unless stated
+    otherwise.
 
     Raises ConfigError for a value that is not a number of 0 or more.
 
     bemf_noise_counts: of one back-EMF reading before the board's filter.
-    gyro_noise: rad/s of one gyro reading, of which a hundred a second have a noise of their own.
+    gyro_noise: rad/s of one gyro reading, of which a hundred a second are independent.
     slip_noise: m of wheel travel after one metre; grows with the square root of the travel.
-    acceleration, turn_acceleration: how much velocity and turn rate change, (m/s)/sqrt(s) and
-    (rad/s)/sqrt(s).
-    gyro_bias_walk, offset_walk_counts, scale_walk: wandering in one second, rad/s, counts, 1; grows with
+    acceleration, turn_acceleration: random walk of velocity and turn rate, (m/s)/sqrt(s) and (rad/s)/sqrt(s).
+    gyro_bias_walk, offset_walk_counts, scale_walk: random walk in one second, rad/s, counts, 1; grows with
     sqrt(time).
-    gyro_bias: rad/s, smallest prior. uncalibrated_offset_counts, uncalibrated_scale: priors of a motor that
-    robot.toml holds no calibration of. calibrated_scale: smallest prior of one that is calibrated.
-    standstill_velocity (m/s), standstill_turn_rate (rad/s): what "stands still" means as a measurement.
+    gyro_bias: rad/s, smallest prior. uncalibrated_offset_counts, uncalibrated_scale: priors of a motor
+    without calibration in robot.toml. calibrated_scale: smallest prior of a calibrated one.
+    standstill_velocity (m/s), standstill_turn_rate (rad/s): of standstill as a measurement.
     uncalibrated_track: smallest relative prior of a track width that nobody fitted: wheels touch the floor
-    somewhere within their width. uncalibrated_gyro_scale: relative prior of a gyro's scale that nobody
-    measured: chips are sold to 3 %, and a controller that lies askew by 5 degrees turns 0.4 % less about
-    its upright axis.
-    runout: how much a wheel's radius varies over a revolution, relative.
+    somewhere within their width.
+    uncalibrated_gyro_scale: relative prior of a gyro's scale that nobody measured: chips are specified to 3
+    %, and a controller tilted by 5 degrees turns 0.4 % less about its upright axis.
+    runout: variation of a wheel's radius over a revolution, relative.
     timing: s by which readings may be early or late in any case.
-    imu_latency: s from a turn to its reading, against the wheels' (a delay, not a deviation). gyro_delay: how
-    far that may be off at the start; the filter learns it in turns.
+    imu_latency: s from a turn to its reading, relative to the wheels' (a delay, not a standard deviation).
+    gyro_delay: of this delay at the start; the filter learns it in turns.
     """
 
     bemf_noise_counts: float = 7.0
