@@ -1,15 +1,15 @@
-"""Did the light change, or the surface? A bank of Kalman filters, one for each mode that could be true.
+"""A bank of Kalman filters, one for each mode, which decides whether the light or the surface changed.
 
-A sensor is over white, over black, or on the way across an edge (`STAGES` steps each way); the light stands,
-moves or jumps. That makes a Markov chain of modes. Each carries the light over white and over black (u and v,
-see `levels`) with its covariance, and the probability of everything read so far; a step merges what arrives
-at the same mode from different ones (a second-order generalised pseudo-Bayes filter: Bar-Shalom, Li and
-Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 11.6).
+A sensor is over white, over black, or crossing an edge (`STAGES` stages each way); the light stands, moves or
+jumps. That makes a Markov chain of modes. Each mode carries the light over white and over black (u and v, see
+`levels`) with its covariance, and its probability given all readings so far. A step merges the transitions
+that arrive at the same mode (a second-order generalised pseudo-Bayes filter: Bar-Shalom, Li and Kirubarajan,
+Estimation with Applications to Tracking and Navigation, 2001, section 11.6).
 
-What tells an edge from light is how far the robot went meanwhile: an edge is as long as the sensor's spot is
-wide, and ends where black is known to be. Light takes its own time and ends anywhere. Where that leaves two
-modes, they are kept until readings tell: one more edge does, since black has to be as much darker as the
-ratio of the two allows.
+The distance driven meanwhile distinguishes an edge from light: an edge is as long as the sensor's spot is
+wide, and ends where black is known to be. Light takes its own time and ends anywhere. If two modes remain,
+both are kept until readings decide: the next edge does, since the ratio of the two levels fixes how much
+darker black is.
 """
 
 from __future__ import annotations
@@ -42,21 +42,22 @@ from raccoon.model.reflectance import FULL_SCALE, light_of, spot_radius
 
 Array = NDArray[np.float64]
 
-BORDER_GROUP = 3  # the group of the modes on the way to another floor
-MIN_WAY_M = 5e-5  # m a reading: a standing robot may still be pushed
+BORDER_GROUP = 3  # group of the modes on the border to another floor
+MIN_WAY_M = 5e-5  # m per reading; a standing robot may still be pushed
 MAX_PACE = 3.3
-OUTLIER_DENSITY = 1e-6  # density of a reading that means nothing, in units of 1 / the least u
-OTHER_LIGHT_ODDS = 0.1  # odds that a robot is put down in another light than the one that is known
-MISTAKEN_PROBABILITY = 1e-4  # probability that the surface was taken for the other one before
-EDGE_STAGE_PROBABILITY = 1e-4  # probability of each stage of an edge at the start
-OTHER_FLOOR_RATIO = 1.2, 0.6  # mean and sd over u of another floor's: boards are darker, glare is brighter
-MIN_FLOOR_RATIO = 0.5  # of u, that another floor sends back; boards have 0.65 and more
-FLOOR_RETURN_SD = 0.03  # of its light, sd by which the floor that comes back differs from what it was
-LEAKED_LIGHT = 0.03  # light that a sensor gets whatever is below it
+OUTLIER_DENSITY = 1e-6  # density of an outlier, in units of 1 / the least u
+OTHER_LIGHT_ODDS = 0.1  # odds that the robot is put down in another light than the known one
+MISTAKEN_PROBABILITY = 1e-4  # prior probability that the two surfaces were confused
+EDGE_STAGE_PROBABILITY = 1e-4  # of each stage of an edge, at the start
+# light of another floor over u, mean and sd: boards are darker, glare is brighter
+OTHER_FLOOR_RATIO = 1.2, 0.6
+MIN_FLOOR_RATIO = 0.5  # least light of another floor, as a share of u; boards have 0.65 and more
+FLOOR_RETURN_SD = 0.03  # sd of the light of a floor that returns, as a share of its former light
+LEAKED_LIGHT = 0.03  # light that a sensor gets over any surface
 
 
 class Belief(NamedTuple):
-    """u and v with their covariance, and the surface they were last read on (None: not known)."""
+    """u and v with their covariance, and the surface of the last reading (None: unknown)."""
 
     light: float
     dark: float
@@ -67,8 +68,8 @@ class Belief(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """Constants of a sensor: share q of ambient light that black sends back and its sd, the least u and v,
-    the width of its spot (m), and its noise: pattern, a share of the light, and noise, counts."""
+    """Constants of a sensor: share q of the ambient light that black reflects, and its sd; the least u and v;
+    the width of its spot, m; and its noise: pattern, a share of the light, and noise, counts."""
 
     black_share: float
     black_share_sd: float
@@ -79,25 +80,25 @@ class Sensor(NamedTuple):
     noise: float
 
     def with_least_light(self, least: float) -> Sensor:
-        """The same where white may send back as little as `least` of its own light, and black its share."""
+        """The same sensor if white may reflect as little as `least` of its own light, and black its share of
+        it."""
         share = min(least / self.least_light, 1.0)
         return self._replace(least_light=share * self.least_light, least_dark=share * self.least_dark)
 
 
 class HypothesisBank:
-    """The bank. Start it where the levels were known and feed it every reading since.
+    """The bank. Start it at a time when the levels were known, and feed it every reading since then.
 
-    black: P(more of the spot is on black). sure: P(the likeliest of white, black and edge).
-    steady: P(the light stands and no edge is being crossed). on_edge: an edge is likelier than the surfaces.
-    former: the levels to which the floor may come back (None: those of the start).
+    black: P(most of the spot is on black). sure: P(the likeliest of white, black and edge). steady: P(the
+    light stands and no edge is being crossed). on_edge: an edge is likelier than a surface. former: levels
+    that may return with the floor (None: those of the start).
     """
 
     def __init__(self, sensor: Sensor, start: Belief, former: Belief | None = None) -> None:
         self._sensor = sensor
         self._start, self._start_dark, self._start_var = start.light, start.dark, start.dark_var
         self._former = former or start
-        # Of each mode: probability, then u, v and the light's pace (a reading), then their covariance:
-        # uu, uv, vv, up, vp, pp.
+        # Rows: probability; u, v, the light's pace (per reading); their covariance uu, uv, vv, up, vp, pp.
         moments = start.light, start.dark, 0.0, start.light_var, start.cross, start.dark_var, 0.0, 0.0, 0.0
         self._modes = np.repeat(np.array((1e-30, *moments))[:, np.newaxis], MODES, axis=1)
         if start.on_black is None:
@@ -120,12 +121,12 @@ class HypothesisBank:
         spread = sd * sd, share * sd * sd, (share**2 + self._sensor.black_share_sd**2) * sd * sd
         for surface, chance in enumerate((BETWEEN_LINES_M, LINE_WIDTH_M)):
             mode = LIGHT_STATES * surface
-            # The known light is the mode of one that moves at no pace yet: it soon is the likelier, or out.
+            # The moving mode at a pace of 0 holds the known light: soon it is the likelier one, or excluded.
             self._modes[0, mode : mode + LIGHT_STATES] = OTHER_LIGHT_ODDS * chance, chance
             self._modes[4:7, mode] += spread
 
     def _add_mistaken_surface(self, start: Belief) -> None:
-        """Start a mode in which the surface had been taken for the other one."""
+        """Add a mode in which the two surfaces had been confused."""
         sensor = self._sensor
         if start.on_black:
             light, mode = start.dark, 0
@@ -146,7 +147,7 @@ class HypothesisBank:
     def update(
         self, counts: float, way: float, others_lost: bool | None = None, way_known: bool = True
     ) -> None:
-        """Take a reading; way: m driven over the floor since the one before, and whether it is known."""
+        """Take a reading. way: m driven over the floor since the last one. way_known: it is measured."""
         sensor, transitions = self._sensor, mode_transitions()
         steps, spot_microns = min(max(way, MIN_WAY_M) * STAGES / sensor.spot, MAX_PACE), 1e6 * sensor.spot
         probability = transition_probabilities(
@@ -156,7 +157,7 @@ class HypothesisBank:
         share, pace_share = sensor.black_share, transitions.pace_share
         modes = self._with_floor_modes().take(transitions.source, axis=1)
         weight, before, dark, pace, uu, uv, vv, up, vp, pp = modes
-        # Predict: light moves u by its pace and v by the share of that, which is known to its sd alone.
+        # Predict: light changes u by its pace, and v by the share q of that, which is known up to its sd.
         scale = before * before
         pp = pace_share * pace_share * pp + transitions.sunlight_variance + transitions.pace_variance * scale
         pp += transitions.pace_change_variance * pace * pace
@@ -172,7 +173,7 @@ class HypothesisBank:
         dark = np.add(dark, share * pace, out=means[1])
         moves = transitions.keeps_pace
         pace, pp, up, vp = moves * pace, moves * pp, moves * (up + pp), moves * (vp + share * pp)
-        # Update: the reading is what white and black send back, each of its part of the spot.
+        # Update: the reading mixes white and black by their parts of the spot.
         a, b = transitions.white_part, transitions.black_part
         expected = a * light + b * dark
         to_u, to_v, to_p = a * uu + b * uv, a * uv + b * vv, a * up + b * vp
@@ -194,10 +195,10 @@ class HypothesisBank:
         self._merge_modes(weight * probability * density * plausibility, means, covariance)
 
     def _with_floor_modes(self) -> Array:
-        """The modes, and behind them those that reach another floor or leave for it (`ModeTransitions`): the
-        light of the floor ahead is in the place of black's, and of white's where it is reached.
+        """The modes, and behind them those that reach another floor or leave for it (`ModeTransitions`).
+        There the light of the floor ahead is in black's place, and in white's once it is reached.
 
-        What looks like another floor may be the sharp edge of a shadow: black knows half of it.
+        What looks like another floor may be the sharp edge of a shadow: black changes by half of that.
         """
         former, modes = self._former, self._modes
         arriving = modes[:, BORDER_MODES].copy()
@@ -219,10 +220,10 @@ class HypothesisBank:
         return np.concatenate([modes, arriving, leaving], axis=1)
 
     def _constrain(self, before: Array, means: Array, covariance: Array) -> Array:
-        """Move u and v within their bounds; gives the likelihood (modes,) that they were there.
+        """Move u and v within their bounds; returns the likelihood (modes,) that they were within.
 
-        No less light than the sensor's own. Black sends back its share of any light, or less: where a mode
-        says more, it is as likely as it can be wrong by so much, and goes on from where it is not.
+        u is at least the sensor's own light. Black reflects at most its share of any light: a mode with more
+        gets the likelihood of an error of that size, and continues at the bound.
         """
         sensor, transitions = self._sensor, mode_transitions()
         (light, dark, _), (uu, uv, vv, *_) = means, covariance
@@ -240,13 +241,13 @@ class HypothesisBank:
         return np.asarray(np.exp(-unlikely))
 
     def _merge_modes(self, weight: Array, means: Array, covariance: Array) -> None:
-        """Merge all transitions that arrive at a mode to one Gaussian with their moments."""
+        """Merge all transitions that arrive at a mode to one Gaussian with the same moments."""
         transitions = mode_transitions()
         reached, starts = transitions.reached_modes, transitions.reached_starts
         weight /= weight.sum()
-        weight += 1e-30  # a mode that nothing speaks for stays in the bank
+        weight += 1e-30  # an improbable mode stays in the bank
         total = np.add.reduceat(weight, starts)
-        merged = np.zeros((10, MODES))  # light that moves comes to no other floor
+        merged = np.zeros((10, MODES))  # no other floor is reached while light moves
         merged[0, reached] = total
         mean = np.add.reduceat(weight * means, starts, axis=1) / total
         merged[1:4, reached] = mean
@@ -266,7 +267,7 @@ class HypothesisBank:
         self.steady = float(by_phase[[0, 1, OTHER_FLOOR_PHASE], 0].sum())
 
     def best_belief(self) -> Belief:
-        """The mean of the modes of the likeliest of white, black, edge and border."""
+        """Mean and covariance of the likeliest of white, black, edge and border."""
         weight = self._modes[0].copy()
         group = int(np.argmax(np.bincount(MODE_GROUPS, weight)))
         weight[group != MODE_GROUPS] = 0.0
@@ -274,7 +275,7 @@ class HypothesisBank:
         on_black = self.black > 0.5
         _, u, v, _, uu, uv, vv, _, _, _ = self._modes
         light, dark = float(weight @ u), float(weight @ v)
-        if group == BORDER_GROUP:  # black has not changed by that
+        if group == BORDER_GROUP:  # a border does not change black
             return Belief(light, self._start_dark, float(weight @ uu), 0.0, self._start_var, False)
         off_u, off_v = u - light, v - dark
         return Belief(
@@ -288,11 +289,12 @@ class HypothesisBank:
 
 
 def spot_width(height: float) -> float:
-    """m: width of what a sensor sees at a height (see raccoon.model.reflectance.spot_radius)."""
+    """Width (m) of a sensor's spot at a height, m (see raccoon.model.reflectance.spot_radius)."""
     return 2.0 * spot_radius(height)
 
 
 def pattern_share(variance: float, light: float, converter: float) -> float:
-    """The floor's pattern as a share of its light, from the variance (counts^2) of readings over white."""
+    """Noise of the floor's pattern as a share of its light, from the variance (counts^2) of readings over
+    white and that of the converter."""
     slope = (1.0 + light) ** 2 / FULL_SCALE
     return min(max(math.sqrt(max(variance - converter, 0.0)) * slope / light, 0.01), 0.08)

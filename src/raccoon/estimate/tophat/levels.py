@@ -1,9 +1,9 @@
 """The light over white and over black: a Kalman filter of two levels that one ambient light moves together.
 
 State: the light that the sensor gets over white, u, and over black, v, in units of the light that halves its
-reading (counts = 4095 / (1 + light), raccoon.model.reflectance). More ambient light adds da to u and q da to
-v, so the process noise of the two is one number, and a reading over one surface moves both. What q is not
-known by grows with the light that changed since the other surface was seen.
+reading (counts = 4095 / (1 + light), raccoon.model.reflectance). An ambient light da adds da to u and q da to
+v, so both share one process noise, and a reading over one surface updates both. The error of q makes a
+variance that grows with the change of light since the other surface was seen.
 """
 
 from __future__ import annotations
@@ -17,29 +17,31 @@ from raccoon.estimate.tophat.sensor import explain_levels
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
 GATE_SDS = 4.5  # standard deviations within which a reading belongs to a surface
-MIN_EDGE_SHARE, MAX_EDGE_SHARE = 0.4, 1.6  # of an edge's way, from which and up to which a passage is one
-LIGHT_WANDER = 0.004  # of the light, a reading: a cloud takes seconds
-SURFACE_DRIFT = 0.0002  # of the light, a reading, by which a surface moves alone
+# bounds on the distance of a passage that counts as an edge, as shares of the edge's width
+MIN_EDGE_SHARE, MAX_EDGE_SHARE = 0.4, 1.6
+LIGHT_WANDER = 0.004  # share of the light, per reading; a cloud takes seconds
+SURFACE_DRIFT = 0.0002  # share of the light, per reading, by which a surface changes alone
 FLOOR_SPREAD, TAPE_SPREAD = 0.06, 0.15
-"""Of their light, by which one place of a floor or of a line differs from another."""
-PULL_SDS = 1.5  # standard deviations from which the filter trusts its levels less
-NOISE_FORGETTING = 0.01  # of the noise estimate, a reading
-PATTERN_SHARE = 0.03  # of its light, by which readings of a surface differ at least
-SURE_SEPARATION = 2.5  # separation of the levels, their own uncertainty included
-NEAR_BOTTOM_SDS = 5.0  # standard deviations of a reading, up to which its light is linearised at the level
-MIN_DARK_SHARE = 0.0125  # of the least light over white, that black sends back
+"""Standard deviations of a floor's and a line's light from place to place, as shares of it."""
+PULL_SDS = 1.5  # standard deviations of a residual above which the process noise grows
+NOISE_FORGETTING = 0.01  # share of the noise estimate, per reading
+PATTERN_SHARE = 0.03  # least standard deviation of a surface's readings, as a share of its light
+SURE_SEPARATION = 2.5  # least separation of reliable levels, in sums of both standard deviations
+NEAR_BOTTOM_SDS = 5.0  # level in standard deviations up to which light is linearised at the level
+MIN_DARK_SHARE = 0.0125  # share of the least light over white that black reflects
 CONVERTER_VARIANCE = 9.0  # counts^2, of a standing sensor
-MIN_RELEARN_CONTRAST = 0.5  # of what is expected in other light, from which two readings are two surfaces
-MIN_CONTRAST_COUNTS = 12.0  # counts; below it nobody could tell
+MIN_RELEARN_CONTRAST = 0.5  # share of the expected contrast above which two readings are two surfaces
+MIN_CONTRAST_COUNTS = 12.0  # counts; below it the surfaces are indistinguishable
 OTHER_LIGHT_SHARE = 0.25
-"""Of the light between the surfaces, by which another one is: half an edge reads 0.33 then."""
+"""Difference that makes another light, as a share of the light between the surfaces: half an edge reads 0.33
+then."""
 
 
 class Levels:
     """Levels of one sensor: `white`, `black`, `threshold`, `low`, `high` in counts; `light`, `dark`: u and v.
 
-    sd_white, sd_black: counts, of a reading, with what is not known of the level. status: `uncertain` where
-    the levels are not known well enough to tell apart.
+    sd_white, sd_black: counts, of a reading, including the uncertainty of the level. status: `uncertain` if
+    the levels are not known well enough to distinguish the surfaces.
     """
 
     __slots__ = (
@@ -77,12 +79,13 @@ class Levels:
         self._dark_anchor = self.dark  # v when white was read last
         self._split_own_and_ambient_light(white.mean, black.mean)
         self.status = Status.OK
-        # A floor in the sun may read 0: there is no more light than that of a count.
+        # A floor in the sun may read 0; its light is limited to that of one count.
         self.white, self.black = max(white.mean, 1.0), max(black.mean, 1.0)
         self._refresh()
 
     def _split_own_and_ambient_light(self, white: float, black: float) -> None:
-        """Own and ambient light of the sensor, as far as its two levels tell: q, and what darkness leaves."""
+        """Estimate q and the least light in darkness from the two levels: own and ambient light of the
+        sensor."""
         known = explain_levels(white, black)
         shares = [each.sun_by_black for each in known] or [0.38, 0.58]
         self._black_share = sum(shares) / len(shares)
@@ -92,12 +95,12 @@ class Levels:
         self._least_dark = MIN_DARK_SHARE * self._least_light
 
     def _learn(self, counts: float, on_black: bool, residual: float, noise: float) -> None:
-        """One predict and update of the filter, with the noise of the surface learnt beside it."""
+        """One prediction and update of the filter, and of the surface's noise."""
         level = self.black if on_black else self.white
         if level * level > NEAR_BOTTOM_SDS * NEAR_BOTTOM_SDS * noise:
             slope = FULL_SCALE / (counts * counts) if counts > 1.0 else FULL_SCALE
             light_residual = light_of(counts) - (self.dark if on_black else self.light)
-        else:  # even noise of the counts is uneven there in the light, and its mean another level
+        else:  # there symmetric noise in counts is asymmetric in light, with a biased mean
             slope = FULL_SCALE / (level * level)
             light_residual = -slope * residual
         share = self._black_share
@@ -137,9 +140,9 @@ class Levels:
             self._light_noise = noise + learnt
 
     def is_beyond(self, counts: float, light: float) -> bool:
-        """Whether no noise and no part of an edge reads this, but a surface in a light that differs by
-        `OTHER_LIGHT_SHARE`. light: that of `counts`. Less would move an edge by less than learning it costs.
-        """
+        """Whether a reading is explained neither by noise nor by a part of an edge, but by a surface in a
+        light that differs by `OTHER_LIGHT_SHARE`. light: that of `counts`. A smaller difference moves an edge
+        by less than learning costs."""
         least = OTHER_LIGHT_SHARE * (self.light - self.dark)
         if light > self.light:
             return light - self.light > least and counts < self.white - GATE_SDS * self.sd_white
@@ -148,7 +151,7 @@ class Levels:
         )
 
     def relearn(self, white: float, black: float) -> bool:
-        """Begin anew at these counts; False where black is not as much darker as such light leaves it."""
+        """Restart at these counts; False if black is not as much darker as such light would make it."""
         light, dark = light_of(white), light_of(black)
         expected = max(self.dark + self._black_share * (light - self.light), self._least_dark)
         noise = math.sqrt(self._light_noise) * white / self.white + math.sqrt(CONVERTER_VARIANCE)
@@ -161,15 +164,15 @@ class Levels:
         return True
 
     def _unseen_dark_sd(self) -> float:
-        """Sd of v since black was last read: by what is not known of q, and as a floor that is brighter here
-        than there looks like more light, and black knows nothing of it."""
+        """Sd of v since black was last read: from the uncertainty of q, and because a floor that is brighter
+        here than there looks like more light, which does not reach black."""
         light_change = self.light - self._light_anchor
         floor = min(abs(light_change), FLOOR_SPREAD * self.light)
         return math.sqrt((self._black_share_sd * light_change) ** 2 + (self._black_share * floor) ** 2)
 
     def _unseen_light_sd(self) -> float:
-        """Sd of u since white was last read: by what is not known of q, as u = v / q, and as one black is
-        not like another."""
+        """Sd of u since white was last read: from the uncertainty of q, as u = v / q, and because black
+        differs from place to place."""
         dark_change = self.dark - self._dark_anchor
         tape = min(abs(dark_change), TAPE_SPREAD * self.dark)
         return (
@@ -178,12 +181,11 @@ class Levels:
         )
 
     def _is_edge(self, spot: float, shortest: float, longest: float, way_known: bool) -> bool:
-        """Whether the sensor went as far between the two surfaces as its spot is wide, m.
+        """Whether the distance of the sensor between the two surfaces fits the width of its spot, m.
 
-        What is seen of it is the part in which neither surface explains the readings: it begins and ends
-        anywhere on the way to the first of them and to the one after the last, so it was `least` to `most`
-        m. Where there is no such part, because the levels are not known, it is not an edge for sure. known:
-        whether the ways are, and no guess.
+        Only the part in which neither surface explains the readings is seen. It begins between two readings
+        and ends between two, so its length was `shortest` to `longest` m. Without such a part, because the
+        levels are uncertain, it is not certain to be an edge. way_known: whether the distances are measured.
         """
         begins = light_of(self.white + GATE_SDS * self.sd_white)
         ends = light_of(self.black - GATE_SDS * self.sd_black)
@@ -196,7 +198,7 @@ class Levels:
         )
 
     def _refresh(self) -> None:
-        """Levels in counts, their spreads, threshold, band and status from the state."""
+        """Set the levels in counts, their standard deviations, threshold, band and status from the state."""
         dark = self.dark
         if dark < self._least_dark:
             dark = self._least_dark
@@ -224,7 +226,7 @@ class Levels:
             self.status = Status.UNCERTAIN if gap > MIN_CONTRAST_COUNTS else Status.INVALID
 
     def _place_threshold(self, white: float, black: float, white_noise: float, black_noise: float) -> None:
-        """Threshold and band between two levels, as in `TophatCalibration.of_surfaces`."""
+        """Set threshold and band between the levels, as in `TophatCalibration.of_surfaces`."""
         gap = black - white
         middle = white + gap * white_noise / (white_noise + black_noise)
         least, most = white + CLEAR_SDS * white_noise, black - CLEAR_SDS * black_noise
@@ -238,17 +240,18 @@ class Levels:
 
 
 def max_edge_share(way_known: bool) -> float:
-    """Of an edge's way, up to which a passage is one; known: whether the way is, and no guess."""
+    """Upper bound on the distance of a passage that counts as an edge, as a share of the edge's width.
+    way_known: whether the distance is measured."""
     return MAX_EDGE_SHARE if way_known else UNKNOWN_WAY_FACTOR * MAX_EDGE_SHARE
 
 
 def _rescaled_noise(noise: float, was: float, now: float) -> float:
-    """The noise (counts^2) of a surface whose level changed: its pattern is a share of its light, of which
-    counts near the top tell little."""
+    """The noise (counts^2) of a surface whose level changed: its pattern is a share of its light, to which
+    counts near the top are insensitive."""
     tells, told = now - now * now / FULL_SCALE, was - was * was / FULL_SCALE
     by = (tells if tells > 1.0 else 1.0) / (told if told > 1.0 else 1.0)
     scaled = noise * by * by
-    if by > 1.0:  # not all that a reading at the top has of it is pattern
+    if by > 1.0:  # a reading at the top has other noise besides pattern
         level, pattern = now / was, PATTERN_SHARE * tells
         most = noise * level * level if level > 1.0 else noise
         most = most if most > pattern * pattern else pattern * pattern
@@ -257,5 +260,5 @@ def _rescaled_noise(noise: float, was: float, now: float) -> float:
 
 
 def light_per_count(counts: float) -> float:
-    """Change of the light that changes the reading by one count."""
+    """Change of light that changes the reading by one count."""
     return FULL_SCALE / max(counts, 1.0) ** 2

@@ -1,4 +1,4 @@
-"""The modes of a tophat's readings (surface and light), and the probability of one after another, for
+"""The modes of a tophat's readings (surface and light), and their transition probabilities, for
 `hypotheses`."""
 
 from __future__ import annotations
@@ -15,31 +15,33 @@ from raccoon.model.reflectance import edge_coverage
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-STAGES = 6  # of an edge
+STAGES = 6  # stages of an edge
 MAX_STAGES_PER_READING = 4  # stages in one reading
-PACE_SPREAD, MIN_SPREAD = 0.3, 0.35  # of the stages in one reading: speed and spot are known roughly
-UNKNOWN_WAY_FACTOR = 2.0  # times by which a robot may be slower than assumed where its way is not known
-STANDING_LIGHT_SD = 0.003  # of u, sd of its change in one reading while the light stands
-LIGHT_PACE_SDS = (0.06, 0.4)  # of u, sd of the change in one reading where the light begins to move
-SUNLIGHT_SD = 15.0  # sd of that change where the sun comes out at once, light
+# sd of the stages per reading, as a share and at least: speed and spot are known roughly
+PACE_SPREAD, MIN_SPREAD = 0.3, 0.35
+UNKNOWN_WAY_FACTOR = 2.0  # factor by which the robot may be slower than assumed if its distance is unknown
+STANDING_LIGHT_SD = 0.003  # sd of the change in one reading while the light stands, as a share of u
+LIGHT_PACE_SDS = (0.06, 0.4)  # sd of the change in one reading as the light begins to move, as a share of u
+SUNLIGHT_SD = 15.0  # light; sd of that change if the sun comes out at once
 LIGHT_CHANGE_BEGINS = (1.0 / 1500, 1.0 / 4000, 1.0 / 4000)  # probability in one reading, at each pace
 LIGHT_CHANGE_ENDS = 1.0 / 30  # probability in one reading
-PACE_CHANGE_SD = 0.15  # of the pace, sd by which it changes from one reading to the next
+PACE_CHANGE_SD = 0.15  # sd of the change of the pace from one reading to the next, as a share of it
 OTHERS_LOST_FACTORS = {None: 1.0, True: 8.0, False: 0.5}
-"""Times likelier that light changes, by whether other sensors are lost (None: there are none)."""
-BETWEEN_LINES_M, LINE_WIDTH_M = 0.2, 0.05  # m, on the average
-NARROW_LINE_SHARE = 0.1  # of what is begun like a line, that is narrower than the spot: seams, scratches
+"""Factors on the probability of a change of light, by whether other sensors are lost (None: there are
+none)."""
+BETWEEN_LINES_M, LINE_WIDTH_M = 0.2, 0.05  # m, means
+NARROW_LINE_SHARE = 0.1  # share of apparent lines that are narrower than the spot: seams, scratches
 LIGHT_STATES = 2  # standing, moving
 FLOOR_BORDERS_M = (2.0, 0.3)
-"""m between borders of the floor, on the average: to any other, and back to the first."""
+"""m between borders of the floor, means: to any other floor, and back to the first."""
 FIRST_BORDER_PHASE = 2 + 2 * STAGES
-"""The first phase on the way to another floor, which is as white: its light is in the place of black's."""
+"""The first phase on the border to another floor. That floor is as white: its light is in black's place."""
 OTHER_FLOOR_PHASE = FIRST_BORDER_PHASE + len(FLOOR_BORDERS_M) * STAGES
-"""The phase of white on another floor, from which the one of before comes back."""
+"""The phase of white on another floor, from which the former floor may return."""
 PHASES = OTHER_FLOOR_PHASE + 1
 MODES = PHASES * LIGHT_STATES
 EDGE_MODES = slice(2 * LIGHT_STATES, FIRST_BORDER_PHASE * LIGHT_STATES, LIGHT_STATES)
-"""The stages of an edge, in a light that stands."""
+"""The stages of an edge, in standing light."""
 BORDER_MODES = slice(FIRST_BORDER_PHASE * LIGHT_STATES, OTHER_FLOOR_PHASE * LIGHT_STATES, LIGHT_STATES)
 OTHER_FLOOR_MODE = OTHER_FLOOR_PHASE * LIGHT_STATES
 
@@ -47,8 +49,8 @@ _coverage = edge_coverage(1.0 - 2.0 * (np.arange(STAGES) + 0.5) / STAGES, 1.0)
 PHASE_COVERAGE: Array = np.concatenate(
     [[0.0, 1.0], _coverage, _coverage[::-1], *[_coverage] * len(FLOOR_BORDERS_M), [0.0]]
 )
-"""Share of the spot on black, or on the floor ahead, by phase: white, black, entering, leaving, to each
-floor, there."""
+"""Share of the spot on black, or on the floor ahead, by phase: white, black, entering black, leaving it,
+entering each floor, and on it."""
 IS_MOSTLY_BLACK: Array = (PHASE_COVERAGE[2:FIRST_BORDER_PHASE] > 0.5).astype(float)
 MODE_GROUPS: Index = np.repeat(
     [0, 1] + [2] * 2 * STAGES + [3] * len(FLOOR_BORDERS_M) * STAGES + [0], LIGHT_STATES
@@ -56,13 +58,13 @@ MODE_GROUPS: Index = np.repeat(
 
 
 class ModeTransitions(NamedTuple):
-    """Every transition from mode to mode, one array each: from, to, stages (-1: none) and change of light.
+    """Every transition from mode to mode, one array for each property: source, target, stages (-1: none),
+    change of light.
 
-    In the order of their targets: those to `reached_modes[reached_index]` begin at `reached_starts`.
-    source: the mode, or from `MODES` on one that comes to another floor or leaves for it
-    (`HypothesisBank._with_floor_modes`). floor: which of `FLOOR_BORDERS_M` it leads to, -1 of none.
-    is_not_on_border: 1, but 0 on the way there. max_excess_light: by how much the light in black's place may
-    be above u: any, on that way.
+    They are sorted by target: those to `reached_modes[reached_index]` begin at `reached_starts`. source: the
+    mode, or, from `MODES` on, one that reaches another floor or leaves for it
+    (`HypothesisBank._with_floor_modes`). floor: index in `FLOOR_BORDERS_M`, -1 for none. is_not_on_border: 1,
+    or 0 on a border. max_excess_light: bound on the light in black's place above u; infinite on a border.
     """
 
     source: Index
@@ -91,9 +93,9 @@ class ModeTransitions(NamedTuple):
     blur: Array
 
 
-# What light does from one reading to the next: from, to, sd of its change and of its pace in shares of u and
-# of its pace in light, and the part of the pace by which it changes with the variance of that. It stops
-# anywhere between two readings.
+# Changes of light from one reading to the next: state before, state after, sd of the change (share of u), of
+# the pace (share of u) and of the pace (light), share of the pace that this reading gets and its variance.
+# Light stops anywhere between two readings.
 _LIGHT_CHANGES = (
     (0, 0, STANDING_LIGHT_SD, 0.0, 0.0, 0.0, 0.0),
     (0, 1, 0.0, LIGHT_PACE_SDS[0], 0.0, 1.0, 0.0),
@@ -106,7 +108,7 @@ _LIGHT_CHANGES = (
 
 @lru_cache(maxsize=1)
 def mode_transitions() -> ModeTransitions:
-    """All transitions; the arrays are shared, so leave them as they are."""
+    """All transitions; the arrays are shared: do not change them."""
     transitions = _list_transitions()
     after = np.array([each[1] for each in _LIGHT_CHANGES], dtype=np.intp)
     transitions.sort(key=lambda way: (way[1], after[way[3]]))
@@ -151,20 +153,20 @@ def mode_transitions() -> ModeTransitions:
 
 
 def _list_transitions() -> list[tuple[int, int, int, int, int]]:
-    """Each transition: phases from and to, stages, which of `_LIGHT_CHANGES`, and to which floor."""
+    """Each transition: source and target phase, stages, index in `_LIGHT_CHANGES`, and index of the floor."""
     steps = [(phase, phase, -1) for phase in (0, 1, OTHER_FLOOR_PHASE)] + [(OTHER_FLOOR_PHASE, 0, -1)]
     steps += [*_edge_transitions((0, OTHER_FLOOR_PHASE), 2, 1), *_edge_transitions((1,), 2 + STAGES, 0)]
     transitions = [(*step, change, -1) for step in steps for change in range(len(_LIGHT_CHANGES))]
     transitions += [(*step, 0, -1) for step in _narrow_line_transitions()]
     borders = (((0, OTHER_FLOOR_PHASE), OTHER_FLOOR_PHASE), ((OTHER_FLOOR_PHASE,), 0))
-    for floor, (begins, end) in enumerate(borders):  # under a light that stands
+    for floor, (begins, end) in enumerate(borders):  # in standing light
         first = FIRST_BORDER_PHASE + floor * STAGES
         transitions += [(*step, 0, floor) for step in _edge_transitions(begins, first, end)]
     return transitions
 
 
 def _edge_transitions(begins: tuple[int, ...], first: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """Phases from and to, and stages: from where an edge begins, over its stages, to its end."""
+    """Source and target phase, and stages: from where an edge begins, over its stages, to its end."""
     for phase in begins:
         yield from ((phase, first + k - 1, k) for k in range(1, MAX_STAGES_PER_READING + 1))
     for stage in range(STAGES):
@@ -173,8 +175,8 @@ def _edge_transitions(begins: tuple[int, ...], first: int, end: int) -> Iterator
 
 
 def _narrow_line_transitions() -> Iterator[tuple[int, int, int]]:
-    """From the stages of an edge to black to those of one from black, where the spot is on as much of it:
-    what is narrower than the spot ends before that is all on it."""
+    """From the stages of an edge to black to those of an edge from black with the same coverage: a line
+    narrower than the spot ends before the spot is on it entirely."""
     for stage in range(STAGES):
         for k in range(MAX_STAGES_PER_READING + 1):
             left = STAGES - 1 - stage + k
@@ -182,9 +184,9 @@ def _narrow_line_transitions() -> Iterator[tuple[int, int, int]]:
 
 
 def _floor_sources(source: Index, target: Index, floors: Index) -> Index:
-    """Index of the source of each transition along a border in `HypothesisBank._with_floor_modes`: behind
-    the modes the stages that reach its end, one by one, and behind them white that leaves for it, of the
-    first floor, of another, and of that back."""
+    """Index of the source of each border transition in `HypothesisBank._with_floor_modes`: behind the modes
+    are the stages that reach the end of a border, one by one; then white that leaves the first floor, leaves
+    another one, and leaves that back to the first."""
     begins = (source == 0) | (source == OTHER_FLOOR_PHASE)
     ends = (target == 0) | (target == OTHER_FLOOR_PHASE)
     leaving = MODES + len(FLOOR_BORDERS_M) * STAGES + floors + (source == OTHER_FLOOR_PHASE)
@@ -197,8 +199,8 @@ def _floor_sources(source: Index, target: Index, floors: Index) -> Index:
 def transition_probabilities(
     pace_tenths: int, spot_microns: int, others_lost: bool | None, way_known: bool = True
 ) -> Array:
-    """Probability of every transition at a pace (stages a reading); of a way that is not known the mean with
-    that of a pace slower by `UNKNOWN_WAY_FACTOR`."""
+    """Probability of every transition at a pace in stages per reading. For an unknown distance it is the mean
+    of this pace and one slower by `UNKNOWN_WAY_FACTOR`."""
     transitions = mode_transitions()
     pace = 0.1 * pace_tenths
     way = pace * 1e-6 * spot_microns / STAGES
@@ -212,7 +214,7 @@ def transition_probabilities(
     begun = np.where(transitions.floor >= 0, borders[transitions.floor], rate)
     entering = begun * along / (1.0 - advance[0])
     stay = 1.0 - rate - transitions.from_white * borders[0] - transitions.on_other * 2.0 * borders[1]
-    stay = np.where(transitions.adopts_floor, borders[1], stay)  # and is the floor
+    stay = np.where(transitions.adopts_floor, borders[1], stay)  # adopted as the floor
     turning = NARROW_LINE_SHARE * min(pace / STAGES, 1.0)
     along = along * np.where(
         transitions.leaves_narrow_line, turning, np.where(transitions.entering, 1.0 - turning, 1.0)
