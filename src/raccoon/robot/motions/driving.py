@@ -28,16 +28,14 @@ if TYPE_CHECKING:
 __all__ = ["drive", "motors"]
 
 SLOWER_SHARE, SLOWER_REMARK = 0.9, "slower than asked"
-"""Share of the speed asked for below which that is said, as no result tells it; and the remark's kind."""
+"""Share of the requested speed below which the lower speed is reported, as there is no result that shows it;
+and the remark's kind."""
 
 
 def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     """Drive at `speed` m/s (negative: backwards) and `turn_rate` rad/s (left is positive) until ended from
-    outside (`.until`, `.timeout`, `race`).
-
-    Without a turn rate the heading of the plan is held. Raises MotionTimeout where the gyro shows for half a
-    second that a motor is plugged in the other way round.
-    """
+    outside (`.until`, `.timeout`, `race`). Without a turn rate the planned heading is held. Raises
+    MotionTimeout if the gyro shows for half a second that a motor is plugged in the other way round."""
     check_speed(speed=speed)
     check_rate(turn_rate=turn_rate)
     check_finite(speed=speed, turn_rate=turn_rate)  # None is no default here
@@ -91,11 +89,11 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
 
 
 def drive_until_stopped(speed: float, reach: float, timeout: float | None = None) -> Action[float]:
-    """Drive at `speed` m/s, negative backwards, until `reach` m are driven or somebody ends it.
+    """Drive at `speed` m/s (negative: backwards) until `reach` m are driven or it is ended from outside.
 
-    The result is how many m of the reach it may not have driven because of a wall. Raises ValueError for a
-    speed of 0, MotionTimeout where a wheel has not turned for 0.4 s, or the way takes more than `timeout` s
-    (twice its time and 2 s where None).
+    The result is the part of the reach (m) that a wall may have kept it from driving. Raises ValueError for a
+    speed of 0, MotionTimeout if a wheel has not turned for 0.4 s, or after `timeout` s (None: twice the
+    expected time and 2 s).
     """
     check_speed(speed=speed)
     if speed == 0.0:
@@ -127,11 +125,11 @@ def drive_until_stopped(speed: float, reach: float, timeout: float | None = None
 
 
 def motors(left: float, right: float, *, tuned_at: float | None = None) -> Action[None]:
-    """Put plain duties (-1..1) on the wheels until ended from outside: no control at all, as a comparison.
+    """Apply plain duties (-1..1) to the wheels until ended from outside: no control at all, for comparison.
 
-    tuned_at: V of the battery that the duties were found on; they are scaled by it over the present voltage.
-    What the present battery cannot give is said once, in the log and the recording, with the speed that is
-    missing.
+    tuned_at: V of the battery on which the duties were tuned; they are scaled by it over the present voltage.
+    What the present battery cannot give is reported once, in the log and the recording, with the missing
+    speed.
     """
     check_duties(left, right)
     if tuned_at is not None:

@@ -1,4 +1,4 @@
-"""Following a line with one tophat or two, also past where the robot slid off it or the light changed."""
+"""Following a line with one tophat or two, with a search where the robot slid off or the light changed."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 PROBE_WAY_M, PROBE_RATE, PROBE_TIME, PROBE_ANSWER = 0.003, 0.4, 0.4, 0.15
-"""m by which the sensor is moved to see whether it is on an edge, rad/s, s at the most, and by how much less
-of it must then be on black: half of what an edge gives."""
+"""The test for an edge: m by which the sensor is moved, turn rate (rad/s), longest time (s), and the least
+decrease of its share on black, half of what an edge gives."""
 MAX_SEARCHES = 2
-"""How often a line is looked for at a place: one that ends would be found for ever."""
+"""Searches for a line at one place; a line that ends would be searched for without end."""
 TWO_TOPHATS_HINT = "write follow_line(left=..., right=...)"
 
 
@@ -51,15 +51,18 @@ def follow_line(
     """Keep one tophat on an edge of a black line, or two around its middle, until ended from outside
     (`.until`, `race`).
 
-    side: the edge of the line that the one keeps to, "left" (the default) or "right". left, right: two
-    tophats instead, beside the line, on its edges or on it: the darker one is on the side of the line. speed:
-    m/s; `motion.speed` when None. The share of a sensor's spot that is on black steers, and tells the line's
-    bends. Lines that cross are gone over. After 1 s or 0.15 m without an edge (0.5 s where there was none
-    yet) the robot stops, goes back to where it was on one and looks for the line there on the spot, the
-    sensor 90 degrees to either side; where the light changes, it does so to learn what floor and line read
-    there. What reads the same for 5 cm, and not half an edge, is moved by up to 3 mm to see whether it is
-    one. Raises CalibrationError without a calibration, ConfigError for a sensor that is not ahead of the axis
-    and for two that are no pair, MotionTimeout where it finds no line.
+    side: the edge of the line for one tophat, "left" (the default) or "right". left, right: two tophats
+    instead, beside the line, on its edges or on it; the line is on the side of the darker one. speed: m/s;
+    `motion.speed` when None.
+
+    The share of a sensor's spot on black steers the robot and shows the line's bends. Crossing lines are
+    driven over. After 1 s or 0.15 m without an edge (0.5 s if there was none yet) the robot stops, drives
+    back to the last edge and searches for the line on the spot, with the sensor up to 90 degrees to either
+    side; if the light changed there, it measures floor and line anew. If a reading is steady for 5 cm and not
+    half an edge, the sensor is moved by up to 3 mm to test whether it is on one.
+
+    Raises CalibrationError without a calibration, ConfigError for a sensor that is not ahead of the axle and
+    for two that cannot work as a pair, MotionTimeout if it finds no line.
     """
     check_pace(speed=speed)
     if left is not None or right is not None:
@@ -93,7 +96,7 @@ def follow_line(
 def _follow_action(
     label: str, looking: Callable[[Robot], LineSight], speed: float | None, check: Check
 ) -> Action[None]:
-    """The action. looking: what sees the line of a robot."""
+    """The action. looking: makes what observes the line, for a robot."""
 
     def steps(robot: Robot) -> Steps[None]:
         sight, motion = looking(robot), robot.config.motion
@@ -146,11 +149,9 @@ def _follow_action(
 
 
 def _probe_edge(robot: Robot, sight: LineSight, velocity: float, turn_rate: float) -> Steps[bool]:
-    """Whether an edge is seen: the sensors are moved a little to where one would read nearer to half, and no
-    further than it takes to see that.
-
-    turn_rate: rad/s by which it follows. What reads the same then is a surface in other light.
-    """
+    """Whether the sensor is on an edge: it is moved a little in the direction in which an edge would read
+    nearer to half, only as far as needed. A surface in another light reads the same then. turn_rate: rad/s at
+    which the robot follows."""
     begin, heading, before = robot.time, robot.estimate.heading, sight.offset
     way = 1.0 if before > 0.0 else -1.0
     while robot.time - begin < PROBE_TIME:

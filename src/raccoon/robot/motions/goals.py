@@ -1,12 +1,11 @@
 """Motions to a goal: straight, turn, arc and pivot, each an action that keeps to its path.
 
-Each motion starts from where the one before it was meant to end (`robot.plan`), not from where it did end, so
-a small error is made good by the next motion instead of adding to it.
+Each motion starts from where the previous one was meant to end (`robot.plan`), not from where it did end, so
+a small error is corrected by the next motion instead of adding to it.
 
-Every motion to a goal takes `tolerance` (how near the goal it may end; robot.toml's `[motion]` when None)
-and `timeout` (s; twice its profile and 2 s when None), gives a `MotionResult`, and raises MotionTimeout
-saying why when it cannot get there: stalled (with the motor port), saturated (with the speed that is
-missing), slipping.
+Every motion to a goal takes `tolerance` (how near the goal it may end; robot.toml's `[motion]` when None) and
+`timeout` (s; twice its profile and 2 s when None), returns a `MotionResult`, and raises MotionTimeout if it
+cannot arrive, with the reason: stalled (with the motor port), saturated (with the missing speed), slipping.
 """
 
 from __future__ import annotations
@@ -38,9 +37,10 @@ __all__ = ["MotionResult", "arc", "pivot", "straight", "turn", "turn_to"]
 PLAN_REACH = 0.05
 PLAN_REACH_HEADING = 0.3
 HALF_TURN_MARGIN = math.radians(2.0)
-"""rad by which half a turn may be missed and both ways are alike: a heading is hardly known better."""
+"""rad; nearer to half a turn than this both directions count as equally short, since a heading is hardly
+known better."""
 FAR_RADIUS_M = 0.5
-"""m, radius of an arc at which heading and place tell equally well how far along it is: 0.1 deg is 1 mm."""
+"""m, radius of an arc at which heading and position measure the progress equally well: 0.1 deg is 1 mm."""
 
 
 def straight(
@@ -50,11 +50,11 @@ def straight(
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Action[MotionResult]:
-    """Drive `distance` m straight (negative: backwards), ending at rest on the mark.
+    """Drive `distance` m straight (negative: backwards), ending at rest.
 
-    speed: m/s, the highest on the way; robot.toml's `motion.speed` when None. tolerance: m.
-    timeout: s until it gives up; twice the time that it should take and 2 s more when None. Raises ValueError
-    for numbers that are not allowed, when it is made; MotionTimeout, saying why, where it does not get there.
+    speed: m/s, the highest on the way; robot.toml's `motion.speed` when None. tolerance: m. timeout: s until
+    it gives up; when None twice the expected time and 2 s more. Raises ValueError at once for numbers that
+    are not allowed; MotionTimeout, with the reason, if it does not arrive.
     """
     check_way(distance=distance)
     check_pace("the sign belongs to the distance", speed=speed)
@@ -92,8 +92,8 @@ def turn(
 ) -> Action[MotionResult]:
     """Turn on the spot by `angle` rad (left is positive), ending at rest.
 
-    turn_rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
-    most full turns that are meant. tolerance: rad. timeout: s. Raises as `straight`.
+    turn_rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: largest angle
+    in full turns. tolerance: rad. timeout: s. Raises as `straight`.
     """
     check_heading_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
@@ -112,9 +112,9 @@ def turn_to(
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Action[MotionResult]:
-    """Turn the shorter way to a heading of the field, rad counter-clockwise from where the robot started.
+    """Turn the shorter way to a heading of the field, rad counter-clockwise from the robot's first heading.
 
-    Half a turn goes the way that leads from the one number to the other. The rest as `turn`.
+    A half turn goes in the direction from the old number to the new one. Otherwise as `turn`.
     """
     check_heading(heading=heading)
     check_turn_pace(turn_rate=turn_rate)
@@ -129,11 +129,8 @@ def turn_to(
 
 
 def shorter_way(angle: float, side: float = 1.0) -> float:
-    """`angle` (rad) less its full turns, by the shorter way.
-
-    side: the way of half a turn, left where positive. By the noise of a heading a robot would turn now to
-    one side and now to the other.
-    """
+    """`angle` (rad) without its full turns, the shorter way. side: direction of a half turn, left if
+    positive; otherwise the noise of the heading would decide it anew each time."""
     shorter = math.remainder(angle, math.tau)
     way = math.copysign(1.0, side)
     return shorter + way * math.tau if way * shorter < HALF_TURN_MARGIN - math.pi else shorter
@@ -175,9 +172,9 @@ def arc(
 ) -> Action[MotionResult]:
     """Drive along a circle of `radius` m through `angle` rad (left is positive), ending at rest.
 
-    The centre is on the side it turns to (on the other one where it drives backwards). speed: m/s of the
-    outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of that
-    wheel. timeout: s. Raises as `straight`.
+    The centre is on the side to which it turns (on the other side if it drives backwards). speed: m/s of the
+    outer wheel, the highest on the way. turns: largest angle in full turns. tolerance: m of that wheel.
+    timeout: s. Raises as `straight`.
     """
     check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
@@ -204,8 +201,8 @@ def pivot(
 ) -> Action[MotionResult]:
     """Turn by `angle` rad (left is positive) about one wheel, which stands still: "left" or "right".
 
-    speed: m/s of the other wheel, the highest on the way. turns: the most full turns that are meant.
-    tolerance: m of that wheel. timeout: s. Raises as `straight`.
+    speed: m/s of the other wheel, the highest on the way. turns: largest angle in full turns. tolerance: m of
+    that wheel. timeout: s. Raises as `straight`.
     """
     check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
@@ -231,7 +228,8 @@ def _arc_steps(
     tolerance: float | None,
     timeout: float | None,
 ) -> Steps[MotionResult]:
-    """Around a centre `signed` m to the left; the way is signed * angle, negative backwards. what: it is."""
+    """The steps of an arc about a centre `signed` m to the left; the way is signed * angle, negative
+    backwards. what: the action's description."""
     motion = robot.config.motion
     start = robot.plan
     angle = float(angle)
@@ -252,7 +250,7 @@ def _arc_steps(
     by_place = signed * signed / (signed * signed + FAR_RADIUS_M * FAR_RADIUS_M)
 
     def turned() -> float:
-        """rad of the arc: on a tight one the heading tells it, on a wide one the place."""
+        """Progress along the arc, rad: from the heading on a tight arc, from the position on a wide one."""
         here = robot.estimate
         bearing = math.atan2((here.x - centre[0]) / signed, (centre[1] - here.y) / signed)
         return here.heading - start.heading + by_place * math.remainder(bearing - here.heading, math.tau)

@@ -1,4 +1,4 @@
-"""Where a robot that follows a line saw its edge last, and whether that is an edge."""
+"""Where a robot that follows a line last saw its edge, and whether it really was an edge."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 SHORT_EDGE = 0.03
-"""m of an edge below which the sensor only went across it."""
+"""m of an edge; on a shorter one the sensor only went across."""
 STEADY_WAY_M, HALF_COVERAGE_MARGIN = 0.05, 0.02
-"""m of the way, and off from half of the sensor's spot: what is nearer is half."""
+"""m of way with a steady reading that is doubted, and the distance from half of the spot within which a
+reading counts as half."""
 EDGE_MARGIN = 0.05
-"""Hysteresis: nearer to half than `MAX_EDGE_OFFSET` by so much, it is an edge again."""
+"""Hysteresis: an edge counts again when it is nearer to half than `MAX_EDGE_OFFSET` by this much."""
 LOST_TIME, LOST_WAY, NONE_YET_TIME = 1.0, 0.15, 0.5
-"""s and m without an edge under the sensor after which the line is lost; s where there was none yet."""
+"""s and m without an edge after which the line is lost; s if there was no edge yet."""
 PLAY_TIME, PLAY_WAY = 60.0, 5.0
-"""s and m more a m across that the line may move unseen."""
+"""s and m more for each m of unseen width between the sensors."""
 SEARCH_APART_M = 0.05
-"""m of the way that one search for the line is from the next, or both are for the same place."""
+"""m of way between two searches, below which both are for the same place."""
 
 
 class LastEdge:
-    """Where the sensor was on an edge of the line the last time.
+    """Where the sensor was last on an edge of the line.
 
-    place: m of the way. time: s. heading: rad of the line, as far as known. robot_heading: rad of the robot
-    there, None before the first edge. direction: where the line was when it was left (1 to the left, where it
-    turned to or another one crosses it, -1 to the right), 0 while it is kept to. other_tophat: the tophat
-    that was on an edge at the start, where what follows was on none.
+    place: m of way. time: s. heading: rad of the line, as far as known. robot_heading: rad of the robot
+    there, None before the first edge. direction: where the line was when the sensor left it (1 to the left,
+    where it turned or another line crosses; -1 to the right), 0 while it is followed. other_tophat: the
+    tophat that was on an edge at the start while the one that follows was not.
     """
 
     def __init__(self, robot: Robot, play: float = 0.0, other: str = "") -> None:
@@ -48,24 +49,24 @@ class LastEdge:
         self._mark_edge_here()
 
     def _mark_edge_here(self) -> None:
-        """Count as an edge the place where the robot is."""
+        """Take the present place for an edge."""
         self.place = self._edge_start = self._robot.estimate.distance
         self.time = self._robot.time
         self._is_on_edge = True
 
     @property
     def is_lost(self) -> bool:
-        """Whether there was no edge for too long, or on too long a way."""
+        """Whether there was no edge for too long a time or way."""
         here = self._robot
         return here.time - self.time > self._patience or here.estimate.distance - self.place > self._max_way
 
     @property
     def missed_for(self) -> str:
-        """How long, and on how long a way, there may be no edge before the line is lost."""
+        """Time and way without an edge after which the line is lost."""
         return f"no edge for {self._patience:.3g} s or {self._max_way:.2g} m"
 
     def count_search(self) -> int:
-        """Count a search for the line that begins; gives how many there were here, with it."""
+        """Count a search for the line that begins; returns the number of searches at this place."""
         self._searches = self._searches + 1 if self._way_since_search < SEARCH_APART_M else 1
         return self._searches
 
@@ -76,18 +77,18 @@ class LastEdge:
 
     @property
     def _way_since_search(self) -> float:
-        """m from the last search to the last edge."""
+        """m of way from the last search to the last edge."""
         return self.place - self._last_search
 
     @property
     def is_kept(self) -> bool:
-        """Whether the sensor keeps to the edge, and did not only go across it."""
+        """Whether the sensor follows the edge, rather than only crossing it."""
         return self.place - self._edge_start > SHORT_EDGE
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether the same is read for a while, and not half an edge: an edge in a bend reads so, and the
-        floor in other light."""
+        """Whether the reading is steady for a while and not half: so reads an edge in a bend, and the floor
+        in another light."""
         steady = self.place - self._level_since > STEADY_WAY_M
         return (
             steady
@@ -97,13 +98,14 @@ class LastEdge:
         )
 
     def decide(self, edge: bool) -> None:
-        """Take the answer to `is_doubtful`; where it is no edge, the line goes as it did before."""
+        """Take the result of the test of a doubtful edge. If it is no edge, the line is assumed to go on as
+        before."""
         self._is_decided = True
         if not edge:
             self.heading = self._straight_heading
 
     def update(self, sight: LineSight) -> bool:
-        """Take what is seen in this cycle; gives whether it is an edge."""
+        """Take the observation of this cycle; returns whether it is an edge."""
         here, level = self._robot.estimate, sight.level
         on = sight.sees_edge and (
             self._is_on_edge or sight.is_unambiguous or abs(level - 0.5) < MAX_EDGE_OFFSET - EDGE_MARGIN

@@ -1,4 +1,4 @@
-"""Looking for a line on the spot, where a robot that follows it slid off or its light changed."""
+"""Searching for a line on the spot, for a robot that slid off it or whose light changed."""
 
 from __future__ import annotations
 
@@ -19,35 +19,34 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 SEARCH_ANGLE = math.radians(90.0)
-"""rad to either side of the line's direction in which it is looked for, of the sensor about the axis' middle:
-one that sits aside would look less far to its other side by what the robot turns."""
+"""rad to either side of the line's direction in which it is searched for, measured at the sensor about the
+middle of the axle: a sensor mounted to one side would otherwise search less far on the other side."""
 SEARCH_SPEED, SEARCH_TIME = 0.08, 12.0
-"""m/s of the sensor meanwhile, and s that it takes at the most."""
+"""m/s of the sensor while searching, and longest duration of a search, s."""
 SIGHT_TIME = 1.0
-"""s until a loose plug that moves no more, or a controller that restarts, is read again, or is not."""
+"""s to wait for the readings of a loose plug that moves no more, or of a controller that restarts."""
 BACK_SPEED = 0.1
-"""m/s at which the robot goes back to where the line was."""
+"""m/s at which the robot drives back to where the line was."""
 CATCH_SPEED = 0.03
-"""m/s until it keeps to an edge that it found: that may lie across, and is as wide as the sensor's spot."""
+"""m/s until it follows the edge that it found, which may lie across the way and is as wide as the sensor's
+spot."""
 ALL_BLACK_COVERAGE = 0.98
-"""Share of the sensor's spot that is all of it, but for noise."""
+"""Share of the spot on black that counts as all of it, given noise."""
 NEAR_M = 1e-3
-"""m that is as good as there."""
+"""m within which a place counts as reached."""
 INTO_LIGHT_M, ASIDE_M = 0.03, 0.03
-"""m that the robot drives on into another light, and that its sensor then turns to both sides of the edge."""
+"""m to drive on into another light, and m by which the sensor then turns to both sides of the edge."""
 LIGHT_SPEED, LIGHT_GAIN = 0.1, 3.0
-"""m/s at the most and rad/s a rad off the line's direction on that way."""
+"""Highest speed (m/s) and gain (rad/s per rad off the line's direction) on that way."""
 OTHER_LIGHT_REASON = "it came into another light"
 SURFACE_READINGS = 4
-"""in a row, whose mean is what a surface reads."""
+"""Consecutive readings whose mean is a surface's reading."""
 
 
 class LineSearch:
-    """Looks for an edge of a line by turning on the spot, and takes down what both surfaces read meanwhile.
-
-    Of two sensors the one looks that sits to the side where the line was. velocity: m/s that the robot comes
-    with.
-    """
+    """Searches for an edge of a line by turning on the spot, and records the readings of both surfaces
+    meanwhile. Of two sensors the one on the side where the line was searches. velocity: m/s of the arriving
+    robot."""
 
     def __init__(self, robot: Robot, sight: LineSight, line: LastEdge, velocity: float) -> None:
         self._robot, self._sight, self._line = robot, sight, line
@@ -59,7 +58,8 @@ class LineSearch:
         self._reason = line.missed_for
 
     def search_both_sides(self) -> Steps[None]:
-        """On both sides of where it was last. Ends on the edge, or on the line from beyond it."""
+        """Search on both sides of the line's last place. Ends on the edge, or on the line coming from beyond
+        it."""
         name, other = self._sight.name, self._line.other_tophat
         add_remark(self._robot, f"{name} lost the line: looking for it")
         if self._line.robot_heading is None and other:
@@ -76,7 +76,8 @@ class LineSearch:
         yield from self._learn_and_return(first)
 
     def learn_light(self) -> Steps[None]:
-        """Drive on into it, turn over both surfaces there, the floor first, and back to the edge."""
+        """Drive on into the new light, turn over both surfaces there, the floor first, and back to the
+        edge."""
         robot, sensor, self._reason = self._robot, self._sensor, OTHER_LIGHT_REASON
         add_remark(robot, f"{self._sight.name} comes into another light on the line: learning it")
         begin, acceleration = robot.estimate.distance, robot.config.motion.acceleration
@@ -112,7 +113,7 @@ class LineSearch:
             yield
 
     def _wait_for_floor(self) -> Steps[None]:
-        """Stand until the sensors see a floor: without it no line is found."""
+        """Stand until the sensors see a floor, without which no line can be found."""
         robot, begin = self._robot, self._robot.time
         while blind := [each for each in self._sight.sensors if not each.sees]:
             if robot.time - begin > SIGHT_TIME:
@@ -123,9 +124,8 @@ class LineSearch:
             yield
 
     def _drive_back(self) -> Steps[None]:
-        """Backwards along the arc that it came, to where it was on an edge the last time, or to black before:
-        a line that turned off is beside that place, and not beside where it was missed.
-        """
+        """Drive backwards along the arc that it came, to the last edge, or to black before that: a line that
+        turned off is beside that place, not beside the place where it was missed."""
         robot, line, acceleration = self._robot, self._line, self._robot.config.motion.acceleration
         if line.robot_heading is None:
             return
@@ -143,11 +143,8 @@ class LineSearch:
         yield from self._stop()
 
     def _turn(self, direction: float, angle: float = math.inf, *, to_edge: bool = True) -> Steps[bool]:
-        """Turn until `angle` rad beside the line's direction, at the most as far as a line is looked for, or
-        to its edge; whether it came to that.
-
-        way: 1 to the left, -1 to the right.
-        """
+        """Turn until `angle` rad beside the line's direction (at most as far as a line is searched for), or
+        to the line's edge; returns whether it came to the edge. way: 1 to the left, -1 to the right."""
         robot, sensor, motion = self._robot, self._sensor, self._robot.config.motion
         angle = min(angle, SEARCH_ANGLE - direction * math.atan2(sensor.config.left, sensor.config.forward))
         wanted = min(motion.turn_rate, SEARCH_SPEED / sensor.config.forward)
@@ -179,7 +176,7 @@ class LineSearch:
 
 
 class _SurfaceLevels:
-    """The lowest and the highest mean that a sensor read: floor and line, where it went over both."""
+    """The lowest and the highest mean that a sensor read: floor and line, if it went over both."""
 
     def __init__(self, sensor: TophatSensor) -> None:
         self._sensor = sensor
@@ -196,12 +193,12 @@ class _SurfaceLevels:
             self._white, self._black = min(self._white, mean), max(self._black, mean)
 
     def learn(self) -> bool:
-        """Let the sensor take them; whether it did, as they are two surfaces."""
+        """Let the sensor take them over; returns whether it did, which it does if they are two surfaces."""
         return self._sensor.relearn(self._white, self._black)
 
 
 def describe_lost_line(robot: Robot, sight: LineSight, why: str) -> str:
-    """What is said where the line is given up. why: it was looked for."""
+    """The message when the line is given up. why: the reason for the search."""
     return (
         f"{sight.name} lost the line: {why}, and none found "
         f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side; {describe_obstacle(robot, *sight.sensors)}"

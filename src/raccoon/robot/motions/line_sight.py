@@ -1,4 +1,4 @@
-"""The line that a robot follows as it sees it, with one tophat on an edge or with two around the line."""
+"""The line as seen by the robot that follows it, with one tophat on an edge or with two around the line."""
 
 from __future__ import annotations
 
@@ -13,40 +13,40 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 MAX_EDGE_OFFSET = 0.4
-"""Off from half of a sensor's spot on black, from which on it is as good as on one surface."""
+"""Distance from half of the spot on black beyond which a sensor counts as on one surface."""
 MAX_KEPT_OFFSET = 0.15
-"""Off from half, at the most, of a sensor that keeps to its edge well."""
+"""Largest distance from half of a sensor that follows its edge well."""
 ABRUPT_WAY_M = 0.008
-"""m of the way in which a sensor comes from the edge to black, at the most, where another line crosses within
-50 degrees of square."""
+"""m; a sensor that comes from the edge to all black within this way is at a line that crosses within 50
+degrees of square."""
 MAX_START_OFFSET = 0.35
-"""Off from half of the spot on black, at the most, of a tophat that somebody put on an edge."""
+"""Largest distance from half of the spot on black of a tophat that was put down on an edge."""
 MIN_DIFFERENCE = 0.25
-"""Share of the spot by which two sensors differ, where an edge is what makes them differ."""
+"""Least difference of two sensors' shares on black that an edge makes."""
 SKIM_OFFSET = 0.2
-"""Off up to which two sensors that see no edge look for one, to where one of them just sees it."""
+"""Distance from half at which two sensors that see no edge search for one: there one of them just sees it."""
 TAPE_WIDTH_M, SPOT_WIDTH_M = 0.05, 0.01
-"""m, the width of a line on Botball's tables, and of what a sensor sees of it."""
+"""m, the width of a line on Botball's tables and of a sensor's spot."""
 MAX_INSIDE_DISTANCE_M = 0.045
-"""m: two sensors that are less apart see a line's edges from within, and others from beside it."""
+"""m; two sensors nearer to each other see the line's edges from inside, others from beside the line."""
 MIN_DISTANCE_M, MAX_DISTANCE_M, MAX_FORWARD_DIFFERENCE_M = 0.01, 0.1, 0.03
-"""m that two sensors are apart, and that one may be ahead of the other. Nearer than a spot both see the same;
-further apart the line goes from one to the other unseen for more than 4 cm."""
+"""Least and largest distance of two sensors, and largest difference in how far ahead they are, m. Nearer than
+a spot both see the same; further apart the line is unseen for more than 4 cm between them."""
 
 
 class LineSight(ABC):
-    """What is seen of the line, as of the last `look`.
+    """What the last `look` saw of the line.
 
-    sensors: those that look. name: theirs, for messages. reach: m that they are ahead of the axis.
-    abrupt_way: m of the way in which they come to black where another line crosses. unseen_width: m across
-    that the line may move unseen. same_level: shares of black that differ by less are the same.
+    sensors: those that look. name: theirs, for messages. reach: m that they are ahead of the axle.
+    abrupt_way: m of way in which they come to black where another line crosses. unseen_width: m across which
+    the line may move unseen. same_level: shares of black that differ by less count as the same.
 
     offset: how far the robot is off the line, as a share of a spot; above 0 it must turn left. level: share
-    of the spots on black. direction: 1 where the line is to the left of what was seen last, -1 to the right.
-    sees_floor: whether a floor is seen at all. sees_edge: whether an edge of the line is. is_kept: whether
-    the robot keeps to it well. all_black: whether nothing but black is seen. is_unambiguous: whether no light
-    could make a floor read so. tells_bend: whether `offset` tells of a bend. may_be_crossing: whether it may
-    still be, in part, on a line that crosses.
+    of the spots on black. direction: 1 if the line is to the left of what was seen last, -1 to the right.
+    sees_floor: whether a floor is seen at all. sees_edge: whether an edge of the line is seen. is_kept:
+    whether the robot follows it well. all_black: whether only black is seen. is_unambiguous: whether no light
+    could make a floor read so. tells_bend: whether `offset` shows a bend. may_be_crossing: whether it may
+    still be partly on a crossing line.
     """
 
     same_level: float
@@ -62,16 +62,16 @@ class LineSight(ABC):
 
     @abstractmethod
     def look(self) -> None:
-        """Take what is read in this cycle. Who sees nothing is to go straight on, and is on no edge."""
+        """Take the readings of this cycle. Without any the robot goes straight on, and is on no edge."""
 
     @abstractmethod
     def edge(self, way: float) -> tuple[TophatSensor, float]:
-        """The sensor that looks for a line to the left (1) or to the right (-1), and for which of its edges:
-        1 is the left one, -1 the right one."""
+        """The sensor that searches for a line to the left (1) or to the right (-1), and for which of its
+        edges: 1 is the left one, -1 the right one."""
 
     @property
     def other_light(self) -> bool:
-        """Whether one reads what neither of its surfaces does."""
+        """Whether a sensor reads what neither of its surfaces does."""
         return any(each.other_light for each in self.sensors)
 
     def follow_light(self, on: bool) -> None:
@@ -102,15 +102,13 @@ class OneEdge(LineSight):
         self.direction = self._side if level > 0.5 else -self._side
 
     def edge(self, way: float) -> tuple[TophatSensor, float]:  # noqa: ARG002
-        """There is but one."""
+        """The only one."""
         return self._sensor, self._side
 
 
 class BothEdges(LineSight):
-    """Two sensors: beside the line, on its edges or on the line itself, so the darker one is on its side.
-
-    Where both see the same, the robot goes on to where one of them just sees the edge that was seen last.
-    """
+    """Two sensors beside the line, on its edges or on the line itself: the line is on the side of the darker
+    one. If both see the same, the robot goes to where one of them just sees the edge that was seen last."""
 
     same_level = 0.15
 
@@ -155,7 +153,7 @@ class BothEdges(LineSight):
 
 
 def check_pair(robot: Robot, left: str, right: str) -> None:
-    """Raise ConfigError where robot.toml has two tophats that cannot follow a line together."""
+    """Raise ConfigError if robot.toml's two tophats cannot follow a line together."""
     check_sides(robot, left, right)
     first, second = tophat_ahead(robot, left).config, tophat_ahead(robot, right).config
     apart = first.left - second.left
@@ -172,8 +170,8 @@ def check_pair(robot: Robot, left: str, right: str) -> None:
 
 
 def find_other_on_edge(robot: Robot, sight: LineSight) -> str:
-    """The tophat that is on an edge where none of `sight` is, "" for none. A robot is put down with the one
-    that is to follow on the edge, so that is what exchanged plugs read."""
+    """The tophat that is on an edge while none of `sight` is, "" for none. A robot is put down with the
+    following tophat on the edge, so this shows exchanged plugs."""
     on = [
         each
         for each in robot.tophats.values()

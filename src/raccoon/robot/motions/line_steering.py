@@ -1,4 +1,4 @@
-"""Steering along an edge of a line: in proportion to how far off it is, and with its bends."""
+"""Steering along an edge of a line: proportional to the offset, plus the line's bend."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 LINE_GAIN = 1.5
-"""rad/s a unit of coverage, for a sensor 0.11 m ahead of the axis. The spot is about 10 mm wide, so the
-sensor closes in at 0.11 * 1.5 / 0.01 = 16 /s: a fifth of what 30 ms of delay would bear."""
+"""rad/s per unit of coverage, for a sensor 0.11 m ahead of the axle. The spot is about 10 mm wide, so the
+error decays at 0.11 * 1.5 / 0.01 = 16 /s, a fifth of the rate at which 30 ms of delay becomes unstable."""
 USUAL_REACH = 0.11
 BEND_LEARN_RATE, BEND_FORGET_RATE = 4.0, 8.0
-"""/s at which the line's bend is learnt: a quarter of that, so that both together do not swing; and at which
-it is forgotten where it is over."""
+"""/s at which the line's bend is learnt, a quarter of the steering's rate so that the two do not oscillate,
+and at which it is forgotten after a bend."""
 MAX_BEND, MIN_LEARN_SPEED = 1.0 / 0.06, 0.05
-"""rad a metre of the tightest bend that is learnt, and m/s below which it is learnt as at that speed."""
+"""Tightest bend that is learnt, rad/m, and m/s below which it is learnt as at that speed."""
 BEND_FORGET_WAY_M = 0.05
-"""m of the way on which a bend is forgotten where no edge tells of it."""
+"""m of way on which a bend is forgotten while no edge is seen."""
 SEEK_GAIN = 100.0
-"""rad a metre, a metre of the way and a unit of coverage, by which the robot then turns more and more: the
-line may bend as it does."""
+"""rad/m per m of way and unit of coverage, by which the robot then turns tighter and tighter, as the line may
+bend like that."""
 MAX_SEEN_OFFSET = 0.48
-"""Off from half of the spot on black, up to which the sensor sees the edge."""
+"""Distance from half of the spot on black within which the sensor sees the edge."""
 MAX_CROSSING_WAY_M, MIN_KEPT_WAY_M = 0.08, 0.03
-"""m on a line that crosses, at the most, and m that the robot kept to its edge well before it."""
+"""Longest way on a crossing line, and least way on which the robot followed its edge well before it, m."""
 STRAIGHT_GAIN = 3.0
 """rad/s a rad off the way that it came, over a line that crosses."""
 FLICKER_WAY_M, SETTLED_WAY_M = 0.005, 0.02
