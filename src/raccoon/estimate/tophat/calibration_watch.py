@@ -13,6 +13,8 @@ from raccoon.estimate.tophat.sensor import explain_levels
 
 WINDOW_READINGS = 200  # readings: one second at 200 Hz
 MIN_READINGS = 40  # readings before anything is said
+MIN_CHANGED_READINGS = 150
+"""Readings before other light is: who drives off half on a line reads no surface for up to 0.2 s."""
 MAX_UNEXPLAINED_SHARE = 0.3  # of the readings may lie on no surface: edges, lines along the way
 SURFACE_SDS = 6.0  # standard deviations within which a reading lies on a surface
 MOVED_LEVEL_SHARE = 0.08  # of the contrast, that a level may have moved
@@ -74,6 +76,8 @@ class CalibrationWatch:
             return Fit.UNPLUGGED
         if ordered[-1 - len(ordered) // 10] <= ANALOG_BOTTOM:
             return Fit.SATURATED
+        if len(readings) < MIN_CHANGED_READINGS:
+            return Fit.UNKNOWN
         strange = sum(1 for each in readings if not self._is_explained(each))
         return Fit.CHANGED if strange > MAX_UNEXPLAINED_SHARE * len(readings) else Fit.FITS
 

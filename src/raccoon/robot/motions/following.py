@@ -108,7 +108,7 @@ def _follow_action(
         line = LastEdge(robot, sight.unseen_width, find_other_on_edge(robot, sight))
         velocity, limit, miswired = robot.estimate.velocity, top, 0.0
         pushing = PushingRemark(robot, label)
-        sight.follow_light(False)
+        _follow_light(robot, sight, False)
         try:
             while True:
                 sight.look()
@@ -141,11 +141,18 @@ def _follow_action(
                 robot.drive.follow(velocity, turn_rate)
                 yield
         finally:
-            sight.follow_light(True)
+            _follow_light(robot, sight, True)
             robot.drive.stop()
             robot.replan()
 
     return Action(label, steps, check)
+
+
+def _follow_light(robot: Robot, sight: LineSight, on: bool) -> None:
+    """See `TophatSensor.follow_light`. Sensors beside the line may ride along an edge: none is judged."""
+    sight.follow_light(on)
+    for each in robot.tophats.values():
+        each.is_judged = on
 
 
 def _probe_edge(robot: Robot, sight: LineSight, velocity: float, turn_rate: float) -> Steps[bool]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from raccoon.estimate.tophat.classifier import Edge
     from raccoon.robot.robot import Robot
 
-PROVING_S = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
+PROVING_S = 5.0  # s of driving that prove a calibration; what changes after that is light, and followed
 CHECK_PERIOD_TICKS = 40  # ticks
 BLIND_AFTER_S = 0.1  # s without a floor; a flash of the sun takes less
 SILENT_AFTER_S = 0.5  # s without a word; a controller that restarts gives none for 0.1 s
@@ -47,7 +47,9 @@ class TophatSensor(Part):
         self._watch: CalibrationWatch | None = None
         self._reading: TophatReading | None = None
         self._edge: Edge | None = None
-        self._since: float | None = None
+        self._driven_s = 0.0  # s, for which it has read floors by this calibration
+        self.is_judged = True
+        """Whether what it reads tells of its calibration: along a line, half on it, it does not."""
         self._heard: float | None = None  # s, of its last word, or since when there was none
         self.silent = False
         """Whether it has not been read for a while."""
@@ -73,7 +75,8 @@ class TophatSensor(Part):
         self.calibration = calibration
         self._classifier = Tophat(calibration)
         self._watch = CalibrationWatch(calibration)
-        self._reading = self.fit = self._since = None
+        self._reading = self.fit = None
+        self._driven_s = 0.0
 
     def update(
         self,
@@ -94,6 +97,7 @@ class TophatSensor(Part):
             if self._classifier is not None:  # it goes on all the same
                 self._classifier.update(inputs.time, None, others_lost, way)
             return
+        dt = 0.0 if self._heard is None else inputs.time - self._heard
         self.counts, self._heard = counts, inputs.time
         if way is not None and way < STANDING_WAY_M and not shaken:
             self._standing.append(counts)
@@ -107,11 +111,11 @@ class TophatSensor(Part):
         self.sees = inputs.time - self._seen < BLIND_AFTER_S
         if reading.edge is not None and not self.floating:
             self._edge = reading.edge
-        if self._since is None:
-            self._since = inputs.time
         # Half on a line neither surface explains what it reads, so only a drive across the floor proves it.
-        moves = way is None or way > MOVING_WAY_M
-        if (moves and classifier.adapt) or not ANALOG_BOTTOM < counts < ANALOG_TOP:
+        proves = self.is_judged and (way is None or way > MOVING_WAY_M)
+        if proves:
+            self._driven_s += dt
+        if proves or not ANALOG_BOTTOM < counts < ANALOG_TOP:
             watch.update(counts if classifier.missed else classifier.counts, 0.0 if way is None else way)
 
     def check(self, time: float) -> Fit | None:
@@ -128,8 +132,7 @@ class TophatSensor(Part):
                 self.floating = self._wandered == MIN_WANDERED
         if self._watch is not None:
             fit = self._watch.fit
-            proved = self._since is not None and time - self._since > PROVING_S
-            began_well = proved and self.fit is not Fit.CHANGED
+            began_well = self._driven_s > PROVING_S and self.fit is not Fit.CHANGED
             self.fit = Fit.FITS if fit is Fit.CHANGED and began_well else fit
         return self.fit
 

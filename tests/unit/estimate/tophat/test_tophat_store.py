@@ -181,7 +181,13 @@ def test_what_goes_to_and_fro_over_an_edge_in_a_slow_loop_is_plugged_in() -> Non
 
 
 def test_watch_says_nothing_of_a_few_readings() -> None:
-    assert CalibrationWatch(made(1270, 3800)).fit is Fit.UNKNOWN
+    """A robot that drives off half on a line reads no surface at first, which is no other light."""
+    watch = CalibrationWatch(made(1270, 3800))
+    fits = [watch.fit]
+    for counts in [2500.0] * 40 + [3800.0] * 160:
+        watch.update(counts)
+        fits.append(watch.fit)
+    assert sorted(set(fits)) == [Fit.FITS, Fit.UNKNOWN]
 
 
 def test_height_is_told_from_light() -> None:

@@ -269,6 +269,12 @@ def test_a_line_is_followed_around_a_bend_that_is_tighter_than_the_robot_turns(w
     assert way * sensor_at(port)[1] > 0.2
 
 
+def test_a_tophat_that_rides_along_another_edge_does_not_read_other_light() -> None:
+    beside = Line(((-0.5, -0.06), (3.0, -0.06)))
+    robot, _ = follow(World(lines=(STRAIGHT, beside)), "left", way=0.15)
+    assert not any("does not read" in each for each in robot.drive.remarks.values())
+
+
 @pytest.mark.parametrize("exchanged", [True, False])
 def test_exchanged_plugs_are_said_where_the_other_tophat_is_on_the_edge(exchanged: bool) -> None:
     """Or beside the line, where no sensor is on an edge, and nothing is known of the plugs."""

@@ -108,7 +108,7 @@ def test_a_stored_set_that_does_not_fit_is_said_within_a_second_of_driving(tmp_p
     light = "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.2\n"
     with open_robot(CONFIG, port=simulated_port(world=table(tmp_path, light))) as robot:
         load_tophats(robot, store, "hall")
-        robot.run(wait(0.3))
+        robot.run(wait(6.0))  # as for the start light: it was taken for proved by then
         robot.run(drive(0.2).until(after_distance(0.2)))
         assert any("left does not read" in said for said in robot.drive.remarks.values())
         assert robot.tophat("left").status is Status.UNCERTAIN
