@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -47,8 +48,13 @@ def test_straight_drive_is_shown_and_written_only_when_told(
     file = tmp_path / "straight.csv"
     distance = recording(file, [*WAIT, (3.2, 0.2, 0.0), *WAIT], truth=False)
     arguments = ["calibrate", "drive", str(file), "--robot", str(robot), "--straight", str(distance)]
-    assert main(arguments) == 0
-    assert "motor.0.radians_per_tick" in capsys.readouterr().out
+    assert main([*arguments[:-1], str(0.87 * distance)]) == 0  # misread, by less than wheels may be off
+    said = capsys.readouterr().out
+    assert "motor.0.radians_per_tick" in said
+    first = re.match(r"by tape (\S+) m, by robot.toml as it was (\S+) m\n", said)
+    assert first is not None
+    assert float(first[1]) == pytest.approx(0.87 * distance)
+    assert float(first[2]) == pytest.approx(distance, rel=0.005)
     assert robot.read_text(encoding="utf-8") == 'name = "drumbot"  # ours\n'
     assert main([*arguments, "--write"]) == 0
     assert capsys.readouterr().out.endswith(f"wrote {robot}\n"), "nothing was replaced"

@@ -70,6 +70,7 @@ def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run])
     if why := find_disturbance(robot, zip(inputs, in_force, strict=False)):
         raise CalibrationError(f"{args.recording[0]}: this drive tells nothing: {why}")
     found = calibrate_straight(robot, inputs, args.straight, distance_std=args.tape_std)
+    print(f"by tape {args.straight:g} m, by robot.toml as it was {found.expected:.3f} m")
     for remark in found.remarks:
         print(f"look here: {remark}")
     return found.entries(robot)

@@ -63,5 +63,16 @@ def describe_surprises(
     return tuple(said)
 
 
+def expected_distance(
+    robot: RobotConfig, device: Device, found: Sequence[Measured], distance: float
+) -> float:
+    """m that robot.toml's radians a tick make of a drive whose `distance` m gave those of left and right."""
+    shares = [
+        _ratio_to_config(robot, side, device, value)
+        for side, value in zip(("left", "right"), found, strict=True)
+    ]
+    return 2.0 * distance / sum(shares)
+
+
 def _ratio_to_config(robot: RobotConfig, side: str, device: Device, value: Measured) -> float:
     return value.value / (counts_scale(robot, side, device) * device.position_counts_seconds)

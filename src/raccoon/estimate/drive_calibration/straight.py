@@ -25,7 +25,11 @@ from raccoon.core.readings import Inputs
 from raccoon.estimate.drive.prior import known_offset_std, track_std
 from raccoon.estimate.drive.wheels import WheelDecoder
 from raccoon.estimate.drive_calibration.motors import MotorsCalibration
-from raccoon.estimate.drive_calibration.plausibility import check_plausible, describe_surprises
+from raccoon.estimate.drive_calibration.plausibility import (
+    check_plausible,
+    describe_surprises,
+    expected_distance,
+)
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_offset
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale
@@ -41,10 +45,12 @@ SLIP_NOISE = 0.0005
 class StraightCalibration(MotorsCalibration):
     """What a taped straight drive tells.
 
-    turn: rad the robot turned on the way. remarks: what is strange about the result, in words.
+    turn: rad the robot turned on the way. expected: m that it went by robot.toml as it was. remarks: what is
+    strange about the result, in words.
     """
 
     turn: float
+    expected: float
     remarks: tuple[str, ...] = ()
 
 
@@ -108,6 +114,7 @@ def calibrate_straight(
         left_offset=offsets[0],
         right_offset=offsets[1],
         turn=turn,
+        expected=expected_distance(robot, inputs[0].device, values, distance),
         remarks=describe_surprises(robot, inputs[0].device, values, distance),
     )
 
