@@ -1,4 +1,4 @@
-"""The condition that two tophats come over a line that crosses the one between them."""
+"""The condition that two tophats are over a line that crosses the one between them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 BLACK_SPOTS, MIXED_SPOTS, MAX_WAY_BETWEEN_M = 1.8, 1.5, 0.02
-"""Spots on black, of two, on a line that crosses, and up to which there is none; m from the one to the other,
-at the most: a spot takes half of it, where the line lies 50 degrees off square."""
+"""Sum of the two spots' shares on black that is a crossing line, and up to which there is none; largest way
+(m) from the second to the first: a spot takes half of it where the line lies 50 degrees off square."""
 
 
 def at_crossing(left: str, right: str) -> Condition:
@@ -23,7 +23,7 @@ def at_crossing(left: str, right: str) -> Condition:
     follow, or lies across the way.
 
     left, right: their names. Raises CalibrationError at the start without calibrations, and ConfigError for
-    two that both fit on the line that they follow: they see none that crosses.
+    two tophats that fit on the line together: they cannot tell a crossing line.
     """
     check_name(left=left, right=right)
 

@@ -1,4 +1,4 @@
-"""Motions that go by lines on the table: align on one."""
+"""Motions relative to lines on the table: align on one."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 MIN_REACH = 0.02
 MAX_REGULAR_ANGLE, MAX_ALONG_ANGLE = math.radians(4.0), math.radians(1.5)
-"""rad from a quarter of a turn of the field: of a line that is laid so, and of one along the field."""
+"""rad from a multiple of a quarter turn of the field, of a line that is laid regularly; rad of a line along
+the field."""
 
 
 def align_on_line(
@@ -46,12 +47,13 @@ def align_on_line(
     """Drive over an edge of a line with two tophats, then turn square to it.
 
     left, right: names of the tophats. speed: m/s, negative backwards; half of `motion.speed` when None.
-    reach: m to look for the line. squint: rad, the most that the line may lie askew. tolerance: rad, and
-    timeout: s, of the turn and of the drive before it, as `turn` and `straight` have them. Where each sensor
-    met the edge tells the line's direction: the edge on which both came to black, or, where one stood on the
-    line already, the one on which both left it. The result's heading is the robot's against the line's
-    normal. Raises MotionTimeout where there is no line within reach or a wheel does not turn,
-    CalibrationError without calibrations.
+    reach: m in which to find the line. squint: rad, largest angle of the line to the robot. tolerance (rad)
+    and timeout (s) are those of the turn and of the drive before it, as for `turn` and `straight`.
+
+    The places where the two sensors met the same edge give the line's direction: the edge on which both came
+    to black, or, if one stood on the line already, the one on which both left it. The result's heading is the
+    robot's relative to the line's normal. Raises MotionTimeout if there is no line within reach or a wheel
+    does not turn, CalibrationError without calibrations.
     """
     check_name(left=left, right=right)
     check_speed(speed=speed)
@@ -94,7 +96,7 @@ def align_on_line(
 def _meet_edges(
     robot: Robot, left: str, right: str, speed: float | None, reach: float, timeout: float | None
 ) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
-    """Drive until both sensors have met the same edge; where on the field each did, left first."""
+    """Drive until both sensors have met the same edge; the places on the field where each did, left first."""
     sensors = robot.tophat(left), robot.tophat(right)
     for sensor in sensors:
         sensor.require()
@@ -136,7 +138,7 @@ def _describe_no_line(
     reach: float,
     held: float,
 ) -> str:
-    """Which sensors lack the edge that they were nearest to having both met, and why that may be."""
+    """Which sensors did not meet the edge that both came nearest to meeting, and possible reasons."""
     places = max(met, key=lambda each: sum(place is not None for place in each))
     names = [name for name, place in zip((left, right), places, strict=True) if place is None]
     why = describe_obstacle(robot, *map(robot.tophat, names))
@@ -144,7 +146,7 @@ def _describe_no_line(
 
 
 def _sensor_place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:
-    """Where on the field a sensor was `ago` s before now."""
+    """The place of a sensor on the field `ago` s before now."""
     here = robot.estimate
     pose = Pose(here.x, here.y, here.heading).ahead(-here.velocity * ago)
     ahead = pose.ahead(sensor.config.forward)
@@ -153,8 +155,8 @@ def _sensor_place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float
 
 
 def _remark_exchanged(robot: Robot, left: str, right: str, angle: float) -> tuple[str, ...]:
-    """What to say where a line, `angle` rad askew, lies along the field as lines do if the plugs of the two
-    sensors are exchanged, and oddly if they are not."""
+    """A remark if a line, `angle` rad askew, lies regularly on the field only if the plugs of the two sensors
+    are exchanged."""
     here = robot.estimate
     normals = here.heading + angle, here.heading - angle
     lies, mirrored = (abs(math.remainder(each, 0.5 * math.pi)) for each in normals)
@@ -174,13 +176,13 @@ def _remark_exchanged(robot: Robot, left: str, right: str, angle: float) -> tupl
 
 
 def check_sides(robot: Robot, left: str, right: str) -> None:
-    """Raise ConfigError where robot.toml lacks one of the tophats, or has them the other way round."""
+    """Raise ConfigError if robot.toml lacks one of the tophats, or has left and right exchanged."""
     if robot.tophat(left).config.left <= robot.tophat(right).config.left:
         raise ConfigError(f"tophat {left} is not to the left of {right} in robot.toml")
 
 
 def tophat_ahead(robot: Robot, name: str) -> TophatSensor:
-    """A tophat that can follow a line. Raises ConfigError where it does not sit ahead of the axis."""
+    """A tophat that can follow a line. Raises ConfigError if it is not ahead of the axle."""
     sensor = robot.tophat(name)
     if sensor.config.forward < MIN_REACH:
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""What all motions share: walking a profile in time, limits, how a motion ends and what it says then."""
+"""Common parts of all motions: following a profile in time, limits, the end of a motion and its result."""
 
 from __future__ import annotations
 
@@ -31,26 +31,25 @@ STALL_PATIENCE_S = 0.4
 HELD_PATIENCE_S, MOVED_SHARE = 2.0, 0.25
 
 CLOSING_IN_S, TOLERANCE_GROWTH_S, MAX_TOLERANCE_FACTOR = 1.0, 0.25, 4.0
-"""s after its profile in which a motion keeps to its tolerance; s in which that grows by itself from then on;
-and how many times it may be."""
+"""s after its profile in which a motion keeps to the default tolerance; s in which the tolerance then grows
+by its own size; and its largest factor."""
 
 SLOWER_SHARE = 0.95
-"""Share of the wished speed up to which people are told of it."""
+"""Share of the requested speed below which the lower planned speed is reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionResult:
-    """Where a motion ended against its goal.
+    """Where a motion ended relative to its goal.
 
-    along, across: m beyond the goal and left of the path. heading: rad left of the goal's heading.
-    duration: s. std: m, of the position as the odometry sees it (more where the wheels turn out to be off
-    their calibration). saturated: the battery could not give all.
-    heading_std: rad. missing_speed: m/s that a saturated wheel was short of, at the worst moment.
-    planned: share of the speed that was asked for which the weakest battery of the match allows (1: all;
-    more: the controller would not have counted all of the way).
-    remarks: what was strange, in words: doubts of the odometry on the way, motors that are not what
-    robot.toml says. held: m of the way that it may not have gone, because both wheels carried there what
-    tyres do that spin at a wall: so far it may stand before its goal.
+    along, across: m beyond the goal and left of the path. heading: rad left of the goal's heading. duration:
+    s. std: m, of the position by the odometry (larger if the wheels turn out to be off their calibration).
+    heading_std: rad. saturated: whether the battery could not give the needed voltage. missing_speed: m/s
+    that a saturated wheel lacked at the worst moment. planned: share of the requested speed that the weakest
+    battery of the match allows (1: all; above 1: a slower motion would not have been counted completely).
+    remarks: in words, doubts of the odometry on the way and motors that differ from robot.toml. held: m of
+    the way that the robot may not have driven, because both wheels carried the torque of tyres that spin at a
+    wall; it may stand this far before its goal.
     """
 
     along: float
@@ -67,12 +66,12 @@ class MotionResult:
 
     @property
     def arrived(self) -> bool:
-        """Whether nothing held the robot on its way: False where its wheels came to the goal, by what they
-        turned, and it may stand at a wall or has pushed something nearly as heavy."""
+        """Whether nothing held the robot on its way. False if its wheels turned as far as the goal, but it
+        may stand at a wall or has pushed something nearly as heavy."""
         return self.held == 0.0
 
     def __str__(self) -> str:
-        """For people: what is off, in mm and degrees, and what was strange."""
+        """The errors in mm and degrees, and the remarks, as text."""
         wall = () if self.arrived else (f"may stand {self.held:.3f} m before its goal",)
         along, across, std = 1e3 * self.along, 1e3 * self.across, 1e3 * self.std
         share = f"planned at {100 * self.planned:.0f} % of the wished speed"
@@ -83,7 +82,7 @@ class MotionResult:
 
 
 class HeldWay:
-    """Adds up the way of a motion that the robot may not have gone because of a wall."""
+    """Sums the part of a motion's way that a wall may have kept the robot from driving."""
 
     def __init__(self, robot: Robot) -> None:
         self.metres = 0.0
@@ -97,7 +96,8 @@ class HeldWay:
         self._last_held = held
 
     def remark(self, what: str, seen: str = "") -> float:
-        """Add a remark on the motion `what` that came to its goal, and where its program sees it; the m."""
+        """Add a remark that the motion `what`, which came to its goal, may have ended before it; returns by
+        how many m. seen: how the program can see that."""
         if self.metres > 0.0:
             add_remark(
                 self._robot,
@@ -108,17 +108,17 @@ class HeldWay:
 
 
 def wall_hint(held: float, who: str = "the robot") -> str:
-    """What to add to an error of a drive that a wall may have held for so many m; "" for 0."""
+    """The addition to the error of a drive that a wall may have held for so many m; "" for 0."""
     return "" if held == 0.0 else f"; {who} may have stood at a wall for {held:.2f} m of it"
 
 
 class Pace:
-    """Walks a profile in time, waiting for a robot that cannot keep up.
+    """Follows a profile in time, and waits for a robot that cannot keep up.
 
-    lag_limit: how far the robot may be behind (m or rad). timeout: s until it gives up, which it also does
-    where the robot stays where it is; twice the profile and 2 s where it is None. planned: see MotionResult.
-    what: the motion, for messages; a "turn" is in rad. radius: m of the profile a rad of the angle that was
-    asked for, where one was (of a turn 1).
+    lag_limit: how far the robot may be behind (m or rad). timeout: s until it gives up, which it also does if
+    the robot does not move; None: twice the profile and 2 s. planned: see MotionResult. what: the motion, for
+    messages; a "turn" is in rad. radius: m of the profile per rad of the requested angle, if there is one (of
+    a turn 1).
     """
 
     def __init__(
@@ -148,16 +148,14 @@ class Pace:
         self.missing_speed = 0.0
         self.held_way = HeldWay(robot)
         self.doubts: dict[str, None] = {}
-        """What the odometry complained of on the way, each once, in order."""
+        """The odometry's doubts on the way, each once, in order."""
         self.finished = False
         """True once the profile has ended; the robot may still be closing in."""
 
     def states(self, progress: Callable[[], float], place: Callable[[float], Pose]) -> Iterator[ProfileState]:
-        """One state a tick; raises MotionTimeout when it takes too long or a wheel does not turn.
-
-        progress: how far the robot is. place: where on the path so far is; a motion that is ended early was
-        meant to end where it came to.
-        """
+        """One state of the profile a tick. Raises MotionTimeout if it takes too long or a wheel does not
+        turn. progress: how far the robot is. place: the pose on the path for a progress; a motion that is
+        ended early was meant to end where it is."""
         robot, profile = self._robot, self.profile
         sign = -1.0 if profile.distance < 0.0 else 1.0
         last = robot.time
@@ -187,7 +185,7 @@ class Pace:
             robot.plan = place(progress())
 
     def _wait(self, passed: float, progress: float) -> None:
-        """Count `passed` s behind the profile, since the robot last moved."""
+        """Count `passed` s behind the profile since the robot last moved."""
         self._waited_seconds += passed
         if abs(progress - self._waiting_place) > MOVED_SHARE * self._lag_limit:
             self._waiting_place, self._waited_seconds = progress, 0.0
@@ -199,9 +197,9 @@ class Pace:
     def may_end(self, off: float, tolerance: float | None) -> bool:
         """Whether the robot rests near enough to its goal, which is `off` m (turn: rad) away.
 
-        tolerance: as the program asked for. None is that of robot.toml, which grows up to MAX_TOLERANCE
-        times where the robot does not come to it: friction gives in steps, of which one may lead from one
-        side of the goal to the other for ever.
+        tolerance: the program's, which stays. None: robot.toml's, which grows up to MAX_TOLERANCE_FACTOR
+        times if the robot does not get there: friction yields in steps, one of which may lead from one side
+        of the goal to the other for ever.
         """
         if not (self.finished and is_at_rest(self._robot)):
             return False
@@ -213,13 +211,13 @@ class Pace:
         return abs(off) <= usual * max(1.0, min(1.0 + late / TOLERANCE_GROWTH_S, MAX_TOLERANCE_FACTOR))
 
     def _state_at(self, time: float) -> ProfileState:
-        """State of the motion `time` s after its current profile began."""
+        """The state of the motion `time` s after its current profile began."""
         state = self._current_profile.at(time)
         return ProfileState(self._profile_start + state.position, state.velocity, state.acceleration)
 
     @property
     def doubt(self) -> float:
-        """m by which the way is unsure because the wheels are off their calibration."""
+        """m by which the way is uncertain because the wheels are off their calibration."""
         return 0.5 * scale_mismatch(self._robot) * (self._robot.estimate.distance - self._start_distance)
 
     def _take_cycle(self) -> None:
@@ -246,7 +244,7 @@ class Pace:
 
 
 def describe_obstacle(robot: Robot, *asked: TophatSensor) -> str:
-    """Why a motion may not have come to its end: stalled, saturated, slipping, what the odometry says, and
+    """Why a motion may not have come to its end: stalled, saturated, slipping, the odometry's reasons, and
     what is wrong with tophats that see nothing or are `asked` about."""
     wiring = describe_miswiring(robot)
     if robot.odometry.wiring.turned:  # the rest follows from it
@@ -257,10 +255,10 @@ def describe_obstacle(robot: Robot, *asked: TophatSensor) -> str:
 
 
 def check_wiring(robot: Robot, lasted: float, name: str) -> float:
-    """Seconds for which the gyro has said that motors are plugged in otherwise than robot.toml says.
+    """s for which the gyro has shown motors to be plugged in other than robot.toml says.
 
-    lasted: what this gave in the tick before. Raises MotionTimeout, naming the motion, where it is sure for
-    as long as a wheel may stand: under control such a robot spins, faster and faster.
+    lasted: the result of the previous tick. Raises MotionTimeout, naming the motion, once it has been sure
+    for as long as a wheel may stand: under control such a robot spins faster and faster.
     """
     if not robot.odometry.wiring.turned:
         return 0.0
@@ -270,7 +268,7 @@ def check_wiring(robot: Robot, lasted: float, name: str) -> float:
 
 
 def finish_motion(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
-    """Stop, make `goal` the place the next motion starts from, and say where the robot is against it."""
+    """Stop, make `goal` the start of the next motion, and return where the robot is relative to it."""
     robot.drive.stop()
     robot.plan = goal
     here = robot.estimate
@@ -292,5 +290,5 @@ def finish_motion(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
 
 
 def is_at_rest(robot: Robot) -> bool:
-    """Slow enough that stopping now is stopping here."""
+    """Whether the robot is so slow that it would stop here."""
     return abs(robot.estimate.velocity) < REST_SPEED and abs(robot.estimate.turn_rate) < REST_RATE

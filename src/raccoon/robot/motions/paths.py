@@ -1,7 +1,7 @@
 """Motions to places of the field: drive to a pose, follow a path.
 
-Places are in the field frame: x ahead of where the robot started, y to its left (docs/quantities.md). As
-goals.py says, each takes `tolerance` and `timeout`, gives a MotionResult and raises MotionTimeout.
+Places are in the field frame: x ahead of where the robot started, y to its left (docs/quantities.md). As in
+goals.py, each takes `tolerance` and `timeout`, returns a MotionResult and raises MotionTimeout.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ def drive_to(
 ) -> Action[MotionResult]:
     """Drive to the place (x, y) m of the field: turn towards it, drive straight, turn to `heading` rad.
 
-    heading: None keeps the one it arrives with. backwards: with its back first. speed: m/s on the way.
-    tolerance: m of the straight part. timeout: s of each of the three parts. The result is against the pose
-    that was asked for.
+    heading: None keeps the heading of arrival. backwards: drive with the back first. speed: m/s on the way.
+    tolerance: m, of the straight part. timeout: s, of each of the three parts. The result is relative to the
+    requested pose.
     """
     check_way(x=x, y=y)
     check_heading(heading=0.0 if heading is None else heading)
@@ -78,7 +78,7 @@ def drive_to(
 
 
 def _combined_result(robot: Robot, goal: Pose, begin: float, parts: list[MotionResult]) -> MotionResult:
-    """The result of several motions against the goal of them all."""
+    """The combined result of several motions, relative to their common goal."""
     here = robot.estimate
     along, across = goal.offset_of(here.x, here.y)
     return MotionResult(
@@ -105,14 +105,14 @@ def follow_path(
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Action[MotionResult]:
-    """Drive through `points` (x, y) m of the field without stopping, from where the robot is.
+    """Drive through `points`, (x, y) m of the field, without stopping, from the robot's place.
 
-    The first piece leads from the robot's place to the first point at which it does not stand already; it
-    turns on the spot where that lies aside. Where the points after that lead back to where it comes from, it
-    stops at that first point and turns as well. rounding: m, radius of the arcs that round the corners.
-    backwards: with its back first. speed: m/s of the faster wheel, so corners are slower than straights.
-    tolerance: m along the path at its end. timeout: s of each way without a stop, and of each turn. Raises
-    ValueError for points that are no path, such as some that turn back.
+    The first leg leads to the first point that is not the robot's own place; the robot first turns on the
+    spot if that lies to a side. If the following points lead back to where it came from, it stops at that
+    first point and turns there as well. rounding: m, radius of the arcs that round the corners. backwards:
+    drive with the back first. speed: m/s of the faster wheel, so corners are slower than straights.
+    tolerance: m along the path at its end. timeout: s, of each stretch without a stop, and of each turn.
+    Raises ValueError for points that do not form a path, such as some that turn back.
     """
     check_pace(speed=speed)
     check_positive("rounding", rounding)
@@ -147,7 +147,8 @@ def follow_path(
 
 
 def _check_points(points: Sequence[Point]) -> None:
-    """Raise ValueError where there is none, TypeError for what is no point or no list of them."""
+    """Raise ValueError if there are no points, TypeError for anything that is not a point or not a list of
+    them."""
     if not hasattr(points, "__getitem__"):  # a set has no order
         raise TypeError(f"points is {points!r}: it must be a list of (x, y), m of the field")
     if len(points) == 0:
@@ -169,8 +170,8 @@ def _follow_steps(
     timeout: float | None,
     flipped: float,
 ) -> Steps[MotionResult]:
-    """flipped: rad from the way's direction to the robot's heading, pi where its back goes first: for that
-    end of it all of the law is the same."""
+    """The steps along a path. flipped: rad from the path's direction to the robot's heading, pi if it drives
+    backwards; the control law holds for its rear end alike."""
     motion = robot.config.motion
     turns = round((robot.plan.heading - path.start.heading - flipped) / math.tau) * math.tau + flipped
     ahead = -1.0 if flipped else 1.0

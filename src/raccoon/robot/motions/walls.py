@@ -1,4 +1,4 @@
-"""Squaring up to a wall: pressed against it until both wheels stand."""
+"""Squaring up to a wall by pressing against it until both wheels stand."""
 
 from __future__ import annotations
 
@@ -26,16 +26,18 @@ if TYPE_CHECKING:
 WALL_SPEED_SHARE = 0.2
 WALL_TIME_S = 0.3
 PRESS_FORCE_N, MIN_FORCE_N, EASING_S = 8.0, 3.0, 0.3
-"""N a wheel beyond what it rolls with: at first, and s later where both are held. Tyres of 0.6 under half of
-1.2 kg carry 3.5 N, and wheels that spin do not tell that they are at a wall."""
+"""N per wheel beyond rolling resistance: first, and after so many s in which both wheels are held. Tyres with
+a friction coefficient of 0.6 under half of 1.2 kg carry 3.5 N, and wheels that spin do not show that they are
+at a wall."""
 LADEN_FORCE_N = 1.5
-"""N beyond that, from which on something holds a wheel."""
+"""N beyond rolling resistance from which something holds a wheel."""
 ROLLING_TIME_S, ROLLING_SMOOTHING_S = 0.2, 0.03
-"""s after which a wheel has come to its speed, and over which what it takes is smoothed."""
+"""s after which a wheel has reached its speed, and s over which its torque is smoothed."""
 MAX_FRICTION_ERROR = 0.5
-"""Share of the model's friction by which a wheel that rolls is believed to take another one."""
+"""Largest difference of a rolling wheel's friction from the model's, as a share of it, that is believed."""
 SLOWED_SHARE, SQUARING_SHARE = 0.9, 0.15
-"""Of the fastest speed on the way: slower wheels are at a wall; wheels that differ by twice that turn it."""
+"""Shares of the highest speed on the way: slower wheels are at a wall; wheels that differ by twice the second
+turn the robot."""
 
 
 def align_on_wall(
@@ -47,11 +49,12 @@ def align_on_wall(
 ) -> Action[MotionResult]:
     """Push against a wall until both wheels stand, so that the robot is square to it.
 
-    speed: m/s at which it comes, negative backwards. It presses with 8 N a wheel more than it took to come,
-    and with 3 once both are held: most motors are stronger than the grip, and would spin the wheels for ever.
-    heading: rad of the field that the robot then has, where that is known: the odometry takes it, with
-    `heading_std` rad, or says that it is too far off to be believed (`remarks` of the result). Raises
-    MotionTimeout where the wheels still turn after `timeout` s: there is no wall, or they spin at it.
+    speed: m/s of the approach, negative backwards. The robot presses with 8 N per wheel beyond rolling
+    resistance, and with 3 N once both wheels are held: most motors are stronger than the grip, and would spin
+    the wheels for ever. heading: rad of the field that the robot has at the wall, if known: the odometry
+    takes it over, with `heading_std` rad, or reports that it is too far off to be believed (`remarks` of the
+    result). Raises MotionTimeout if the wheels still turn after `timeout` s: there is no wall, or they spin
+    at it.
     """
     check_speed(speed=speed)
     check_finite(speed=speed)  # None is no default here
@@ -95,7 +98,7 @@ def align_on_wall(
 
 
 def _wall_result(robot: Robot, took: float, heading: float | None, heading_std: float) -> MotionResult:
-    """The result of a robot that stands at a wall after `took` s."""
+    """The result for a robot that stands at a wall after `took` s."""
     heading_error = 0.0
     said: tuple[str, ...] = ()
     if heading is not None:
@@ -108,7 +111,7 @@ def _wall_result(robot: Robot, took: float, heading: float | None, heading_std: 
 
 
 def _describe_no_wall(robot: Robot, way: float) -> str:
-    """What the wheels do where they do not both stand. way: m that they turned."""
+    """What the wheels do if they do not both stand. way: m that they turned."""
     here, drive = robot.estimate, robot.config.drive
     if any(robot.odometry.silent_wheels):  # what they do is a guess
         return "; ".join(here.reasons)
@@ -123,11 +126,9 @@ def _describe_no_wall(robot: Robot, way: float) -> str:
 
 
 class _RollingTorque:
-    """Learns what a wheel takes to roll, of which a model that nobody tuned may lack half: the least that it
-    took. other: N m that this is beyond the model's friction; beyond: N m that it takes now beyond both.
-
-    way: 1 or -1, which way it turns.
-    """
+    """Learns the torque with which a wheel rolls, which an untuned model may have half wrong: the least that
+    it took. other: N m of it beyond the model's friction. beyond: N m that the wheel takes now beyond both.
+    way: direction of turning, 1 or -1."""
 
     def __init__(self, model: WheelModel, way: float) -> None:
         self._model, self._way = model, way
@@ -135,7 +136,7 @@ class _RollingTorque:
         self.friction_error = self.excess_torque = 0.0
 
     def update(self, volts: float, speed: float, dt: float) -> None:
-        """Take a cycle: V at the motor, rad/s of its wheel and s."""
+        """Take a cycle: voltage of the motor (V), speed of its wheel (rad/s) and duration (s)."""
         model = self._model
         over = self._way * (volts - model.voltage(speed))
         torque = over * model.back_emf_constant / model.resistance
@@ -148,7 +149,7 @@ class _RollingTorque:
 
 
 class _PressForce:
-    """How hard the wheels may press: less and less while something holds both of them."""
+    """The largest pressing force of the wheels, which decreases while something holds both of them."""
 
     def __init__(self, models: tuple[WheelModel, WheelModel], radius: float, speed: float) -> None:
         self._wheels = [_RollingTorque(model, math.copysign(1.0, speed)) for model in models]
@@ -156,13 +157,13 @@ class _PressForce:
 
     @property
     def max_torques(self) -> tuple[float, float]:
-        """N m beyond the friction of its model, of the left and the right wheel."""
+        """Largest torque of the left and the right wheel beyond their models' friction, N m."""
         left, right = self._wheels
         torque = self._force * self._radius
         return torque + left.friction_error, torque + right.friction_error
 
     def update(self, volts: tuple[float, float], speeds: tuple[float, float], dt: float) -> None:
-        """Take a cycle: V and rad/s of both wheels, and s."""
+        """Take a cycle: voltages (V) and speeds (rad/s) of both wheels, and its duration (s)."""
         for wheel, given, speed in zip(self._wheels, volts, speeds, strict=True):
             wheel.update(given, speed, dt)
         if min(wheel.excess_torque for wheel in self._wheels) < LADEN_FORCE_N * self._radius:
@@ -173,16 +174,16 @@ class _PressForce:
 
 
 class _WallWay:
-    """Adds up in `way`, m, what the wheels turn from where the wall slows them until they stand: tyres slip
-    while they press, so the robot may have stood. Where it turns it rolls, and comes to the wall.
-    """
+    """Sums in `way` (m) what the wheels turn from where the wall slows them until they stand: tyres slip
+    while they press, so the robot may have stood. While the robot turns, it rolls up to the wall."""
 
     def __init__(self, half_track: float) -> None:
         self.way = 0.0
         self._half_track, self._fastest = half_track, 0.0
 
     def update(self, velocity: float, turn_rate: float, dt: float, started: bool) -> None:
-        """Take a cycle: m/s, rad/s and s. started: it has had its time to come to its speed."""
+        """Take a cycle: speed (m/s), turn rate (rad/s) and duration (s). started: whether the robot has had
+        time to reach its speed."""
         speed = abs(velocity)
         self._fastest = max(self._fastest, speed)
         squares_up = abs(turn_rate) * self._half_track > SQUARING_SHARE * self._fastest
@@ -191,7 +192,7 @@ class _WallWay:
 
 
 def _observe_wall_heading(robot: Robot, heading_error: float, heading: float, std: float) -> tuple[str, ...]:
-    """Give the odometry the heading of a wall, from which it is `off` rad; what is to be said of that."""
+    """Give the odometry the heading of a wall, from which it is `off` rad; returns the remark about that."""
     found = robot.odometry.observe_heading(heading, std)
     if found.accepted:
         return ()

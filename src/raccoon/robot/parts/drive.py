@@ -1,4 +1,4 @@
-"""The drive base: what the motions ask of it, and the duties that come out each tick."""
+"""The drive base: turns the commands of motions into the duties of each tick."""
 
 from __future__ import annotations
 
@@ -29,21 +29,22 @@ if TYPE_CHECKING:
 
 Pair = tuple[float, float]
 FIRMWARE_SAMPLE_S = 0.005
-"""s between two samples of the back-EMF."""
+"""s between two samples of the back-EMF by the firmware."""
 SHORT_DRIVE_S, MAX_SHORT_DRIVES = 0.1, 10
-"""s in which a drive does not come to its speed, and how many of them in a row are a loop."""
+"""s, too short for a drive to reach its speed, and how many such drives in a row are a loop."""
 
 
 def dead_time(config: RobotConfig) -> float:
-    """s from a reading to its effect: half a control period of hold plus one sample of the firmware."""
+    """Dead time from a reading to its effect, s: half a control period of hold plus one sample of the
+    firmware."""
     return 0.5 / config.controller.rate_hz + FIRMWARE_SAMPLE_S
 
 
 class Drive(Part):
-    """Two driven wheels. Motions call `follow`, `duties` or `push` once in each tick they want something,
-    a loop of the program's own `velocity`.
+    """The two driven wheels.
 
-    Without a command in a tick the wheels stop: nothing runs on by being forgotten.
+    Motions call `follow`, `duties` or `push` once in each tick, a program's own loop calls `velocity`.
+    Without a command in a tick the wheels stop: nothing keeps running because it was forgotten.
     """
 
     called = "robot.run(drive(speed, turn_rate).until(...))"
@@ -55,7 +56,7 @@ class Drive(Part):
         self._device: Device | None = None
         self.wheels = self._make_wheel_loop(None)
         self.speeds = SpeedLimits(config, self.wheels.models)
-        """What motions are planned with."""
+        """The limits with which motions are planned."""
         self._radius = model.wheel_radius.value
         self._half_track = 0.5 * model.track_width.value
         self._turn_inertia_share = model.inertia_turn.value / model.inertia_straight.value
@@ -64,17 +65,17 @@ class Drive(Part):
         self._signs = tuple(-1.0 if config.motor(port).inverted else 1.0 for port in self._ports)
         self._factors = tuple(config.motor(port).power_factor.value for port in self._ports)
         self.remarks: dict[str, str] = {}
-        """What was said to be strange so far, the first of each kind."""
+        """Remarks made so far, the first of each kind."""
         self.followed = True
-        """Whether the readings follow the commands. Those of a recording do not follow others, and tell
-        nothing of the motors."""
+        """Whether the readings respond to the commands. Those of a recording do not respond to others, and
+        show nothing of the motors."""
         self._target = REST
         self._open_loop: tuple[float, float] | None = None
         self._last_duties = (0.0, 0.0)  # duties of the last command, before the wiring sign
         self._unread_wheels = UnreadWheels()
         self._is_claimed = False
         self.cut = False
-        """Whether the velocity asked for in this tick is one that would not be read, and was cut."""
+        """Whether the velocity requested in this tick was reduced because it could not be read."""
         self._last_begin, self._short_drives = -math.inf, 0
 
     def _make_wheel_loop(self, device: Device | None) -> WheelLoop:
@@ -86,16 +87,15 @@ class Drive(Part):
         return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING_S, voltage, cycle, late)
 
     def configure(self, device: Device) -> None:
-        """Take the K_E of calibrated motors from what this device's counters mean, and how fast a wheel may
-        turn that it reads; once a device.
-        """
+        """Take the K_E of calibrated motors from the meaning of this device's counters, and the highest wheel
+        speed that it reads; once for each device."""
         if device is not self._device:
             self._device = device
             self.wheels = self._make_wheel_loop(device)
             self.speeds.configure(device, self.wheels.models)
 
     def resume(self) -> None:
-        """Go on after a pause in which nothing was controlled."""
+        """Continue after a pause in which nothing was controlled."""
         self.wheels.resume()
 
     def velocity(
@@ -105,10 +105,11 @@ class Drive(Part):
         acceleration: float = 0.0,
         turn_acceleration: float = 0.0,
     ) -> None:
-        """Drive at `forward` m/s turning at `turn_rate` rad/s in this tick: for a loop of the program's own.
+        """Drive at `forward` m/s and `turn_rate` rad/s in this tick, for a program's own loop.
 
-        acceleration m/s2 and turn_acceleration rad/s2 help the wheels to follow a changing speed. Where the
-        controller would no longer read a wheel that fast, both go slower by a share. Raises as `drive` does.
+        acceleration (m/s2) and turn_acceleration (rad/s2) help the wheels to follow a changing speed. If the
+        controller could not read a wheel at that speed, both are reduced by the same factor. Raises as
+        `drive` does.
         """
         plain = type(forward) is type(turn_rate) is type(acceleration) is type(turn_acceleration) is float
         if not (plain and abs(forward) <= FASTEST_SPEED and abs(turn_rate) <= FASTEST_TURN):
@@ -125,10 +126,8 @@ class Drive(Part):
         acceleration: float = 0.0,
         turn_acceleration: float = 0.0,
     ) -> None:
-        """`velocity` of a motion, which has checked what it was asked for and corrects beyond that.
-
-        Raises ValueError for what is no finite number: as a duty it would be full power.
-        """
+        """`velocity` for a motion, which has checked its arguments and adds its corrections. Raises
+        ValueError for a number that is not finite: as a duty it would be full power."""
         # Numbers of NumPy stop here: the wheels' loops and the recordings have plain ones.
         forward, turn_rate = float(forward), float(turn_rate)
         acceleration, turn_acceleration = float(acceleration), float(turn_acceleration)
@@ -146,16 +145,15 @@ class Drive(Part):
         self._target = WheelTarget(left * share, right * share, (gain - spin) * share, (gain + spin) * share)
 
     def duties(self, left: float, right: float) -> None:
-        """Put these duties (-1..1) on the wheels in this tick, without any control: time-based driving."""
+        """Apply these duties (-1..1) to the wheels in this tick, without any control: driving by time."""
         check_duties(left, right)
         self._claim()
         self._open_loop = (float(left), float(right))
 
     def push(self, forward: float, battery_voltage: float | None, speeds: Pair, torques: Pair) -> Pair:
-        """In this tick, give both motors the voltage for `forward` m/s and no more, whatever they do; and of
-        that no more than presses with `torques` N m at the rad/s that the left and the right one turn with
-        (inf: all of it). Returns these V.
-        """
+        """In this tick give both motors the voltage for `forward` m/s, whatever they do, limited to what
+        presses with `torques` N m at the left and right wheel's speed in rad/s (inf: not limited). Returns
+        these V."""
         self._claim()
         voltage = self.wheels.battery if battery_voltage is None else battery_voltage
         wanted = self.wheel_speed(float(forward))
@@ -169,13 +167,12 @@ class Drive(Part):
 
     @property
     def asked(self) -> bool:
-        """Whether something was asked for in this tick already."""
+        """Whether a command was given in this tick already."""
         return self._is_claimed
 
     def is_looping(self, time: float) -> bool:
-        """Whether drives without a goal have begun so often by `time` s, one after the other, that none of
-        them comes to its speed. True once.
-        """
+        """Whether drives without a goal have begun so often by `time` s, one after the other, that none
+        reaches its speed. True once."""
         self._short_drives = self._short_drives + 1 if time - self._last_begin < SHORT_DRIVE_S else 0
         self._last_begin = time
         return self._short_drives == MAX_SHORT_DRIVES
@@ -185,13 +182,14 @@ class Drive(Part):
         return forward / self._radius
 
     def stop(self) -> None:
-        """No motion from this tick on."""
+        """Stop the wheels from this tick on."""
         self._target = REST
         self._open_loop = None
         self._is_claimed = self.cut = False
 
     def _claim(self) -> None:
-        """One command a tick: of two actions that drive at once one would be lost, and neither arrive."""
+        """Claim the one command of a tick: of two actions that drive at once one would be lost, and neither
+        would arrive."""
         if self._is_claimed:
             raise RuntimeError(
                 "two actions drive the wheels at the same time, in parallel or in the background: "
@@ -207,11 +205,11 @@ class Drive(Part):
         battery_voltage: float | None,
         silent: tuple[bool, bool] = (False, False),
     ) -> Outputs:
-        """The command of this tick; forgets what was asked, so it must be asked again in the next.
+        """The command of this tick. The request is cleared and must be repeated in the next tick.
 
-        silent: whether the left and the right wheel are not read (`Odometry.silent_wheels`). One of which
-        nobody knows how fast it turns gets what its model says, and no correction: to a loop that took it
-        for standing still it would be full power. Nor is it asked for more than before: see `UnreadWheels`.
+        silent: whether the left and the right wheel are not read (`Odometry.silent_wheels`). A wheel of
+        unknown speed gets its model's voltage without correction: a loop that took it for standing would give
+        it full power. Nor may it be commanded more than before: see `UnreadWheels`.
         """
         if self._open_loop is not None:
             left, right = self._open_loop
@@ -233,7 +231,7 @@ class Drive(Part):
         return Outputs(duty=tuple(duty), brake=self._brake)
 
     def current(self, left_speed: float, right_speed: float, battery_voltage: float) -> float:
-        """A that the motors draw from the battery under the last command, by their models."""
+        """Current (A) that the motors draw from the battery under the last command, by their models."""
         total = 0.0
         for duty, speed, wheel in zip(
             self._last_duties, (left_speed, right_speed), self.wheels.models, strict=True
@@ -242,7 +240,7 @@ class Drive(Part):
         return total
 
     def find_oddities(self) -> tuple[str, ...]:
-        """What is strange about the motors, each with its port: a weak magnet, a high resistance."""
+        """What is odd about the motors, each with its port: a weak magnet, a high resistance."""
         if not self.followed:
             return ()
         found = []
@@ -258,7 +256,7 @@ class Drive(Part):
         return tuple(found)
 
     def describe_state(self) -> str:
-        """Why the wheels may not do what is asked, in words."""
+        """Why the wheels may not do what is commanded, in words."""
         if not self.followed:
             return "the readings are recorded, and do not follow these commands"
         if stalled := self.wheels.stalled:
@@ -272,7 +270,7 @@ class Drive(Part):
         return "the wheels follow" if any(self._last_duties) else "the wheels are not driven"
 
     def _describe_missing_speed(self) -> str:
-        """Why a wheel is slower than it is asked to be, at full power."""
+        """Why a wheel is slower than commanded at full power."""
         missing, volts = self.wheels.missing_speed * self._radius, self.wheels.battery
         if volts < self._config.battery.weakest:  # with this one all that is planned can be driven
             return f"the battery is too weak, {volts:.2f} V: {missing:.3f} m/s are missing"
@@ -286,12 +284,12 @@ class Drive(Part):
         return f"{said}: something holds the robot or a wheel, or a number of robot.toml is wrong"
 
     def speed_of(self, voltage: float) -> float:
-        """m/s that so many V more at the motors are worth."""
+        """Speed (m/s) that so many V more at the motors would add."""
         return min(wheel.gain for wheel in self.wheels.models) * voltage * self._radius
 
     @property
     def missing_speed(self) -> float:
-        """m/s that the faster wheel is short of because the battery cannot give more."""
+        """Speed (m/s) that the faster wheel lacks because the battery cannot give more."""
         return self.wheels.missing_speed * self._radius
 
     @property

@@ -1,6 +1,5 @@
-"""How fast the wheels may be driven: what the weakest battery gives, what the controller still reads, and
-what they did when they were last read.
-"""
+"""Limits of the wheels' speeds: what the weakest battery gives, what the controller can read, and for unread
+wheels the last command."""
 
 from __future__ import annotations
 
@@ -19,18 +18,20 @@ from raccoon.model.bemf import counts_scale
 # for it by the battery and the wished acceleration.
 MIN_SPEED_SHARE = 0.3
 READ_SHARE = 0.95
-"""Of the back-EMF that a controller reads, what wheels under control are driven to: its noise and the loop's
-overshoot stay within the rest."""
+"""Share of the readable back-EMF up to which controlled wheels are driven: noise and overshoot stay within
+the rest."""
 COUNT_SHARE = 1.5
-"""Of a controller's dead zone, what a motor that is to be counted is driven at: it does not turn evenly."""
+"""Lowest speed of a motor that must be counted, in units of the controller's dead zone: it does not turn
+evenly."""
 DEFAULT_MOTION = MotionConfig()
-"""Accelerations that a robot.toml without any has."""
+"""Default accelerations."""
 
 
 class SpeedLimits:
-    """Speeds that motions plan with, kept for the whole match, so that a run is the same on a fresh battery.
+    """The speeds with which motions are planned, the same for the whole match, so that a run is the same on a
+    fresh battery.
 
-    models: the wheels. They and `max_readable_speed` depend on the controller, see `configure`.
+    models: the wheels'. They and `max_readable_speed` depend on the controller, see `configure`.
     """
 
     def __init__(self, config: RobotConfig, models: tuple[WheelModel, WheelModel]) -> None:
@@ -43,9 +44,9 @@ class SpeedLimits:
         self._turn_inertia_share = drive.inertia_turn.value / drive.inertia_straight.value
         self._device = ""
         self.max_readable_speed = math.inf
-        """rad/s of a wheel up to which its back-EMF is surely read."""
+        """rad/s of a wheel up to which its back-EMF is surely readable."""
         self.was_limited = False
-        """Whether a program wished for more than that."""
+        """Whether a program requested more than that."""
         self._was_remarked = False
         self._min_countable_speed = 0.0  # rad/s of a wheel from which on all of its way is counted
         self._was_raised = (
@@ -53,7 +54,7 @@ class SpeedLimits:
         )
 
     def configure(self, device: Device, models: tuple[WheelModel, WheelModel]) -> None:
-        """Take what this device reads, and the wheels' models by what its words mean."""
+        """Take over what this device can read, and the wheels' models by the meaning of its words."""
         self._device, self._models = device.name, models
         self.max_readable_speed, self.was_limited, self._was_remarked = math.inf, False, False
         if device.bemf_range is not None:
@@ -64,17 +65,17 @@ class SpeedLimits:
         )
 
     def readable_share(self, left: float, right: float) -> float:
-        """How much of both speeds (rad/s) may be driven, so that they are read and their ratio is kept."""
+        """Common factor for both wheel speeds (rad/s) with which they are readable."""
         fastest = max(abs(left), abs(right))
         return self.max_readable_speed / fastest if fastest > self.max_readable_speed else 1.0
 
     @property
     def has_remark(self) -> bool:
-        """Whether a wish was limited and nobody has asked for the remark about it."""
+        """Whether a request was limited and the remark about it was not fetched yet."""
         return self._was_raised or (self.was_limited and not self._was_remarked)
 
     def remark(self) -> str:
-        """What limits the wheels, for people."""
+        """The reason for the limit, in words."""
         if self._was_raised:
             self._was_raised = False
             return (
@@ -88,10 +89,8 @@ class SpeedLimits:
         )
 
     def planned_speed(self, wanted: float, acceleration: float, outer: float = 1.0) -> float:
-        """m/s, at most `wanted`, that the weakest battery of the match can still give and that is read.
-
-        acceleration: m/s2 while it speeds up. outer: speed of the faster wheel over the robot's.
-        """
+        """The highest speed (m/s) up to `wanted` that the weakest battery of the match can give and that is
+        readable. acceleration: m/s2 while it speeds up. outer: speed of the faster wheel over the robot's."""
         gain = acceleration * outer / self._radius
         top = min(
             max(
@@ -112,11 +111,11 @@ class SpeedLimits:
     ) -> tuple[float, float]:
         """Speed (m/s, see `planned_speed`) and acceleration (m/s2) to plan with, at most these.
 
-        counted: a speed so low that the controller does not count all of the way is raised to one of which it
-        does: the robot would go on until it believes to be there.
-        Speeding up hard takes voltage that the speed is then short of. So of an acceleration above the
-        default only as much is planned as leaves the speed of the default: more never makes a robot slower.
-        The default is that of the faster wheel: in a sharp bend the robot itself speeds up by less.
+        counted: a speed so low that the controller would miss a part of the way is raised to one at which it
+        counts all of it; otherwise the robot would drive too far. Acceleration takes voltage that the speed
+        then lacks. So of an acceleration above the default only as much is planned as leaves the default's
+        speed: a higher acceleration never makes a robot slower. The default is that of the faster wheel: in a
+        sharp bend the robot itself accelerates less.
         """
         least = self._min_countable_speed * self._radius / outer
         if counted and 0.0 < wanted < least:
@@ -125,28 +124,27 @@ class SpeedLimits:
         return _limit_acceleration(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, usual)
 
     def planned_turn(self, wanted: float, acceleration: float) -> tuple[float, float]:
-        """The same of a turn on the spot: rad/s and rad/s2."""
+        """`planned` for a turn on the spot: rad/s and rad/s2."""
         return _limit_acceleration(
             lambda gain: self.planned_turn_rate(wanted, gain), acceleration, DEFAULT_MOTION.turn_acceleration
         )
 
     def planned_turn_rate(self, wanted: float, acceleration: float) -> float:
-        """rad/s on the spot, at most `wanted`, that can be given and read as in `planned_speed`."""
+        """The highest turn rate on the spot (rad/s) up to `wanted`, limited like `planned_speed`."""
         share = self._half_track * self._turn_inertia_share
         speed = self.planned_speed(wanted * self._half_track, acceleration * share)
         return speed / self._half_track
 
 
 class UnreadWheels:
-    """Limits wheels that are not read to what they were asked for when last read: a motion believes that the
-    robot stands, and would want to catch up.
-    """
+    """Limits wheels that are not read to what they were commanded when last read: a motion believes that the
+    robot stands, and would try to catch up."""
 
     def __init__(self) -> None:
         self._asked_when_read = (0.0, 0.0)  # rad/s of each wheel, without its sign
 
     def limit_target(self, target: WheelTarget, silent: tuple[bool, bool]) -> WheelTarget:
-        """The target; both wheels slower by one share where a silent one is asked for more than when last
+        """The target, reduced by one factor for both wheels if a silent one is commanded more than when last
         read."""
         asked, share = (abs(target.left), abs(target.right)), 1.0
         for unread, speed, before in zip(silent, asked, self._asked_when_read, strict=True):
@@ -168,14 +166,15 @@ class UnreadWheels:
 
 
 def min_counted_rate(device: Device, radians_per_count: float) -> float:
-    """rad/s from which on all of a motor's way is counted. radians_per_count: rad/s of a back-EMF count."""
+    """rad/s from which a motor's way is counted completely. radians_per_count: rad/s per count of
+    back-EMF."""
     return COUNT_SHARE * device.bemf_dead_zone * radians_per_count
 
 
 def _limit_acceleration(
     speed_at: Callable[[float], float], wished: float, usual: float
 ) -> tuple[float, float]:
-    """Speed and the most acceleration, up to `wished`, that leaves what the usual one does."""
+    """The speed, and the highest acceleration up to `wished`, that leave the usual acceleration's speed."""
     if wished <= usual or speed_at(wished) >= speed_at(usual):
         return speed_at(wished), wished
     low, high, speed = usual, wished, speed_at(usual)
