@@ -179,6 +179,12 @@ def test_words_of_one_cycle(base: Base) -> None:
     assert inputs.bemf == (None,) * 4
     assert inputs.gyro is None
     assert inputs.faults == ()
+    clear = replace(REST, bumps_and_wheel_drops=0, buttons=0, cliff_front_left=0)
+    for port, bits in ((0, 0b0010), (1, 0b0001), (2, 0b1000), (3, 0b0100)):
+        digital = base.cycle(replace(clear, bumps_and_wheel_drops=bits)).digital
+        assert digital == tuple(each == port for each in range(10))
+    for port, bits in ((8, 0b01), (9, 0b10)):
+        assert base.cycle(replace(clear, buttons=bits)).digital == tuple(each == port for each in range(10))
 
 
 def test_the_default_model_turns_ticks_into_wheel_angle(base: Base) -> None:

@@ -1,6 +1,7 @@
 """One match: all of it follows from its seed, and no program gets out of it."""
 
 import io
+import math
 import os
 import random
 import sys
@@ -496,8 +497,10 @@ def test_lost_commands_and_cycles_come_back() -> None:
 
 def test_a_match_ends_by_where_the_robot_looks_and_not_by_how_often_it_turned() -> None:
     text = "from raccoon import *\nmission = turn(6.2)\n"
-    match = replace(tiny_match(), program=Program("p.py", text, "/"), factors=())
-    row = play(match.ending_at((0.0, 0.0, 0.0)), 0, 1)
-    assert row["status"] == "ok"
+    match = replace(
+        tiny_match(), program=Program("p.py", text, "/"), factors=(), within_angle=math.radians(10.0)
+    )
+    row = play(match.ending_at((0.0, 0.0, -0.3)), 0, 1)
+    assert (row["status"], row["reason"]) == ("failed", "ended more than 10 deg turned")
     assert row["heading"] == pytest.approx(6.2, abs=0.02)
-    assert row["heading_error"] == pytest.approx(2.0 * np.pi - row["heading"])
+    assert row["heading_error"] == pytest.approx(row["heading"] + 0.3 - 2.0 * np.pi)
