@@ -1,4 +1,4 @@
-"""What a robot carries besides its drive: the named servos and mechanisms of robot.toml, as one."""
+"""The servos and mechanisms of robot.toml, handled together."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class Attachments:
-    """Servos and mechanisms by name. They add their part to the drive's command, tick by tick."""
+    """Servos and mechanisms by name. They add their part to the drive's command in each tick."""
 
     def __init__(self, config: RobotConfig) -> None:
         self.servos = {name: Servo(name, each) for name, each in config.servos.items()}
@@ -35,7 +35,7 @@ class Attachments:
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """What the mechanisms do that an action moves, in words."""
+        """What the mechanisms do that are moved by an action, in words."""
         return tuple(
             f"{name} at {math.degrees(each.angle):.0f} deg, "
             + (each.stall_reason if each.stalled else "turning")
@@ -49,12 +49,12 @@ class Attachments:
         return any(each.moved_by is not None for each in self.servos.values())
 
     def resume(self) -> None:
-        """Go on after a pause in which nothing was controlled."""
+        """Continue after a pause in which nothing was controlled."""
         for mechanism in self.mechanisms.values():
             mechanism.resume()
 
     def add_to(self, outputs: Outputs, dt: float, battery_voltage: float | None, *, resting: bool) -> Outputs:
-        """The command of the drive with that of the attachments. resting: see `Mechanism.duty`."""
+        """The drive's command with that of the attachments added. resting: see `Mechanism.duty`."""
         if not self.servos and not self.mechanisms:
             return outputs
         duty = list(outputs.duty)
@@ -66,7 +66,7 @@ class Attachments:
         return Outputs(tuple(duty), tuple(brake), self._pulses())
 
     def stop_motors(self) -> Outputs:
-        """Every motor off, mechanisms released. Servos hold what they hold: a fault must not drop it."""
+        """Every motor off, mechanisms released. Servos hold: a fault must not drop what they carry."""
         for mechanism in self.mechanisms.values():
             mechanism.release()
         return Outputs(servo_us=self._pulses()) if self.servos else STOP
@@ -85,7 +85,7 @@ class Attachments:
 
 
 def find_named(group: str, known: Mapping[str, T], name: str) -> T:
-    """The entry of a section of robot.toml; ConfigError saying which there are."""
+    """The entry of a section of robot.toml. Raises ConfigError naming those that exist."""
     try:
         return known[name]
     except KeyError:

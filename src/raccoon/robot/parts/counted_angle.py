@@ -12,21 +12,23 @@ from raccoon.model.bemf import radians_per_count
 from raccoon.robot.parts.speed_limits import READ_SHARE, min_counted_rate
 
 REST_COUNTS = 12.0
-"""Back-EMF counts beyond its offset below which an unpowered motor stands still: motions are larger."""
+"""Back-EMF counts beyond the offset below which an unpowered motor counts as standing: motions are larger."""
 MAX_STEADY_COUNTS, SETTLE_S = 15.0, 0.3
-"""Counts by which the words of a motor that stands scatter, and s of that before it is believed."""
+"""Largest scatter (counts) of the readings of a standing motor, and s of standing before its reading is taken
+for the offset."""
 SMOOTHING_S = 0.1
-"""s."""
+"""Time constant of the mean reading at rest, s."""
 LARGEST_OFFSET = 120.0
-"""Counts; up to 77 were measured."""
+"""Largest offset, counts; up to 77 were measured."""
 
 
 class RestingOffset:
-    """What a motor's back-EMF reads at standstill, learnt while it is not powered: the words of one that is
-    turned change, an offset does not.
+    """A motor's back-EMF reading at standstill, learnt while it is not powered: readings of a motor that is
+    turned by hand change, an offset does not.
 
-    known: counts, where robot.toml has them. Where it has not, the very first word is taken for it, and the
-    first that is learnt may be any; later ones only creep: further off, something turns the motor.
+    known: counts, if robot.toml has them. Otherwise the very first reading is taken for the offset, and the
+    first learnt value may be any; later ones may only drift. A value further off means that something turns
+    the motor.
     """
 
     def __init__(self, known: float | None, nominal: float) -> None:
@@ -38,12 +40,13 @@ class RestingOffset:
         self._counted_way = 0.0  # rad that were counted while it stood
 
     def restart(self) -> None:
-        """It is driven, or does not tell."""
+        """Restart: the motor is driven, or gives no reading."""
         self._steady_seconds = self._counted_way = 0.0
         self._smooth_counts, self._is_first = None, False
 
     def take_resting_word(self, bemf: float, way: float, dt: float) -> float:
-        """Take a word of an unpowered motor and the rad counted with it; how many to take back."""
+        """Take a reading of an unpowered motor and the rad counted with it; returns how many of these to take
+        back."""
         if self._is_first and not self.is_known and abs(bemf) <= LARGEST_OFFSET:
             self.counts = bemf
         self._is_first = False
@@ -66,12 +69,11 @@ class RestingOffset:
 
 
 class CountedAngle:
-    """Angle and rate of one mechanism's motor.
+    """Angle (rad) and rate (rad/s, as the board filtered it) of one mechanism's motor.
 
-    angle: rad. rate: rad/s, as the board filtered it. Over a motor at rest the counter is not believed, and
-    its offset is learnt there (`RestingOffset`), so it adds up to nothing. A controller that restarts forgets
-    what its filter still held and counts nothing meanwhile; its motors coast then, and that way is guessed
-    from the rate before.
+    The counter of a motor at rest is not believed, and its offset is learnt (`RestingOffset`), so it adds up
+    to nothing. A controller that restarts loses what its filter held and counts nothing meanwhile; its motors
+    coast then, and that way is guessed from the rate before.
     """
 
     def __init__(self, robot: RobotConfig, config: MechanismConfig, sign: float) -> None:
@@ -94,18 +96,18 @@ class CountedAngle:
 
     @property
     def max_readable_rate(self) -> float:
-        """rad/s up to which its back-EMF is surely read; a counter whose motor is faster stands still."""
+        """rad/s up to which its back-EMF is surely readable; the counter of a faster motor stands still."""
         reach = None if self._device is None else self._device.bemf_range
         return math.inf if reach is None else READ_SHARE * reach * abs(self._scale)
 
     @property
     def min_countable_rate(self) -> float:
-        """rad/s from which on it is surely counted: a slower motor turns further than its counter says."""
+        """rad/s from which it is surely counted; a slower motor turns further than its counter says."""
         return 0.0 if self._device is None else min_counted_rate(self._device, abs(self._scale))
 
     @property
     def is_unread(self) -> bool:
-        """Whether it has said nothing for so long that nobody knows how fast it turns."""
+        """Whether it has not been read for so long that its speed is unknown."""
         return self._silence > HOLD_S
 
     def sense(self, inputs: Inputs, dt: float, powered: bool) -> None:
@@ -142,7 +144,7 @@ class CountedAngle:
         self._device, self._scale = device, math.copysign(scale, self._sign)
 
     def _guess_missed_way(self, inputs: Inputs) -> float:
-        """rad that no counter tells of, up to this cycle."""
+        """rad up to this cycle that the counter missed, estimated."""
         if Fault.RESET in inputs.faults:
             speed = abs(self.rate)
             lasted = (

@@ -1,4 +1,5 @@
-"""One arm or gripper on a motor of its own: where it is, what it is held at, and the duty for that."""
+"""One arm or gripper on a motor of its own: its angle, the goal at which it is held, and the duty for
+that."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from raccoon.robot.parts.counted_angle import CountedAngle
 from raccoon.robot.parts.drive import dead_time
 
 POSITION_GAIN = 8.0
-"""1/s: rad/s asked for each rad that the mechanism is off its place."""
+"""1/s: rad/s commanded per rad of position error."""
 
 
 class Mechanism(Part):
@@ -30,9 +31,9 @@ class Mechanism(Part):
         self.name = name
         self.config = config
         self.goal: ProfileState | None = None
-        """What it is held at; None while it is released."""
+        """The state at which it is held; None while it is released."""
         self.moved_by: str | None = None
-        """The action that moves it now."""
+        """The action that is moving it."""
         self._sign = (-1.0 if motor.inverted else 1.0) * motor.power_factor.value
         friction = robot.model.friction
         model = WheelModel(
@@ -70,7 +71,7 @@ class Mechanism(Part):
             )
 
     def count_from(self, angle: float) -> None:
-        """Where it is now counts as `angle` rad."""
+        """Set the present angle to `angle` rad."""
         self._counted_angle.angle = angle
 
     @property
@@ -80,11 +81,11 @@ class Mechanism(Part):
 
     @property
     def place(self) -> float:
-        """rad, where it is held: the next move makes good what it is off there. Else where it is."""
+        """rad at which it is held, so that the next move corrects the error there; else the present angle."""
         return self.angle if self.goal is None else float(self.goal.position)
 
     def planned_speed(self, wanted: float) -> float:
-        """rad/s, as near `wanted` as its angle is still read; at 0 it stands."""
+        """The speed (rad/s) nearest to `wanted` at which its angle is readable; at 0 it stands."""
         return (
             min(max(wanted, self._counted_angle.min_countable_rate), self._counted_angle.max_readable_rate)
             if wanted
@@ -93,7 +94,7 @@ class Mechanism(Part):
 
     @property
     def stalled(self) -> bool:
-        """Power and no motion."""
+        """Whether it has power and does not move."""
         return self._loop.watch.stalled
 
     @property
@@ -104,17 +105,17 @@ class Mechanism(Part):
         return "power and no motion: blocked, unplugged or a fuse"
 
     def forget_stall(self) -> None:
-        """What blocked it before is in the way no more, until it shows anew: a move may lead away from it."""
+        """Forget what blocked it before, since a move may lead away from it."""
         self._loop.watch.stop_learning()
 
     def release(self) -> None:
-        """Let it go; what it was driven against is forgotten."""
+        """Release it, and forget what it was driven against."""
         self.goal = None
         self._loop.rest()
 
     @property
     def settled(self) -> bool:
-        """At rest where it is held."""
+        """Whether it is at rest at its goal."""
         near = self.goal is not None and abs(self.goal.position - self.angle) < self.config.tolerance
         return near and abs(self.rate) < POSITION_GAIN * self.config.tolerance
 
@@ -123,14 +124,14 @@ class Mechanism(Part):
         self._counted_angle.sense(inputs, dt, powered=self._duty != 0.0)
 
     def resume(self) -> None:
-        """Go on after a pause in which nothing was controlled; what it takes to hold is remembered."""
+        """Continue after a pause in which nothing was controlled; the duty needed to hold is remembered."""
         self._loop.resume()
 
     def duty(self, dt: float, battery_voltage: float | None, *, resting: bool) -> float:
-        """The duty of this tick, in the sign of the board.
+        """The duty of this tick, in the board's sign.
 
-        resting: no tick may follow for long. A duty that nobody watches turns it away from where it is held,
-        so it gets none then, and brakes.
+        resting: no tick may follow for long. A duty without supervision would turn it away from its goal, so
+        it brakes instead.
         """
         if battery_voltage is not None and battery_voltage > MIN_VOLTAGE:
             self._battery = battery_voltage
@@ -150,7 +151,7 @@ class Mechanism(Part):
         return self._duty
 
     def _target_rate(self) -> tuple[float, float]:
-        """Speed and acceleration; nothing where it stands where it should."""
+        """Target speed and acceleration; 0 if it stands at its goal."""
         goal = self.goal
         if goal is None:
             return 0.0, 0.0

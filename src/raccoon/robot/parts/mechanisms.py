@@ -1,8 +1,8 @@
 """Arms and grippers on motors of their own: move to an angle and hold it, turn until something happens.
 
-The angle is counted by the controller from its back-EMF, like the wheels'. It is 0 where the mechanism stood
-when the robot was opened, or where `zero` was said: an arm that has to be exact is driven against its end
-stop first.
+The controller counts the angle from the back-EMF, as for the wheels. It is 0 where the mechanism stood when
+the robot was opened, or where `zero` was called: an arm that must be exact is driven against its end stop
+first.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 __all__ = ["move", "move_by", "release", "spin", "zero"]
 
 MARGIN_TIME_S = 2.0
-"""s beyond twice its profile that a move may take."""
+"""s beyond twice the duration of its profile that a move may take."""
 
 
 def move(name: str, to: float, speed: float | None = None, *, timeout: float | None = None) -> Action[float]:
     """Turn the mechanism `name` to the angle `to` (rad from its zero) and hold it there.
 
-    speed: rad/s, its `speed` of robot.toml when None. timeout: s. The result is the angle it came to. Raises
-    ValueError before it moves for more full turns than its `turns` of robot.toml; MotionTimeout, naming the
-    motor port, where it is blocked or too slow; it is released then. RuntimeError where another action still
-    moves it.
+    speed: rad/s, its `speed` of robot.toml when None. timeout: s. The result is the angle that it reached.
+    Raises before it moves: ValueError for more full turns than its `turns` of robot.toml, RuntimeError if
+    another action still moves it. Raises MotionTimeout, naming the motor port, if it is blocked or too slow;
+    it is released then.
     """
     check_name(name=name)
     check_finite(to=to)
@@ -63,7 +63,7 @@ def move_by(
 ) -> Action[float]:
     """Turn the mechanism `name` by `angle` rad and hold it there. See `move`.
 
-    From where it is held; from where it is after `release`, `zero`, `spin` and a timeout.
+    It starts from where it is held, or from its present angle after `release`, `zero`, `spin` and a timeout.
     """
     check_name(name=name)
     check_finite(angle=angle)
@@ -81,9 +81,10 @@ def move_by(
 
 def spin(name: str, speed: float) -> Action[None]:
     """Turn the mechanism `name` at `speed` rad/s until ended from outside (`.until`, `.timeout`, `race`).
+    Then it is released.
 
-    Then it is released. `spin("arm", -2.0).until(blocked("arm"))` drives it against its end stop. Raises
-    RuntimeError where another action still moves it.
+    `spin("arm", -2.0).until(blocked("arm"))` drives it against its end stop. Raises RuntimeError if another
+    action still moves it.
     """
     check_name(name=name)
     check_rate(speed=speed)
@@ -106,7 +107,7 @@ def spin(name: str, speed: float) -> Action[None]:
 
 
 def release(name: str) -> Action[None]:
-    """Let the mechanism `name` go: its motor is switched off. RuntimeError where an action moves it."""
+    """Release the mechanism `name`: its motor is switched off. Raises RuntimeError if an action moves it."""
     check_name(name=name)
     label = f"release {name}"
 
@@ -119,10 +120,8 @@ def release(name: str) -> Action[None]:
 
 
 def zero(name: str, angle: float = 0.0) -> Action[None]:
-    """From now on, where the mechanism `name` is counts as `angle` rad; it is released.
-
-    Raises RuntimeError where an action still moves it.
-    """
+    """Set the present angle of the mechanism `name` to `angle` rad, and release it. Raises RuntimeError if
+    another action still moves it."""
     check_name(name=name)
     check_finite(angle=angle)
     label = f"zero {name}"
@@ -144,7 +143,7 @@ def _require_mechanism(robot: Robot, name: str) -> Mechanism:
 
 
 def _check_turns(robot: Robot, name: str, **angles: float) -> None:
-    """Raise ValueError for an angle that this mechanism is not said to turn by."""
+    """Raise ValueError for an angle beyond this mechanism's `turns` of robot.toml."""
     turns = _require_mechanism(robot, name).config.turns
     check_angle(turns, f"mechanism.{name}.turns of robot.toml allows more", **angles)
 
@@ -182,7 +181,8 @@ def _move(
 
 
 def _planned_speed(robot: Robot, moved: Mechanism, wanted: float) -> float:
-    """rad/s to turn it with; where its angle would not be read at those that are `wanted`, that is said."""
+    """The speed (rad/s) with which to turn it; reports if its angle would not be readable at the `wanted`
+    speed."""
     top = moved.planned_speed(wanted)
     if top > wanted:
         add_remark(

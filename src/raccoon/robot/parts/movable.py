@@ -1,4 +1,5 @@
-"""One action at a time moves a servo or a mechanism: of two, one would be lost, and neither arrive."""
+"""Exclusive use of a servo or mechanism: of two actions that move it at once one would be lost, and neither
+would arrive."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
 
 
 class Movable(Protocol):
-    """What actions move. name: in robot.toml. moved_by: the action that does now, None where none does."""
+    """Something that actions move. name: in robot.toml. moved_by: the action that is moving it, None for
+    none."""
 
     name: str
     moved_by: str | None
@@ -21,7 +23,7 @@ class Movable(Protocol):
 
 @contextmanager
 def exclusive_use(movable: Movable, action: str) -> Iterator[None]:
-    """Let nobody else move it inside the block. Raises RuntimeError as `require_free` does."""
+    """Let no other action move it inside the block. Raises RuntimeError as `require_free` does."""
     require_free(movable, action)
     movable.moved_by = action
     try:
@@ -31,7 +33,7 @@ def exclusive_use(movable: Movable, action: str) -> Iterator[None]:
 
 
 def require_wombat(robot: Robot, kind: str, name: str) -> None:
-    """Raise ConfigError where the controller has no port for the `kind` (servo, mechanism) of that name."""
+    """Raise ConfigError if the controller has no port for the `kind` (servo, mechanism) of that name."""
     if robot.config.controller.port == "create":
         raise ConfigError(
             f"{kind}.{name}: a Create has no port for a {kind} (its motors are the wheels); a Wombat has some"
@@ -39,7 +41,7 @@ def require_wombat(robot: Robot, kind: str, name: str) -> None:
 
 
 def require_free(movable: Movable, action: str) -> None:
-    """Raise RuntimeError where another action moves it, which `action` would disturb."""
+    """Raise RuntimeError if another action is moving it, which `action` would disturb."""
     if movable.moved_by is not None:
         raise RuntimeError(
             f"two actions move {movable.name} at the same time, in parallel or in the background: "

@@ -1,7 +1,7 @@
-"""Servos: go to a place by name or by pulse, at once or slowly, and stay there while other things go on.
+"""Servos: go to a position by name or by pulse, at once or slowly, while other things go on.
 
-A servo reports nothing back, so an action ends when the servo has had the time for its way
-(`speed_us` of robot.toml). It holds until it is sent elsewhere, switched off, or the robot is closed.
+A servo reports nothing, so an action ends when the servo has had the time for its way (`speed_us` of
+robot.toml). It holds until it is sent elsewhere, switched off, or the robot is closed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Servo(Part):
         self.config = config
         self._pulse: float | None = None
         self.moved_by: str | None = None
-        """The action that moves it now."""
+        """The action that is moving it."""
         self._side, self._arrives = 0.0, -math.inf  # the way it comes to `pulse`, 0 where unknown; s of then
 
     @property
@@ -81,34 +81,34 @@ class Servo(Part):
         self._pulse, self._arrives = pulse, time + lasts
 
     def switch_off(self) -> None:
-        """It gives way to the hand from the next command on."""
+        """Switch it off from the next command on: it can be turned by hand."""
         self._pulse = None
 
     def pulse_at(self, time: float) -> float | None:
-        """us where it should be at `time` s, also on a way that its action did not wait for; None where
-        nobody knows."""
+        """The pulse (us) that its position should correspond to at `time` s, also on a way that its action
+        did not wait for; None if unknown."""
         left = max(0.0, self._arrives - time) * self.config.speed_us
         if self.pulse is None or left == 0.0:
             return self.pulse
         return self.pulse - self._side * left if self._side else None
 
     def travel_time(self, pulse: float, time: float) -> float:
-        """s to get to `pulse` us from where it is at `time` s; from the far end where that is unknown."""
+        """s to get to `pulse` us from its position at `time` s; from the far end if that is unknown."""
         here, ends = self.pulse_at(time), (self.config.lowest_us, self.config.highest_us)
         way = max(abs(pulse - end) for end in ends) if here is None else abs(pulse - here)
         return way / self.config.speed_us
 
 
 SLOWEST_S = 60.0
-"""s of a servo's way, half a match; more are milliseconds."""
+"""s; longest duration of a servo's way, half a match. A longer one is in milliseconds."""
 
 
 def servo(name: str, to: str | float, seconds: float | None = None) -> Action[None]:
-    """Send the servo `name` to a place: a name of its `positions_us`, or a pulse in us.
+    """Send the servo `name` to a position: a name of its `positions_us`, or a pulse in us.
 
-    seconds: take that long, evenly; as fast as it can when None. Ends when the servo should be there; in
-    `parallel` or `background` other things go on meanwhile. Raises ConfigError for a servo or place that
-    robot.toml does not have, ValueError for a pulse outside its range, RuntimeError where another action
+    seconds: duration of an even motion; as fast as it can when None. It ends when the servo should be there;
+    in `parallel` or `background` other things go on meanwhile. Raises ConfigError for a servo or position
+    that robot.toml does not have, ValueError for a pulse outside its range, RuntimeError if another action
     still moves it.
     """
     check_name(name=name)
@@ -146,9 +146,9 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
 
 
 def servo_off(name: str) -> Action[None]:
-    """Switch the servo `name` off: it gives way to the hand until it is sent somewhere again.
+    """Switch the servo `name` off: it can be turned by hand until it is sent somewhere again.
 
-    Raises ConfigError for a servo that robot.toml does not have, RuntimeError where an action still moves it.
+    Raises ConfigError for a servo that robot.toml does not have, RuntimeError if an action still moves it.
     """
     check_name(name=name)
     label = f"servo {name} off"

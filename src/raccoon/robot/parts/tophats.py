@@ -1,4 +1,4 @@
-"""Tophats as a program sees them: black or white, darkness; and what is odd about them."""
+"""Tophats as a program sees them: black or white, darkness, and what is odd about them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ SILENT_AFTER_S = 0.5  # s without a word; a controller that restarts gives none 
 MOVING_WAY_M = 2e-4  # m a tick: 0.04 m/s at 200 Hz
 STANDING_WAY_M = 2e-5  # m a tick, below which it stands
 STANDING_READINGS, MIN_WANDERED = 80, 3
-"""Readings at rest that are judged at once; times that they wander, or not."""
+"""Number of readings at rest that are judged together; number of such judgements, wandering or not, that
+decide."""
 
 
 class TophatSensor(Part):
@@ -42,31 +43,32 @@ class TophatSensor(Part):
         """The last ADC reading, None before the first."""
         self.calibration: TophatCalibration | None = None
         self.fit: Fit | None = None
-        """Whether the calibration fits what was read in the last second; None while nothing is known."""
+        """Whether the calibration fits the readings of the last second; None while that is unknown."""
         self._classifier: Tophat | None = None
         self._watch: CalibrationWatch | None = None
         self._reading: TophatReading | None = None
         self._edge: Edge | None = None
         self._driven_s = 0.0  # s, for which it has read floors by this calibration
         self.is_judged = True
-        """Whether what it reads tells of its calibration: along a line, half on it, it does not."""
+        """Whether its readings tell about its calibration: along a line, half on it, they do not."""
         self._heard: float | None = None  # s, of its last word, or since when there was none
         self.silent = False
         """Whether it has not been read for a while."""
         self.sees = False
-        """Whether it has read a floor just now, and no end of its range where none is."""
+        """Whether it has just read a floor, rather than an end of its range."""
         self._seen = -math.inf  # s, when it did so last
         self._standing: deque[float] = deque(maxlen=STANDING_READINGS)
         self._wandered = 0
         self.floating = False
-        """Whether it wandered when the robot stood last, as an open port does, which may read like black."""
+        """Whether its reading wandered when the robot last stood, as that of an open port does, which may
+        read like black."""
 
     def __repr__(self) -> str:
         seen = {True: "black", False: "white", None: "not calibrated or not known"}[self.black]
         return f"<tophat {self.name}: {self.counts} counts, {seen}, {self.status}>"
 
     def calibrate(self, calibration: TophatCalibration) -> None:
-        """Use a calibration from now on. Raises CalibrationError where it has no threshold."""
+        """Use a calibration from now on. Raises CalibrationError if it has no threshold."""
         from raccoon.estimate.tophat import Tophat
         from raccoon.estimate.tophat.calibration_watch import CalibrationWatch
 
@@ -87,9 +89,8 @@ class TophatSensor(Part):
         shaken: bool = False,
     ) -> None:
         """Take the reading of this cycle. way, others_lost: see `raccoon.estimate.tophat.Tophat.update`.
-
-        shaken: whether something moves on the robot: one half on a line may wander though the robot stands.
-        """
+        shaken: whether something moves on the robot: a sensor half on a line may wander then although the
+        robot stands."""
         counts = inputs.analog[self.config.analog]
         if counts is None:
             self._heard = inputs.time if self._heard is None else self._heard
@@ -119,7 +120,7 @@ class TophatSensor(Part):
             watch.update(counts if classifier.missed else classifier.counts, 0.0 if way is None else way)
 
     def check(self, time: float) -> Fit | None:
-        """Judge `fit` anew; a few times a second is enough. time: s, of now."""
+        """Judge `fit` anew; a few times a second is enough. time: s, now."""
         from raccoon.estimate.tophat.calibration_watch import Fit
 
         self.silent = self._heard is not None and time - self._heard > SILENT_AFTER_S
@@ -138,7 +139,7 @@ class TophatSensor(Part):
 
     @property
     def complaint(self) -> str:
-        """What is wrong with what it reads, "" where it reads as it should."""
+        """What is wrong with its readings, "" if nothing."""
         if self.silent:
             return f"tophat {self.name} {UNREAD_REMARK}"
         if self.floating:
@@ -148,7 +149,7 @@ class TophatSensor(Part):
 
     @property
     def blind(self) -> bool:
-        """Whether nothing sensible comes in."""
+        """Whether it gives no sensible readings."""
         return self.silent or self.floating or self.fit in ("unplugged", "saturated")
 
     @property
@@ -158,7 +159,7 @@ class TophatSensor(Part):
 
     @property
     def lost(self) -> bool:
-        """Whether what it reads is neither of its surfaces."""
+        """Whether its reading is neither of its surfaces."""
         return self._classifier is not None and self._classifier.lost
 
     def require(self) -> None:
@@ -185,7 +186,7 @@ class TophatSensor(Part):
 
     @property
     def edge(self) -> Edge | None:
-        """The last border between white and black that it crossed since `forget_edge`, None before one."""
+        """The last edge between white and black that it crossed since `forget_edge`, None before one."""
         return self._edge
 
     def forget_edge(self) -> None:
@@ -203,12 +204,12 @@ class TophatSensor(Part):
 
     @property
     def other_light(self) -> bool:
-        """Whether it reads what neither of its surfaces does, while the light is not followed."""
+        """Whether it reads what neither of its surfaces does while the light is not followed."""
         return self._classifier is not None and self._classifier.other_light
 
     @property
     def status(self) -> Status:
-        """How far `black` and `darkness` can be trusted; invalid where nothing sensible comes in."""
+        """How far `black` and `darkness` can be trusted; invalid if it gives no sensible readings."""
         if self._reading is None or self.blind:
             return Status.INVALID
         if self.fit == "changed":
@@ -224,10 +225,8 @@ class TophatArray:
         self._ticks = 0
 
     def sense(self, robot: Robot, inputs: Inputs, dt: float) -> None:
-        """Update every sensor with the way it went, and look at one of them for what may be wrong with it.
-
-        dt: s since the reading before.
-        """
+        """Update every sensor with the distance that it moved, and check one of them for what may be wrong
+        with it. dt: s since the previous reading."""
         sensors = self._sensors
         if not sensors:
             return
@@ -253,7 +252,7 @@ class TophatArray:
             add_remark(robot, f"tophat {sensor.name} {self._describe_swapped(sensor) or FIT_REMARKS[now]}")
 
     def _describe_swapped(self, sensor: TophatSensor) -> str | None:
-        """What to say where it reads the floor as another sensor should."""
+        """The remark if it reads the floor as another sensor should."""
         from raccoon.estimate.tophat.calibration_watch import find_swapped
 
         stored = {each.name: each.calibration for each in self._sensors if each.calibration is not None}
@@ -273,4 +272,4 @@ FIT_REMARKS = {
     "unplugged": "reads the top of the scale or jumps about: is it plugged in?",
     "saturated": "reads the bottom of the scale: there is more light than it can tell",
 }
-"""What to say by `Fit`."""
+"""Remarks by `Fit`."""
