@@ -1,4 +1,4 @@
-"""What a calibration of one tophat is: two surfaces, the threshold between them, and how far to trust it."""
+"""The calibration of one tophat: two surfaces, the threshold between them, and its reliability."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import CalibrationError
 
-CLEAR_SDS = 6.0  # standard deviations that leave no error worth counting
-MIN_SD = 1.0  # counts; no reading is better known than the converter's step and its noise
+CLEAR_SDS = 6.0  # standard deviations at which errors are negligible
+MIN_SD = 1.0  # counts; lower bound, the converter's step and noise
 
 
 class Verdict(StrEnum):
-    """What the readings allow. A threshold exists for `ok` and `weak` alone."""
+    """Result of a calibration. Only `ok` and `weak` have a threshold."""
 
     OK = "ok"
     WEAK = "weak"
-    """Two surfaces, but the threshold may be several times worse than the best one, or white stands at the
+    """Two surfaces, but the threshold may be several times worse than the best one, or white is at the
     converter's bottom."""
     ONE_SURFACE = "one_surface"
     TOO_FEW = "too_few"
     SATURATED = "saturated"
-    """Nearly all readings stand at an end of the converter."""
+    """Nearly all readings are at an end of the converter's range."""
     FLOATING = "floating"
-    """The input wanders as one does to which nothing is connected."""
+    """The input wanders like one with nothing connected."""
 
     @property
     def usable(self) -> bool:
-        """A threshold comes with this verdict."""
+        """Whether this verdict has a threshold."""
         return self in (Verdict.OK, Verdict.WEAK)
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Readings over one surface: mean and standard deviation, counts; count: how many there were."""
+    """Readings over one surface: mean and standard deviation in counts, and their number."""
 
     mean: float
     sd: float
@@ -46,7 +46,7 @@ class Surface:
 
     @classmethod
     def of(cls, counts: NDArray[np.float64]) -> Surface:
-        """The one that all these readings come from."""
+        """The surface that has all these readings."""
         return cls(float(counts.mean()), max(float(counts.std()), MIN_SD), len(counts))
 
 
@@ -54,12 +54,15 @@ class Surface:
 class TophatCalibration:
     """Result of a calibration. Counts are 12-bit and higher on black.
 
-    threshold, low, high: counts; at or above `high` a reading is black, at or below `low` white, between them
-    the last answer stands. separation: (black - white) / (sd of white + sd of black). share_black: of the
-    readings, 0..1. error_rate: expected share of wrong readings at `threshold`. reason: one sentence for
-    people. flickers: Hz at which the light did (100, 120; else 0), over which readings were averaged; 250
-    where it did and words that come so often beat with it. Without a second surface threshold, low, high,
-    black and error_rate are None.
+    threshold, low, high: counts; a reading is black at or above `high`, white at or below `low`; between them
+    the last answer stays.
+    separation: (black - white) / (sd of white + sd of black). share_black: share of the readings on black,
+    0..1.
+    error_rate: expected share of wrong readings at `threshold`. reason: one sentence for people.
+    flickers: Hz of the flickering light over which readings were averaged (100, 120; 0 for none); 250 if
+    words that are renewed at this rate beat with the light.
+
+    Without a second surface threshold, low, high, black and error_rate are None.
     """
 
     verdict: Verdict
@@ -76,14 +79,13 @@ class TophatCalibration:
 
     @property
     def usable(self) -> bool:
-        """There is a threshold."""
+        """Whether there is a threshold."""
         return self.threshold is not None
 
     def probability_black(self, counts: ArrayLike) -> NDArray[np.float64]:
         """P(black | reading), same shape as `counts`: 0.5 at the threshold.
 
-        The odds of two normal densities (see `log_odds`), whatever the reading.
-
+        From the odds of two normal densities (see `log_odds`); readings beyond a mean count as the mean.
         Raises CalibrationError without a threshold.
         """
         white, black = self.surfaces()
@@ -96,9 +98,9 @@ class TophatCalibration:
     def of_surfaces(
         cls, verdict: Verdict, reason: str, white: Surface, black: Surface, share_black: float
     ) -> TophatCalibration:
-        """The calibration of these two surfaces: threshold, band and expected error follow from them."""
+        """The calibration with these two surfaces, from which threshold, band and expected error follow."""
         threshold = half_covered_counts(white, black) or best_threshold(white, black)
-        # The band holds the noise at the threshold, but leaves 60 % of the way to each mean outside of it.
+        # The band contains the noise at the threshold, but leaves 60 % of the distance to each mean outside.
         low = max(threshold - 1.5 * white.sd, white.mean + 0.6 * (threshold - white.mean))
         high = min(threshold + 1.5 * black.sd, black.mean - 0.6 * (black.mean - threshold))
         missed = normal_tail((black.mean - threshold) / black.sd)
@@ -119,7 +121,7 @@ class TophatCalibration:
     def surfaces(self) -> tuple[Surface, Surface]:
         """(white, black).
 
-        Raises CalibrationError with the verdict where the calibration found no two surfaces.
+        Raises CalibrationError with the verdict if the calibration found no two surfaces.
         """
         if self.white is None or self.black is None or self.threshold is None:
             raise CalibrationError(f"the calibration has no threshold ({self.verdict}): {self.reason}")
@@ -132,8 +134,9 @@ Number = TypeVar("Number", float, NDArray[np.float64])
 def log_odds(counts: Number, white: Surface, black: Surface) -> Number:
     """Log of (density over black / density over white) at readings between the two means.
 
-    Beyond them it would fall again where the spreads differ, so clip first. Where the surfaces are far apart
-    what lies between is an edge, no noise: each spread counts as at least a twelfth of the contrast.
+    Beyond the means it would fall again if the standard deviations differ, so clip first. If the surfaces are
+    far apart, readings between them come from edges and not from noise: each standard deviation counts as at
+    least a twelfth of the contrast.
     """
     least = (black.mean - white.mean) / (2.0 * CLEAR_SDS)
     sd_white, sd_black = max(white.sd, least), max(black.sd, least)
@@ -147,9 +150,10 @@ def normal_tail(z: float) -> float:
 
 
 def best_threshold(white: Surface, black: Surface) -> float:
-    """Counts of the least expected error between two normal densities, always between the means.
+    """Threshold (counts) with the least expected error between two normal densities, always between the
+    means.
 
-    Where the densities cross: a quadratic in the reading. With equal spreads it is the middle.
+    It is where the densities cross: the root of a quadratic. With equal standard deviations it is the middle.
     """
     a = 1.0 / white.sd**2 - 1.0 / black.sd**2
     b = 2.0 * (black.mean / black.sd**2 - white.mean / white.sd**2)
@@ -163,16 +167,17 @@ def best_threshold(white: Surface, black: Surface) -> float:
         under = b * b - 4.0 * a * c
         if under < 0.0:
             return balanced
-        root = (-b + math.sqrt(under)) / (2.0 * a)  # the other one lies beyond the mean of the narrower
+        # the other root is beyond the mean of the narrower density
+        root = (-b + math.sqrt(under)) / (2.0 * a)
     return root if white.mean < root < black.mean else balanced
 
 
 def half_covered_counts(white: Surface, black: Surface) -> float | None:
-    """Counts where half of the spot is on black, moved as little as keeps it clear of both surfaces.
+    """Counts with half of the spot on black, moved as little as necessary to be clear of both surfaces.
 
-    Where the surfaces are far apart every threshold between them has no error over a surface, but at an edge
-    this one is right: light adds up over the spot, and counts are 4095 / (1 + light)
-    (raccoon.model.reflectance). None where no threshold is clear of both.
+    If the surfaces are far apart, every threshold between them is free of errors over a surface, but this one
+    is right at an edge: light adds up over the spot, and counts are 4095 / (1 + light)
+    (raccoon.model.reflectance). None if no threshold is clear of both.
     """
     clear_of_white, clear_of_black = white.mean + CLEAR_SDS * white.sd, black.mean - CLEAR_SDS * black.sd
     if not clear_of_white <= clear_of_black:

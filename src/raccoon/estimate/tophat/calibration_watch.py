@@ -1,4 +1,4 @@
-"""Does the calibration fit what the sensors read now? Told within a second of driving."""
+"""Checks whether a calibration fits the present readings, within a second of driving."""
 
 from __future__ import annotations
 
@@ -12,31 +12,33 @@ from raccoon.estimate.tophat.quality import WANDERING_COUNTS
 from raccoon.estimate.tophat.sensor import explain_levels
 
 WINDOW_READINGS = 200  # readings: one second at 200 Hz
-MIN_READINGS = 40  # readings before anything is said
+MIN_READINGS = 40  # least number of readings for a verdict
 MIN_CHANGED_READINGS = 150
-"""Readings before other light is: who drives off half on a line reads no surface for up to 0.2 s."""
-MAX_UNEXPLAINED_SHARE = 0.3  # of the readings may lie on no surface: edges, lines along the way
-SURFACE_SDS = 6.0  # standard deviations within which a reading lies on a surface
-MOVED_LEVEL_SHARE = 0.08  # of the contrast, that a level may have moved
+"""Least number of readings for a change of light: a robot that drives off half on a line reads neither surface for
+up to 0.2 s."""
+MAX_UNEXPLAINED_SHARE = 0.3  # of the readings, on neither surface: edges, lines along the path
+SURFACE_SDS = 6.0  # standard deviations within which a reading belongs to a surface
+MOVED_LEVEL_SHARE = 0.08  # of the contrast, by which a level may have moved
 JUMP_WAY_M = 1.5e-3
-"""M between them from which a sensor that goes to and fro over an edge jumps about as well."""
+"""m between two readings above which their difference is not counted: a sensor that moves to and fro over an
+edge jumps as well."""
 
 
 class Fit(StrEnum):
-    """What one sensor's readings say of its calibration."""
+    """How well one sensor's readings fit its calibration."""
 
     UNKNOWN = "unknown"
     FITS = "fits"
     UNPLUGGED = "unplugged"
-    """At the top of the converter, or jumping about: nothing is connected."""
+    """At the top of the converter, or jumping: nothing is connected."""
     SATURATED = "saturated"
-    """At the bottom of the converter: more light than the sensor can tell."""
+    """At the bottom of the converter: more light than the sensor can measure."""
     CHANGED = "changed"
-    """Neither surface explains the readings: other light, other floor, other height; calibrate again."""
+    """Neither surface explains the readings: other light, floor or height; calibrate again."""
 
 
 class CalibrationWatch:
-    """Watches one sensor: `update` with every reading, then ask `fit`."""
+    """Watches one sensor: call `update` with every reading, then read `fit`."""
 
     def __init__(self, calibration: TophatCalibration) -> None:
         white, black = calibration.surfaces()
@@ -53,19 +55,19 @@ class CalibrationWatch:
         self._steps: deque[float] = deque(maxlen=WINDOW_READINGS)
 
     def update(self, counts: float, way: float = 0.0) -> None:
-        """Take a reading (counts). way: m that the sensor went since the one before."""
+        """Take a reading (counts). way: m that the sensor moved since the one before."""
         if self._readings and way < JUMP_WAY_M:
             self._steps.append(abs(counts - self._readings[-1]))
         self._readings.append(counts)
 
     @property
     def readings(self) -> tuple[float, ...]:
-        """Those of the last second, oldest first."""
+        """The readings of the last second, oldest first."""
         return tuple(self._readings)
 
     @property
     def fit(self) -> Fit:
-        """The verdict over the last second."""
+        """The verdict on the readings of the last second."""
         readings = list(self._readings)
         if len(readings) < MIN_READINGS:
             return Fit.UNKNOWN
@@ -86,9 +88,10 @@ class CalibrationWatch:
 
 
 def has_height_changed(stored: TophatCalibration, now: TophatCalibration) -> bool:
-    """Whether the sensor sits higher or lower than when calibrated: its own light changed, not the sun.
+    """Whether the sensor is higher or lower than at its calibration: its own light changed, not the ambient
+    light.
 
-    Two calibrations are needed for that: one level alone cannot tell height from light.
+    This needs two calibrations: a single level cannot distinguish height from light.
     """
     before, after = (
         {each.generation: each.height for each in explain_levels(white.mean, black.mean)}
@@ -101,9 +104,9 @@ def has_height_changed(stored: TophatCalibration, now: TophatCalibration) -> boo
 def find_swapped(
     stored: Mapping[str, TophatCalibration], floor: Mapping[str, Sequence[float]]
 ) -> tuple[str, str] | None:
-    """The two sensors whose plugs are in each other's place, or None.
+    """The two sensors whose plugs are exchanged, or None.
 
-    stored: calibrations by sensor. floor: readings on white by sensor. Two are swapped where each reads the
+    stored: calibrations by sensor. floor: readings on white by sensor. Two are swapped if each reads the
     other's white and neither its own.
     """
     levels = {name: sorted(readings)[len(readings) // 2] for name, readings in floor.items() if readings}

@@ -1,4 +1,5 @@
-"""One tophat at run time: white or black at every reading, with hysteresis, debounce and edge times."""
+"""Classification of one tophat at run time: white or black at every reading, with hysteresis, debounce and
+edge times."""
 
 from __future__ import annotations
 
@@ -14,19 +15,20 @@ from raccoon.estimate.tophat.levels import GATE_SDS
 from raccoon.estimate.tophat.tracker import LightTracker
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
-LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
-SPIKE_RATIO = 4.0  # times as far from the reading after it as that is from the one before
+LOST_READINGS = 5  # unexplained readings in a row; an edge has fewer
+SPIKE_RATIO = 4.0  # least |after - spike| / |after - before| of the readings around a spike
 READINGS_BETWEEN_SPIKES, READINGS_AFTER_EDGE = 20, 4
-"""Readings after two, or after an edge; lamps that flicker come sooner."""
+"""Least numbers of readings between two spikes, and from an edge to a spike; lamps that flicker come
+sooner."""
 READINGS_AFTER_LAMPS = 200
-"""Readings after which lamps that were not seen any more are out, and not hidden by edges."""
-BEYOND_READINGS = 4  # in a row beyond both surfaces, which is no edge
+"""Readings without flicker after which the lamps are off, rather than hidden by edges."""
+BEYOND_READINGS = 4  # readings in a row beyond both surfaces; no edge has so many
 
 
 class Edge(NamedTuple):
     """A border between white and black that the sensor crossed.
 
-    time: s, when half of its spot was on black, interpolated between readings. to_black: from white to black.
+    time: s, at half of the spot on black, interpolated between readings. to_black: from white to black.
     """
 
     time: float
@@ -34,11 +36,11 @@ class Edge(NamedTuple):
 
 
 class TophatReading(NamedTuple):
-    """What is below a sensor at one tick.
+    """The classification at one tick.
 
-    black: None while nothing can be said. darkness: P(black), 0..1. coverage: share of the spot on black,
-    0..1, linear in the way across an edge, which counts are not. edge: set in the tick that noticed one.
-    status: how far to trust all of it.
+    black: None while unknown. darkness: P(black), 0..1. coverage: share of the spot on black, 0..1; unlike
+    counts it is linear in the distance across an edge. edge: set in the tick that detected one. status:
+    reliability of all of it.
     """
 
     black: bool | None
@@ -52,11 +54,11 @@ UNKNOWN = TophatReading(None, 0.5, 0.5, Status.INVALID, None)
 
 
 class Tophat:
-    """Classifier of one sensor. Feed it every reading in order of time.
+    """Classifier of one sensor. Call `update` with every reading in order of time.
 
     adapt: follow the light (see `tracker`); may be switched at any time, and should be off while the sensor
-    is kept on the edge of a line, where what it reads is neither surface. debounce: readings in a row on the
-    other side that make a change (2: one spike never does).
+    is kept on the edge of a line, where its readings are of neither surface. debounce: readings in a row on
+    the other side that make a change (with 2, a single spike never does).
 
     Raises CalibrationError for a calibration without a threshold, ConfigError for a debounce below 1.
     """
@@ -73,25 +75,21 @@ class Tophat:
         levels.threshold = calibration.threshold or levels.threshold
         levels.low, levels.high = calibration.low or levels.low, calibration.high or levels.high
         self._is_black: bool | None = None
-        self._opposite_readings = 0  # readings in a row on the side that is not the state's
+        self._opposite_readings = 0  # readings in a row opposite to the state
         self._last_time = self._last_counts = self._last_coverage = 0.0
-        self._last_followed = 0.0  # the last reading that the levels were told of
-        self._waiting: tuple[float, float | None] | None = None  # one that waits, and its way
-        self._readings_until_wait = (
-            0  # readings until another may wait, after an edge or lamps that flickered
-        )
-        self._spike_readings = (
-            0  # readings, `READINGS_BETWEEN_SPIKES` for each spike, until there were none for long
-        )
-        self._beyond_readings = 0  # readings in a row that are lighter than white or darker than black
-        self._edge_time = 0.0  # the last passage through half coverage
+        self._last_followed = 0.0  # last reading given to the levels
+        self._waiting: tuple[float, float | None] | None = None  # a waiting reading and its distance
+        self._readings_until_wait = 0  # readings until another one may wait, after an edge or flicker
+        self._spike_readings = 0  # counts down; + `READINGS_BETWEEN_SPIKES` for each spike
+        self._beyond_readings = 0  # readings in a row beyond both surfaces
+        self._edge_time = 0.0  # last time at half coverage
         self._seen_changes = 0
         self.missed = True
-        """Whether the last reading was none, or was taken for none."""
+        """Whether the last tick had no reading, or one that was discarded."""
 
     @property
     def adapt(self) -> bool:
-        """Whether the light is followed."""
+        """Whether the levels follow the light."""
         return self._adapt
 
     @adapt.setter
@@ -103,14 +101,14 @@ class Tophat:
 
     @property
     def other_light(self) -> bool:
-        """Whether the readings speak for another light, so much another that it moves half an edge by 2 mm,
-        while the light is not followed."""
+        """Whether the readings show another light while the light is not followed: so different that it moves
+        half an edge by 2 mm."""
         return self._beyond_readings >= BEYOND_READINGS
 
     def relearn(self, white: float, black: float) -> bool:
-        """Take these counts for the two surfaces from now on, both sides of an edge in the light of now.
+        """Set these counts as white and black, from both sides of an edge in the present light.
 
-        False, and nothing is taken, where they are too much alike for two surfaces.
+        Returns False, without a change, if they are too similar for two surfaces.
         """
         if not self.levels.relearn(white, black):
             return False
@@ -119,12 +117,12 @@ class Tophat:
 
     @property
     def counts(self) -> float:
-        """The last reading that was one, without what lamps that flicker do to it."""
+        """The last valid reading, with the flicker of lamps averaged out."""
         return self._last_counts
 
     @property
     def threshold(self) -> float:
-        """Counts from which a reading is black, in the light of now."""
+        """Counts from which a reading is black, in the present light."""
         return self.levels.threshold
 
     def update(
@@ -134,16 +132,16 @@ class Tophat:
         others_lost: bool | None = None,
         way: float | None = None,
     ) -> TophatReading:
-        """Take the reading of this tick and say what is below the sensor.
+        """Classify the reading of this tick.
 
-        time: s. counts: None where there is nothing new, and taken for that at an end of the range at which
-        neither surface is. others_lost: see `TophatGroup`, which gives it.
-        way: m that the sensor went over the floor since the last tick (None: not known, 0.24 m/s is assumed);
-        how long an edge takes tells it from a change of light.
+        time: s. counts: None if there is no new reading; one at an end of the range far from both surfaces
+        counts as None. others_lost: see `TophatGroup`, which sets it. way: m that the sensor moved over the
+        floor since the last tick (None: unknown, 0.24 m/s is assumed); the length of an edge distinguishes it
+        from a change of light.
         """
         self.missed = counts is None or self._is_at_rail(counts)
         if counts is None or self.missed:
-            waiting, self._waiting = self._waiting, None  # nobody knows what it was
+            waiting, self._waiting = self._waiting, None  # unknown whether it was a spike
             self.levels.unread_way += (way or 0.0) + (0.0 if waiting is None else waiting[1] or 0.0)
             if self._is_black is None:
                 return UNKNOWN
@@ -155,7 +153,7 @@ class Tophat:
         light = light_of(counts)
         if self._is_black is None:
             self._last_followed = counts
-        # What the classifier goes by are readings in which lamps that flicker do not show.
+        # The classifier uses readings with the flicker of lamps averaged out.
         time, light = flicker.mean(time, light)
         if flicker.hertz:
             counts = FULL_SCALE / (1.0 + light)
@@ -168,7 +166,7 @@ class Tophat:
         coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
         last = self._last_coverage
         if levels.late_changes != self._seen_changes:
-            # The light changed a while ago and only now is that sure: another answer, but no edge.
+            # A change of light is certain only now: another answer, but no edge.
             self._seen_changes, last = levels.late_changes, coverage
             self._is_black, self._opposite_readings = counts >= levels.threshold, 0
         if (coverage >= 0.5) is not (last >= 0.5):
@@ -179,10 +177,10 @@ class Tophat:
         return TophatReading(self._is_black, self._probability(counts), coverage, levels.status, edge)
 
     def _follow(self, counts: float, others_lost: bool | None, way: float | None) -> None:
-        """Hand the reading to what follows the light.
+        """Give the reading to the tracker that follows the light.
 
-        One far from that before it waits for that after it: a spike is far from both, and not followed. Lamps
-        that flicker swing so at every reading, and spikes do not.
+        A reading far from the one before waits for the next one: a spike is far from both, and is not
+        followed. Lamps that flicker swing as far at every reading, and spikes do not.
         """
         levels, waiting, before = self.levels, self._waiting, self._last_followed
         self._waiting, self._last_followed = None, counts
@@ -209,9 +207,8 @@ class Tophat:
         levels.update(0.5 * (before + counts), others_lost, way)
 
     def _is_at_rail(self, counts: float) -> bool:
-        """Whether the converter is at an end of its range, and neither surface is: a wire is loose, or two of
-        them touch. No floor reads that, and no abyss.
-        """
+        """Whether the converter is at an end of its range and neither surface is there: a loose wire, or two
+        that touch. No floor reads that, and no abyss."""
         if ANALOG_BOTTOM < counts < ANALOG_TOP:
             return False
         levels = self.levels
@@ -221,7 +218,7 @@ class Tophat:
 
     @property
     def lost(self) -> bool:
-        """Whether neither surface explains the readings, or it is being weighed what changed."""
+        """Whether neither surface explains the readings, or the bank is deciding what changed."""
         return self.levels.unexplained >= LOST_READINGS or self.levels.is_in_doubt
 
     def _decide(self, counts: float) -> Edge | None:
@@ -240,8 +237,8 @@ class Tophat:
         return Edge(self._edge_time, not is_black)
 
     def _probability(self, counts: float) -> float:
-        """What the bank says while it is at work; else logistic in the distance to the threshold, in units of
-        the surfaces' spread."""
+        """P(black): by the bank while it is at work, else logistic in the distance to the threshold, in units
+        of the surfaces' standard deviations."""
         levels = self.levels
         weighed = levels.bank_probability if self._adapt else None
         if weighed is not None:
@@ -255,7 +252,8 @@ class Tophat:
 
 
 class TophatGroup:
-    """All tophats of a robot, which share one light: what changes for one is believed sooner for all."""
+    """All tophats of a robot, which share one light: a change is believed sooner if several sensors see
+    it."""
 
     def __init__(self, tophats: Sequence[Tophat]) -> None:
         self.tophats = tuple(tophats)
@@ -263,9 +261,9 @@ class TophatGroup:
     def update(
         self, time: float, counts: Sequence[float | None], ways: Sequence[float | None] | None = None
     ) -> tuple[TophatReading, ...]:
-        """One reading a sensor, in the order of `tophats`; ways: see `Tophat.update`.
+        """Classify one reading for each sensor, in the order of `tophats`; ways: see `Tophat.update`.
 
-        Raises ValueError for another number of them.
+        Raises ValueError for another number of readings.
         """
         tophats = self.tophats
         if ways is None:

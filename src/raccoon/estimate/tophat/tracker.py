@@ -1,9 +1,10 @@
-"""Where white and black stand now, in a light that changes.
+"""Tracking of the white and black levels in changing light.
 
-What a surface explains is learnt by its filter (`levels`). Readings that neither explains are an edge being
-crossed, as long as the way driven meanwhile fits one. Where it does not, or where they last, a bank of
-hypotheses (`hypotheses`) goes through everything that was read lately and says whether the light or the
-surface changed. It stays in charge until one mode is sure; until then the status is `uncertain`.
+A surface's filter (`levels`) learns from the readings that the surface explains. Readings that neither
+surface explains are an edge being crossed, as long as the distance driven meanwhile fits one. If it does not,
+or if such readings last, a bank of hypotheses (`hypotheses`) processes all recent readings and decides
+whether the light or the surface changed. It stays in charge until one mode is certain; until then the status
+is `uncertain`.
 """
 
 from __future__ import annotations
@@ -14,31 +15,33 @@ from raccoon.estimate.tophat.hypotheses import Belief, HypothesisBank, Sensor, p
 from raccoon.estimate.tophat.levels import CONVERTER_VARIANCE, FLOOR_SPREAD, GATE_SDS, Levels, max_edge_share
 from raccoon.estimate.tophat.sensor import DARKEST_WHITE_SHARE, explain_levels
 
-LEVEL_SDS = 2.0  # standard deviations between readings that are learnt from; on an edge they differ by more
-USUAL_WAY_M = 0.0012  # m a reading, where nobody says: 0.24 m/s at 200 Hz
-BANK_STEP_M, MAX_STEP_READINGS = 8e-4, 8  # m of way for one reading of the bank, and readings in it at most
-STANDING_WAY_M = 2e-5  # m a reading, below which a sensor stands
-USUAL_HEIGHT_M = 0.012  # m, of a sensor that is none of the two
-MAX_UNEXPLAINED, MAX_OUTSIDE = 120, 6  # readings that nothing explains, and those beyond both surfaces
-MAX_OUTSIDE_AT_START = 2  # of those, where a robot was put down
-MIN_LOGGED = 32  # readings, at the least, that the bank goes through
-MAX_CAUGHT_UP_PER_TICK = 3  # of them in one tick
-FOLLOWED_IN_CALM, FOLLOWED_ALWAYS, DECIDED = 0.6, 0.9, 0.99  # probabilities: to follow, and to end the doubt
-CALM_PROBABILITY = 0.95  # probability from which it is calm
+# bound in standard deviations on the change of readings that are learnt; on an edge it is larger
+LEVEL_SDS = 2.0
+USUAL_WAY_M = 0.0012  # m per reading if unknown: 0.24 m/s at 200 Hz
+BANK_STEP_M, MAX_STEP_READINGS = 8e-4, 8  # m of distance for one reading of the bank, and most readings in it
+STANDING_WAY_M = 2e-5  # m per reading below which a sensor stands
+USUAL_HEIGHT_M = 0.012  # m, of a sensor of neither generation
+MAX_UNEXPLAINED, MAX_OUTSIDE = 120, 6  # most readings that neither surface explains, and most beyond both
+MAX_OUTSIDE_AT_START = 2  # the same where the robot was put down
+MIN_LOGGED = 32  # least number of readings that the bank processes
+MAX_CAUGHT_UP_PER_TICK = 3  # logged readings that the bank takes in one tick
+# least probabilities to adopt levels, and to stop the bank
+FOLLOWED_IN_CALM, FOLLOWED_ALWAYS, DECIDED = 0.6, 0.9, 0.99
+CALM_PROBABILITY = 0.95  # least probability of steady light in a calm reading
 CALM_READINGS, STEADY_READINGS = 4, 8
-WIDEST_LINE_M = 0.15  # m of black, from which it may as well be white in less light
+WIDEST_LINE_M = 0.15  # m of black above which it may be white in less light
 RESIDUAL_SMOOTHING = 0.1  # weight of a reading in the mean residual of the levels
-MIN_RESIDUAL_READINGS = 15  # on one surface before that is judged; a line is shorter
-MAX_MEAN_RESIDUAL = 1.5  # standard deviations, above which the light runs ahead of the levels
+MIN_RESIDUAL_READINGS = 15  # on one surface, for a mean residual; a line is shorter
+MAX_MEAN_RESIDUAL = 1.5  # in standard deviations; above it the light changes faster than the levels
 NO_READINGS = (-1e9, -1e9, -1e9)
 
 
 class LightTracker(Levels):
-    """Levels that follow the light: `update` with every reading, then see `Levels`.
+    """Levels that follow the light: call `update` with every reading, then see `Levels`.
 
-    late_changes: how often a change of light was noticed so late that readings had been taken for the other
-    surface. unexplained: readings in a row that neither surface explains. unread_way: m that the sensor went
-    since the last reading, where there was none; the next one is of that way, too.
+    late_changes: number of changes of light that were noticed so late that readings had been assigned to the
+    wrong surface. unexplained: readings in a row that neither surface explains. unread_way: m that the sensor
+    moved since the last reading while there was none; the next reading covers that distance, too.
     """
 
     __slots__ = (
@@ -78,30 +81,29 @@ class LightTracker(Levels):
         self._sensor = Sensor(*shares, *least, spot, pattern, CONVERTER_VARIANCE**0.5)
         self._bank: HypothesisBank | None = None
         self._on_black: bool | None = None
-        self._has_fitted = False  # whether a reading has been one of a surface yet
+        self._has_fitted = False  # whether a reading has fitted a surface yet
         self._recent = NO_READINGS  # the last readings on one surface, oldest first
         self._log: list[tuple[float, float]] = []  # counts and way of the readings since `_start`
         self._start = self._next_start = self._belief()
         self._former: Belief | None = None  # levels before a change of floor or light, which may come back
-        self._way_known = True  # whether somebody says the way
-        self._last_informative = -1e9  # the last unexplained reading that said something
+        self._way_known = True  # whether the distance is known
+        self._last_informative = -1e9  # last unexplained reading with information
         self.unread_way = self._first_unexplained_way = self._unexplained_way = 0.0
         self._mean_residual = self._black_way = 0.0
-        self._step_counts = self._step_way = 0.0  # counts and way of the readings that are not yet in the log
+        self._step_counts = self._step_way = 0.0  # sums of the readings not yet in the log
         self._step_readings = self._banked = 0
         self.unexplained = self.late_changes = 0
         self._same_readings = self._outside_readings = self._calm_readings = 0
 
     @property
     def is_in_doubt(self) -> bool:
-        """Whether the bank is at work: something changed, and it is not known what."""
+        """Whether the bank is at work: something changed, and it is not yet certain what."""
         return self._bank is not None
 
     @property
     def bank_probability(self) -> float | None:
-        """P(black) by the bank; 0.5 where black lasts so long that it may be white in less light; None where
-        the levels tell, or the bank has not taken all readings yet.
-        """
+        """P(black) by the bank; 0.5 if black lasts so long that it may be white in less light; None if the
+        levels decide, or if the bank has not processed all readings yet."""
         if self._bank is not None:
             return None if self._log else self._bank.black
         return 0.5 if self._black_way > WIDEST_LINE_M else None
@@ -109,8 +111,8 @@ class LightTracker(Levels):
     def update(self, counts: float, others_lost: bool | None = None, way: float | None = None) -> None:
         """Learn from a reading.
 
-        others_lost: whether other sensors are at a loss; None: there are none. way: m that the sensor went
-        over the floor since the last reading; None: not known.
+        others_lost: whether other sensors are lost; None: there are none. way: m that the sensor moved over
+        the floor since the last reading; None: unknown.
         """
         way_known = self._way_known = way is not None
         way = self._way_since_reading(USUAL_WAY_M if way is None else way)
@@ -149,7 +151,7 @@ class LightTracker(Levels):
             self._start_bank()
             return
         is_level = change * change <= LEVEL_SDS * LEVEL_SDS * (noise + MIN_SD)
-        # At the converter's bottom a reading tells of no light: half a count there is all of it.
+        # At the converter's bottom a reading holds no information on light: half a count is all of it.
         if is_level and (on_black or self.white > ANALOG_BOTTOM):
             self._learn(counts, on_black, residual, noise)
             self._refresh()
@@ -164,7 +166,7 @@ class LightTracker(Levels):
             self._start, self._next_start = self._next_start, self._belief()
 
     def _has_crossed_edge(self, way: float, way_known: bool) -> bool:
-        """Whether what lies behind the sensor was an edge, over the last part of which it went `way` m."""
+        """Whether the sensor has just crossed an edge, with `way` m since the reading before."""
         unexplained = self._unexplained_way if self.unexplained else 0.0
         shortest, longest = unexplained - self._first_unexplained_way, unexplained + way
         return self._is_edge(self._sensor.spot, shortest, longest, way_known)
@@ -172,15 +174,15 @@ class LightTracker(Levels):
     def _way_since_reading(self, way: float) -> float:
         """m since the last reading, `way` of them in this tick."""
         way, unread, self.unread_way = way + self.unread_way, self.unread_way, 0.0
-        if unread and way > self._sensor.spot:  # what was crossed meanwhile nobody saw
+        if unread and way > self._sensor.spot:  # an edge may have been crossed unseen
             self.restart()
             return 0.0
         return way
 
     def _log_reading(self, counts: float, way: float) -> None:
-        """Keep a reading for the bank: one mean of those on `BANK_STEP_M` of the way.
+        """Keep a reading for the bank: one mean for each `BANK_STEP_M` of distance.
 
-        A spot that goes slowly sees the same floor for many readings, and they tell of it no more than one.
+        A slow spot sees the same floor for many readings, and they hold no more information than one.
         """
         count = self._step_readings = self._step_readings + 1
         self._step_counts += counts
@@ -191,9 +193,9 @@ class LightTracker(Levels):
             self._step_readings = 0
 
     def _is_informative(self, counts: float, way: float) -> bool:
-        """Whether an unexplained reading says anything: one more of a sensor that stands still does not.
+        """Whether an unexplained reading holds information: another one of a sensor at rest does not.
 
-        Half on a line it reads what no surface does, for as long as it stands there.
+        A sensor half on a line reads a value of neither surface for as long as it stands there.
         """
         apart, variance = counts - self._last_informative, self._light_noise + self._dark_noise
         if way < STANDING_WAY_M and apart * apart < GATE_SDS * GATE_SDS * variance:
@@ -202,7 +204,8 @@ class LightTracker(Levels):
         return True
 
     def _take_unexplained(self, counts: float, way: float) -> None:
-        """Take a reading that belongs to no surface: an edge, until it takes too long or lies beyond both."""
+        """Process a reading that fits no surface: an edge, until it takes too long or is beyond both
+        surfaces."""
         if self.unexplained == 0:
             self._first_unexplained_way, self._unexplained_way = way, 0.0
             self._outside_readings = 0
@@ -227,14 +230,14 @@ class LightTracker(Levels):
 
     def _start_bank(self) -> None:
         sensor = self._sensor
-        if not self._has_fitted:  # somebody may have put the sensor higher than it was calibrated
+        if not self._has_fitted:  # the sensor may be higher than at its calibration
             sensor = sensor.with_least_light(self._least_light_far)
         self._bank = HypothesisBank(sensor, self._start, self._former)
         self._banked = self._calm_readings = 0
         self.status = Status.UNCERTAIN
 
     def _run_bank(self, bank: HypothesisBank, others_lost: bool | None) -> None:
-        """Feed the bank the next readings, and adopt its levels where it is sure enough."""
+        """Feed the bank the next readings, and adopt its levels if it is certain enough."""
         log = self._log
         last = min(self._banked + MAX_CAUGHT_UP_PER_TICK, len(log))
         for counts, way in log[self._banked : last]:
@@ -247,8 +250,8 @@ class LightTracker(Levels):
         self._banked = 0
         sure = bank.sure
         self._calm_readings = self._calm_readings + 1 if bank.steady >= CALM_PROBABILITY else 0
-        # While an edge is being crossed even the likelier mode is often wrong for a reading or two. But
-        # levels that do not fit where a robot was put down say less still.
+        # On an edge even the likelier mode is often wrong for a reading or two. But after the robot was put
+        # down, levels that do not fit are worse.
         calm = self._on_black is None or self._calm_readings >= CALM_READINGS
         if sure >= FOLLOWED_ALWAYS or (sure >= FOLLOWED_IN_CALM and calm):
             self._adopt(bank.best_belief(), counts)
@@ -259,7 +262,7 @@ class LightTracker(Levels):
             self._stop_bank()
 
     def _remember_former_levels(self) -> None:
-        """Remember the levels of before the doubt where they are others now: they may come again."""
+        """Remember the levels before the change if they differ from the present ones: they may return."""
         former, before = self._former, self._start
         if former is not None and abs(self.light - former.light) < FLOOR_SPREAD * former.light:
             self._former = None
@@ -268,7 +271,7 @@ class LightTracker(Levels):
             self._former = before if has_changed else None
 
     def _adopt(self, belief: Belief, counts: float) -> None:
-        """Take over what the bank believes."""
+        """Set the levels to those of the bank."""
         was_black = counts >= self.threshold
         self.light, self.dark, self._light_var, self._cross, self._dark_var, self._on_black = belief
         self._light_anchor, self._dark_anchor = self.light, self.dark
@@ -280,7 +283,7 @@ class LightTracker(Levels):
             self.late_changes += 1
 
     def restart(self) -> None:
-        """Forget the bank and its readings, after readings that were not given; the levels stay."""
+        """Drop the bank and its readings after a gap in the readings; the levels stay."""
         self._on_black = None
         self.unread_way = 0.0
         self._log.clear()
