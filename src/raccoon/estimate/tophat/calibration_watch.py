@@ -14,8 +14,8 @@ from raccoon.estimate.tophat.sensor import explain_levels
 WINDOW_READINGS = 200  # readings: one second at 200 Hz
 MIN_READINGS = 40  # least number of readings for a verdict
 MIN_CHANGED_READINGS = 150
-"""Least number of readings for a change of light: a robot that drives off half on a line reads neither surface for
-up to 0.2 s."""
+"""Least number of readings for a change of light: a robot that drives off half on a line reads neither
+surface for up to 0.2 s."""
 MAX_UNEXPLAINED_SHARE = 0.3  # of the readings, on neither surface: edges, lines along the path
 SURFACE_SDS = 6.0  # standard deviations within which a reading belongs to a surface
 MOVED_LEVEL_SHARE = 0.08  # of the contrast, by which a level may have moved

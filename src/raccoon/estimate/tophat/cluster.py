@@ -1,8 +1,8 @@
-"""The cluster calibrator: how many surfaces are in these readings, and where to cut between them.
+"""Calibration by clusters: the number of surfaces in a set of readings, and the threshold between them.
 
 One-dimensional Gaussian mixtures of one, two and three components (scikit-learn) compete by evidence (BIC)
-with each other and with one surface of any usual shape. Components that overlap are one surface: a floor that
-is not Gaussian takes several. What is left must stand apart by more than noise can pretend.
+with each other and with one surface of any usual shape. Overlapping components are one surface: a floor that
+is not Gaussian takes several. The others must be further apart than noise explains.
 """
 
 from __future__ import annotations
@@ -29,32 +29,32 @@ from raccoon.estimate.tophat.sequence import (
 )
 
 Array = NDArray[np.float64]
-MAX_FITTED = 1000  # readings; more only cost time: every n-th of the sorted ones keeps the distribution
+MAX_FITTED = 1000  # readings; of more, every n-th of the sorted ones, which keeps the distribution
 MIN_COUNT = 3  # readings on the rarer surface
-SLOPE_SDS = 4.0  # standard deviations of a peak that count as its top
-MIN_SEPARATION = 2.1  # below which components are one surface (halves of a uniform floor have 1.73)
-SURE_SEPARATION = 2.5  # separation from which a threshold is `ok`
-SURE_COUNT = 8  # readings on the rarer surface below which a near threshold is not well known
-FAR_SEPARATION = 4.0  # separation from which that does not matter
-SEARCHED_SHARE = 0.98  # of the readings searched already; the rest changes nothing
-RARE_BLACK_SHARE = 0.03  # share of black below which lone readings may be spikes
-BORROWED_READINGS = 8.0  # readings that the other surface's spread is worth as a guess of this one's
-DRIFT_SDS = 3.0  # noise standard deviations by which the floor may wander before it is called a drift
+SLOPE_SDS = 4.0  # standard deviations of a peak that belong to it
+MIN_SEPARATION = 2.1  # bound below which components are one surface (halves of a uniform floor: 1.73)
+SURE_SEPARATION = 2.5  # least separation for `ok`
+SURE_COUNT = 8  # readings on the rarer surface; with fewer a near threshold is uncertain
+FAR_SEPARATION = 4.0  # separation above which that does not matter
+SEARCHED_SHARE = 0.98  # of the readings; if so many were searched, the rest changes nothing
+RARE_BLACK_SHARE = 0.03  # share of black; below it single readings may be spikes
+BORROWED_READINGS = 8.0  # weight of the other surface's standard deviation, in readings
+DRIFT_SDS = 3.0  # noise standard deviations; a slower change is no drift
 WEAK_EVIDENCE, SURE_EVIDENCE = 2.0, 10.0
-"""BIC by which two surfaces must beat one of any shape where no order tells: "positive" gives a weak verdict,
-"very strong" a sure one (Kass and Raftery 1995, Bayes factors)."""
+"""Difference of BIC by which two surfaces must beat one of any shape in readings without order: "positive"
+gives a weak verdict, "very strong" a sure one (Kass and Raftery 1995, Bayes factors)."""
 
 
 def calibrate(samples: ArrayLike, ways: ArrayLike | None = None) -> TophatCalibration:
     """Find white and black in the readings of a drive.
 
-    samples: counts 0..4095, shape (n,), in order of time where there is one: edges, spikes and drift are then
-    told from surfaces. The threshold takes black to be as likely as white, whatever the share in the samples:
-    a line is rarely driven over but always meant. ways: m that the sensor went to each reading, shape (n,),
-    where that is known: what is narrower than any line is a seam then, as dark as it may be. NaN at the first
+    samples: counts 0..4095, shape (n,), in order of time if they have one: that distinguishes edges, spikes
+    and drift from surfaces. For the threshold, black is as likely as white, whatever its share of the
+    samples: a line is rarely driven over, but always meant. ways: m that the sensor moved to each reading,
+    shape (n,), if known: then a surface narrower than any line is a seam, however dark. NaN at the first
     reading of each drive.
 
-    Raises ConfigError for anything that is not 1-D finite numbers in 0..4095, or another number of ways.
+    Raises ConfigError for anything but 1-D finite numbers in 0..4095, or for another number of ways.
     """
     counts = check_counts(samples)
     found = _calibrate_any_width(counts)
@@ -62,7 +62,7 @@ def calibrate(samples: ArrayLike, ways: ArrayLike | None = None) -> TophatCalibr
 
 
 def _calibrate_any_width(counts: Array) -> TophatCalibration:
-    """The calibration, of a line or of a seam."""
+    """The calibration; its black may be a line or a seam."""
     refused = find_refusal(counts)
     if refused is not None:
         return refused
@@ -75,7 +75,7 @@ def _calibrate_any_width(counts: Array) -> TophatCalibration:
 
 
 def _calibrate_counts(counts: Array) -> TophatCalibration:
-    """The calibration on readings that `find_refusal` does not refuse."""
+    """The calibration with readings that `find_refusal` does not refuse."""
     calm = settled_mask(counts) & ~spike_mask(counts)
     found = find_clusters(counts[calm])
     judged = _calibrate_ordered(counts, found) or _calibrate_level_readings(counts)
@@ -88,7 +88,7 @@ def _calibrate_counts(counts: Array) -> TophatCalibration:
 
 
 def _calibrate_ordered(counts: Array, found: Clusters) -> TophatCalibration | None:
-    """The calibration, where the darker readings come in runs with edges as short as a line's; else None."""
+    """The calibration if the darker readings come in runs with edges as short as a line's; else None."""
     if len(found.surfaces) < 2:
         return None
     white, black = _merge_to_two(found.surfaces)
@@ -109,9 +109,8 @@ def _calibrate_level_readings(counts: Array) -> TophatCalibration | None:
 
 
 def _without_edges(surface: Surface, level: Array) -> Surface:
-    """The surface by its `level` readings, where there are some: the first of an edge to a surface that is
-    ten times as dark reads many times what noise does.
-    """
+    """The surface from its `level` readings, if there are some: the first reading on an edge to a surface ten
+    times as dark differs by many times the noise."""
     own = level[np.abs(level - surface.mean) <= SLOPE_SDS * surface.sd]
     if len(own) < SURE_COUNT:
         return surface
@@ -119,9 +118,9 @@ def _without_edges(surface: Surface, level: Array) -> Surface:
 
 
 def _with_slope_readings(surface: Surface, counts: Array, outward: float) -> Surface:
-    """The surface, with the readings on its slopes where hardly any is level: a line as wide as the spot.
+    """The surface with the readings on its slopes, if hardly any is level: a line as wide as the spot.
 
-    outward: 1 for the darker surface, -1 for the brighter.
+    outward: 1 for the darker surface, -1 for the brighter one.
     """
     if surface.count >= MIN_COUNT:
         return surface
@@ -130,10 +129,11 @@ def _with_slope_readings(surface: Surface, counts: Array, outward: float) -> Sur
 
 
 def _calibrate_detrended(counts: Array, calm: NDArray[np.bool_]) -> TophatCalibration | None:
-    """As `_calibrate_ordered` for readings whose floor drifts, at the level where the drive ended."""
+    """As `_calibrate_ordered` for readings with a drifting floor, at the level at the end of the drive."""
     trend, known = running_trend(counts)
     drift = float(np.ptp(trend))
-    if drift < DRIFT_SDS * noise_sd(counts) or not calm[known].any():  # as steep as an edge: it is all edge
+    # so steep that all of it is edge
+    if drift < DRIFT_SDS * noise_sd(counts) or not calm[known].any():
         return None
     level = float(trend[-1])
     flat = (counts - trend + level)[known]
@@ -146,7 +146,7 @@ def _calibrate_detrended(counts: Array, calm: NDArray[np.bool_]) -> TophatCalibr
 
 
 def _calibrate_unordered(counts: Array, found: Clusters) -> TophatCalibration:
-    """The calibration of a shuffled sample, or of one surface. Readings in rows had their chance before."""
+    """The calibration of a shuffled sample or of one surface; ordered readings were tried before."""
     evidence = found.evidence
     if evidence < WEAK_EVIDENCE:
         return no_surfaces_calibration(counts)
@@ -169,19 +169,19 @@ def _calibrate_unordered(counts: Array, found: Clusters) -> TophatCalibration:
 
 
 def _balanced_cut(white: Surface, black: Surface) -> float:
-    """Counts as many standard deviations from white as from black."""
+    """Counts at equal distance from white and black, in their standard deviations."""
     return white.mean + (black.mean - white.mean) * white.sd / (white.sd + black.sd)
 
 
 def calibrate_two_phase(floor: ArrayLike, line: ArrayLike) -> TophatCalibration:
-    """The same from two collections: the robot stood or drove on white first, then on black.
+    """The calibration from two collections: on white first, then on black.
 
     Raises ConfigError as `calibrate` does.
     """
     sets = [check_counts(floor), check_counts(line)]
     refused = [each for each in map(find_refusal, sets) if each is not None]
     for each in refused:
-        # Black alone may stand at the top of the converter, and white at its bottom.
+        # With one refused, black may be at the top of the converter, or white at its bottom.
         if each.verdict is Verdict.TOO_FEW or len(refused) == 2:
             return each
     white, black = (_main_surface(counts) for counts in sets)
@@ -196,7 +196,7 @@ def calibrate_two_phase(floor: ArrayLike, line: ArrayLike) -> TophatCalibration:
 
 @dataclass(frozen=True, slots=True)
 class Clusters:
-    """What a search found: surfaces, bright first; the readings it saw, ascending; the BIC of its mixture."""
+    """Result of a search: surfaces, bright first; the readings used, ascending; BIC of the mixture."""
 
     surfaces: list[Surface]
     ordered: Array
@@ -204,12 +204,12 @@ class Clusters:
 
     @property
     def evidence(self) -> float:
-        """BIC of one surface of any usual shape less that of the mixture: above 0 speaks for several."""
+        """BIC of one surface of any usual shape minus that of the mixture; positive for several surfaces."""
         return single_surface_bic(self.ordered) - self.bic if len(self.surfaces) > 1 else 0.0
 
 
 def find_clusters(counts: Array) -> Clusters:
-    """The surfaces in readings of any order."""
+    """The surfaces in readings, regardless of order."""
     ordered = np.sort(counts)
     step = -(-len(ordered) // MAX_FITTED)
     ordered = ordered[step // 2 :: step]
@@ -254,9 +254,9 @@ def _judge_surfaces(white: Surface, black: Surface) -> TophatCalibration:
 
 
 def _merge_to_two(found: list[Surface]) -> tuple[Surface, Surface]:
-    """Two surfaces of two or three: a middle one belongs to the side that it stands closer to.
+    """Two surfaces from two or three: a middle one is merged with the nearer one.
 
-    A middle one that holds few readings is the edges, seen on the way across: it belongs to neither.
+    A middle one with few readings comes from crossing edges, and is dropped.
     """
     if len(found) == 2:
         return found[0], found[1]
@@ -273,7 +273,7 @@ def _separation(white: Surface, black: Surface) -> float:
 
 
 def _merged_surface(one: Surface, other: Surface) -> Surface:
-    """Both as one surface, with the moments of the two together."""
+    """Both as one surface, with the same moments."""
     count = max(one.count + other.count, 1)
     share = other.count / count
     mean = one.mean + share * (other.mean - one.mean)
@@ -283,9 +283,9 @@ def _merged_surface(one: Surface, other: Surface) -> Surface:
 
 
 def _shrink_spread(surface: Surface, other: Surface) -> Surface:
-    """A few readings say little of their spread: the other surface's counts as that many of them.
+    """The surface with its standard deviation, known from few readings, moved towards the other's.
 
-    By the ratio of the spreads, so that many readings keep theirs beside a surface a hundred times as wide.
+    Upwards geometrically, so that many readings keep theirs beside a surface a hundred times as wide.
     """
     share = BORROWED_READINGS / (surface.count + BORROWED_READINGS)
     if other.sd > surface.sd:
@@ -296,5 +296,5 @@ def _shrink_spread(surface: Surface, other: Surface) -> Surface:
 
 
 def _main_surface(counts: Array) -> Surface:
-    """The surface that most of the readings come from."""
+    """The surface of most of the readings."""
     return max(find_clusters(counts[settled_mask(counts)]).surfaces, key=lambda each: each.count)

@@ -1,10 +1,13 @@
-"""Lamps on mains flicker at twice its frequency, 100 or 120 Hz: at 200 readings a second every other one is
-brighter, or they beat with five readings. RaccoonOS renews its words every 4 ms, so they are of 0 to 4 ms
-before they are read, and beat with lamps otherwise: alike or against each other four readings apart.
+"""Detection and averaging of mains flicker.
 
-A few successive readings of such a light have the mean light that is meant, whatever the phase. Noise and
-edges do not beat, so the products of steps tell: of lamps those of successive steps are negative, and those
-of steps a beat apart positive.
+Lamps on mains flicker at twice its frequency, 100 or 120 Hz: at 200 readings a second every other one is
+brighter, or they beat with a period of five readings. RaccoonOS renews its words every 4 ms, so they are 0 to
+4 ms old when read, and beat with lamps in another way: correlated, positively or negatively, four readings
+apart.
+
+A few successive readings of such a light average to the mean light, whatever the phase. Noise and edges do
+not beat, so products of steps detect lamps: those of successive steps are negative, those of steps a beat
+apart positive.
 """
 
 from __future__ import annotations
@@ -20,46 +23,49 @@ from raccoon.model.reflectance import FULL_SCALE
 Array = NDArray[np.float64]
 
 LAMP_PERIODS = {100: 2, 120: 5}
-"""Hz of lamps, and readings (200 a second) in which they beat."""
+"""By Hz of lamps, the period of the beat in readings (200 a second)."""
 MIDDLE_WEIGHT = 2.0 * math.cos(0.2 * math.pi)
-"""Weight of the middle one of three readings of which 120 Hz leave nothing: it lags by 144 degrees each."""
+"""Weight of the middle one of three readings whose weighted mean cancels 120 Hz: it is 144 degrees per
+reading."""
 UNEVEN_HZ = 250
-"""Hz at which words are renewed that beat with lamps otherwise, whatever the mains."""
+"""Hz at which such words are renewed; they beat in the other way, whatever the mains."""
 UNEVEN_READINGS = 8
-"""Such readings, 40 ms, in which a tenth of it is left at the most."""
+"""Readings averaged for such words (40 ms); at most a tenth of the flicker remains."""
 FLICKER_HZ = (*LAMP_PERIODS, UNEVEN_HZ)
 UNEVEN_CORRELATION = 0.4
-"""Of the power of steps that is alike four readings apart, or against each other: 0 of noise."""
+"""Threshold on the absolute correlation of steps four readings apart, as a share of their power: 0 for
+noise."""
 EVEN_CORRELATION = 0.8
-"""Of that, what is alike a beat apart where readings come evenly: they have 1 or 1.25, others 0.66."""
+"""Threshold on the correlation a beat apart over that one, for readings at even times: they have 1 or 1.25,
+others 0.66."""
 FLICKER_BEGINS, FLICKER_ENDS = 0.65, 0.35
-"""Alternation: 1 of a pure flicker, 0.25 of noise, 0 of an edge and of other lamps."""
-FORGETTING = 0.01  # of what was seen, a reading
-STEP_LIMIT_SDS = 3.0  # standard deviations to which a step counts: edges are longer
-MEDIAN_SHARE = 0.6745  # median over standard deviation of normal numbers
+"""Thresholds on the alternation: 1 for pure flicker, 0.25 for noise, 0 for an edge and for other lamps."""
+FORGETTING = 0.01  # of the averages, per reading
+STEP_LIMIT_SDS = 3.0  # standard deviations; steps are limited to it, as edges are longer
+MEDIAN_SHARE = 0.6745  # median over standard deviation of absolute normal numbers
 
 
 def detect_flicker_hz(counts: Array) -> int:
-    """Hz at which the light of a drive flickers, 0 where it does not."""
+    """Hz at which the light of a drive flickers; 0 if it does not."""
     steps = np.diff(counts)
     limit = STEP_LIMIT_SDS * max(1.0, float(np.median(np.abs(steps))) / MEDIAN_SHARE)
-    steps = np.where(np.abs(steps) <= limit, steps, 0.0)  # without the edges
+    steps = np.where(np.abs(steps) <= limit, steps, 0.0)  # without edges
     power = float((steps * steps).mean())
     successive, four = _step_correlation(steps, 1), abs(_step_correlation(steps, 4))
     for hertz, beat in LAMP_PERIODS.items():
         beats = _step_correlation(steps, beat)
-        if beats > EVEN_CORRELATION * four:  # whatever the noise: of that nothing is alike so far apart
+        if beats > EVEN_CORRELATION * four:  # noise has no correlation so far apart
             return hertz if beats - successive > 2.0 * FLICKER_BEGINS * power else 0
     return UNEVEN_HZ if four > UNEVEN_CORRELATION * power else 0
 
 
 def _step_correlation(steps: Array, apart: int) -> float:
-    """Mean product of steps so many readings apart."""
+    """Mean product of steps `apart` readings apart."""
     return float((steps[apart:] * steps[:-apart]).mean())
 
 
 def average_out_flicker(counts: Array, hertz: int) -> Array:
-    """Readings of the mean light of each one and of some before, same shape; whole counts no more."""
+    """Readings of the mean light over each reading and some before it, same shape; no longer whole counts."""
     light = FULL_SCALE / np.maximum(counts, 1.0) - 1.0
     weights = {100: (1.0, 1.0), 120: (1.0, MIDDLE_WEIGHT, 1.0)}.get(hertz, (1.0,) * UNEVEN_READINGS)
     mean = np.convolve(light, weights, "valid") / sum(weights)
@@ -67,10 +73,10 @@ def average_out_flicker(counts: Array, hertz: int) -> Array:
 
 
 class FlickerWatch:
-    """The same while driving: `update` with every reading. Uneven words are those of a calibration: what is
-    seen in half a second does not tell them from others.
+    """The same while driving: call `update` with every reading. For uneven words it relies on the
+    calibration: half a second of readings does not distinguish them from even ones.
 
-    hertz: of the lamps, 0 where the light does not flicker.
+    hertz: of the lamps; 0 if the light does not flicker.
     """
 
     __slots__ = (
@@ -99,8 +105,8 @@ class FlickerWatch:
         self._older: tuple[float, float] | None = None
 
     def extra_debounce(self, *, to_black: bool) -> int:
-        """Readings more that must be on the other side for a change, as one spike is in several means. A dark
-        one is less than half of the mean of three."""
+        """Additional readings on the other side that a change needs, as one spike is in several means. A dark
+        one has less than half of the weight in a mean of three."""
         if not self.hertz:
             return 0
         return 1 if to_black or self.hertz != 120 else 2
@@ -138,9 +144,8 @@ class FlickerWatch:
             self.hertz = 0
 
     def mean(self, time: float, light: float) -> tuple[float, float]:
-        """Time and light of the mean of the last readings that the lamps do not show in; as they are without
-        lamps. Ask once a reading.
-        """
+        """Time and light of the mean of the last readings in which the flicker cancels; unchanged without
+        flicker. Call it once for each reading."""
         if self._is_uneven:
             self._uneven_readings.append((time, light))
             if not self.hertz:

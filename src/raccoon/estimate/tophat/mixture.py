@@ -1,4 +1,4 @@
-"""Mixtures of normal densities in one dimension, and what they must beat to be believed."""
+"""Mixtures of normal densities in one dimension, and the single surface that they must beat."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-VARIANCE_FLOOR = 1.0  # counts^2: below the converter's own noise a component only counts one value
+VARIANCE_FLOOR = 1.0  # counts^2; a component with less than the converter's noise covers a single value
 MAX_ITERATIONS = 40
-MULTI_STARTS = 2  # of the cuts for two components, those that look best
+MULTI_STARTS = 2  # number of starts for two components, the best cuts
 TAIL_DEGREES = (2.5, 4.0, 8.0, 40.0)  # degrees of freedom tried for one surface: heavy tails to nearly none
 MODE_QUANTILES = (0.03, 0.2, 0.35, 0.5, 0.65, 0.8, 0.97)  # quantiles tried as its mode
 SEARCH_READINGS = 250  # readings for that search; the best one is then measured on all
@@ -37,7 +37,7 @@ class Mixture:
 
 
 def best_mixture(ordered: Array) -> Mixture:
-    """The mixture of one to three components with the least BIC; `ordered` ascending, shape (n,)."""
+    """The mixture of one to three components with the lowest BIC; `ordered` ascending, shape (n,)."""
     fits = [_fit_single(ordered)]
     starts = sorted(_first_cuts(ordered), key=lambda cut: _misfit(ordered, [cut]))[:MULTI_STARTS]
     pairs = [_fit_mixture(ordered, [cut], alike) for cut in starts for alike in (True, False)]
@@ -51,9 +51,9 @@ def best_mixture(ordered: Array) -> Mixture:
 def single_surface_bic(ordered: Array) -> float:
     """BIC of one surface of any usual shape: skewed, heavy-tailed, both or neither.
 
-    The family is the two-piece Student t: a mode, one scale to each side of it, and the tails' weight;
-    density 2 / (s_left + s_right) t((x - mode) / s_side). Scales by expectation maximisation, mode and tails
-    on a grid. Four parameters.
+    The family is the two-piece Student t, with a mode, one scale on each side of it, and degrees of freedom;
+    density 2 / (s_left + s_right) t((x - mode) / s_side). Scales by expectation maximisation, mode and
+    degrees of freedom on a grid. Four parameters.
     """
     few = ordered[:: -(-len(ordered) // SEARCH_READINGS)]
     shapes = [(float(mode), tail) for mode in np.quantile(ordered, MODE_QUANTILES) for tail in TAIL_DEGREES]
@@ -80,10 +80,10 @@ def _two_piece_log_likelihood(x: Array, mode: float, tail: float) -> float:
 
 
 def _first_cuts(ordered: Array) -> list[float]:
-    """Where a mixture of two may start: the best 2-means cut, the middle of the range, the widest gap.
+    """Starting cuts for a mixture of two: the best 2-means cut, the middle of the range, the widest gap.
 
-    Each start finds what the others miss: 2-means an even share, the middle a rare far surface, the gap a
-    rare near one. (Ends hold at least two readings: a single one is not a surface.)
+    Each finds what the others miss: 2-means an even share, the middle a rare far surface, the gap a rare near
+    one. (Each end keeps at least two readings: a single one is not a surface.)
     """
     cuts = {_two_means_cut(ordered), 0.5 * (float(ordered[1]) + float(ordered[-2]))}
     widest = int(np.argmax(np.diff(ordered[1:-1])))
@@ -92,7 +92,7 @@ def _first_cuts(ordered: Array) -> list[float]:
 
 
 def _second_cuts(ordered: Array, pair: Mixture) -> list[list[float]]:
-    """Starts for three components: each side of the pair's cut, cut again."""
+    """Starting cuts for three components: each side of the pair's cut, cut again."""
     bright, dark = pair.components
     cut = (bright.mean * dark.sd + dark.mean * bright.sd) / (bright.sd + dark.sd)
     halves = (ordered[ordered <= cut], ordered[ordered > cut])
@@ -100,7 +100,7 @@ def _second_cuts(ordered: Array, pair: Mixture) -> list[list[float]]:
 
 
 def _two_means_cut(ordered: Array) -> float:
-    """The exact 2-means cut of sorted numbers: the split with the most variance between the sides."""
+    """The exact 2-means cut of sorted numbers: the split with the largest variance between the sides."""
     total = ordered.sum()
     left = np.cumsum(ordered)[:-1]
     count = np.arange(1, len(ordered))
@@ -115,7 +115,8 @@ def _split_at(ordered: Array, cuts: list[float]) -> list[Array]:
 
 
 def _misfit(ordered: Array, cuts: list[float]) -> float:
-    """How badly one normal density a part fits: its negative classification likelihood, without constants."""
+    """Misfit of one normal density for each part: the negative classification likelihood, without
+    constants."""
     parts = _split_at(ordered, cuts)
     return sum(
         len(part) * (0.5 * math.log(float(part.var()) + VARIANCE_FLOOR) - math.log(len(part)))
@@ -133,14 +134,15 @@ def _fit_single(ordered: Array) -> Mixture:
 
 
 def load_scikit_learn() -> None:
-    """Import what the mixtures need, which takes a second on a laptop and ten on a Raspberry Pi 3."""
+    """Import what the mixtures need; this takes a second on a laptop and ten on a Raspberry Pi 3."""
     import sklearn.mixture  # noqa: F401
 
 
 def _fit_mixture(ordered: Array, cuts: list[float], alike: bool = False) -> Mixture:
     """Expectation maximisation (scikit-learn) from the moments of the parts between `cuts`.
 
-    alike: all components have one spread, which a few readings of a rare surface cannot tell on their own.
+    alike: all components have the same variance, which a few readings of a rare surface cannot determine
+    alone.
     """
     from sklearn import config_context
     from sklearn.exceptions import ConvergenceWarning
@@ -161,7 +163,7 @@ def _fit_mixture(ordered: Array, cuts: list[float], alike: bool = False) -> Mixt
     )
     column = ordered[:, np.newaxis]
     with warnings.catch_warnings(), config_context(assume_finite=True, skip_parameter_validation=True):
-        warnings.simplefilter("ignore", ConvergenceWarning)  # the best so far is as good a candidate
+        warnings.simplefilter("ignore", ConvergenceWarning)  # an unconverged fit is still a candidate
         model.fit(column)
         bic = float(model.bic(column))
     order = np.argsort(model.means_.ravel())

@@ -1,4 +1,4 @@
-"""What readings must be before anybody looks for surfaces in them."""
+"""Checks of readings before surfaces are searched in them."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Array = NDArray[np.float64]
 
 MIN_READINGS = 40  # 0.2 s at 200 Hz
 MAX_AT_RAIL = 0.9
-MAINS_READINGS = 10  # readings averaged: whole periods of lamps on mains of 50 and of 60 Hz
+MAINS_READINGS = 10  # readings of a mean: whole periods of lamps on mains of 50 and of 60 Hz
 MEANS_APART = 6  # readings between such means
-RESTLESS_COUNTS = 10.0  # counts by which they change at random under a robot that stands: plugged in, below 5
+RESTLESS_COUNTS = 10.0  # counts; random changes under a standing robot: below 5 when plugged in
 FLICKER_REST_SHARE = 0.5
-"""Of the readings' spread under lamps, which such means may have where words come unevenly."""
+"""Share of the readings' standard deviation under lamps that such means may keep if words come unevenly."""
 NO_LIGHT_COUNTS, DROWNED_COUNTS = 3900.0, 30.0
-"""Counts: a white at 23 mm reads less than that, in the sun more than this."""
-NARROWEST = 0.010  # m; tapes are 12 mm and wider, and a spot sees any seam as 9 mm at the most
-WANDERING_COUNTS = 250.0  # counts between successive readings: no floor under a sensor does that
+"""Counts: white at a height of 23 mm reads less than the first, and in the sun more than the second."""
+NARROWEST = 0.010  # m; tapes are 12 mm and wider, and any seam appears at most 9 mm wide
+WANDERING_COUNTS = 250.0  # counts between successive readings; no floor changes so much
 
 
 def check_counts(samples: ArrayLike) -> Array:
@@ -46,7 +46,7 @@ def check_counts(samples: ArrayLike) -> Array:
 
 
 def find_refusal(counts: Array) -> TophatCalibration | None:
-    """A verdict that needs no search, or None."""
+    """A refusal that needs no search for surfaces, or None."""
     if len(counts) < MIN_READINGS:
         return TophatCalibration(
             Verdict.TOO_FEW, f"{len(counts)} readings; at least {MIN_READINGS} are needed"
@@ -65,7 +65,7 @@ def find_refusal(counts: Array) -> TophatCalibration | None:
 
 
 def no_surfaces_calibration(counts: Array) -> TophatCalibration:
-    """The calibration where no two surfaces were found. Readings that jump about are of an open input."""
+    """The calibration if no two surfaces were found. Readings that jump come from an open input."""
     if float(np.median(np.abs(np.diff(counts)))) > WANDERING_COUNTS:
         return TophatCalibration(Verdict.FLOATING, "the readings jump about as an open input does")
     mean, ask = float(counts.mean()), "drive over white and black"
@@ -79,7 +79,7 @@ def no_surfaces_calibration(counts: Array) -> TophatCalibration:
 
 
 def refuse_narrow(found: TophatCalibration, counts: Array, ways: ArrayLike) -> TophatCalibration:
-    """The calibration, or its refusal where nothing dark is as wide as a line. ways: see `cluster.calibrate`.
+    """The calibration, or its refusal if no dark part is as wide as a line. ways: see `cluster.calibrate`.
 
     Raises ConfigError for another number of ways than of counts.
     """
@@ -99,11 +99,11 @@ def refuse_narrow(found: TophatCalibration, counts: Array, ways: ArrayLike) -> T
 
 
 def is_restless(standing: ArrayLike) -> bool:
-    """True where the readings of a robot that stands wander as an open input does, which may follow its
+    """Whether the readings of a standing robot wander as those of an open input do, which may follow its
     neighbour and so show white and black.
 
-    Judged by second differences of short means: one shadow that passes, light that changes evenly and lamps
-    that flicker are no wandering. False where there are too few readings to tell.
+    Judged by second differences of short means: a passing shadow, light that changes evenly, and lamps that
+    flicker are not wandering. False for too few readings.
     """
     counts = np.asarray(standing, dtype=float)
     if len(counts) < MIN_READINGS:

@@ -1,4 +1,4 @@
-"""Which sensor, how high and in what light: what two levels say by themselves (raccoon.model.reflectance)."""
+"""Sensor generation, height and light that explain two levels (raccoon.model.reflectance)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from functools import cache
 from raccoon.model.reflectance import GENERATIONS, NEAR_HEIGHT, SensorModel, fit, light_of
 
 MIN_HEIGHT, MAX_HEIGHT = 0.003, 0.035  # m; where people mount them
-BLACK_MISFIT, WHITE_MISFIT = 0.10, 0.015  # of the lights v and u: tapes and sensors differ
+BLACK_MISFIT, WHITE_MISFIT = 0.10, 0.015  # allowed misfit as shares of v and u: tapes and sensors differ
 SUN_BY_BLACK_SD = 0.03  # sd of black's share of the sun's light
-DARKEST_WHITE_SHARE = 0.8  # of its own light from white, that the darkest white sends back
-MOSTLY_DARK_SHARE = 0.6  # of a way: more of it is seldom black
-DIM_LIGHT_SHARE = 0.3  # of the light that white sends back: in lamps' light black seldom sends more
-FARTHEST_LIGHT_SHARE = 0.4  # of that from the greatest height, which sensors may miss by so much
+DARKEST_WHITE_SHARE = 0.8  # least own light that the darkest white reflects, as a share
+MOSTLY_DARK_SHARE = 0.6  # share of a drive; more of it is seldom black
+DIM_LIGHT_SHARE = 0.3  # share of white's light; in lamps' light black seldom reflects more
+FARTHEST_LIGHT_SHARE = 0.4  # least share of the light at the greatest height: sensors differ by so much
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,8 @@ class Explanation:
     """One sensor that would read these two levels.
 
     height: m. ambient: 0 is the paper's normal light, 1 its direct sun. reflected: the sensor's own light
-    from white, and at the least `least_reflected`: in the sun it is a small difference of two large ones.
-    `farthest`: from the greatest height. sun_by_black: black's share of the ambient light from white.
+    from white; least_reflected: its lower bound, as in the sun it is a small difference of two large ones.
+    farthest: the same from the greatest height. sun_by_black: black's share of the ambient light from white.
     """
 
     generation: str
@@ -36,13 +36,13 @@ class Explanation:
 
 
 def explain_levels(white: float, black: float) -> list[Explanation]:
-    """The sensor generations that can read `white` and `black` (counts), the likelier first; none, one or
+    """The sensor generations that can read `white` and `black` (counts), the most likely first: none, one or
     two.
 
-    Own and ambient light follow from the two readings, since black swallows them differently:
-    u = R + L + A, v = r R + L + s A. In the sun R is a small difference and known poorly, so it is moved to
-    the nearest possible height; a generation is out where v then does not fit. Two left is common indoors: an
-    old sensor at 23 mm and a new one at 9 mm read alike.
+    Own and ambient light follow from the two readings, since black absorbs them differently: u = R + L + A, v
+    = r R + L + s A. In the sun R is a small difference with a large error, so it is moved to the nearest
+    possible height; a generation is excluded if v does not fit then. Two remaining ones are common indoors:
+    an old sensor at 23 mm and a new one at 9 mm read alike.
     """
     u, v = light_of(max(white, 1.0)), light_of(max(black, 1.0))
     found = [_explain(fit(generation), u, v) for generation in GENERATIONS]
@@ -51,14 +51,14 @@ def explain_levels(white: float, black: float) -> list[Explanation]:
 
 @cache
 def max_black_share() -> float:
-    """The most that black sends back, as a share of white's light: what it does of nothing but sunlight. It
-    sends back less of lamps and of the sensor's own."""
+    """The most that black reflects as a share of white's light: its share in nothing but sunlight. Its shares
+    of the light of lamps and of the sensor itself are smaller."""
     return (1.0 + BLACK_MISFIT) * max(fit(generation).sun_by_black for generation in GENERATIONS)
 
 
 def why_not_black(white: float, black: float, share: float) -> tuple[str, bool]:
-    """Why the darker of two levels (counts) is another white, "" where it may be black; and whether it is so
-    for sure. share: of the readings that are the darker one."""
+    """Reason why the darker of two levels (counts) is another white ("" if it may be black), and whether that
+    is certain. share: of the readings, on the darker one."""
     sent = light_of(max(black, 1.0)) / light_of(max(white, 1.0))
     told = f"{black:.0f} counts beside {white:.0f} are {sent:.0%} of its light"
     if sent > max_black_share():
@@ -85,7 +85,7 @@ def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:
 
 
 def _implausibility(explanation: Explanation) -> float:
-    """How far from usual: heights of 5 to 25 mm, and indoors before sunshine."""
+    """Distance from the usual: heights of 5 to 25 mm, and indoors rather than in the sun."""
     below = max(0.005 / explanation.height - 1.0, 0.0)
     above = max(explanation.height / 0.025 - 1.0, 0.0)
     return below + above + 0.1 * explanation.ambient

@@ -1,7 +1,7 @@
-"""What the order of the readings tells: edges being crossed, spikes, drift, and whether there is an order.
+"""Detection of edges, spikes, drift and order in a sequence of readings.
 
-A line is entered within a few readings and stays for a few; a spike is alone; a drift takes its time; a
-shuffled sample has no order at all.
+A line is entered within a few readings and stays for a few; a spike is a single reading; a drift is slow; a
+shuffled sample has no order.
 """
 
 from __future__ import annotations
@@ -14,31 +14,32 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-STEEP_SDS = 5.0  # noise standard deviations between the means of three readings before and three after
-BETWEEN_SHARE = 0.25  # of the way from before to after, from both ends
+STEEP_SDS = 5.0  # noise standard deviations between the means of three readings before and after
+BETWEEN_SHARE = 0.25  # distance from both ends, as a share of the step from before to after
 LONE_SDS = 8.0  # noise standard deviations between a reading and its neighbours
-MAX_LONE_SHARE = 0.5  # share of those readings that may be alone
-READINGS_PER_RUN = 6  # readings in a row, on the average, that a surface under a driving robot gives
-NOISE_SHARE = 15.0  # a fifteenth of the contrast may be left of the noise
-QUICK_READINGS, QUICK_SHARE = 10, 0.03  # an edge takes at most this many readings, or this share of the drive
-TREND_POINTS, TREND_WINDOW = 20, 0.2  # of the running median; a line is much narrower than the window
+MAX_LONE_SHARE = 0.5  # share of those readings that may be single
+READINGS_PER_RUN = 6  # mean number of readings in a row on a surface under a driving robot
+NOISE_SHARE = 15.0  # contrast over the noise that may remain
+QUICK_READINGS, QUICK_SHARE = 10, 0.03  # most readings of an edge, or share of the drive
+# of the running median: points, and window as a share of the drive; lines are narrower
+TREND_POINTS, TREND_WINDOW = 20, 0.2
 
 
 def noise_sd(counts: Array) -> float:
-    """Counts: sd of the noise from reading to reading, from the median of the second differences.
+    """Standard deviation (counts) of the noise between readings, from the median of the second differences.
 
-    A second difference of independent readings has the variance 6 sd^2; the median does not see edges.
+    A second difference of independent readings has the variance 6 sd^2; the median ignores edges.
     """
     second = counts[2:] - 2.0 * counts[1:-1] + counts[:-2]
     return max(1.0, float(np.median(np.abs(second))) / (0.6745 * math.sqrt(6.0)))
 
 
 def settled_mask(counts: Array, *, ends: bool = False) -> Mask:
-    """False where an edge is being crossed, shape (n,).
+    """False for readings on an edge, shape (n,).
 
-    There the readings before and after differ by more than noise and this one lies between them. A reading on
-    the last of a line does not, and hardly any reading of a shuffled sample does. ends: whether the first and
-    last of an edge count as well, all that is more than noise; a narrow line may be nothing else.
+    There the readings before and after differ by more than noise, and this one is between them. The last
+    reading on a line is not, and hardly any of a shuffled sample. ends: whether the first and last readings
+    of an edge count, too, with anything above noise; a narrow line may consist of them.
     """
     threes = np.convolve(counts, np.ones(3) / 3.0, mode="valid")  # threes[i] is the mean of i, i+1, i+2
     before, after, here = threes[:-4], threes[4:], counts[3:-3]
@@ -53,7 +54,7 @@ def settled_mask(counts: Array, *, ends: bool = False) -> Mask:
 
 
 def spike_mask(counts: Array) -> Mask:
-    """True where a single reading differs from both sides of it, shape (n,)."""
+    """True for a single reading that differs from both neighbours, shape (n,)."""
     limit = LONE_SDS * noise_sd(counts)
     away = np.abs(np.diff(counts)) > limit
     lone = np.zeros(len(counts), dtype=bool)
@@ -62,14 +63,15 @@ def spike_mask(counts: Array) -> Mask:
 
 
 def count_runs(mask: Mask) -> int:
-    """How many unbroken runs of True there are."""
+    """Number of unbroken runs of True."""
     return int(mask[0]) + int(np.count_nonzero(mask[1:] & ~mask[:-1]))
 
 
 def comes_in_runs(counts: Array, cut: float) -> bool:
-    """True where the readings above `cut` come in rows, as a surface that is driven over gives them.
+    """Whether the readings above `cut` come in runs, as those over a surface do in a drive.
 
-    Judged on medians of three: lone readings beyond the cut, which noise makes on either side, do not count.
+    Judged on medians of three: single readings beyond the cut, which noise makes on either side, do not
+    count.
     """
     raw = counts > cut
     above = (raw[2:].astype(int) + raw[1:-1] + raw[:-2]) >= 2
@@ -80,9 +82,9 @@ def comes_in_runs(counts: Array, cut: float) -> bool:
 
 
 def has_quick_edge(counts: Array, bright: float, dark: float) -> bool:
-    """True where some passage between the two levels takes no longer than an edge does.
+    """Whether some passage between the two levels is as short as an edge.
 
-    Timed from 30 to 70 % of the way, on a mean over as many readings as keep noise from shortening it.
+    Timed from 30 to 70 % of the step, on a mean over enough readings that noise does not shorten it.
     """
     width = min(max(3, math.ceil((NOISE_SHARE * noise_sd(counts) / (dark - bright)) ** 2)), 25)
     level = (np.convolve(counts, np.ones(width) / width, mode="valid") - bright) / (dark - bright)
@@ -98,7 +100,7 @@ def has_quick_edge(counts: Array, bright: float, dark: float) -> bool:
 def running_trend(counts: Array) -> tuple[Array, slice]:
     """The slow part of the readings, shape (n,): a running median over a fifth of the drive.
 
-    And the part of the drive where it is known: half a window from each end the median has no other side.
+    And the part of the drive in which it is valid: within half a window of each end the median is one-sided.
     """
     n = len(counts)
     half = max(int(0.5 * TREND_WINDOW * n), 1)
@@ -108,8 +110,8 @@ def running_trend(counts: Array) -> tuple[Array, slice]:
 
 
 def longest_above(counts: Array, cut: float, ways: Array) -> float:
-    """m: the longest way over which the readings stay at `cut` or above. ways: m to each, shape (n,); NaN at
-    the first of another drive."""
+    """The longest distance (m) over which the readings stay at `cut` or above. ways: m to each reading, shape
+    (n,); NaN at the first one of another drive."""
     above, seams = counts >= cut, np.isnan(ways)
     if not above.any():
         return 0.0

@@ -1,4 +1,5 @@
-"""A tophat that somebody puts over white and over black, one place of each: is it still, what is there?"""
+"""Calibration of a tophat that stands on one place of white and one of black, and the check that it stood
+still."""
 
 from __future__ import annotations
 
@@ -16,15 +17,16 @@ from raccoon.model.reflectance import FULL_SCALE, light_of
 
 PIECE_READINGS = 20  # readings: 0.1 s at 200 Hz, whole periods of lamps on mains of 50 and of 60 Hz
 DOUBTFUL_BLACK_SHARE = 0.42
-"""Of white's light, that black sends back in nothing but the sun, or one half beside the line."""
-MOVED_LIGHT_SHARE = 0.15  # of its light, by which a sensor that is held, or shaded by a hand, changes
-NOISE_SDS = 6.0  # standard deviations of such a mean
+"""Share of white's light above which black is in nothing but the sun, or the sensor is half beside the
+line."""
+MOVED_LIGHT_SHARE = 0.15  # change of light, as a share, of a sensor that is held or shaded by a hand
+NOISE_SDS = 6.0  # in standard deviations of the mean of a piece
 
 
 def was_moved(standing: ArrayLike) -> bool:
-    """Whether what a sensor read was not one place in one light: it was moved, held or shaded meanwhile.
+    """Whether a sensor read more than one place or light: it was moved, held or shaded meanwhile.
 
-    standing: counts, in order of time. False where they are too few to tell.
+    standing: counts, in order of time. False for too few readings.
     """
     counts = check_counts(standing)
     pieces = len(counts) // PIECE_READINGS
@@ -40,10 +42,10 @@ def was_moved(standing: ArrayLike) -> bool:
 
 
 def calibrate_standing(white: ArrayLike, black: ArrayLike) -> TophatCalibration:
-    """`calibrate_two_phase` of a sensor that stood on one place of each.
+    """`calibrate_two_phase` for a sensor that stood on one place of each.
 
-    Standing, it sees nothing of how uneven floor and line are: their spreads are what other floors have.
-    Raises ConfigError for what are no counts.
+    At rest it does not show how uneven floor and line are: their standard deviations are those of other
+    floors. Raises ConfigError for values that are not counts.
     """
     found = calibrate_two_phase(white, black)
     if not found.usable:

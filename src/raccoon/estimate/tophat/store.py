@@ -1,4 +1,5 @@
-"""Calibrations on disk: named sets per surface and sensor, with their history, in one JSON file."""
+"""Store of tophat calibrations: named sets for each surface and sensor, with their history, in one JSON
+file."""
 
 from __future__ import annotations
 
@@ -14,21 +15,22 @@ from raccoon.estimate.tophat.stored_calibration import StoredCalibration, parse_
 __all__ = ["StoredCalibration", "TophatStore"]
 
 FORMAT = 1
-MAX_STORED = 50  # calibrations of one robot's sensor and surface
+MAX_STORED = 50  # for each robot, sensor and surface
 
 
 class TophatStore:
-    """The file of calibrations. Nothing is read before it is asked for, and nothing is half written."""
+    """The file of calibrations. It is read only when needed, and written atomically."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
 
     def history(self, sensor: str | None = None, set_name: str | None = None) -> list[StoredCalibration]:
-        """What is stored, oldest first; of one sensor or set where given. Empty where there is no file.
+        """The stored calibrations, oldest first; only those of a sensor or set if given. Empty if there is no
+        file.
 
-        Raises ConfigError naming the file where it is damaged or of another format, and the sensor, the value
-        and what is allowed where it says what no sensor reads; TypeError for a set that is not named by text,
-        which no file could be read with again.
+        Raises ConfigError naming the file if it is damaged or of another format, and the sensor, the value
+        and what is allowed for a value that no sensor reads; TypeError for a set name that is not text, with
+        which the file could not be read again.
         """
         if not isinstance(set_name, str | None):
             raise TypeError(f"set_name is {set_name!r}: it must be a text")
@@ -39,12 +41,12 @@ class TophatStore:
         ]
 
     def latest(self, sensor: str, set_name: str = "default") -> StoredCalibration | None:
-        """The newest calibration of a sensor for a set, or None."""
+        """The newest calibration of a sensor in a set, or None."""
         found = self.history(sensor, set_name)
         return found[-1] if found else None
 
     def add(self, *entries: StoredCalibration) -> None:
-        """Store these, all or none; the oldest of a robot's sensor and set go where there are more than 50.
+        """Store these, all or none; above 50 for a robot, sensor and set the oldest are dropped.
 
         Raises ConfigError for a calibration without a threshold: a failed one never replaces a good one.
         """
@@ -73,7 +75,7 @@ class TophatStore:
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             if isinstance(error, ConfigError):
                 raise
-            # One that it cannot decode has the whole file in its representation.
+            # A decoding error has the whole file in its repr.
             told = str(error) if isinstance(error, ValueError) else repr(error)
             raise ConfigError(f"{self.path}: not a file of tophat calibrations: {told}") from error
         try:

@@ -1,4 +1,4 @@
-"""One stored calibration of a tophat: what it says, and the checks by which it is read back."""
+"""One stored calibration of a tophat, and the checks when it is read."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ VOLTAGE_BOUNDS = Bounds(0.0, 30.0)
 
 @dataclass(frozen=True, slots=True)
 class StoredCalibration:
-    """One calibration with where it came from.
+    """One calibration with its origin.
 
-    set_name: the floor or table it is for. time: ISO 8601, given by the caller. ambient: light level
-    (0 normal, 1 direct sun). battery_voltage: V. generation: "old" or "new". None: not known.
+    set_name: the floor or table that it is for. time: ISO 8601, given by the caller. ambient: light level (0
+    normal, 1 direct sun). battery_voltage: V. generation: "old" or "new". None: unknown.
     """
 
     sensor: str
@@ -38,7 +38,7 @@ class StoredCalibration:
 
 
 def parse_entry(table: object, where: str) -> StoredCalibration:
-    """An entry of the file, every value checked. where: its place in the file, for messages.
+    """An entry of the file, with every value checked. where: its place in the file, for messages.
 
     Raises ConfigError naming the entry, its sensor, the key, the value and what is allowed.
     """
@@ -66,7 +66,7 @@ def _parse_calibration(table: object, where: str) -> TophatCalibration:
     if verdict not in tuple(Verdict):
         raise ConfigError(f"{where}.verdict = {format_value(verdict)}: allowed is {' | '.join(Verdict)}")
     flickers = values.get("flickers", 0)
-    if isinstance(flickers, bool):  # of files from before lamps of 120 Hz were known
+    if isinstance(flickers, bool):  # files written before lamps of 120 Hz were supported
         flickers = 100 if flickers else 0
     if flickers not in (0, *FLICKER_HZ):
         raise ConfigError(
@@ -94,7 +94,7 @@ def _parse_calibration(table: object, where: str) -> TophatCalibration:
 
 
 def _check_order(found: TophatCalibration, where: str) -> None:
-    """Raise ConfigError where the levels of a calibration with a threshold do not go together."""
+    """Raise ConfigError if the levels of a calibration with a threshold are missing or not in order."""
     if not found.verdict.usable and found.threshold is None:
         return
     levels = {
@@ -125,7 +125,7 @@ def _parse_surface(table: object, where: str) -> Surface | None:
 
 
 def _check_table(kind: type[Any], table: object, where: str) -> Mapping[str, Any]:
-    """The table, with no key that `kind` does not have and all that it needs."""
+    """The table, if it has no key that `kind` has not, and all required ones."""
     if not isinstance(table, Mapping):
         raise ConfigError(f"{where} = {format_value(table)}: it must be a table")
     refuse_unknown(table, tuple(each.name for each in fields(kind)), where)
