@@ -38,17 +38,19 @@ def calibrate_tophats(
     store: str | Path | None = None,
     set_name: str = "default",
 ) -> dict[str, TophatCalibration]:
-    """Drive `distance` m over floor and lines and calibrate every tophat from what it read.
+    """Drive `distance` m over floor and lines and calibrate every tophat from its readings.
 
-    The robot stands for 0.4 s before and 0.6 s after it, in which an open port shows that wanders. The first
-    time in a program scikit-learn is loaded before that: a second on a laptop, ten on a Raspberry Pi 3.
-    Returns the calibrations by name; they are in use from now on. speed: m/s, `motion.speed` when None; it
-    drives backwards where distance or speed is negative. store: file that they are added to as `set_name`
-    (`load_tophats` reads it), where the program was started or, where it is only there, beside the program.
-    A sensor whose height changed since the calibration before is said, and so is a store that fails after the
-    drive, or for which the card is full or can only be read. Raises ConfigError before anything moves where
-    the store is damaged or otherwise cannot be written; CalibrationError where the way was not driven, or
-    naming each tophat whose readings allow no threshold, and why; no calibration is changed then.
+    speed: m/s, `motion.speed` when None; it drives backwards if distance or speed is negative. The robot
+    stands for 0.4 s before and 0.6 s after the drive, in which an open port shows that it wanders. The first
+    call in a program loads scikit-learn before that: a second on a laptop, ten on a Raspberry Pi 3. Returns
+    the calibrations by name; they are in use from now on.
+
+    store: file to which they are added as `set_name` (`load_tophats` reads it), in the folder where the
+    program was started or, if it exists only there, beside the program. It reports a sensor whose height
+    changed since the previous calibration, and a store that fails after the drive or whose card is full or
+    read-only. Raises ConfigError before anything moves if the store is damaged or cannot be written for
+    another reason; CalibrationError if the distance was not driven, or naming each tophat whose readings
+    allow no threshold, and why; then no calibration is changed.
     """
     from raccoon.estimate.tophat import calibrate
     from raccoon.estimate.tophat.mixture import load_scikit_learn
@@ -142,11 +144,11 @@ def load_tophats(
 ) -> dict[str, TophatCalibration]:
     """Use the newest stored calibration of every tophat; returns them by name.
 
-    store: a file, looked for where the program was started and then beside the program, as robot.toml is.
-    Two robots may share it: this one's own go first, and another one's are used where there are none, which
-    is said. A simulated robot is one of its own, which may use those of the real ones, but not they its.
-    Whether they fit is found out within a second of driving: see `TophatSensor.fit`, the log and the
-    recording. Raises CalibrationError naming the sensors that have none, ConfigError for a damaged file.
+    store: a file, looked for where the program was started and then beside the program, as robot.toml is. Two
+    robots may share it: each uses its own calibrations, and another robot's only if it has none, which is
+    reported. A simulated robot may use those of real ones, but no real robot uses those of a simulated one.
+    Whether they fit shows within a second of driving: see `TophatSensor.fit`, the log and the recording.
+    Raises CalibrationError naming the sensors without any, ConfigError for a damaged file.
     """
     from raccoon.estimate.tophat.store import TophatStore
 

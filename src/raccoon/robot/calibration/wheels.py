@@ -39,17 +39,16 @@ def calibrate_drive(
 ) -> RobotConfig:
     """Drive `distance` m straight, measure it by tape, and calibrate both wheels from it.
 
-    The robot stands still for a second, drives (speed: m/s, `motion.speed` when None), and stands again; then
-    `taped` is asked for the m it went, straight from one resting place to the other; tape_std is that
-    measurement's standard deviation, m. The tape gives the common scale of the wheels, the gyro's turn their
-    ratio. Returns the configuration with the calibration in it: open the robot with it, or store it (`raccoon
-    calibrate drive` does).
+    The robot stands for a second, drives (speed: m/s, `motion.speed` when None), and stands again. Then
+    `taped` is called for the distance (m) in a straight line from the first to the last place of rest;
+    tape_std is its standard deviation, m. The tape gives the common scale of the wheels, the gyro's turn
+    their ratio. Returns the configuration with the calibration in it: open the robot with it, or store it (as
+    `raccoon calibrate drive` does). A result far from the configuration is reported in the log and the
+    recording.
 
-    A result that is far from what the configuration says is said, in the log and the recording.
-
-    Raises CalibrationError where the drive cannot support a calibration, or something held or bumped the
-    robot on its way, saying what to do; TypeError before anything moves where `taped` is no function, and
-    TypeError or ValueError where it gives no such distance when asked for the third time.
+    Raises CalibrationError, saying what to do, if the drive cannot support a calibration, or something held
+    or bumped the robot; TypeError before anything moves if `taped` is not a function; TypeError or ValueError
+    if it returns no possible distance when called for the third time.
     """
     from raccoon.estimate.drive_calibration.disturbance import describe_disturbance
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
