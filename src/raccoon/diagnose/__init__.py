@@ -1,4 +1,4 @@
-"""What the simulation gets wrong in a recording, and why. `raccoon diagnose` is this on the command line.
+"""Diagnosis: what the simulation gets wrong in a recording, and why. `raccoon diagnose` is its command line.
 
 From Python::
 
@@ -11,7 +11,8 @@ From Python::
         print(cause.name, cause.probability, cause.parameters)
 
 Columns are in the units of docs/trace-format.md (SI, duty as a share of the battery -1..1). `run.robot` is
-None where a recording does not describe its robot: then load one (`raccoon.load_robot`). What is found is a
+None if the recording does not describe its robot: then load one (`raccoon.load_robot`). The result is a
 `raccoon.diagnose.result.Diagnosis`. Raises TraceError for a recording that cannot be used. Without numba a
-drive takes hours. docs/diagnosis.md has the method, docs/architecture.md in which order to read the package.
+drive takes hours. docs/diagnosis.md describes the method, docs/architecture.md the order in which to read the
+package.
 """

@@ -1,4 +1,4 @@
-"""From a recording to a diagnosis: which searches are made of it, and which of their answers is taken."""
+"""From a recording to a diagnosis: the searches that are made, and which of their results is used."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_ERROR_OF_SAME_ROBOT = 6.0
-"""Times the noise that a better model is off by on the recording of another robot, although it helps there.
-Robots of one robot.toml were off by 2 to 4.5."""
+"""Error of the better model on the held-out recording, in units of the noise, above which that is probably
+another robot's, although the model improves there. Recordings of robots with one robot.toml had 2 to 4.5."""
 NOTHING_MOVES = "the commands never change, or no wheel answers them"
 SAME_ROBOT = "is it the same robot, with the same battery and load?"
 
@@ -73,25 +73,25 @@ def diagnose(
     model: Parameters | None = None,
     firmware: Firmware | None = None,
 ) -> Diagnosis:
-    """Say what the simulation of `robot` gets wrong in a recording, and why.
+    """Determine what the simulation of `robot` gets wrong in a recording, and why.
 
     columns: the recording by names of the CSV format, NaN where a sensor had nothing new. robot: ports and
     nominal model; its standard deviations are how far each number may be off without being a cause. holdout:
-    another recording of the same robot to judge on. more: further recordings of the same robot as it was
-    then, which are fitted with the first. causes: hypotheses to consider, by default the whole catalogue of
-    drives; `own` says how to add your own. model: a simulation to start from, with effects that are already
-    known, instead of the nominal one. firmware: of the controller, where that is known; what it
-    does is found out otherwise.
+    another recording of the same robot, for validation. more: further recordings of the same robot in the
+    same state, which are fitted with the first. causes: hypotheses to consider, by default the whole
+    catalogue of drives; `own` describes how to add your own. model: a simulation to start from, with effects
+    that are already known, instead of the nominal one. firmware: the controller's, if it is known; otherwise
+    its behaviour is estimated.
 
     Raises TraceError for a recording that cannot be used: empty, too short, time that does not advance,
     columns in wrong units, no commands, another robot's ports, rows in the opposite order or of two drives;
-    HoldoutError where it is the other recording that cannot be used, or lacks a channel of this one.
+    HoldoutError if it is the held-out recording that cannot be used, or that lacks a channel of this one.
     """
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     begin = time.perf_counter()
     log = build_log([columns, *more], robot, firmware)
-    # The matrices are small: threads that wait for each other cost more than they do.
+    # The matrices are small: synchronising threads would cost more than the computation.
     with threadpool_limits(1):
         if not is_driven(log):
             return _not_identifiable(log, begin, _other_motors_question(columns, robot))
@@ -108,8 +108,8 @@ def diagnose(
 
 @dataclass(frozen=True, slots=True)
 class Diagnoser:
-    """Diagnoses a log by one search, and by others where its outcome asks for them. begin: when the diagnosis
-    began, s. unseen: the log of another recording to judge on, where there is one."""
+    """Diagnoses a log by one search, and by further ones if its outcome requires them. begin: start of the
+    diagnosis, s."""
 
     robot: RobotConfig
     causes: Sequence[Cause]
@@ -118,8 +118,8 @@ class Diagnoser:
     begin: float
 
     def diagnose(self, log: Log, unseen: Log | None) -> Diagnosis:
-        """The diagnosis; of the longest part alone where rows are lost and what was found adds up over
-        time."""
+        """The diagnosis. If rows are lost and the causes found depend on the path, it is that of the longest
+        part without a gap."""
         found, log = self._without_disturbances(log, unseen)
         if log.runs:
             return restricted_to_shareable(found)
@@ -134,7 +134,7 @@ class Diagnoser:
         return self._without_disturbances(part, other)[0]
 
     def _without_disturbances(self, log: Log, unseen: Log | None) -> tuple[Diagnosis, Log]:
-        """The diagnosis without what happened in a moment, and the log that it is of."""
+        """The diagnosis without momentary disturbances, and the log without them."""
         found = self._with_step_change(log, unseen)
         undisturbed = without_disturbances(log, found.disturbances)
         if undisturbed is log:
@@ -146,8 +146,8 @@ class Diagnoser:
         return again, undisturbed
 
     def _with_step_change(self, log: Log, unseen: Log | None) -> SearchOutcome:
-        """What is found, beside what changed at one moment where something did: a zero that jumps is no
-        drift, and a wheel that lost its tyre not one that is not round."""
+        """The outcome with a step change at one moment if there was one: a gyro zero that jumps is no drift,
+        and a wheel that lost its tyre is not eccentric."""
         first = self._with_friction_change(log, unseen)
         if first.change is None:
             return first
@@ -159,7 +159,7 @@ class Diagnoser:
         return again if told else first
 
     def _with_friction_change(self, log: Log, unseen: Log | None) -> SearchOutcome:
-        """What is found, also with friction over time where it may be that: a load that was taken."""
+        """The outcome, also tested with friction over time if that is possible: a load that was taken."""
         first = self._with_separate_batteries(log, unseen)
         if not friction_may_have_changed(first.diagnosis, first.is_heating):
             return first
@@ -168,7 +168,7 @@ class Diagnoser:
         return again if FRICTION_OVER_TIME in again.diagnosis.unexplained.depends_on else first
 
     def _with_separate_batteries(self, log: Log, unseen: Log | None) -> SearchOutcome:
-        """What is found, also with a battery of each recording's own where several may not share one."""
+        """The outcome, also tested with one battery per recording if several recordings may not share one."""
         first = self.search_once(log, unseen)
         if not (log.runs and batteries_may_differ(first.diagnosis)):
             return first
@@ -181,14 +181,14 @@ class Diagnoser:
         return replace(again, diagnosis=with_resistance_not_judged(again.diagnosis))
 
     def search_once(self, log: Log, unseen: Log | None) -> SearchOutcome:
-        """What one search finds, judged on the end of the log or on the unseen one."""
+        """The outcome of one search, validated on the end of the log or on the unseen one."""
         robot, causes, model = self.robot, self.causes, self.model
         search, habits, log = search_with_habits(log, robot, causes, model, self.firmware)
         other = None
         if unseen is not None:
             unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
             other = drive_problem(unseen, robot, causes, habits, model)
-            fitted = search.problem  # whose noise is that of bins as long as its own
+            fitted = search.problem  # its noise is that of bins of this width
             bins = Features.cached(unseen, fitted.features.width)
             other = replace(other, neutral=fitted.neutral, base=fitted.base, features=bins)
         search, judged = validate_causes(search, other)
@@ -200,8 +200,8 @@ class Diagnoser:
 
 
 def _other_robot_notes(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
-    """That another recording is no better for what was found in this one, or far off with it, or without
-    that anything was."""
+    """Note that the model found does not improve another recording, or leaves a large error on it, or that
+    the simulation is wrong there although nothing was found in this one."""
     off = f"is off by {judged.size_after:.2f} times the noise"
     if found.causes and (
         judged.size_after >= judged.size_before or judged.size_after > MAX_ERROR_OF_SAME_ROBOT
@@ -215,7 +215,7 @@ def _other_robot_notes(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
 
 
 def _other_motors_question(columns: Columns, robot: RobotConfig) -> str:
-    """Motors that are no wheels in robot.toml and were driven where the wheels were not, as a question."""
+    """Motors that are no wheels in robot.toml and were driven while the wheels were not, as a question."""
     wheels = [f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right)]
     duties = {name: each[np.isfinite(each)] for name, each in columns.items() if name.endswith(".duty")}
     changes = [name for name, each in duties.items() if len(each) > 0 and np.ptp(each) > 0.0]

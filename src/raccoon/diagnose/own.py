@@ -1,8 +1,8 @@
-"""Effects of your own: what a team suspects and no catalogue lists, as a few lines of Python.
+"""Effects of your own: a suspected effect that is not in the catalogue, as a few lines of Python.
 
-examples/own_causes.py has two. `raccoon diagnose run.csv --causes own_causes.py`, or `diagnose(columns,
-robot, causes=[*drive_causes(), *map(own_cause, CAUSES)])`. Such an effect competes with all others and must
-earn its place as they do.
+examples/own_causes.py has two. Use them with `raccoon diagnose run.csv --causes own_causes.py`, or with
+`diagnose(columns, robot, causes=[*drive_causes(), *map(own_cause, CAUSES)])`. Such an effect competes with
+all others and must pass the same gates.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ LIST_NAME = "CAUSES"
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """A simulated drive. time (n,) s. duty (n, 2) as commanded, left before right, -1 to 1. readings: what
-    the sensors would say without the effect, (n,) each: bemf_left and bemf_right in counts (or speed_left
-    and speed_right in rad/s), gyro in rad/s, battery in V; those that were recorded."""
+    """A simulated drive. time (n,) s. duty (n, 2) as commanded, left before right, -1 to 1. readings: sensor
+    readings without the effect, (n,) each: bemf_left and bemf_right in counts (or speed_left and speed_right
+    in rad/s), gyro in rad/s, battery in V; those that were recorded."""
 
     time: Array
     duty: Array
@@ -43,13 +43,13 @@ class Simulated:
 
 @dataclass(frozen=True, slots=True)
 class OwnEffect(Effect):
-    """An effect that is Python instead of a term of the plant's equations.
+    """An effect in Python instead of a term of the plant's equations.
 
-    sentence: what a report says, with the parameters' names in braces; after ": " comes what to do.
-    parameters: each with its neutral value, at which the hooks are not even called. commands(time, duty,
-    values): what reaches the motors instead of the duty (n, 2). readings(drive, values): the readings that
-    are others than simulated. needs: readings without which the hook cannot tell; where one was not recorded,
-    the effect is said to be not identifiable. Raises ConfigError for what cannot be an effect.
+    sentence: text of a report, with the parameters' names in braces; after ": " comes what to do. parameters:
+    each with its neutral value, at which the hooks are not called. commands(time, duty, values): returns the
+    duty (n, 2) that reaches the motors. readings(drive, values): returns the readings that differ from the
+    simulated ones. needs: readings that the hook requires; if one was not recorded, the effect is reported as
+    not identifiable. Raises ConfigError for an invalid effect.
     """
 
     commands: Callable[[Array, Array, Values], Array] | None = None
@@ -79,7 +79,7 @@ class OwnEffect(Effect):
         self.told(self.neutral())
 
     def told(self, values: Values) -> str:
-        """The sentence with its numbers. Raises ConfigError where it asks for others."""
+        """The sentence with its numbers. Raises ConfigError if it contains other names."""
         try:
             return self.sentence.format(**values)
         except (KeyError, IndexError, ValueError) as error:
@@ -89,11 +89,11 @@ class OwnEffect(Effect):
             ) from None
 
     def neutral(self) -> dict[str, float]:
-        """Every parameter where it changes nothing."""
+        """Values of all parameters at which the effect changes nothing."""
         return {each.name: float(each.neutral or 0.0) for each in self.parameters}
 
     def change_commands(self, time: Array, duty: Array, values: Values) -> Array:
-        """What reaches the motors. Raises ConfigError for anything but finite (n, 2)."""
+        """The duty (n, 2) that reaches the motors. Raises ConfigError for anything but finite (n, 2)."""
         if self.commands is None:
             return duty
         found = self._call_hook("commands", self.commands, time.copy(), duty.copy(), values)
@@ -134,14 +134,14 @@ class OwnEffect(Effect):
 
 
 def load_own_effects(path: str | Path) -> tuple[OwnEffect, ...]:
-    """The effects in a Python file's list `CAUSES`. Raises ConfigError naming file and mistake."""
+    """The effects in a Python file's list `CAUSES`. Raises ConfigError naming the file and the mistake."""
     path = Path(path)
     if not path.is_file():
         raise ConfigError(f"{path}: there is no such file of causes{did_you_mean_file(path)}")
     if path.suffix != ".py":
         raise ConfigError(f"{path}: causes are a Python file, whose name ends in .py")
     try:
-        with no_robot_opened():  # a program that is given by mistake must not drive
+        with no_robot_opened():  # a robot program given by mistake must not drive
             found = runpy.run_path(str(path)).get(LIST_NAME)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None

@@ -1,4 +1,4 @@
-"""What a diagnosis says: frozen, and the same as its JSON."""
+"""Result of a diagnosis: frozen data, the same as its JSON."""
 
 from __future__ import annotations
 
@@ -20,50 +20,51 @@ from raccoon.sim.effects.parameters import Parameters
 Array = NDArray[np.float64]
 
 WORST_STRETCH_S = 0.5
-"""Length of the stretch of which a report says that the simulation is furthest off in it."""
+"""Length in s of the interval that a report names as the one with the largest error."""
 MIN_VISIBLE_CHANGE = 0.05
-"""Change of a reading, in units of its noise, below which a cause does not matter. Of a gyro that is 4
+"""Change of a reading, in units of its noise, below which a cause does not matter. For a gyro that is 4
 degrees in a match of two minutes, if it never averages out."""
 MIN_LAG_S = 0.003
-"""s of a lag below which it does not matter: half a cycle of a firmware at 175 Hz. When in its cycle a
-controller reads and acts makes as much, and a robot at 0.3 m/s drives 1 mm in it."""
+"""Lag in s below which it does not matter: half a cycle of a firmware at 175 Hz. The time in its cycle at
+which a controller reads and acts makes as much difference, and a robot at 0.3 m/s drives 1 mm in it."""
 PWM_STEP_DUTY = 1.0 / 400.0
-"""Duty of one step of a Wombat's PWM, with either firmware. A deadband that is narrower swallows no command
-that can be given."""
+"""Duty of one step of a Wombat's PWM, with either firmware. A narrower deadband affects no command that can
+be given."""
 _NEGLIGIBLE_BELOW = {
     "actuation.latency": ("seconds", MIN_LAG_S, "less than half a cycle"),
     "imu.latency": ("seconds", MIN_LAG_S, "less than half a cycle"),
     "drive.wheel_slip": ("time", MIN_LAG_S, "less than half a cycle"),
     "actuation.deadband": ("duty", PWM_STEP_DUTY, "less than a step of the PWM"),
 }
-"""By causes: the parameter that does not matter where it is off by less than that, however well readings show
-it, and in words."""
+"""By cause: the parameter, the deviation below which it does not matter however clearly readings show it, and
+the reason in words."""
 
 STOOD, NO_DUTY = "stood", "speed"
 """Faults of a motor that did not turn although it was driven, and of a command that is no duty."""
 MAX_UNEXPLAINED_SHARE = 0.3
-"""Share that is left of what could be gained, from which a recording is explained in part only."""
+"""Share of the possible gain that is not explained, from which a recording counts as explained in part
+only."""
 
 
 class Verdict(StrEnum):
-    """The one word."""
+    """The verdict in one word."""
 
     EXPLAINED = "explained"
-    """The causes account for what the simulation gets wrong."""
+    """The causes account for the simulation's error."""
     PARTLY = "partly"
-    """They account for a part; the rest depends on something that no cause describes."""
+    """The causes account for a part of the error; the rest depends on something outside the catalogue."""
     UNKNOWN = "unknown"
-    """The simulation is wrong, and no cause of the catalogue is why."""
+    """The simulation is wrong, and no cause of the catalogue explains it."""
     ADEQUATE = "adequate"
-    """Nothing that matters is wrong; what is real and does not matter may be named."""
+    """Nothing that matters is wrong; causes that are real but do not matter may be named."""
     NOT_IDENTIFIABLE = "not_identifiable"
-    """This recording cannot tell."""
+    """This recording does not contain enough information."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelResult:
-    """Root mean square errors of one sensor, in its unit, on held-out data. whiteness_p: how probable it is
-    that what is left is white; NaN where nobody asked."""
+    """RMS errors of one sensor, in its unit, on held-out data. whiteness_p: p-value of a test that the
+    remaining residual is white; NaN if it was not tested."""
 
     name: str
     unit: str
@@ -75,7 +76,7 @@ class ChannelResult:
 
 @dataclass(frozen=True, slots=True)
 class ParameterResult:
-    """A fitted number; nominal is what the simulation assumed."""
+    """A fitted number with its standard deviation; nominal: the value that the simulation assumed."""
 
     value: float
     std: float
@@ -88,7 +89,7 @@ class Gain:
     """Error on held-out data without and with a cause, over all channels, in units of their noise; no half
     second counts for more than four usual ones.
 
-    share: of what could be gained at all.
+    share: of the whole possible gain.
     """
 
     heldout_rmse_before: float
@@ -100,10 +101,10 @@ class Gain:
 class CauseResult:
     """A named cause.
 
-    change: of the reading in which it shows most, root mean square in units of its noise. unabsorbed: of
-    all readings together, what robot.toml's deviations cannot absorb; causes that matter are ranked by it.
-    Both are NaN where no drive was recorded. beside: what of confounded_with may act too, with a part of it,
-    and not in its place.
+    change: RMS change of the reading in which it shows most, in units of that reading's noise. unabsorbed:
+    RMS change of all readings together that robot.toml's deviations cannot absorb; causes that matter are
+    ranked by it. Both are NaN if no drive was recorded. beside: those of confounded_with that may act beside
+    it with a part of it, and not in its place.
     """
 
     id: str
@@ -125,20 +126,20 @@ class CauseResult:
 
     @property
     def is_negligible(self) -> bool:
-        """Whether it is real but does not matter: readings would be next to the same without it, or as much
-        sooner as no robot feels, or no command falls into it."""
+        """Whether it is real but does not matter: readings would be nearly the same without it, or its number
+        is too small for any robot to notice or for any command to be affected."""
         return self.change < MIN_VISIBLE_CHANGE or bool(self.negligible_reason)
 
     @property
     def negligible_reason(self) -> str:
-        """Why its number does not matter, however well readings show it; "" where it does."""
+        """Reason why its number does not matter, however clearly readings show it; "" if it does."""
         name, size, why = _NEGLIGIBLE_BELOW.get(self.id, ("", 0.0, ""))
         number = self.parameters.get(name)
         return why if number is not None and abs(number.value - number.nominal) < size else ""
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain types; change and unabsorbed are in it where a drive was recorded, beside where there is
-        any."""
+        """As plain types; change and unabsorbed are included if a drive was recorded, beside if it is not
+        empty."""
         there = {"change": math.isfinite(self.change), "beside": bool(self.beside)}
         there["unabsorbed"] = there["change"]
         return {key: it for key, it in asdict(self).items() if there.get(key, True)}
@@ -146,7 +147,7 @@ class CauseResult:
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """A cause that is not named, and why."""
+    """A cause that is not named, and the reason."""
 
     id: str
     reason: str
@@ -154,7 +155,8 @@ class Rejected:
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
-    """What is left: its share of the error that could be removed, and what it depends on."""
+    """The unexplained part: its share of the error that could be removed, and the quantities on which it
+    depends."""
 
     share: float
     depends_on: tuple[str, ...] = ()
@@ -162,8 +164,8 @@ class Unexplained:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """What something does that no cause describes: a quantity (in unit) over what it depends on, in the order
-    of that, with standard deviations. Arrays (points,)."""
+    """Curve of an effect outside the catalogue: a quantity (in unit) over what it depends on, in ascending
+    order, with standard deviations. Arrays (points,)."""
 
     depends_on: str
     quantity: str
@@ -175,14 +177,14 @@ class Shape:
 
     @property
     def size(self) -> ParameterResult:
-        """From its lowest to its highest."""
+        """Difference between its highest and lowest value."""
         low, high = int(np.argmin(self.values)), int(np.argmax(self.values))
         std = math.hypot(self.stds[low], self.stds[high])
         return ParameterResult(float(self.values[high] - self.values[low]), std, self.unit, 0.0)
 
     @property
     def highest(self) -> float:
-        """Where it is highest, in over_unit."""
+        """Position of its highest value, in over_unit."""
         return float(self.over[int(np.argmax(self.values))])
 
     def to_dict(self) -> dict[str, Any]:
@@ -196,8 +198,8 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class SensorFault:
-    """A sensor that is broken or tells less than it seems to, or a motor that did not answer its command.
-    channel: its column. fault: one word, such as dead, stale, repeats, stood or speed. text: one sentence."""
+    """A broken or degraded sensor, or a motor that did not follow its command. channel: its column. fault:
+    one word, such as dead, stale, repeats, stood or speed. text: one sentence."""
 
     channel: str
     fault: str
@@ -205,13 +207,13 @@ class SensorFault:
 
     @property
     def kind(self) -> str:
-        """What is at fault, in a word."""
+        """What is faulty, in a word."""
         return {STOOD: "Motor", NO_DUTY: "Commands"}.get(self.fault, "Sensor")
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One channel for a picture: measured, and simulated without and with the causes; NaN where unknown."""
+    """One channel for a plot: measured, and simulated without and with the causes; NaN where unknown."""
 
     name: str
     unit: str
@@ -222,7 +224,7 @@ class Curve:
 
     @property
     def worst(self) -> float:
-        """Middle (s) of the half second in which the simulation with the causes is furthest off."""
+        """Middle (s) of the half second with the largest error of the simulation with the causes."""
         square = np.nan_to_num(self.after - self.measured) ** 2
         part = ((self.time - self.time[0]) / WORST_STRETCH_S).astype(int)
         power = np.bincount(part, square) / np.maximum(np.bincount(part), 1)
@@ -231,10 +233,10 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """Everything found in one recording. model: the simulation with the causes in it (not part of the
-    JSON). identified: numbers that were measured without being a cause, by name. sensor_faults: what is
-    wrong with the reading instead of the robot. curves: measured against simulated, for pictures. shapes: of
-    what no cause describes."""
+    """The results for one recording. model: the simulation with the causes in it (not part of the JSON).
+    identified: numbers that were measured without being a cause, by name. sensor_faults: faults of the
+    readings instead of the robot. curves: measured and simulated, for plots. shapes: of effects outside the
+    catalogue."""
 
     verdict: Verdict
     channels: tuple[ChannelResult, ...]
@@ -251,9 +253,9 @@ class Diagnosis:
     shapes: tuple[Shape, ...] = field(default=(), compare=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's JSON as plain types; numbers that are not finite become None.
+        """The JSON of the documented format as plain types; numbers that are not finite become None.
 
-        identified, sensor_faults, shapes and notes are in it where there are any.
+        identified, sensor_faults, shapes and notes are included if they are not empty.
         """
         return {
             "verdict": str(self.verdict),

@@ -1,4 +1,4 @@
-"""The outcome of a search: the diagnosis that a team reads, and what asks for another search."""
+"""The outcome of a search: the diagnosis that a team reads, and the reasons for another search."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SearchOutcome:
-    """The diagnosis that one search gives, and what asks for another search. disturbances: s, at which
-    something happened in the drive that is nobody's fault. change: what was another from a moment on.
-    is_heating: whether motors surely get hot, and no friction changed."""
+    """The diagnosis from one search, and the reasons for another. disturbances: times (s) of momentary
+    disturbances, which are no fault of the robot. change: a step change at some moment. is_heating: whether
+    motors certainly get hot, and no friction changed."""
 
     diagnosis: Diagnosis
     disturbances: tuple[float, ...]
@@ -61,19 +61,19 @@ class SearchOutcome:
 
 
 def stall_faults(log: Log) -> tuple[SensorFault, ...]:
-    """The wheels' readings that stood while they were driven, as broken sensors."""
+    """The wheels that stood while they were driven, as sensor faults."""
     return tuple(SensorFault(column, STOOD, text) for column, text in log.stalls)
 
 
 def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> SearchOutcome:
-    """The outcome of a search, judged on data that it did not fit. begin: when the diagnosis began, s."""
+    """The outcome of a search, validated on data that it did not fit. begin: start of the diagnosis, s."""
     uncertainty = FitUncertainty.of(search)
     causes = with_habit_uncertainty(make_cause_results(search, judged, uncertainty), habits)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, active_backlash(search.fit.point)
     bursts = find_bursts(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
     depends_on, unknown_notes = _unknown_dependence(search, bursts)
-    left = judged.left if judged.is_model_wrong or depends_on else 0.0  # what chance makes is no part of it
+    left = judged.left if judged.is_model_wrong or depends_on else 0.0  # 0 if it may be chance
     verdict = _verdict(
         not all(each.is_negligible for each in causes), bool(depends_on), left, judged.is_model_wrong
     )
@@ -108,7 +108,7 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
 
 
 def _unknown_dependence(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """On what the errors depend that no cause explains, and notes on it where no curve is drawn."""
+    """Quantities on which the unexplained error depends, and notes on those of which no curve is drawn."""
     over = tuple(each.removeprefix(UNKNOWN_PREFIX) for each in search.unknown)
     if bursts.told:
         return (*over, DEPENDS_ON), bursts.told
@@ -121,13 +121,13 @@ def _unknown_dependence(search: Search, bursts: Bursts) -> tuple[tuple[str, ...]
 
 
 def _own_effect_notes(search: Search) -> tuple[str, ...]:
-    """Notes on own effects that were found, which a model.toml cannot hold."""
+    """Notes on named own effects, which a model.toml cannot contain."""
     own = [name for name in search.fit.point.active if search.problem.causes[name].own is not None]
     return tuple(f"{name} is Python of yours: a model.toml does not hold it" for name in own)
 
 
 def _held_out_curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
-    """Every channel on data that was not fitted, for pictures."""
+    """Every channel on the held-out data, for plots."""
     measured, (before, after) = judged.measured, judged.residual
     return tuple(
         Curve(
@@ -143,7 +143,7 @@ def _held_out_curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
 
 
 def _verdict(causes: bool, unknown: bool, left: float, is_far: bool) -> Verdict:
-    """causes: whether any that matters was named. left: as `HeldOut` has it, of what is beyond chance."""
+    """causes: whether any that matters was named. left: see `HeldOut.left`, 0 if it may be chance."""
     if unknown:
         return Verdict.PARTLY if causes else Verdict.UNKNOWN
     if not causes:

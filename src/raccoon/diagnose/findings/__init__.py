@@ -1,2 +1,1 @@
-"""From a finished search to results: validation of causes, uncertainty of numbers, gain, and their
-wording."""
+"""Results from a finished search: validation of causes, uncertainty of numbers, gain, and their wording."""

@@ -26,11 +26,11 @@ from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.effect import Effect
 
 TURN_CLASSES = (frozenset(TURN_SCALE_CAUSES),)
-"""Causes of turning that nothing on board tells apart."""
+"""Causes of turning that no sensor of the robot distinguishes."""
 
 INDISTINGUISHABLE_CLASSES = (*TURN_CLASSES, frozenset(SHARED_SCALE_CAUSES))
-"""Causes that no drive tells apart: without a current reading, more resistance of both motors is also the
-same as less inertia and friction together."""
+"""Causes that no drive distinguishes: without a measured current, more resistance of both motors is also
+equivalent to less inertia and friction together."""
 CHIP_FILTER_NOTE = (
     "A gyro whose chip filters at 41 Hz, as the Wombat's firmware sets it, looks the same, and is no fault."
 )
@@ -39,7 +39,7 @@ CHIP_FILTER_NOTE = (
 def make_cause_results(
     search: Search, judged: HeldOut, uncertainty: FitUncertainty
 ) -> tuple[CauseResult, ...]:
-    """The causes of the final set: what matters first, and of that what is expected to change most that
+    """The causes of the final set. Those that matter come first, ordered by the expected change that
     robot.toml's deviations cannot absorb."""
     found = []
     for name, size in contributions(search).items():
@@ -65,8 +65,8 @@ def make_cause_results(
 def _describe(
     problem: Problem, cause: Cause, values: dict[str, ParameterResult], rivals: tuple[str, ...]
 ) -> str:
-    """The cause in a sentence. A lag is the sum of itself and of what it is not told from, but of a lag that
-    robot.toml leaves open: that has a number of its own."""
+    """The cause in a sentence. A lag is reported as the sum of itself and those lags from which it is not
+    distinguished, except those with a base number, which have their own number."""
     if cause.own is not None:
         return cause.own.told({name: each.value for name, each in values.items()})
     said = explanation_sentence(cause.id, cause.where, values)
@@ -78,14 +78,14 @@ def _describe(
 
 
 def _has_number(problem: Problem, name: str) -> bool:
-    """Whether robot.toml has a number, which it leaves open, of what a cause moves."""
+    """Whether robot.toml has a number, with a standard deviation, for what a cause changes."""
     return any(problem.neutral[problem.base[each].settings[0]] for each in problem.base_indices_of(name))
 
 
 def fitted_parameters(
     search: Search, cause: Cause, uncertainty: FitUncertainty
 ) -> dict[str, ParameterResult]:
-    """The effect's parameters at the fit, with what the form of any model is off by."""
+    """The effect's parameters at the fit, with standard deviations that include form errors."""
     found = {}
     for each in cause.effect.parameters:
         if each.name == FORM_PARAMETERS.get(cause.id):
@@ -103,12 +103,12 @@ def fitted_parameters(
 def widen_for_rivals(
     search: Search, cause: Cause, values: Mapping[str, ParameterResult]
 ) -> dict[str, ParameterResult]:
-    """A cause's numbers, with standard deviations widened by what they are where a rival of another cause is
-    true.
+    """A cause's numbers, with standard deviations increased by the change of the number if a rival of another
+    cause is the true one.
 
-    Were K_E of both motors as assumed, and track and inertia others, friction would be other as well: as far
-    as that may be so, its number is known no better than the two differ. (Where the cause itself has rivals,
-    its number is what it is if it is there.)
+    If K_E of both motors is as assumed, and track and inertia differ instead, friction differs too: in
+    proportion to that probability its number is no better known than the difference. (If the cause itself has
+    rivals, its number is that in the case that it is present.)
     """
     fitted = search.problem.settings(search.fit.point)
     rivals_of_others = [
@@ -135,8 +135,8 @@ def widen_for_rivals(
 
 
 def confounded_causes(search: Search, cause: Cause) -> tuple[str, ...]:
-    """Causes that explain this recording as well in its place, and those that no drive tells from one of
-    them."""
+    """Causes that explain this recording equally well in its place, and those that no drive distinguishes
+    from one of them."""
     close = [
         each.name for each in search.rivals.get(cause.name, []) if each.lead < MAX_CLASS_LEAD or each.beside
     ]
@@ -155,11 +155,11 @@ def confounded_causes(search: Search, cause: Cause) -> tuple[str, ...]:
 def cause_probability(
     search: Search, name: str, rivals: tuple[str, ...], values: Mapping[str, ParameterResult]
 ) -> float:
-    """Posterior probability of the cause against dropping it and against its rivals, equal prior odds.
+    """Posterior probability of the cause against dropping it and against its rivals, with equal prior odds.
 
-    No model has a robot's form quite right, which makes a lead over a rival say less than it seems to, and a
-    lead over nothing no more than the cause's number does with its standard deviation: beside a large latency
-    a slip of 0.15 +- 0.25 ms led by 19. (What has rivals is there even where its own number is not known.)
+    No model has exactly the robot's form, so a lead over a rival counts for less than its value, and a lead
+    over no cause for no more than the number's distance from 0 in standard deviations: beside a large latency
+    a slip of 0.15 +- 0.25 ms led by 19. (A cause with rivals is present even if its own number is uncertain.)
     """
     tried = search.rivals.get(name, [])
     rival_odds = {each.name: relative_odds(each) for each in tried if not each.beside}
@@ -171,8 +171,8 @@ def cause_probability(
 
 
 def largest_deviation(effect: Effect, values: Mapping[str, ParameterResult]) -> float:
-    """By how many standard deviations a cause differs from the assumed values: of its number that is
-    farthest, among those that say how large the cause is and not of what kind."""
+    """Largest deviation of a cause's numbers from the assumed values, in standard deviations, among those
+    that determine its size and not its shape."""
     sizes = [each.name for each in effect.parameters if each.neutral is not None]
     relevant = [each for name, each in values.items() if name in (*sizes, effect.parameters[0].name)]
     return max(

@@ -1,8 +1,8 @@
 """Numbers of robot.toml that a fit moves by many of their standard deviations, without being a cause.
 
-What robot.toml gives with a standard deviation is fitted inside it silently, so a fault that it allows for is
-not named: an inertia 16 % too large is one straight ahead of three and a half deviations, which costs less
-evidence than a cause must have. Nothing is left to explain then, and still the number is worth a look.
+Base numbers are fitted without being reported, so a fault within their standard deviations is not named: an
+inertia that is 16 % too large is three and a half deviations of the inertia straight ahead, which costs less
+evidence than a cause needs. Nothing remains to be explained then, and still the number is worth a look.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from raccoon.diagnose.select.symmetry import cause_id_of, is_wheel_offset
 from raccoon.sim.effects.effect import effect
 
 MIN_STDS = 3.0
-"""Standard deviations from which a number is worth a note: of thirty that robot.toml has right, one in twelve
-robots has one."""
+"""Standard deviations from which a number is worth a note: of thirty correct numbers of robot.toml, one
+exceeds this on one robot in twelve."""
 MEASURABLE_EFFECTS = (
     "battery.open_circuit_voltage", "battery.internal_resistance", "motor.armature_resistance",
     "motor.back_emf_constant", "drive.wheel_radius", "drive.track_width", "drive.inertia", "friction.coulomb",
@@ -28,13 +28,14 @@ UNKNOWN_CAUSE_NOTE = " of robot.toml end at the edge of their deviations: what n
 
 
 def without_deviation_notes(notes: Sequence[str]) -> tuple[str, ...]:
-    """Notes less those of `deviation_notes`, for where a simulation that cannot follow moved all numbers."""
+    """Notes without those of `deviation_notes`, for a simulation that cannot follow the drive, which moves
+    all numbers."""
     return tuple(each for each in notes if not each.endswith((MEASURE_ADVICE, UNKNOWN_CAUSE_NOTE)))
 
 
 def deviation_notes(search: Search, *, unknown: bool = False) -> tuple[str, ...]:
-    """A sentence for each large deviation, with what to do. unknown: whether something acts that no cause
-    describes: that moves them all, and they say nothing of themselves."""
+    """A sentence for each large deviation, with what to do. unknown: whether an effect outside the catalogue
+    acts: it moves all numbers, so they are not reported individually."""
     deviations = list(large_deviations(search))
     if unknown and deviations:
         return (f"{', '.join(dict.fromkeys(id_ for id_, _ in deviations))}{UNKNOWN_CAUSE_NOTE}",)
@@ -42,7 +43,8 @@ def deviation_notes(search: Search, *, unknown: bool = False) -> tuple[str, ...]
 
 
 def large_deviations(search: Search) -> Iterator[tuple[str, str]]:
-    """The id of a cause that was not named, and a sentence: which of its numbers deviates by how much."""
+    """The id of each cause that was not named but has a large deviation of its number, and a sentence with
+    that."""
     problem, point = search.problem, search.fit.point
     named = {problem.causes[name].id for name in point.active}
     for index, (each, u) in enumerate(zip(problem.base, point.base, strict=True)):
@@ -67,7 +69,7 @@ def _number_name(coordinate: Coordinate) -> str:
 
 
 def _deviation_text(coordinate: Coordinate, u: float) -> str:
-    """How the robot differs from robot.toml's number, in per cent or units."""
+    """Difference between the robot and robot.toml's number, in per cent or units."""
     change = coordinate.value(u)
     if coordinate.factor:
         return f" (the drive says {100.0 * (change - 1.0):+.0f} %)"

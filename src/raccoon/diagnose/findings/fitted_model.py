@@ -1,4 +1,4 @@
-"""The fitted model: what a diagnosis found, as parameters of a simulated robot with the origin of each
+"""The fitted model: the results of a diagnosis as parameters of a simulated robot, with the origin of each
 number."""
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ FROM_GIVEN_MODEL = "of the model that was started from"
 def make_fitted_model(
     problem: Problem, uncertainty: FitUncertainty, causes: Sequence[CauseResult], chain: Chain
 ) -> Parameters:
-    """The fitted robot of a drive: named causes, and base numbers as they were refitted. A number that a
-    simulator does not take, as of another robot's robot.toml, is the nearest that it does."""
+    """The fitted robot of a drive: named causes, and refitted base numbers. A number that a simulator does
+    not allow (with another robot's robot.toml) is replaced by the nearest allowed one."""
     neutral = neutral_settings(problem.robot)
     model = to_parameters(clamp_to_bounds(uncertainty.settings, neutral), neutral, problem.robot, chain)
     robot = _with_inertia_stds(replace(model.robot, motors=problem.robot.motors), uncertainty)
@@ -40,7 +40,7 @@ def make_fitted_model(
 
 
 def clamp_to_bounds(here: Settings, neutral: Settings) -> Settings:
-    """Settings of the catalogue's effects with each number moved to the nearest that its effect allows."""
+    """Settings with each number of the catalogue's effects clamped to the bounds of its effect."""
     return dict(here) | {key: _clamp(key[0], key[2], here[key]) for key in neutral if key[0] != "inertia"}
 
 
@@ -52,9 +52,10 @@ def _clamp(id: str, name: str, value: float) -> float:  # noqa: A002
 
 
 def rebase_model(model: Parameters, given: RobotConfig, factors: Mapping[str, float]) -> Parameters:
-    """A model of a robot whose lengths and gyro scale were shifted, as effects on the robot that was given.
+    """A model of a robot whose lengths and gyro scale were multiplied by factors, as effects on the given
+    robot.
 
-    factors: by the effect's id. A shift larger than the effect can be stays in the robot itself.
+    factors: by the effect's id. A factor outside the effect's bounds remains in the robot itself.
     """
     shifted, drive = model.robot.model, given.model.drive
     too_large = set()
@@ -90,8 +91,8 @@ def rebase_model(model: Parameters, given: RobotConfig, factors: Mapping[str, fl
 
 
 def with_causes(start: Parameters, causes: Sequence[CauseResult]) -> Parameters:
-    """A robot with the causes of a recording that is no drive; those of ports that it does not have are left
-    out."""
+    """A robot with the causes of a recording that is no drive; those of ports that it does not have are
+    omitted."""
     ports = {str(each.analog) for each in start.robot.tophats.values()}
     for each in causes:
         if each.id.startswith("tophat.") and each.where not in ports:
@@ -103,7 +104,7 @@ def with_causes(start: Parameters, causes: Sequence[CauseResult]) -> Parameters:
 
 
 def cause_origin(cause: CauseResult) -> Origin:
-    """Where the numbers of a cause come from."""
+    """Origin of the numbers of a cause."""
     std = {name: each.std for name, each in cause.parameters.items()}
     return Origin(std, f"named: {cause.explanation}", cause.probability)
 

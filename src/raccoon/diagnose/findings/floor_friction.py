@@ -1,4 +1,4 @@
-"""Separating a floor's friction in one recording from the robot's own, which lasts."""
+"""Separation of the floor's friction in one recording from the robot's own, which is permanent."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ Array = NDArray[np.float64]
 FRICTION_NUMBERS = (("friction.coulomb", "torque"), ("friction.viscous", "coefficient"))
 """The refitted numbers of a robot's friction: a line over speed at each wheel."""
 COORDINATE_STEP = 1e-3
-"""Step of a coordinate, over which the friction line is differentiated."""
+"""Difference step of a coordinate for the derivative of the friction line."""
 
 
 def without_floor_friction(problem: Problem, point: Point, wander: float) -> Point:
-    """A fitted point with the friction that is to be expected of the robot from now on.
+    """A fitted point with the friction that is expected of the robot in future drives.
 
-    A fit finds the friction of this recording: the robot's, a line F + d |w| over each wheel's speed with
-    robot.toml's standard deviations, covariance P, and the line of least squares through what the floor added
-    meanwhile, covariance S, of which nothing lasts. Of the sum P (P + S)^-1 is expected to be the robot's.
-    docs/decisions/0018-what-the-floor-did-is-left-out.md has what that gains.
+    A fit finds the friction of this recording. It is the sum of the robot's, a line F + d |w| over each
+    wheel's speed with robot.toml's standard deviations (covariance P), and the least-squares line through the
+    floor's contribution (covariance S), which is not permanent. The expected robot's part of the sum is P (P
+    + S)^-1. docs/decisions/0018-what-the-floor-did-is-left-out.md has the gain by this.
 
-    wander: root mean square share of Coulomb friction by which the floor lets it wander.
+    wander: RMS size of slowly varying floor friction, relative to Coulomb friction.
     """
     moves = np.stack([_friction_line(problem, index) for index in range(len(problem.base))], axis=1)
     moving = np.flatnonzero(moves.any(axis=0))
@@ -50,15 +50,16 @@ def without_floor_friction(problem: Problem, point: Point, wander: float) -> Poi
 
 
 def friction_line_covariance(time: Array, speed: Array) -> Array:
-    """Covariance (2, 2) of the numbers of the line over |speed|, rad/s, that least squares put through what a
-    floor of size 1 adds while a wheel moves. Where the speed is not known, 0, it is the mean and no slope."""
+    """Covariance (2, 2) of the coefficients of the least-squares line over |speed| (rad/s) through slowly
+    varying floor friction of size 1 while a wheel moves. If the speed is not known (0), the line is the mean
+    with slope 0."""
     moves = np.abs(speed) >= STANDSTILL_SHARE * np.abs(speed).max()
     line = np.stack([np.ones(int(moves.sum())), np.abs(speed[moves])], axis=1)
     return covariance_of_sums(np.linalg.pinv(line), time[moves], FLOOR_CORRELATION_S)
 
 
 def _friction_line(problem: Problem, index: int) -> Array:
-    """What a unit of a base coordinate adds to each wheel's line, (wheels times two,)."""
+    """Change of each wheel's line per unit of a base coordinate, (wheels times two,)."""
     moved = dict(problem.neutral)
     problem.base[index].apply(moved, COORDINATE_STEP)
     keys = [(id_, side, name) for side in SIDES for id_, name in FRICTION_NUMBERS]

@@ -22,34 +22,35 @@ from raccoon.sim.effects.parameters import SIDES
 Array = NDArray[np.float64]
 
 FITTED_SHARE = 0.7
-"""Share of a recording, from its beginning, that is fitted where the rest is held out to judge."""
+"""Share of a recording, from its beginning, that is fitted; the rest is held out for validation."""
 MAX_EVENT_RATIO = 4.0
-"""Mean square of a half second over a usual one, at which it is clipped."""
+"""Mean square of a half second, relative to a usual one, at which it is clipped."""
 MAX_EXCESS_ERROR = 0.2
-"""Error on held-out data beyond the expected one, as a part of that, from which a model that nothing improves
-is wrong, where that data is as long as `USUAL_HELD_OUT_S`."""
+"""Excess of the held-out error over the expected one, relative to that, from which a model without causes is
+wrong, if the held-out data are as long as `USUAL_HELD_OUT_S`."""
 USUAL_HELD_OUT_S = 12.0
-"""The rest of 40 s. Of shorter data chance makes more: up to 0.4 of the 2 s of clean drives of 6 s."""
+"""Length in s of the held-out rest of 40 s. In shorter data chance is larger: up to 0.4 in the 2 s of clean
+drives of 6 s."""
 MAX_HARM = 0.1
-"""Part of the error on unseen data that a cause may add to it, where that data is as long; one that adds more
-is dropped. Of 550 hidden causes that were named none added more than 0.06, and one 0.14 in 3 s."""
+"""Share of the error on unseen data that a cause may add to it, if that data is as long; a cause that adds
+more is dropped. Of 550 hidden causes that were named none added more than 0.06, and one 0.14 in 3 s."""
 MAX_EVENT_SHARE = 0.95
-"""Share of `MAX_EVENT_RATIO`. A model whose mean over half seconds is so near to it is wrong, however short
-the data."""
+"""Share of `MAX_EVENT_RATIO`: a model whose mean over half seconds exceeds it is wrong, however short the
+data."""
 MAX_SLOW_STDS = 3.0
-"""Standard deviations by which the mean square of slow errors may be larger than is expected."""
+"""Standard deviations by which the mean square of slow errors may exceed the expected one."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Errors on held-out bins. before, after, floor: (channels,), root mean squares. size_before, size_after,
-    and without, after dropping each cause: one number for all channels (see `size_of`).
+    """Errors on held-out bins. before, after, floor: (channels,), RMS. size_before, size_after, and without
+    (after dropping each cause): one number for all channels (see `size_of`).
 
-    time (bins,), measured (bins, channels), residual (2, bins, channels): those bins themselves,
-    measured less simulated before and after, for pictures. expected (channels,): what `after` should be on
-    data that no fit has seen: the floor, friction that wanders, what no model gets right, and how uncertain
-    the fit is. The floor alone is what a fit of everything leaves on data it has seen. event: bins in half a
-    second."""
+    time (bins,), measured (bins, channels), residual (2, bins, channels): those bins themselves, measured
+    less simulated before and after, for plots. expected (channels,): expected value of `after` on unseen
+    data, from the floor, slowly varying friction, form errors and the uncertainty of the fit. The floor alone
+    is the residual of a fit of everything on data it has seen. event: bins in half a second.
+    """
 
     before: Array
     after: Array
@@ -65,38 +66,38 @@ class HeldOut:
 
     @property
     def seconds(self) -> float:
-        """How long the held-out data is, above 0."""
+        """Length of the held-out data in s, above 0."""
         return max(len(self.time), 1) * EVENT_S / self.event
 
     @property
     def size_expected(self) -> float:
-        """The expected `size_of` the error on data that no fit has seen, 1 or more."""
+        """The expected `size_of` the error on unseen data, 1 or more."""
         return float(np.sqrt(((self.expected / self.floor) ** 2).mean()))
 
     @property
     def possible_gain(self) -> float:
-        """What could be gained at all: squared size before beyond the expected one, above 0."""
+        """The whole possible gain: squared size before, less the expected one, above 0."""
         return max(self.size_before**2 - self.size_expected**2, 1e-6)
 
     def share(self, name: str) -> float:
-        """Part of what could be gained at all that one cause gains, 0..1. Where the others do harm without
-        it, that is counted from there."""
+        """Share of the possible gain that one cause brings, 0..1. If the other causes do harm without it, the
+        gain counts from there."""
         without = self.without[name] ** 2
         most = max(self.possible_gain, without - self.size_expected**2)
         return float(np.clip((without - self.size_after**2) / most, 0.0, 1.0))
 
     @property
     def error_ratio(self) -> float:
-        """Error after over the expected one, of all channels: about 1 or less is as it should
-        be. No half second counts for more than `MAX_EVENT_RATIO` usual ones: a wheel that breaks loose a
-        moment late is no wrong model."""
+        """Error after, relative to the expected one, over all channels: about 1 or less if the model is
+        right. No half second counts for more than `MAX_EVENT_RATIO` usual ones: a wheel that breaks loose a
+        moment late does not make a model wrong."""
         events, _ = _event_mean_squares(self.residual[1], self.expected, self.event)
         return _clipped_rms(events, MAX_EVENT_RATIO)
 
     @property
     def is_model_wrong(self) -> bool:
-        """Whether `error_ratio` is more than chance makes of so few half seconds. Slow errors make more of
-        it: friction that is off is off for seconds. Chance makes no model wrong in nearly all half
+        """Whether `error_ratio` is above what chance makes of so few half seconds. Slow errors increase that
+        chance, since wrong friction stays wrong for seconds. Chance makes no model wrong in nearly all half
         seconds."""
         chance = 1.0 + MAX_EXCESS_ERROR * np.sqrt(USUAL_HELD_OUT_S / self.seconds)
         slow_share = 1.0 - float(((self.floor / self.expected) ** 2).mean())
@@ -106,53 +107,53 @@ class HeldOut:
 
     @property
     def harm_limit(self) -> float:
-        """The least size of the error without a cause at which the cause does no harm."""
+        """Lower bound on the size of the error without a cause at which the cause does no harm."""
         chance = MAX_HARM * float(np.sqrt(max(USUAL_HELD_OUT_S / self.seconds, 1.0)))
         return (1.0 - chance) * self.size_after
 
     @property
     def left(self) -> float:
-        """Part of what could be gained that the causes do not gain, 0..1."""
+        """Share of the possible gain that the causes do not bring, 0..1."""
         if self.possible_gain < 0.02:
             return 0.0
         return float(np.clip((self.size_after**2 - self.size_expected**2) / self.possible_gain, 0.0, 1.0))
 
 
 def size_of(residual: Array, floor: Array, event: int) -> float:
-    """Root mean square of a residual (bins, channels) in units of the channels' noise.
+    """RMS of a residual (bins, channels) in units of the channels' noise.
 
-    No half second, which are `event` bins, counts for more than `MAX_EVENT_RATIO` usual ones: a wheel that
-    breaks loose a moment late, which is chance, would decide what a cause is worth.
+    No half second (`event` bins) counts for more than `MAX_EVENT_RATIO` usual ones: otherwise a wheel that
+    breaks loose a moment late, which is chance, would decide the value of a cause.
     """
     events, lengths = _event_mean_squares(residual, floor, event)
     return _clipped_rms(events, MAX_EVENT_RATIO * max(float(np.median(events)), 1.0), lengths)
 
 
 def _event_mean_squares(residual: Array, unit: Array, event: int) -> tuple[Array, NDArray[np.intp]]:
-    """Mean square over each half second of a residual (bins, channels) in units (channels,) of its channels,
-    and how many bins each has."""
+    """Mean square of each half second of a residual (bins, channels) in units (channels,) of its channels,
+    and the number of bins in each."""
     return event_means(((residual / unit) ** 2).mean(axis=1), event)
 
 
 def _clipped_rms(events: Array, most: float, weights: NDArray[np.intp] | None = None) -> float:
-    """Root of the mean of half seconds' mean squares, none counted for more than `most`.
+    """Root of the mean of half seconds' mean squares, each clipped at `most`.
 
-    weights: how much each half second counts; without them all count alike, a shorter last one too.
+    weights: of the half seconds; without them all have the same weight, also a shorter last one.
     """
     return float(np.sqrt(np.average(np.minimum(events, most), weights=weights)))
 
 
 @dataclass(frozen=True, slots=True)
 class Contribution:
-    """What one cause changes, root mean square in units of the noise. change: the reading in which it shows
-    most. unabsorbed: all readings, what base numbers inside robot.toml's bounds cannot absorb."""
+    """Change by one cause, RMS in units of the noise. change: in the reading in which it shows most.
+    unabsorbed: over all readings, the part that base numbers within robot.toml's bounds cannot absorb."""
 
     change: float
     unabsorbed: float
 
 
 def evaluate_held_out(search: Search, other: Problem | None) -> HeldOut:
-    """Fit without and with the causes on the first part (of each recording) and judge on the rest, or on
+    """Fit without and with the causes on the first part (of each recording), and validate on the rest or on
     another recording."""
     problem = search.problem
     fitted = fitted_bins(problem.features) if other is None else np.ones(len(problem.features.time), bool)
@@ -184,7 +185,7 @@ def evaluate_held_out(search: Search, other: Problem | None) -> HeldOut:
 
 
 def fitted_bins(features: Features) -> NDArray[np.bool_]:
-    """Mask (bins,) of the first `FITTED_SHARE` of each recording, each of which alone knows its battery."""
+    """Mask (bins,) of the first `FITTED_SHARE` of each recording, since each has its own battery."""
     edges = [0, *np.searchsorted(features.time, features.starts), len(features.time)]
     fitted = np.zeros(len(features.time), bool)
     for begin, end in pairwise(edges):
@@ -193,8 +194,8 @@ def fitted_bins(features: Features) -> NDArray[np.bool_]:
 
 
 def contributions(search: Search) -> dict[str, Contribution]:
-    """What each cause changes, in units of what all of them together leave: in a channel that no model
-    follows closely, a cause does less."""
+    """Change by each cause, in units of the residual with all of them: a cause matters less in a channel that
+    no model follows closely."""
     from scipy.optimize import lsq_linear  # 27 MB, which the search does without
 
     problem, point = search.problem, search.fit.point
@@ -217,13 +218,13 @@ def contributions(search: Search) -> dict[str, Contribution]:
 
 
 def _noise_floor(problem: Problem, rest: Array) -> Array:
-    """Root mean square by channel of what is not explained (bins, channels), not below a reading's own."""
+    """RMS of the unexplained residual (bins, channels) by channel, not below a reading's own noise."""
     return np.asarray(np.maximum(np.sqrt((rest**2).mean(axis=0)), problem.features.floors), float)
 
 
 def _expected_variance(search: Search, fitted: NDArray[np.bool_]) -> Array:
-    """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of a fit of
-    some bins."""
+    """Variance (bins, channels) on unseen data beyond the unexplained residual: of the slow noise and form
+    errors, and of the uncertainty of a fit to the bins of a mask."""
     own = search.linear.jacobian
     white = search.whitener.restricted_to_bins(fitted)(own)
     covariance = np.linalg.inv(np.eye(len(own)) + white @ white.T)

@@ -1,4 +1,4 @@
-"""Sentences on numbers that a drive only determines jointly: how they share it, robot.toml decides."""
+"""Sentences on numbers that a drive determines only jointly; robot.toml decides how they share the effect."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from raccoon.diagnose.select.symmetry import BACK_EMF_LINE
 from raccoon.sim.effects.parameters import SIDES
 
 GYRO_EXPONENTS = {"imu.gyro_scale": 1.0, "drive.wheel_radius": 1.0, "drive.track_width": -1.0}
-"""Exponent of each in the gyro's reading."""
+"""Exponent of each factor in the gyro's reading."""
 BACK_EMF_CONSTANT = "motor.back_emf_constant"
 K_E_EXPONENTS = {
     "inertia": BACK_EMF_LINE["inertia", "turn"],
     "dry friction": BACK_EMF_LINE["friction.coulomb", "torque"],
     "the track": BACK_EMF_LINE["drive.track_width", "factor"],
 }
-"""What has to change with both K_E for the same drive, with its exponent."""
+"""Numbers that have to change with K_E of both motors for the same drive, with their exponents."""
 SCALE_SETTING_EFFECTS = {
     "drive.inertia", "drive.track_width", "drive.wheel_radius", "friction.coulomb", "friction.viscous",
     "imu.gyro_scale", "motor.armature_resistance",
 }  # fmt: skip
-"""Effects whose numbers in robot.toml also decide how large K_E is said to be."""
+"""Effects whose numbers in robot.toml also determine the reported K_E."""
 MIN_K_E_CHANGE = 0.02
-"""Relative change of both K_E from which it is worth a sentence."""
+"""Relative change of K_E of both motors from which it is worth a sentence."""
 
 UNMEASURED_ROBOT_NOTE = (
     "robot.toml's [model] is that of the documentation's robot: of another one that nobody has measured many "
@@ -37,20 +37,20 @@ UNMEASURED_ROBOT_NOTE = (
 
 
 def unmeasured_robot_notes(search: Search) -> tuple[str, ...]:
-    """A note where many causes are named of a robot whose numbers are all the default's."""
+    """A note if many causes are named for a robot whose numbers are all the defaults."""
     default = search.problem.robot.model == NominalModel()
     return (UNMEASURED_ROBOT_NOTE,) if default and len(search.fit.point.active) >= MANY_CAUSES else ()
 
 
 def describe_joint_numbers(search: Search, cause: Cause, uncertainty: FitUncertainty) -> str:
-    """What a cause shares with others that are named, or that may be in its place."""
+    """Sentences on what a cause shares with other named ones, or with those that may be in its place."""
     product = describe_known_product(search, cause, uncertainty)
     scale = describe_common_scale(search, cause, uncertainty)
     return product + describe_joint_rivals(search, cause) + scale
 
 
 def describe_known_product(search: Search, cause: Cause, uncertainty: FitUncertainty) -> str:
-    """The known product of numbers that the gyro does not tell apart, where more than one was named."""
+    """The known product of numbers that the gyro does not distinguish, if more than one was named."""
     active = [each for each in GYRO_EXPONENTS if each in search.fit.point.active]
     if cause.name not in active or len(active) < 2:
         return ""
@@ -67,7 +67,7 @@ def describe_known_product(search: Search, cause: Cause, uncertainty: FitUncerta
 
 
 def describe_joint_rivals(search: Search, cause: Cause) -> str:
-    """A set of causes that explains a drive as well in the place of a cause, but only together."""
+    """A set of causes that explains a drive equally well in the place of a cause, but only together."""
     tried = search.rivals.get(cause.name, [])
     sets = [(each.name, *each.together) for each in tried if each.together]
     if not sets:
@@ -77,10 +77,11 @@ def describe_joint_rivals(search: Search, cause: Cause) -> str:
 
 
 def describe_common_scale(search: Search, cause: Cause, uncertainty: FitUncertainty) -> str:
-    """Beside K_E of both motors, what else would be the same drive were K_E as assumed.
+    """With K_E of both motors named, the other numbers that would make the same drive if K_E were as assumed.
 
-    It is said once, and where another number of robot.toml is named that decides it: of a robot that nobody
-    has measured, where all are off, the fewest that explain its drive are not those that are off most.
+    It is reported once, and only if another number of robot.toml that decides it is named: for an unmeasured
+    robot, where all numbers are off, the smallest set that explains its drive need not contain those that are
+    off most.
     """
     active, problem = search.fit.point.active, search.problem
     both_k_e = (

@@ -1,4 +1,4 @@
-"""Causes that depend on the path driven: on the angles of wheels, where a robot is and where it points. A gap
+"""Causes that depend on the path driven: on the wheels' angles and the robot's position and heading. A gap
 loses these, and each recording begins with others."""
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from raccoon.diagnose.hypotheses.per_recording import PER_RECORDING_STDS
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
 
 MIN_PART_S = 12.0
-"""s without a gap from which causes can be told apart."""
+"""Length in s without a gap that is needed to distinguish causes."""
 PATH_DEPENDENT = ("drive.wheel_eccentricity", "drive.slope")
 PATH_DEPENDENT_UNKNOWNS = ("wheel angle", "position", "heading")
-"""Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
-of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
+"""Effects, and covariates of unknown ones, that need the wheels' angles or the robot's position. With a gap
+of 1 s in 40 an eccentric wheel was reported with another K_E, track width and inertia beside it."""
 SLOPE_RIVAL = "friction.direction_dependent"
-"""What a slope looks like to drives that begin in the same direction on it."""
+"""The cause that looks like a slope in drives that begin in the same direction on it."""
 PER_RECORDING = tuple(id_ for id_, _, _ in PER_RECORDING_STDS)
-"""Effects that differ from recording to recording, and are no cause of several."""
+"""Effects that differ from recording to recording, and cannot be a cause that several share."""
 GAPS_REASON = "the gaps lose where the wheels and the robot point, on which something here depends"
 DIFFERENT_STARTS_REASON = (
     "each of several recordings began with other angles of the wheels and in another direction: diagnose "
@@ -28,19 +28,19 @@ DIFFERENT_STARTS_REASON = (
 
 
 def is_path_dependent(found: Diagnosis) -> bool:
-    """Whether what was found depends on the angle of a wheel or on where the robot is, which integrate all
-    that was driven, also in a gap."""
+    """Whether a result depends on the angle of a wheel or on the robot's position or heading, which integrate
+    all motion, also in a gap."""
     named = any(each.id in PATH_DEPENDENT for each in found.causes)
     return named or any(each.startswith(PATH_DEPENDENT_UNKNOWNS) for each in found.unexplained.depends_on)
 
 
 def is_too_short(seconds: float) -> bool:
-    """Whether a part without a gap is too short to tell causes apart."""
+    """Whether a part without a gap is too short to distinguish causes."""
     return seconds < MIN_PART_S
 
 
 def not_judged_for_gaps(found: Diagnosis, seconds: float) -> Diagnosis:
-    """The diagnosis without its causes, where a gap may have made each of another."""
+    """The diagnosis without its causes, since a gap may have turned one into another."""
     reason = (
         f"not judged: {GAPS_REASON}, and the longest part without one has {seconds:.1f} s of {MIN_PART_S:g} s"
     )
@@ -67,7 +67,7 @@ def restricted_to_shareable(found: Diagnosis) -> Diagnosis:
 
 
 def _with_slope_as_rival(cause: CauseResult) -> CauseResult:
-    """The cause with a slope, which several recordings do not try, as an equally likely rival."""
+    """The cause with a slope, which is not tested with several recordings, as an equally likely rival."""
     others = tuple(each for each in cause.confounded_with if each != "drive.slope")
     return replace(cause, confounded_with=(*others, "drive.slope"), probability=min(cause.probability, 0.5))
 

@@ -1,4 +1,5 @@
-"""Why causes were not named: not visible, not identifiable, no channel that shows them, or too little."""
+"""Reasons why causes were not named: not visible, not identifiable, no channel that shows them, or too
+little."""
 
 from __future__ import annotations
 
@@ -28,14 +29,14 @@ EFFECTS_BY_CHANNEL = {
     ),
     "battery": ("battery.open_circuit_voltage", "battery.internal_resistance", "battery.discharge"),
 }  # fmt: skip
-"""Effects that show in a channel that may be missing, some of them hardly elsewhere."""
+"""Effects that show in a channel that may be missing, some of them hardly in any other."""
 BEMF_PREFIX = "bemf."
-"""Of effects on a wheel's back-EMF reading: without it there is nothing that they act on."""
+"""Prefix of effects on a wheel's back-EMF reading, which do nothing without that reading."""
 
 
 def explain_rejections(search: Search, log: Log, visible: Mapping[str, float]) -> tuple[Rejected, ...]:
-    """Why each other effect of the catalogue is not named; sides are not listed apart. seen:
-    `effect_visibility`."""
+    """The reason why each other effect of the catalogue is not named; sides are not listed separately.
+    visible: see `effect_visibility`."""
     active = {search.problem.causes[name].id for name in search.fit.point.active}
     named_instead, found = _named_instead(search), []
     for id_ in dict.fromkeys(each.id for each in search.problem.causes.values()):
@@ -50,7 +51,8 @@ def explain_rejections(search: Search, log: Log, visible: Mapping[str, float]) -
 
 
 def _named_instead(search: Search) -> dict[str, str]:
-    """Effects that were not named, with the named one that may be them, or the gyro's filter."""
+    """Effects that were not named, each with the named one that may be this one, or with the gyro's
+    low-pass."""
     smooths = any(key[0] == GYRO_LOW_PASS for each in search.problem.base for key in each.settings)
     found = {id_: GYRO_LOW_PASS for id_ in LAG_FAMILIES[0] if smooths and id_ != GYRO_LOW_PASS}
     for name in search.fit.point.active:
@@ -60,8 +62,8 @@ def _named_instead(search: Search) -> dict[str, str]:
 
 
 def effect_visibility(search: Search, log: Log) -> dict[str, float]:
-    """How visible each effect is in the log, by id. A side without back-EMF shows nothing of effects on that
-    reading, and does not count."""
+    """Visibility of each effect in the log, by id: see `evidence_per_width`. Effects on the back-EMF of a
+    side without that reading do not count."""
     silent = sides_without_bemf(log)
     if not silent:
         return evidence_per_width(search)
@@ -103,7 +105,7 @@ def _rejection_reason(search: Search, log: Log, id_: str, visible: float) -> str
 
 
 def _general_reason(search: Search, id_: str, visible: float) -> str:
-    """The reason for an effect whose channels are all there."""
+    """The reason for an effect whose channels were all recorded."""
     cause = next(each for each in search.problem.causes.values() if each.id == id_)
     shows = describe_detection_limit(cause, visible, gate(id_, alone=not search.fit.point.active))
     if visible < MIN_VISIBLE_EVIDENCE:

@@ -1,4 +1,4 @@
-"""Several recordings that may not share a battery: then its resistance is fitted for each, and is no
+"""Several recordings that may not share a battery: its resistance is then fitted for each, and is no
 cause."""
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from raccoon.diagnose.hypotheses.per_recording import BATTERY_RESISTANCE, batter
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 
 MIN_RESISTANCE_RATIO, MIN_RESISTANCE_DIFFERENCE_OHM = 1.4, 0.015
-"""Ratio and difference of the largest to the smallest resistance from which they are of several batteries. Of
-one battery in three drives of 10 s they were within 1.1."""
+"""Ratio and difference (ohm) of the largest to the smallest resistance from which they are those of different
+batteries. For one battery in three drives of 10 s the ratio was within 1.1."""
 SEPARATE_BATTERIES_NOTE = "the recordings do not share a battery: its resistance is "
 NOT_SHARED_REASON = "not judged: the recordings do not share a battery"
 
 
 def batteries_may_differ(found: Diagnosis) -> bool:
-    """Whether different batteries may be behind what was found in several recordings together."""
+    """Whether the result of several recordings together may be due to different batteries."""
     named = any(each.id == BATTERY_RESISTANCE[0] for each in found.causes)
     return named or found.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
 
@@ -30,12 +30,12 @@ def with_own_batteries(log: Log) -> Log:
 
 
 def without_shared_resistance(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """The causes that such recordings can have in common."""
+    """The causes that recordings with different batteries can have in common."""
     return tuple(each for each in causes if each.id != BATTERY_RESISTANCE[0])
 
 
 def separate_battery_notes(settings: Settings, log: Log) -> tuple[str, ...]:
-    """A note that the batteries of several recordings differ, where they do; none where they share one."""
+    """A note if the batteries of several recordings differ; empty if they share one."""
     if not log.separate_batteries:
         return ()
     found = battery_resistances(settings, len(log.runs))
@@ -56,5 +56,5 @@ def has_separate_batteries(own: Diagnosis) -> bool:
 
 
 def with_resistance_not_judged(own: Diagnosis) -> Diagnosis:
-    """The diagnosis, with the battery's resistance among what was not judged."""
+    """The diagnosis with the battery's resistance among the causes that were not judged."""
     return replace(own, rejected=(*own.rejected, Rejected(BATTERY_RESISTANCE[0], NOT_SHARED_REASON)))

@@ -1,4 +1,5 @@
-"""What to record or measure next: drives that separate confounded causes, or show what was not visible."""
+"""Suggestions for the next recording or measurement: drives that separate confounded causes, or show what was
+not visible."""
 
 from __future__ import annotations
 
@@ -19,15 +20,17 @@ BENCH_ADVICE = (
     "measure the winding of an unplugged motor with an ohmmeter, or weigh the robot, "
     "and write that into robot.toml with its std"
 )
-"""What to do about them: power steps, which show each of the four, show all of them at once."""
+"""Advice for causes on the common scale: power steps, which show each of the four, show all of them at
+once."""
 
 
 def suggest_manoeuvres(
     search: Search, causes: tuple[CauseResult, ...], log: Log, visible: Mapping[str, float]
 ) -> tuple[str, ...]:
-    """Manoeuvres that separate what is confounded and show what this recording could not.
+    """Manoeuvres that separate confounded causes, and that show what was not visible in this recording.
 
-    visible: `effect_visibility`."""
+    visible: see `effect_visibility`.
+    """
     commands = [_separating_command(search, each.name, each.confounded_with) for each in causes]
     scale_causes = [each for each in causes if _is_scale_ambiguity(each)]
     commands += [BENCH_ADVICE for _ in scale_causes]
@@ -43,13 +46,13 @@ def suggest_manoeuvres(
 
 
 def _is_scale_ambiguity(cause: CauseResult) -> bool:
-    """Whether the rivals of a cause are only those of the common scale, from which no drive tells it."""
+    """Whether all rivals of a cause are on the common scale, from which no drive distinguishes it."""
     return bool(cause.confounded_with) and {cause.name, *cause.confounded_with} <= set(SHARED_SCALE_CAUSES)
 
 
 def _separating_command(search: Search, name: str, rivals: tuple[str, ...]) -> str | None:
-    """The command for the drive that separates a cause from its nearest rival; None where it has none, where
-    no drive tells them apart, and for an effect that is a team's own."""
+    """The command for the drive that separates a cause from its nearest rival; None if it has none, if no
+    drive distinguishes them, and for a team's own effect."""
     separable = (
         each.name
         for each in search.rivals.get(name, [])

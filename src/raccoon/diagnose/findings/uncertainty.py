@@ -1,4 +1,4 @@
-"""How sure the numbers of a fit are."""
+"""Uncertainty of the numbers of a fit."""
 
 from __future__ import annotations
 
@@ -22,28 +22,30 @@ Array = NDArray[np.float64]
 
 LATENCY = "actuation.latency"
 COORDINATE_STEP = 1e-4
-"""Units of a coordinate, over which settings are differentiated by it."""
+"""Difference step of a coordinate, in its units, for derivatives of the settings."""
 MIN_STAIR_STEP = 0.05
-"""Steps of coordinates from which their misfit, seen closely, is a staircase: a gap that is crossed between
-two samples of the gyro may be a little wider, and no reading changes."""
+"""Difference step of a coordinate from which its misfit is a staircase: a gap that is crossed between two
+samples of the gyro may be slightly wider without changing any reading."""
 MAX_FLAT_NORM = 3.0
-"""Norm of such a column below which the step from the fit tells nothing."""
+"""Norm of such a coordinate's column below which the difference step at the fit is uninformative."""
 NOISE_LEARNING_S = 10.0
-"""s of driving after which the size of the noise is learnt: on shorter drives numbers scatter by more than it
-says, as noise that is learnt from few moments is too small."""
+"""Length of a drive in s at which the variance of the numbers is increased by a factor of two. On shorter
+drives numbers scatter by more than the noise predicts, since noise that is estimated from few moments is too
+small."""
 UNNAMED_CAUSE_WIDTH = 0.05
-"""Standard deviation, in prior widths, of each cause that is not named, where several are."""
+"""Standard deviation, in prior widths, of each cause that is not named, if several are named."""
 TRIED_WIDTHS = (0.01, 0.02, 0.035, 0.06, 0.1, 0.18, 0.3, 0.55, 1.0)
-"""Widths from the fit at which such a coordinate is tried: one standard deviation is where the cost has risen
-by 1."""
+"""Distances from the fit, in widths, at which such a coordinate is tried: one standard deviation is where the
+cost has risen by 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class FitUncertainty:
-    """Settings at a fit, a step along each coordinate from it, and the covariance of the coordinates.
+    """Settings at a fit and one difference step along each coordinate from it, and the covariance of the
+    coordinates.
 
-    row_s: s of a row of what encoders read, else 0. The age of their words, and of the gyro's, is known no
-    better than to a row, and so is the latency of commands.
+    row_s: length in s of a row if encoders are read, else 0. The age of their readings, and of the gyro's, is
+    not known better than to a row, and neither is the latency of commands.
     """
 
     settings: Settings
@@ -53,7 +55,7 @@ class FitUncertainty:
 
     @classmethod
     def of(cls, search: Search) -> FitUncertainty:
-        """Of the fit with which a search ended."""
+        """The uncertainty of the fit at the end of a search."""
         problem = search.problem
         point = without_floor_friction(problem, search.fit.point, search.whitener.wander_share)
         vector = point.vector()
@@ -63,11 +65,11 @@ class FitUncertainty:
         return cls(problem.settings(point), moved, coordinate_covariance(search), row)
 
     def value_of(self, key: Setting) -> float:
-        """A setting at the fit; an inertia with what robot.toml leaves open of it."""
+        """A setting at the fit; an inertia includes its base numbers."""
         return setting_value(self.settings, key)
 
     def std(self, key: Setting) -> float:
-        """Its standard deviation, by the chain rule through every coordinate; 0 for one that was not
+        """Standard deviation of a setting, by the chain rule through every coordinate; 0 if it was not
         fitted."""
         value = self.value_of(key)
         slope = np.array(
@@ -79,14 +81,14 @@ class FitUncertainty:
 
 
 def coordinate_covariance(search: Search) -> Array:
-    """Covariance of all coordinates: the curvature's, widened where blocks of time disagree more than it
-    says.
+    """Covariance of all coordinates: that of the curvature, increased if blocks of time disagree more than it
+    predicts.
 
-    Sandwich estimate H^-1 (sum_b g_b g_b') H^-1 of White (1982) over blocks; with few blocks it is noisy, so
-    only its mean ratio to the curvature's variance is used, and only where it is above 1. It is of what is
-    free alone: where what is held at a bound acts like a coordinate that is free, blocks would seem to
-    disagree several hundred times as much as they do. And widened the more the shorter a recording is, and by
-    what is not named where several causes are.
+    Sandwich estimate H^-1 (sum_b g_b g_b') H^-1 of White (1982) over blocks. With few blocks it is noisy, so
+    only its mean ratio to the curvature's variance is used, and only if that is above 1. It is computed for
+    the free coordinates alone: if one that is fixed at a bound acts like a free one, blocks would seem to
+    disagree several hundred times as much as they do. The covariance is also increased for short recordings,
+    and by the causes that are not named if several are.
     """
     fit = search.fit
     columns = fit.jacobian
@@ -107,9 +109,9 @@ def coordinate_covariance(search: Search) -> Array:
 
 
 def _unnamed_responses(search: Search) -> Array:
-    """Whitened responses (directions, rows) to as much as may be wrong of what was not named, one standard
-    deviation each; none where no more than one cause was: a robot with several things wrong has others wrong
-    as well, below what shows, and they bend the numbers of those that are named."""
+    """Whitened responses (directions, rows) to a deviation of one standard deviation of each cause that was
+    not named; empty if at most one was named. A robot with several faults has further ones that are too small
+    to show, and they change the numbers of the named ones."""
     none, active = np.zeros((0, search.fit.whitened_residual.size)), search.fit.point.active
     if len(active) < SEVERAL_CAUSES:
         return none
@@ -124,8 +126,8 @@ def _unnamed_responses(search: Search) -> Array:
 
 
 def _stair_curvature(search: Search) -> Array:
-    """Curvature of coordinates on a flat stair, (coordinates,): from how far they can go either way before
-    the misfit, the prior with it, rises by 1, as it does at one standard deviation."""
+    """Curvature of coordinates on a flat stair, (coordinates,): from the distance to either side at which the
+    misfit, with the prior, rises by 1, as it does at one standard deviation."""
     problem, fit = search.problem, search.fit
     vector = fit.point.vector()
     norms = np.linalg.norm(fit.jacobian, axis=1)
@@ -149,7 +151,7 @@ def _stair_curvature(search: Search) -> Array:
 
 
 def setting_value(settings: Settings, key: Setting) -> float:
-    """A setting; an inertia with what robot.toml leaves open of it, which is counted apart."""
+    """A setting; an inertia includes its base numbers, which are separate settings."""
     value = float(settings[key])
     if key[0] != "drive.inertia":
         return value

@@ -1,4 +1,4 @@
-"""Validation of the causes that a search ended with: on held-out data, and by the size of their numbers."""
+"""Validation of the causes at the end of a search: on held-out data, and by the size of their numbers."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from raccoon.diagnose.select.transitions import EXPLAINED_BETTER_TOGETHER
 from raccoon.diagnose.select.unneeded_causes import find_unneeded_cause
 
 CLEAR_LOG_EVIDENCE = 25.0
-"""Log evidence from which a cause is kept whatever its error on another recording: a battery, a floor and
-what a robot carries may be others there. So it does in the same one where the error is as large as is
-expected: a friction worth 218 was dropped by 12 s in which a wheel stopped a moment late."""
+"""Log evidence from which a cause is kept whatever its error on another recording, since battery, floor and
+load may differ there. The same applies within one recording if the error is as large as expected: a friction
+worth 218 was dropped because of 12 s in which a wheel stopped a moment late."""
 
 MIN_DEVIATIONS = 1.75
-"""Standard deviations by which a cause's number must differ from the assumed one, which is 5 to 1.
-Nearer were a slip of 0.35 +- 0.21 ms and a resistance of 0.76 +- 0.76, which took up what nothing else did. A
-lone cause that is clear has nothing beside it whose form it could make up for: of play of 0.15 rad, worth 47,
-a short drive said 0.15 +- 0.12, as the misfit is flat there, and nothing without it."""
+"""Standard deviations by which a cause's number must differ from the assumed one: odds of 5 to 1. Below that
+were a slip of 0.35 +- 0.21 ms and a resistance of 0.76 +- 0.76, which absorbed an otherwise unexplained
+residual. A single clear cause is exempt, since there is no other whose form error it could absorb: of
+backlash of 0.15 rad, worth 47, a short drive gave 0.15 +- 0.12, since the misfit is flat there."""
 HARMFUL_REASON = "makes the error larger on data it was not fitted on"
 NO_SIZE_REASON = "has no number that differs from what was assumed"
 
@@ -53,7 +53,7 @@ def validate_causes(search: Search, other: Problem | None) -> tuple[Search, Held
 
 
 def _drop_unneeded(search: Search) -> Search:
-    """An estimated search without the causes that the others make unneeded, or whose number does not differ
+    """A finished search without the causes that the others make unneeded, or whose number does not differ
     from the assumed one."""
     while True:
         if spared := find_unneeded_cause(search):
@@ -86,8 +86,9 @@ def _causes_without_size(search: Search) -> list[str]:
 
 
 def _note_absorbed(search: Search, gone: str, others: Collection[str]) -> None:
-    """Note of a cause whose number became clear once another was dropped that it may be that one in part: a
-    gyro 1.0 +- 0.6 ms late beside a slip of 1.4 +- 1.0 ms was said to be 2.0 +- 0.2 ms late, and no slip."""
+    """For each cause whose number became clear when another was dropped, record that other as acting beside
+    it: a gyro 1.0 +- 0.6 ms late beside a slip of 1.4 +- 1.0 ms was reported as 2.0 +- 0.2 ms late, without a
+    slip."""
     for name in search.fit.point.active.keys() & others:
         known = [each for each in search.rivals.get(name, []) if each.name != gone]
         search.rivals[name] = [Rival(gone, 0.0, beside=True), *known]
