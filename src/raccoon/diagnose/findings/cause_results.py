@@ -141,7 +141,7 @@ def confounded_causes(search: Search, cause: Cause) -> tuple[str, ...]:
         each.name for each in search.rivals.get(cause.name, []) if each.lead < MAX_CLASS_LEAD or each.beside
     ]
     close = [each for each in close if each not in search.fit.point.active]
-    asked = frozenset(search.problem.causes)  # a reference has decided some
+    asked = frozenset(search.problem.causes)  # without those that a reference decided
     for twins in (each & asked for each in TURN_CLASSES):
         if cause.name in twins:
             close.extend(sorted(twins - {cause.name, *close}))

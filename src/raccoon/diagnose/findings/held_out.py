@@ -101,7 +101,7 @@ class HeldOut:
         seconds."""
         chance = 1.0 + MAX_EXCESS_ERROR * np.sqrt(USUAL_HELD_OUT_S / self.seconds)
         slow_share = 1.0 - float(((self.floor / self.expected) ** 2).mean())
-        slow_values = len(SIDES) * max(self.seconds / FLOOR_CORRELATION_S, 1.0)  # independent ones
+        slow_values = len(SIDES) * max(self.seconds / FLOOR_CORRELATION_S, 1.0)  # independent
         most = chance**2 + MAX_SLOW_STDS * slow_share * np.sqrt(2.0 / slow_values)
         return bool(self.error_ratio**2 > min(most, MAX_EVENT_SHARE * MAX_EVENT_RATIO))
 
@@ -162,7 +162,7 @@ def evaluate_held_out(search: Search, other: Problem | None) -> HeldOut:
     names = list(search.fit.point.active)
     less = [_fit_without(problem, seen, full, search, name) for name in names]
     points = [bare.point, full.point, *(each.point for each in less)]
-    judged, own = (problem, ~fitted) if other is None else (other, fitted)  # own: bins that tell the noise
+    judged, own = (problem, ~fitted) if other is None else (other, fitted)  # own: bins of the noise
     features = judged.features
     judging = own if other is None else np.ones(len(features.time), bool)
     kept = (features.measured - judged.predict(points))[:, judging]
@@ -196,7 +196,7 @@ def fitted_bins(features: Features) -> NDArray[np.bool_]:
 def contributions(search: Search) -> dict[str, Contribution]:
     """Change by each cause, in units of the residual with all of them: a cause matters less in a channel that
     no model follows closely."""
-    from scipy.optimize import lsq_linear  # 27 MB, which the search does without
+    from scipy.optimize import lsq_linear  # 27 MB, not needed by the search
 
     problem, point = search.problem, search.fit.point
     names = list(point.active)
@@ -204,7 +204,7 @@ def contributions(search: Search) -> dict[str, Contribution]:
     floor = _noise_floor(problem, search.linear.residual)
     count = len(problem.base)
     base = (search.linear.jacobian[:count] / floor).reshape(count, -1)
-    low, high = (each - point.base for each in problem.limits(Point(point.base)))  # from where they are
+    low, high = (each - point.base for each in problem.limits(Point(point.base)))  # relative to the fit
     gram = base @ base.T + 1e-9 * np.eye(count)
     factor = np.linalg.cholesky(gram)
     found = {}

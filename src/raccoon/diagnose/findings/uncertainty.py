@@ -116,7 +116,7 @@ def _unnamed_responses(search: Search) -> Array:
     if len(active) < SEVERAL_CAUSES:
         return none
     named = {name.partition("@")[0] for name in active}
-    variants = {each.name: each.columns for each in reversed(search.linear.groups)}  # the first of each
+    variants = {each.name: each.columns for each in reversed(search.linear.groups)}  # first variants
     columns = [
         each
         for name, each in variants.items()

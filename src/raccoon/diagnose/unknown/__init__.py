@@ -1,1 +1,1 @@
-"""Causes that no catalogue lists: what the unexplained residual depends on."""
+"""Effects outside the catalogue: covariates on which the unexplained residual depends."""

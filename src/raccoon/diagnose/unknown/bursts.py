@@ -1,12 +1,12 @@
-"""Residuals that come in bursts: large where wheels speed up or brake, or of the gyro and of no wheel.
+"""Residuals that come in bursts: large where wheels accelerate or brake, or in the gyro and in no wheel.
 
-A search takes for noise what no cause explains, and it may be larger where speeds change: there no model is
-as good as in steady driving. But where it is larger by far something gives, twists or jumps that no cause of
-the catalogue has, and to call that noise would be to say that nothing is wrong.
+A search counts as noise what no cause explains, and that may be larger where speeds change, since no model is
+as good there as in steady driving. But if it is larger by far, something yields, twists or jumps in a way
+that is not in the catalogue, and counting it as noise would mean to report that nothing is wrong.
 
-What comes in a few moments is neither: a wheel that slipped on a pipe, a bump, a hand. It is told with its
-time, and says nothing of the robot. Moments that hold most of what a gyro says and no wheel are such, too,
-where the rest of the drive is quiet.
+A residual in a few moments only is neither: a wheel that slipped on a pipe, a bump, a hand. It is reported
+with its time, and says nothing about the robot. The same applies to moments that contain most of the gyro's
+residual and that no wheel shows, if the rest of the drive is quiet.
 """
 
 from __future__ import annotations
@@ -26,37 +26,37 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MIN_ERROR_RATIO = 20.0
-"""Residual where speeds change, over that in steady driving, from which it is no noise."""
+"""Ratio of the residual where speeds change to that in steady driving, above which it is not noise."""
 MIN_GYRO_ERROR = 0.05
-"""rad/s, root mean square, of a gyro's residual there, at least."""
+"""Lower bound in rad/s, RMS, of a gyro's residual there."""
 MIN_WHEEL_ERROR_SHARE = 0.05
-"""The same of a wheel, as a share of its largest reading."""
+"""The same for a wheel, relative to its largest reading."""
 MIN_GYRO_ONLY_ERROR = 0.04
-"""rad/s, root mean square, of a gyro's residual where speeds change that no wheel's residual explains, from
-which no push of the wheels made it: 0.05 to 0.06 where wheels have inertia of their own behind play. Sound
-robots have 0.01, and 0.03 with three times the noise."""
+"""Residual of the gyro where speeds change (rad/s, RMS) that the wheels' residuals do not explain, above
+which no push at the wheels caused it: 0.05 to 0.06 if wheels have their own inertia behind backlash.
+Fault-free robots have 0.01, and 0.03 with three times the noise."""
 MIN_RATIO_TO_REST = 1.8
-"""The same over its value at rest, which is the gyro's own noise."""
+"""Ratio of that residual to its value at rest, which is the gyro's own noise, that it must also exceed."""
 MAX_LAG_BINS = 2
-"""Bins before and after by which a wheel's filter may show it later than the gyro."""
+"""Bins by which a wheel's filter may delay it relative to the gyro, before or after."""
 MIN_BINS = 25
-"""Bins of either regime from which they are compared."""
+"""Number of bins of either regime that is needed to compare them."""
 MAX_MOMENTS, SECONDS_PER_MOMENT, MIN_POWER_SHARE = 3, 8.0, 0.6
-"""How many moments of a drive may be single events (a bump, a hand), of a short one one in so many s; and the
-part of the power of the gyro's residual beyond the wheels that they must hold."""
+"""Number of moments of a drive that may be single events (a bump, a hand), in a short drive one per so many
+s; and the share of the power of the gyro's residual beyond the wheels that they must contain."""
 DEPENDS_ON = "changes of speed"
 HOLD_ADVICE = "hold the robot and turn its wheels to and fro"
 LOOSE_PART_TEXT = f"is loose, twists or jumps as no cause of the catalogue does: {HOLD_ADVICE}"
 UNLOGGED_COMMANDS_TEXT = (
     "; or commands were given between the rows of a logger that has its own clock: log each when it is given"
 )
-"""What makes such bursts of a sound robot: at 8 ms a row they were 0.07 rad/s."""
+"""Another reason for such bursts, on a fault-free robot: with rows of 8 ms they were 0.07 rad/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bursts:
-    """descriptions: a sentence for each channel whose error comes in bursts again and again. moments: s, of
-    single events, where the error comes only then."""
+    """told: a sentence for each channel whose error comes in bursts again and again. moments: times (s) of
+    single events, if the error occurs only there."""
 
     told: tuple[str, ...] = ()
     moments: tuple[float, ...] = ()
@@ -64,8 +64,8 @@ class Bursts:
 
 @dataclass(frozen=True, slots=True)
 class _Residuals:
-    """Residuals of a drive: the roles of its channels, what they read and what no model explains of it,
-    (bins, channels), the time of each bin, s, and which of the noise's regimes it is in."""
+    """Residuals of a drive: the roles of its channels, their readings and the unexplained part of these,
+    (bins, channels), the time of each bin in s, and its regime of the noise."""
 
     roles: Sequence[str]
     measured: Array
@@ -75,19 +75,19 @@ class _Residuals:
 
     @property
     def max_moments(self) -> int:
-        """How many moments may be single events, 1 or more."""
+        """Number of moments that may be single events, 1 or more."""
         return int(np.clip((self.time[-1] - self.time[0]) // SECONDS_PER_MOMENT, 1, MAX_MOMENTS))
 
     def without_moment(self, moment: float) -> _Residuals:
-        """The residuals less those around a moment, s."""
+        """The residuals without those around a moment, s."""
         keep = np.abs(self.time - moment) > DISTURBANCE_S
         return _Residuals(
             self.roles, self.measured[keep], self.residual[keep], self.time[keep], self.regimes[keep]
         )
 
     def gyro_beyond_wheels(self) -> Callable[[Flags], Array] | None:
-        """A function that gives, for some bins, the gyro's residual that the wheels' residuals do not
-        explain; None where a gyro or wheel is not measured."""
+        """A function from a mask of bins to the gyro's residual in them that the wheels' residuals do not
+        explain; None if a gyro or a wheel is not measured."""
         wheels = [index for index, role in enumerate(self.roles) if role in WHEELS]
         if "gyro" not in self.roles or len(wheels) < len(SIDES):
             return None
@@ -102,7 +102,7 @@ class _Residuals:
         return residual_beyond_wheels
 
     def worst_moment(self, index: int) -> float:
-        """s, when a channel is furthest off where speeds change."""
+        """Time in s of a channel's largest residual where speeds change."""
         error = np.where(self.regimes == CHANGING, np.abs(self.residual[:, index]), 0.0)
         return float(self.time[np.argmax(error)])
 
@@ -118,8 +118,8 @@ def find_bursts(
     """Describe each channel whose error comes in bursts.
 
     roles: of the channels. measured, residual: (bins, channels). time: of the bins, s. regimes: of the bins.
-    play: whether play of a wheel was named, which makes its gyro turn otherwise than the wheels, by more than
-    its equations say.
+    play: whether backlash of a wheel was named, which turns the gyro differently from the wheels by more than
+    its equations contain.
     """
     residuals = _Residuals(roles, measured, residual, time, regimes)
     max_moments, moments = residuals.max_moments, [] if play else _find_gyro_only_moments(residuals)
@@ -136,8 +136,8 @@ def find_bursts(
 
 
 def _find_gyro_only_moments(residuals: _Residuals) -> list[float]:
-    """Moments, s, that hold most of the gyro's residual that no wheel explains; none where that is there all
-    the time, or small throughout."""
+    """Times in s that contain most of the gyro's residual that no wheel explains; empty if that residual is
+    there all the time, or small throughout."""
     gyro = residuals.gyro_beyond_wheels()
     if gyro is None:
         return []
@@ -194,13 +194,13 @@ def _find_channel_bursts(residuals: _Residuals, play: bool) -> tuple[_Burst, ...
 
 
 def format_size(number: float) -> str:
-    """A number with two digits, and never a power of ten."""
+    """A number with two significant digits, and never with a power of ten."""
     return f"{number:.0f}" if number >= 10.0 else f"{number:.2g}"
 
 
 def _find_gyro_only_burst(residuals: _Residuals) -> tuple[_Burst, ...]:
-    """Where the body turns as no wheel does: a push from outside would show in the wheels' residuals as
-    well."""
+    """The burst of a body that turns differently from its wheels: a push from outside would show in the
+    wheels' residuals as well."""
     gyro, resting = residuals.gyro_beyond_wheels(), residuals.regimes == STANDING
     if gyro is None or resting.sum() < MIN_BINS:
         return ()

@@ -17,22 +17,24 @@ from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX, Probe
 
 HEATING = "motor.heating"
 MIN_NOISE_RATIO = 1.9
-"""Error of a wheel's unseen readings over their noise where friction changed by an eighth or more."""
+"""Ratio of a wheel's error on held-out data to its noise from which friction may have changed; a change by an
+eighth or more reaches it."""
 MAX_LOG_EVIDENCE_SHORTFALL = 20.0
-"""Log evidence by which such friction may be behind heating, for its fifteen steps. In the place of hot
-motors worth 77 to 96 it explained nothing; of two robots that took a load 58 where heat had 48, and nothing
-where heat had 12."""
+"""Log evidence by which changing friction may be behind heating, for its fifteen steps. In the place of hot
+motors worth 77 to 96 it explained nothing; on two robots that took a load it had 58 where heating had 48, and
+nothing where heating had 12."""
 
 
 def friction_may_have_changed(found: Diagnosis, is_clearly_heating: Callable[[], bool]) -> bool:
-    """Whether a change of friction may be behind what was found: motors that get hot, whose resistance rises
-    as the friction of a robot that took a load, or wheels that are far off what nothing explains.
+    """Whether a change of friction may explain the result: motors that get hot (their resistance rises like
+    the friction of a robot that took a load), or wheels with a large unexplained error.
 
-    is_clearly_heating: called only where motors get hot and all else is explained; whether it is surely them.
+    is_clearly_heating: called only if motors get hot and everything else is explained; whether heating is
+    certain.
 
-    Tried always, the curve's fifteen steps are fifteen more ways to be wrong in, for which the noise has
-    room: of a deadband's 22.7 beside four causes on 12 s 19.8 were left. Beside a crowd of causes their forms
-    are as far off, and the whole search with the probe takes as long again.
+    If it were always tried, the curve's fifteen steps would be fifteen more false directions, which the noise
+    includes: of a deadband's 22.7 beside four causes in 12 s 19.8 were left. Beside CROWDED_CAUSES causes
+    their form errors are as large, and the whole search with the probe takes as long again.
     """
     if len(found.causes) >= CROWDED_CAUSES:
         return False
@@ -43,9 +45,8 @@ def friction_may_have_changed(found: Diagnosis, is_clearly_heating: Callable[[],
 
 
 def is_clearly_heating(search: Search) -> bool:
-    """Whether motors were named that get hot, and friction that changes in steps explains so much less in
-    their place that no search with it need be made: it explains a part of what is left without them at
-    most."""
+    """Whether motors that get hot were named, and friction that changes in steps explains so much less in
+    their place that no search with it is needed: at most a part of the residual without heating."""
     point = search.fit.point
     heating = [each for each in point.active if each.startswith(HEATING)]
     if not heating:

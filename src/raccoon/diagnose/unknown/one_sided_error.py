@@ -1,9 +1,9 @@
 """A residual that is far larger at one wheel than at the other.
 
-A search takes for noise what no cause explains, of each channel as much as there is. But both wheels are of
-one make and on one floor, so what pushes them about is alike. Where one of them is off several times as far,
-all the time, it does what no cause of the catalogue does, and to call that noise would be to say that nothing
-is wrong: a brush that skips, a gear that catches, a cable that drags.
+A search counts as noise what no cause explains, in each channel as much as there is. But both wheels are of
+one make and on one floor, so their disturbances are alike. If the error of one is several times that of the
+other, all the time, the cause is outside the catalogue, and counting it as noise would mean to report that
+nothing is wrong: a brush that skips, a gear that catches, a cable that drags.
 """
 
 from __future__ import annotations
@@ -19,23 +19,24 @@ from raccoon.sim.effects.parameters import SIDES
 Array = NDArray[np.float64]
 
 MIN_SIDE_RATIO = 3.0
-"""Root mean square error of a wheel over the other wheel's, from which it is one-sided. Of 62 robots of all
-kinds with nothing unknown in one wheel none had more than 1.45; a motor that cogs and a wheel that rubs, of
-which curves tell, had 2.3."""
+"""Ratio of the RMS errors of the two wheels above which the error is one-sided. Of 62 robots of all kinds
+with nothing unknown in one wheel none had more than 1.45; a motor that cogs and a wheel that rubs, which
+curves detect, had 2.3."""
 MIN_SHARE_OF_READING = 0.006
-"""The same as a share of the largest reading, at least: sound robots have 0.001 to 0.005."""
+"""Lower bound of that error relative to the largest reading: fault-free robots have 0.001 to 0.005."""
 MOVING_SHARE = 0.15
-"""Share of the largest reading from which a wheel moves; both must: one that stands is not off."""
+"""Threshold on a wheel's reading, relative to the largest, above which it moves; both must move, since a
+standing wheel has no error."""
 MIN_EVENTS = 10
-"""Half seconds of driving from which wheels are compared."""
+"""Number of half seconds of driving that is needed to compare the wheels."""
 EVENTS_LEFT_OUT = 3
-"""The worst of these, which single events may have made."""
+"""Number of the worst of these that are left out, since single events may have caused them."""
 
 
 def find_one_sided_error(
     roles: Sequence[str], measured: Array, residual: Array, event: int
 ) -> tuple[str, str] | None:
-    """The name of the unknown cause, by its wheel, and a sentence with both sizes; None where wheels are
+    """The name of the unknown cause, by its wheel, and a sentence with both sizes; None if the wheels are
     alike.
 
     roles: of the channels. measured, residual: (bins, channels). event: bins in half a second.
@@ -59,8 +60,8 @@ def find_one_sided_error(
 
 
 def _usual_sizes(measured: Array, residual: Array, event: int) -> Array | None:
-    """Root mean square residual (2,) of two wheels while both turn, without the worst events; None where
-    there are too few."""
+    """RMS residual (2,) of two wheels while both turn, without the worst events; None if there are too
+    few."""
     speed = np.abs(measured)
     driving = np.flatnonzero((speed > MOVING_SHARE * speed.max()).all(axis=1))
     events = np.split(driving, np.searchsorted(driving, range(event, len(speed), event)))

@@ -1,12 +1,12 @@
-"""Probes for causes that no catalogue lists: what does the unexplained residual depend on?
+"""Probes: free curves over a covariate, for effects outside the catalogue.
 
-A probe is a free curve over a covariate (the wheel's angle, the place, the speed ...), as a torque at a wheel
-or as an addition to a sensor. The robot forgets a torque within 0.1 s, so the response to a torque that
-varies more slowly is the response to a constant one, times its course: no further simulation is needed.
+The covariate is the wheel's angle, the place, the speed and others; the curve is a torque at a wheel or is
+added to a sensor's reading. The robot forgets a torque within 0.1 s, so the response to a torque that varies
+more slowly is the response to a constant one times the curve: no further simulation is needed.
 
-Angles and places come from the readings, as the working point understands them: an offset of two counts that
-was left in them turned a wheel by 2 rad too much in 40 s, and a motor that cogs was not seen. Speeds come
-from the simulation: a curve over a reading would hold that reading's own noise, and so explain it.
+Angles and places are integrated from readings, corrected by the working point's settings: with a remaining
+offset of two counts a wheel turned 2 rad too far in 40 s, and a motor that cogs was not found. Speeds are the
+simulated ones: a curve over a reading would contain that reading's own noise, and so explain it.
 """
 
 from __future__ import annotations
@@ -48,26 +48,27 @@ POSITION = "position"
 INERTIA = "drive.inertia"
 INERTIA_GROWTH = "growth of inertia"
 USUAL_TORQUE = 0.03
-"""N m, prior standard deviation of a torque over a place, a heading, a speed or time."""
+"""Prior standard deviation in N m of a torque over a place, a heading, a speed or time."""
 USUAL_WAVE_TORQUE = 0.0075
-"""The same of a wave over a wheel's angle: so many are free that with four times as much causes had a tenth
-less evidence on 8 s."""
+"""Prior standard deviation in N m of each wave over a wheel's angle: so many are free that with four times as
+much causes had a tenth less evidence in 8 s."""
 MIN_WAVE_LOG_EVIDENCE, FLOOR_TORQUE_SHARE, FLOOR_FRICTION_SHARE, MIN_LARGE_WAVE_LOG_EVIDENCE = (
     60.0,
     0.05,
     0.08,
     14.0,
 )
-"""Log evidence up to which a floor makes a torque, or a friction, over a wheel's angle, as long as its wave
-is no larger than that share of robot.toml's friction; and a larger torque. A robot that drives there and
-back on a line has the same floor under the same angle: on one whose friction varies by 2 % within 4 to 20 cm
-nine of 60 drives had 10 of a torque, or 14 to 29 of a friction, with waves of 1.5 to 5 %; on one that pushes
-by 1.7 % two of 14 had 16 and 21 of a torque of about as much; on one of the blind robots a larger one had 11.
-Of ten wheels that rub by a fourth of their friction, waves of 12 to 20 %, one had 27 on 40 s, and the others
-41 and more."""
+"""Gates of a torque or a friction over a wheel's angle: MIN_WAVE_LOG_EVIDENCE if its wave is below the
+respective share of robot.toml's friction, up to which a floor produces it, and MIN_LARGE_WAVE_LOG_EVIDENCE
+for a larger torque. A robot that drives there and back on a line has the same floor at the same angle: with
+friction that varies by 2 % within 4 to 20 cm nine of 60 drives had 10 of a torque, or 14 to 29 of a friction,
+with waves of 1.5 to 5 %; with a floor that pushes by 1.7 % two of 14 had 16 and 21 of a torque of about as
+much; on one of the blind robots a larger torque had 11. Of ten wheels that rub by a fourth of their friction,
+waves of 12 to 20 %, one had 27 in 40 s, and the others 41 and more."""
 FRICTION_STEPS = 16
-"""Parts of a drive between which friction may change: with eighths motors that get hot were named of a robot
-that took a load. Of 24 blind robots whose friction wanders it explained nothing of any."""
+"""Number of parts of a drive between which friction may change: with eight parts, motors that get hot were
+named on a robot that took a load. Of 24 blind robots with slowly varying friction, it explained nothing on
+any."""
 FRICTION_OVER_TIME = "time (friction)"
 
 
@@ -84,8 +85,8 @@ class _TorqueCurve:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the robot moved, by bins. Arrays (bins,) or (bins, 2), left before right; SI units, speed and angle
-    of the wheels."""
+    """The robot's motion by bins. Arrays (bins,) or (bins, 2), left before right; SI units; speed and angle
+    are those of the wheels."""
 
     speed: Array
     angle: Array
@@ -96,8 +97,8 @@ class Motion:
 
 
 def estimate_motion(problem: Problem, settings: Settings) -> Motion | None:
-    """Estimate motion from back-EMF (or speeds) and gyro, with the settings of a working point; None where no
-    wheel is measured."""
+    """Estimate the motion from back-EMF (or speeds) and gyro with the settings of a working point; None if a
+    wheel is not measured."""
     features = problem.features
     speed = _measured_wheel_speeds(problem, features.measured, settings)
     if speed is None:
@@ -127,8 +128,8 @@ def estimate_motion(problem: Problem, settings: Settings) -> Motion | None:
 
 
 def _measured_wheel_speeds(problem: Problem, readings: Array, settings: Settings) -> Array | None:
-    """Speeds (bins, 2) in rad/s as readings (bins, channels) give them with the settings of a working
-    point."""
+    """Speeds (bins, 2) in rad/s from readings (bins, channels) with the settings of a working point; None if
+    a wheel is not measured."""
     roles, columns = problem.features.roles, []
     signs = wiring_signs(Parameters.from_robot(problem.robot))
     for side, sign in zip(SIDES, signs, strict=True):
@@ -142,8 +143,7 @@ def _measured_wheel_speeds(problem: Problem, readings: Array, settings: Settings
 
 
 def make_probe_function(problem: Problem) -> Callable[[LinearModel], Sequence[Probe]]:
-    """The function that makes a recording's probes at a working point, which their curves and responses
-    follow."""
+    """The function from a working point to a recording's probes, whose curves and responses depend on it."""
 
     def probes(linear: LinearModel) -> Sequence[Probe]:
         settings = problem.settings(linear.point)
@@ -185,7 +185,7 @@ def _torque_curves(motion: Motion) -> list[_TorqueCurve]:
 
 
 def _friction_over_time(time: Array) -> _TorqueCurve:
-    """Friction that changes in steps over time, as of a robot that has picked something up."""
+    """Friction that changes in steps over time, as on a robot that picked something up."""
     return _TorqueCurve(
         FRICTION_OVER_TIME,
         True,
@@ -196,18 +196,18 @@ def _friction_over_time(time: Array) -> _TorqueCurve:
 
 
 def _step_functions(time: Array, parts: Array) -> Array:
-    """Steps (parts, n): 1 from each of these parts of the whole time on, 0 before."""
+    """Steps (parts, n): 1 from each of these shares of the whole time on, 0 before."""
     share = (time - time[0]) / max(time[-1] - time[0], 1e-9)
     return np.asarray(share[None] >= parts[:, None], float)
 
 
 def _wrap_angle(angle: Array) -> Array:
-    """The angle within one turn."""
+    """The angle modulo one turn, rad."""
     return np.asarray(np.mod(angle, 2.0 * np.pi), float)
 
 
 def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: Array) -> list[Probe]:
-    """speeds (bins, 2): of the wheels, rad/s, as simulated."""
+    """speeds (bins, 2): simulated, of the wheels, rad/s."""
     per_share = problem.robot.model.friction.coulomb.value / USUAL_WAVE_TORQUE
     found = []
     for wheel, side in enumerate(SIDES):
@@ -252,7 +252,7 @@ def _torque_probes(
 
 
 def _torque_responses(problem: Problem, linear: LinearModel) -> tuple[Array, Array] | None:
-    """Responses to one N m of Coulomb friction at the left and at the right wheel."""
+    """Responses to 1 N m of Coulomb friction at the left and at the right wheel."""
     left, right = (coulomb_response(problem, linear, side) for side in ("left", "right"))
     return None if left is None or right is None else (left, right)
 
@@ -273,7 +273,7 @@ def _inertia_probes(problem: Problem, linear: LinearModel, motion: Motion) -> li
 
 
 def find_change(problem: Problem, linear: LinearModel) -> StepChange | None:
-    """The step change of the drive, by the residual at a working point; None where nothing surely changed."""
+    """The step change of the drive, from the residual at a working point; None if no change is certain."""
     features = problem.features
     predicted = features.measured - linear.residual
     wheels = _measured_wheel_speeds(problem, predicted, problem.settings(linear.point))

@@ -1,4 +1,4 @@
-"""Probes of sensors: free curves that are added to what a gyro or the battery's reading says."""
+"""Probes of sensors: free curves that are added to the reading of a gyro or of the battery."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ Array = NDArray[np.float64]
 
 UNKNOWN_PREFIX = "unknown: "
 USUAL_GYRO_ERROR, USUAL_BATTERY_ERROR = 0.02, 0.02
-"""rad/s and V, prior standard deviations of what a sensor is off by."""
+"""Prior standard deviations of a sensor's error, in rad/s and V."""
 WHEEL_SPEED_UNIT = "rad/s of the wheels"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Probe(ColumnGroup):
-    """A free curve over a covariate on which an unknown cause may depend. quantity, unit: of the curve's
-    values. over (bins,), in over_unit: the covariate. curves (count, bins): what one unit of each column is
-    of the quantity (of an inertia the logarithm of its factor)."""
+    """A free curve over a covariate on which an unknown effect may depend. quantity, unit: of the curve's
+    values. over (bins,), in over_unit: the covariate. curves (count, bins): values of the quantity for one
+    unit of each column (for an inertia the logarithm of its factor)."""
 
     quantity: str
     unit: str
@@ -32,7 +32,7 @@ class Probe(ColumnGroup):
 
 
 def hat_functions(values: Array, count: int) -> Array:
-    """Hat functions (count, n), triangles on equidistant knots over the range of the values."""
+    """Hat functions (count, n): triangles on equidistant knots over the range of the values."""
     low, high = float(np.quantile(values, 0.01)), float(np.quantile(values, 0.99))
     knots = np.linspace(low, high, count)
     width = max(high - low, 1e-9) / (count - 1)
@@ -40,17 +40,17 @@ def hat_functions(values: Array, count: int) -> Array:
 
 
 def _without_straight_line(curves: Array, values: Array) -> Array:
-    """The curves without their straight part: a bias and a drift are in the catalogue."""
+    """The curves without their linear part: a bias and a drift are in the catalogue."""
     straight = np.stack([np.ones_like(values), values - values.mean()])
     straight /= np.linalg.norm(straight, axis=1)[:, None]
     return np.asarray(curves - (curves @ straight.T) @ straight, float)
 
 
 def gyro_speed_probes(features: Features, wheels: Array) -> list[Probe]:
-    """Probes of a gyro that the motors disturb, and of one that reads more to one side than to the other.
-    wheels (bins, 2): rad/s of both."""
+    """Probes of a gyro that the motors disturb, and of one that reads more in one direction than in the
+    other. wheels (bins, 2): rad/s of both."""
     forward, turn = wheels.mean(axis=1), 0.5 * (wheels[:, 1] - wheels[:, 0])
-    size = np.abs(turn)[None]  # one curve, since each that may be there takes evidence from what is
+    size = np.abs(turn)[None]  # one curve only, since each further one costs evidence
     symmetric = size / max(float(np.quantile(size, 0.99)), 1e-9)
     return [
         *sensor_probe(
@@ -68,7 +68,7 @@ def gyro_speed_probes(features: Features, wheels: Array) -> list[Probe]:
 
 
 def sensor_time_probes(features: Features, time: Array) -> list[Probe]:
-    """Probes of what a gyro and a battery's reading are off by over time, beyond a bias and a drift."""
+    """Probes of the error of a gyro and of a battery's reading over time, beyond a bias and a drift."""
     over_time = _without_straight_line(hat_functions(time, 8), time)
     return [
         *sensor_probe(features, "gyro", "gyro over time", USUAL_GYRO_ERROR * over_time, time, "s"),
@@ -79,7 +79,7 @@ def sensor_time_probes(features: Features, time: Array) -> list[Probe]:
 def sensor_probe(
     features: Features, role: str, name: str, curves: Array, over: Array, over_unit: str
 ) -> list[Probe]:
-    """The probe of curves (count, bins) added to a sensor; none where it is not measured."""
+    """The probe of curves (count, bins) added to a sensor; empty if it is not measured."""
     if role not in features.roles:
         return []
     columns = np.zeros((len(curves), *features.measured.shape))

@@ -1,4 +1,4 @@
-"""The shape of an unknown cause: the fitted curves of the accepted probes, with their uncertainty."""
+"""The shape of an unknown effect: the fitted curves of the accepted probes, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX, Probe
 Array = NDArray[np.float64]
 
 CURVE_POINTS = 48
-"""Points of a curve as it is reported."""
+"""Number of points of a reported curve."""
 WAVE_PRIOR_FACTOR = 10.0
-"""Factor on the prior standard deviation of waves once they are known to be there."""
+"""Factor on the prior standard deviation of waves once they are known to be present."""
 MAX_WAVE_CORRECTION = 2.0
-"""Factor by which a wave may be larger than its part that stays the same on the way: beyond, it is chance."""
+"""Upper bound of the factor by which a wave may be larger than its constant part; beyond, it is chance."""
 
 
 def fit_shapes(search: Search) -> tuple[Shape, ...]:
-    """Fit the accepted probes' curves together with all that the search left free.
+    """Fit the accepted probes' curves together with everything that the search left free.
 
-    They are no noise here, as they were while causes were sought beside them.
+    They are not part of the noise here, as they were during the search for causes.
     """
     if not search.unknown:
         return ()
@@ -54,7 +54,7 @@ def _is_inertia_growth(probe: Probe) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _FittedProbe:
-    """A probe, and its coordinates with their covariance."""
+    """A probe, its coordinates and their covariance."""
 
     probe: Probe
     mean: Array
@@ -62,7 +62,7 @@ class _FittedProbe:
 
 
 def _fit_probes(search: Search, probes: Sequence[Probe], whitener: Whitener) -> list[_FittedProbe]:
-    """Fit the probes beside all that the search left free, by the linear model."""
+    """Fit the probes together with everything that the search left free, in the linear model."""
     linear, fit = search.linear, search.fit
     own = linear.jacobian[fit.free]
     probes = [_with_wide_prior(each) if each.parts else each for each in probes]
@@ -78,15 +78,15 @@ def _fit_probes(search: Search, probes: Sequence[Probe], whitener: Whitener) -> 
 
 
 def _with_wide_prior(probe: Probe) -> Probe:
-    """A probe of waves with a prior that hardly keeps them small, now that they are known to be there."""
+    """A probe of waves with a wider prior, since they are now known to be present."""
     return replace(probe, columns=WAVE_PRIOR_FACTOR * probe.columns, curves=WAVE_PRIOR_FACTOR * probe.curves)
 
 
 def _with_response_over_range(search: Search, fitted: _FittedProbe) -> Probe:
-    """A probe of inertia with the mean response between the least and the largest inertia that there was.
+    """A probe of inertia with the mean response between the smallest and the largest inertia in the drive.
 
-    A robot half as heavy again does not answer by a straight line: by the response to a little inertia, loads
-    came out up to a tenth too small.
+    The response of a robot that becomes half as heavy again is not linear: with the response to a small
+    inertia, loads came out up to a tenth too small.
     """
     probe, problem, point = fitted.probe, search.problem, search.fit.point
     (coordinate,) = problem.causes[INERTIA].coordinates
@@ -99,10 +99,10 @@ def _with_response_over_range(search: Search, fitted: _FittedProbe) -> Probe:
 
 
 def _with_constant_waves(fitted: _FittedProbe) -> _FittedProbe:
-    """Waves that stay the same, with the power of those that change on the way added to them.
+    """Constant waves, with the power of those that change along the way added to them.
 
-    What changes is mostly where in the turn the angle is counted from: the mean of waves that shift by a
-    radian either way is a sixth too small.
+    A change along the way mostly is an error of the angle: the mean of waves that shift by a radian either
+    way is a sixth too small.
     """
     probe, mean, covariance = fitted.probe, fitted.mean, fitted.covariance
     half = len(mean) // 2
@@ -122,7 +122,8 @@ def _make_shape(fitted: _FittedProbe) -> Shape:
     probe, mean, covariance = fitted.probe, fitted.mean, fitted.covariance
     curves = probe.curves
     if _is_inertia_growth(probe):
-        # Robot.toml alone tells the level from the robot's own inertia, and badly. The course is known.
+        # Only robot.toml, with its wide deviation, separates the level from the robot's own inertia. The
+        # curve's change is known.
         curves = curves - curves[:, :1]
     values = mean @ curves
     variances = np.einsum("ib,ij,jb->b", curves, covariance, curves)

@@ -1,8 +1,8 @@
-"""A step change at one moment of a drive: a gyro whose zero jumps, a wheel that has another size from then
+"""A step change at one moment of a drive: a gyro whose zero jumps, or a wheel that has another size from then
 on.
 
-To a search that is a drift, or a wheel that is not round. In the gyro's residual, one step of one number
-stands out: from when on the zero, or what a wheel's speed turns the robot by, was another.
+A search would report these as a drift, or as an eccentric wheel. The gyro's residual shows one step of one
+number: the zero, or the turn rate per speed of a wheel, differs from that moment on.
 """
 
 from __future__ import annotations
@@ -22,32 +22,34 @@ from raccoon.sim.effects.parameters import SIDES
 Array = NDArray[np.float64]
 
 CANDIDATE_MOMENTS = 64
-"""How many moments are tried."""
+"""Number of moments that are tried."""
 EDGE_SHARE = 0.1
-"""Part of a drive at either end in which nothing is said to have changed."""
+"""Share of a drive at either end in which no change is reported."""
 CURVE_KNOTS = 8
-"""Knots of the free curve over time that a step is compared with."""
+"""Number of knots of the free curve over time with which a step is compared."""
 CLIP_STDS = 4.0
-"""Standard deviations beyond which a residual counts for no more."""
+"""Standard deviations at which residuals are clipped."""
 MIN_LOG_EVIDENCE = 45.0
-"""Log evidence that one step must have, where correlated bins count for less. Of sound robots and of
-others without a change the best has 25 at most; a zero that jumps by 0.02 rad/s 53, a wheel that grows by
-4 % 81 to 300."""
+"""Log evidence that a step must have, with correlated bins weighted down. Of fault-free robots and of others
+without a change the best has 25 at most; a zero that jumps by 0.02 rad/s has 53, a wheel that grows by 4 % 81
+to 300."""
 BIN_S = 0.02
-"""s of the means that are judged so. In shorter ones there is so much noise that what wanders looks white: of
-five sound robots with wheel loops, which are looked at in means of 5 ms, two had more than
+"""Width in s of the means that are tested. In shorter ones there is so much noise that slow variations look
+white: of five fault-free robots with wheel loops, with means of 5 ms, two had more than
 `MIN_LOG_EVIDENCE`."""
 KNOWN_CHANGE_LOG_EVIDENCE = 14.0
-"""Log evidence that counts for a change while causes are sought beside it, as for the least that is taken."""
+"""Log evidence that counts for a known change while causes are searched for beside it: the smallest that is
+accepted."""
 GYRO_ZERO = "gyro"
 RADIUS_UNIT = 0.01
-"""Relative change of a wheel's radius that is one unit of its curve: 1 %."""
+"""Relative change of a wheel's radius per unit of its curve: 1 %."""
 MIN_SHARE_OF_CURVE = 0.97
-"""Part of what a free curve over time explains that the step must explain: a zero that creeps is no step."""
+"""Share of the power explained by a free curve over time that the step must explain: a zero that creeps is no
+step."""
 
 
 def find_step_change(time: Array, gyro: Array, wheels: Mapping[str, Array]) -> StepChange | None:
-    """Find the step change of a drive, None where nothing surely changed. gyro (bins,): its residual, rad/s.
+    """Find the step change of a drive; None if no change is certain. gyro (bins,): its residual, rad/s.
     wheels (bins,): rad/s, of each side."""
     rows = max(round(BIN_S / max(float(np.median(np.diff(time))), 1e-9)), 1)
     count = len(time) // rows
@@ -79,7 +81,7 @@ def find_step_change(time: Array, gyro: Array, wheels: Mapping[str, Array]) -> S
     )
     course, at = courses[of], float(time[0] + place * (time[-1] - time[0]))
     residual = _residual(clipped, np.vstack([base, (share >= place) * course]))
-    correlation = max(float(residual[1:] @ residual[:-1]) / max(best, 1e-300), 0.0)  # from bin to bin
+    correlation = max(float(residual[1:] @ residual[:-1]) / max(best, 1e-300), 0.0)  # between adjacent bins
     independent_bins = len(clipped) * (1.0 - correlation) / (1.0 + correlation)
     evidence = 0.5 * independent_bins * float(np.log(without_step / max(best, 1e-300)))
     curve = _residual_power(clipped, np.vstack([base, hats[1:] * course]))
@@ -89,13 +91,12 @@ def find_step_change(time: Array, gyro: Array, wheels: Mapping[str, Array]) -> S
 
 
 def change_name(change: StepChange) -> str:
-    """The name of the change among unknown causes."""
+    """The name of the change among the unknown causes."""
     return f"{UNKNOWN_PREFIX}time ({change.of if change.of == GYRO_ZERO else f'{change.of} wheel'})"
 
 
 def change_probes(problem: Problem, settings: Settings, wheels: Array) -> list[Probe]:
-    """The probe of the step that is known to have happened, none where nothing changed. wheels (bins, 2):
-    rad/s as simulated."""
+    """The probe of the known step change; empty if there is none. wheels (bins, 2): simulated, rad/s."""
     change, features = problem.change, problem.features
     if change is None:
         return []

@@ -1,19 +1,21 @@
-"""Torques that are waves over a wheel's angle, and how the readings respond to them.
+"""Torques that are waves over a wheel's angle, and the response of the readings to them.
 
-A motor that cogs, or a wheel that rubs at one place, pushes as sin(n angle). At 5 rad/s and five times in a
-turn that is 25 rad/s, and neither the wheels (J R / K^2 is 20 to 30 ms) nor a filter of 22 ms follow it all
-the way: readings lag by a quarter of the wave, and by as much the other way going back. By the response to a
-torque that lasts, a motor that cogs came out at a third of its size, its drives there and back at odds.
+A motor that cogs, or a wheel that rubs at one place, has a torque like sin(n angle). Five times in a turn at
+5 rad/s that is 25 rad/s, which neither the wheels (J R / K^2 is 20 to 30 ms) nor a filter of 22 ms follow
+completely: readings lag by a quarter of the wave, and on the way back in the opposite sense. With the
+response to a constant torque, a motor that cogs came out at a third of its size, since its drives there and
+back contradicted each other.
 
-A torque T more at one wheel changes the mean m of both wheels' speeds and half their difference h by
+An additional torque T at one wheel changes the mean m of both wheels' speeds and half their difference h by
 
-    J m' = T / 2 - D m,   J: what a motor feels going straight, or turning,   D = K^2 / R while it is driven,
+    J m' = T / 2 - D m,   J: inertia per motor, straight ahead or turning,   D = K^2 / R while it is driven,
 
-with D = 0 where it coasts, also where that is only to be measured, and nothing moves where the wheel sticks.
-Readings follow by their filters. Of what a motor that cogs by 0.02 N m changes that is 95 %.
+with D = 0 while it coasts, also if only to be measured, and no change while the wheel sticks. Filters of the
+readings follow. This predicts 95 % of the change by a motor that cogs by 0.02 N m.
 
-A wheel's angle is counted from readings that are late by the filter, and by a K_E that may be 0.7 % off: 0.3
-rad after ten turns, of a wave that comes five times in one a quarter. So waves may change evenly on the way.
+A wheel's angle is integrated from readings that are delayed by the filter and scaled by a K_E that may be 0.7
+% off: in 45 rad that is 0.3 rad, a quarter of a wave that comes five times in a turn. So waves may change
+linearly along the way.
 """
 
 from __future__ import annotations
@@ -32,23 +34,23 @@ from raccoon.sim.effects.parameters import SIDES
 Array = NDArray[np.float64]
 
 COGGING_ORDERS, RUBBING_ORDERS = 6, 3
-"""Waves in a turn up to which a motor may cog, and a wheel rub."""
+"""Largest number of waves in a turn of a motor that cogs, and of a wheel that rubs."""
 USUAL_CHANGE_SHARE = 0.5
-"""Prior change of a wave from the middle of the way to its end, as a share of its own prior size."""
+"""Prior change of a wave from the middle of the way to its end, relative to its own prior size."""
 SAMPLING_DELAY_S = 0.0075
-"""s by which a median of three samples of 5 ms, and waiting for the next row, delay a back-EMF."""
+"""Delay in s of a back-EMF by a median of three samples of 5 ms and by the wait for the next row."""
 STICKING_SPEED = 0.3
-"""rad/s below which a wheel is about to stand, and friction decides how fast it is."""
+"""Speed in rad/s below which a wheel is about to stop, and friction determines its speed."""
 STUCK_TIME_CONSTANT_S = 1e-3
-"""Time constant with which the speed of a stuck wheel is gone."""
+"""Time constant in s with which the speed of a stuck wheel decays."""
 COASTING_TIME_CONSTANT_S = 10.0
-"""Time constant with which a coasting motor would lose its speed but for friction."""
+"""Time constant in s with which the speed of a coasting motor would decay without friction."""
 
 
 @dataclass(frozen=True, slots=True)
 class Waves:
     """curves (count, bins): unit torques at a wheel. columns (count, bins, channels): the readings'
-    responses. parts: indices of curves that may stand alone: sine and cosine of one order, constant or
+    responses. parts: indices of curves that may act alone: sine and cosine of one order, constant or
     changing."""
 
     curves: Array
@@ -63,7 +65,8 @@ def sines_and_cosines(angle: Array, orders: int) -> Array:
 
 
 def wheel_angle(problem: Problem, settings: Settings, counted: Array, wheel: int) -> Array:
-    """A wheel's angle (bins,) without the delay of its readings, from which `counted` was integrated."""
+    """A wheel's angle (bins,) corrected for the delay of its readings, from which `counted` was
+    integrated."""
     if f"bemf_{SIDES[wheel]}" not in problem.features.roles:
         return counted
     delay = settings["bemf.filter_lag", SIDES[wheel], "time_constant"] + SAMPLING_DELAY_S
@@ -71,7 +74,7 @@ def wheel_angle(problem: Problem, settings: Settings, counted: Array, wheel: int
 
 
 def bemf_counts_per_speed(problem: Problem, settings: Settings, side: str) -> float:
-    """Counts of back-EMF for one rad/s of a wheel."""
+    """Counts of back-EMF per rad/s of a wheel."""
     volts = getattr(problem.robot.model, side).back_emf_constant.value
     volts *= settings["motor.back_emf_constant", side, "factor"] * settings["bemf.scale", side, "factor"]
     return float(volts / BEMF_VOLTS_PER_COUNT)
@@ -80,8 +83,8 @@ def bemf_counts_per_speed(problem: Problem, settings: Settings, side: str) -> fl
 def torque_waves(
     problem: Problem, settings: Settings, angle: Array, speeds: Array, wheel: int, friction: bool
 ) -> Waves:
-    """Waves over the angle, (bins,), of a wheel: torques forward, or friction against it, as of one that
-    rubs or a tooth that is bent. speeds (bins, 2): of both wheels, rad/s."""
+    """Waves over the angle, (bins,), of a wheel: forward torques, or friction, as of a wheel that rubs or a
+    bent tooth. speeds (bins, 2): of both wheels, rad/s."""
     orders = RUBBING_ORDERS if friction else COGGING_ORDERS
     waves = sines_and_cosines(angle, orders)
     torques = -np.sign(speeds[:, wheel]) * waves if friction else waves
@@ -98,7 +101,7 @@ def torque_waves(
 def _speed_responses(
     problem: Problem, settings: Settings, torques: Array, speeds: Array, wheel: int
 ) -> Array:
-    """rad/s by which both wheels are faster, (count, bins, 2), for torques at one of them, (count, bins)."""
+    """Changes of both wheels' speeds in rad/s, (count, bins, 2), by torques at one of them, (count, bins)."""
     drive, driven, width = problem.robot.model.drive, problem.features.driven, problem.features.width
     damping = np.mean(driven * [_damping(problem, settings, side) for side in SIDES], axis=1)
     sticks = np.abs(speeds) < STICKING_SPEED
@@ -117,7 +120,8 @@ def _speed_responses(
 
 
 def _damping(problem: Problem, settings: Settings, side: str) -> float:
-    """N m s/rad of a driven motor, K^2 / R, less the share of a cycle in which it coasts to be measured."""
+    """Damping in N m s/rad of a driven motor, K^2 / R, less the share of a cycle in which it coasts to be
+    measured."""
     motor = getattr(problem.robot.model, side)
     resistance = motor.armature_resistance.value * settings["motor.armature_resistance", side, "factor"]
     constant = motor.back_emf_constant.value * settings["motor.back_emf_constant", side, "factor"]
@@ -125,7 +129,7 @@ def _damping(problem: Problem, settings: Settings, side: str) -> float:
 
 
 def _reading_responses(problem: Problem, settings: Settings, faster: Array) -> Array:
-    """Changes of readings (count, bins, channels) by wheels that are so much faster, (count, bins, 2),
+    """Changes of the readings (count, bins, channels) by changes of the wheels' speeds, (count, bins, 2),
     rad/s."""
     model, features = problem.robot.model, problem.features
     changes = np.zeros((*faster.shape[:2], len(features.roles)))
@@ -154,11 +158,11 @@ def _reading_responses(problem: Problem, settings: Settings, faster: Array) -> A
 
 
 def _low_pass(inputs: Array, time_constant: Array, width: float, gain: Array | float = 1.0) -> Array:
-    """First-order low-pass: y (count, bins) with T y' = gain inputs - y, of inputs that are linear from bin
-    to bin. time_constant T, s, and gain (bins,): of each bin.
+    """First-order low-pass: y (count, bins) with T y' = gain inputs - y, for inputs that are linear between
+    bins. time_constant T, s, and gain (bins,): of each bin.
 
-    y[k] = e y[k - 1] + gain ((1 - g) inputs[k] + (g - e) inputs[k - 1]),   e = exp(-width / T),
-    g = (1 - e) T / width
+        y[k] = e y[k - 1] + gain ((1 - g) inputs[k] + (g - e) inputs[k - 1]),   e = exp(-width / T),
+        g = (1 - e) T / width
     """
     decay = np.exp(-width / time_constant)
     mean = (1.0 - decay) * time_constant / width
@@ -168,7 +172,7 @@ def _low_pass(inputs: Array, time_constant: Array, width: float, gain: Array | f
 
 
 def _delayed(values: Array, bins: float) -> Array:
-    """Values (count, bins) so many bins later, by linear interpolation."""
+    """Values (count, bins) delayed by so many bins, by linear interpolation."""
     whole = int(bins)
     share = bins - whole
     padded = np.pad(values, ((0, 0), (whole + 1, 0)))[:, : values.shape[1] + 1]
