@@ -1,6 +1,6 @@
-"""A recorded manoeuvre as arrays: wheel angles, and what a reference says of the same times.
+"""A recorded manoeuvre as arrays: wheel angles, and a reference at the same times.
 
-Columns are those of the interchange format, one array each, NaN where a sensor gave nothing new.
+Columns are those of the interchange format, one array each, NaN where a sensor had no new reading.
 """
 
 from __future__ import annotations
@@ -19,14 +19,13 @@ from raccoon.model.bemf import counts_scale
 
 Array = NDArray[np.float64]
 MIN_KNOWN_ROWS = 20
-"""Rows with a pose from which on a reference is one."""
+"""Least number of rows with a pose that make a reference."""
 
 
 @dataclass(frozen=True, slots=True)
 class TapedWay:
-    """A straight piece that was measured by tape: `distance` m (negative: backwards) from `begin` to
-    `end`, s.
-    """
+    """A straight piece measured by tape: `distance` m (negative: backwards) from `begin` to `end`, s; std:
+    m."""
 
     begin: float
     end: float
@@ -36,12 +35,13 @@ class TapedWay:
 
 @dataclass(frozen=True, slots=True)
 class Manoeuvre:
-    """One recording, ready to be fitted.
+    """One recording, ready for a fit.
 
-    t: s, (n,). left, right: rad at nominal scale since the start, without the offset's share, (n,). gyro:
-    rad turned by the gyro without its bias, at the scale of robot.toml, (n,), or None. truth: x, y, heading,
-    (n, 3), NaN where the reference says nothing, or None. offsets: back-EMF counts at rest of left and right,
-    with deviations, None where there was no rest. taped: pieces measured by tape.
+    t: s, (n,). left, right: rad at nominal scale since the start, without the offset's part, (n,).
+    gyro: rad turned by the gyro without its bias, at the scale of robot.toml, (n,), or None.
+    truth: x, y, heading of the reference, (n, 3), NaN in rows without one, or None.
+    offsets: back-EMF counts at rest of left and right, with standard deviations; None without a rest.
+    battery_voltage: V. taped: pieces measured by tape.
     """
 
     t: Array
@@ -68,12 +68,12 @@ class Manoeuvre:
 
     @property
     def known_rows(self) -> NDArray[np.intp]:
-        """Rows in which the reference says where the robot is."""
+        """Indices of the rows in which the reference has a pose."""
         return np.flatnonzero([] if self.truth is None else np.isfinite(self.truth[:, 0]))
 
     @property
     def heading(self) -> Array | None:
-        """Heading by the reference, where it is known: motion capture before gyro."""
+        """Heading by the reference, where it has one, else by the gyro."""
         return self.truth[self.known_rows, 2] if self.truth is not None else self.gyro
 
 
@@ -84,7 +84,7 @@ def manoeuvre_from_columns(
     taped: Sequence[TapedWay] = (),
     device: Device = SI_WORDS,
 ) -> Manoeuvre:
-    """Make a manoeuvre of a recording's columns.
+    """Make a manoeuvre from a recording's columns.
 
     Raises CalibrationError naming the column that is missing or unusable.
     """
@@ -118,7 +118,7 @@ def _mean(column: Array | None) -> float | None:
 
 
 def _forward_fill(values: Array) -> Array:
-    """NaN replaced by the value before it (at the start by the first one)."""
+    """The values with NaN replaced by the last value before it (at the start by the first one)."""
     known = np.flatnonzero(np.isfinite(values))
     place = np.clip(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0, None)
     held: Array = values[known[place]]
@@ -126,7 +126,7 @@ def _forward_fill(values: Array) -> Array:
 
 
 def _count_resting(columns: Mapping[str, Array], robot: RobotConfig, t: Array) -> int:
-    """Number of samples before the first wheel moves (0.2 s are kept clear of it)."""
+    """Number of samples before the first wheel moves, less 0.2 s."""
     first = len(t)
     for port in (robot.drive.left, robot.drive.right):
         bemf, position = columns.get(f"motor.{port}.bemf"), columns.get(f"motor.{port}.position")
@@ -175,13 +175,13 @@ def _gyro_turn(columns: Mapping[str, Array], robot: RobotConfig, t: Array, rest:
     if len(resting) < 10:
         return None
     known = np.isfinite(values)
-    # gyro = scale * turn rate + bias, as the odometry has it
+    # gyro = scale * turn rate + bias, as in the odometry
     rate = (np.interp(t, t[known], values[known]) - resting.mean()) / robot.model.imu.gyro_scale.value
     return integral(t, rate)
 
 
 def integral(t: Array, rate: Array) -> Array:
-    """Of a rate, from the first of the times t (s) to each, by the trapezoidal rule."""
+    """Integral of a rate from the first of the times t (s) to each, by the trapezoidal rule."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
 
 
@@ -193,6 +193,6 @@ def _truth(columns: Mapping[str, Array]) -> Array | None:
     known = np.isfinite(truth).all(axis=1)
     if known.sum() < MIN_KNOWN_ROWS:
         return None
-    truth[~known] = np.nan  # a reference of another rate leaves rows blank, as one that loses the robot does
+    truth[~known] = np.nan  # rows are blank if the reference has another rate or loses the robot
     truth[known, 2] = np.unwrap(truth[known, 2])
     return truth

@@ -1,4 +1,4 @@
-"""How sure the fitted geometry of a drive is: by leaving out a part of what it was fitted to."""
+"""Standard deviations of the fitted drive geometry, by the jackknife."""
 
 from __future__ import annotations
 
@@ -16,27 +16,26 @@ from raccoon.estimate.drive_calibration.paths import residuals, start_pose_chang
 from raccoon.estimate.ekf.state import OdometrySettings
 
 JACKKNIFE_PARTS = 8
-"""Of fewer that are left out in turn, some agree by chance, and promise a tenth of the deviation there is."""
+"""Least number of parts left out in turn: fewer may agree by chance and give a tenth of the true standard
+deviation."""
 
 
 def jackknife_deviations(
     robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array, fitted: Sequence[Manoeuvre]
 ) -> Array:
-    """Relative deviations (3,) by the jackknife: how far the fit moves when one part is left out.
+    """Relative standard deviations (3,) by the jackknife: the change of the fit when one part is left out.
 
-    fitted: what the factors were fitted to, recordings or their pieces. Each refit is a Gauss-Newton step
-    from the whole fit, which is as good as a refit this near. What is learnt from so few parts is widened to
-    what Student's t spreads.
+    fitted: the recordings or pieces that the factors were fitted to. Each refit is one Gauss-Newton step from
+    the whole fit, which is as good as a refit this near. They are widened by the variance of Student's t for
+    so few parts.
     """
     parts, kept = split_into_parts(manoeuvres)
     square = _jackknife_variances(robot, parts, kept, factors) * (len(parts) - 1) / (len(parts) - 3)
-    if len(manoeuvres) > 1:  # recordings may differ in what is the same all through one, as another wheel
+    if len(manoeuvres) > 1:  # recordings may differ in what is constant within each, like a changed wheel
         square = np.maximum(square, _jackknife_variances(robot, manoeuvres, [], factors))
     if not np.isfinite(square).all():
         return np.full(3, math.inf)
-    if not any(
-        each.truth is not None for each in manoeuvres
-    ):  # the gyro's scale is wrong with all parts alike
+    if not any(each.truth is not None for each in manoeuvres):  # the gyro's scale is wrong in all parts alike
         square[2] += (gyro_scale_std(robot, OdometrySettings()) / robot.model.imu.gyro_scale.value) ** 2
     deviations: Array = np.sqrt(
         square + _start_variances(robot, fitted, factors) + _tape_variances(robot, fitted, factors)
@@ -47,8 +46,8 @@ def jackknife_deviations(
 def _jackknife_variances(
     robot: RobotConfig, parts: Sequence[Manoeuvre], kept: Sequence[Manoeuvre], factors: Array
 ) -> Array:
-    """Squares (3,) of the deviations by how far the fit moves without each part; infinite where it cannot do
-    without one."""
+    """Variances (3,) by the change of the fit without each part; infinite if the fit is impossible without
+    one."""
     normal = [_normal_equations(robot, part, factors) for part in parts]
     always = [_normal_equations(robot, part, factors) for part in kept]
     whole_A = np.sum([A for A, _ in normal + always], axis=0)
@@ -65,8 +64,8 @@ def _jackknife_variances(
 
 
 def _start_variances(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
-    """Squares (3,) of how far the fit moves as the start of each path may be off, which turns all of it, and
-    a short piece of it less."""
+    """Variances (3,) from the error of each path's starting pose, which rotates all of the path, and a short
+    piece less."""
     whole, each_start = np.zeros((3, 3)), []
     for each in manoeuvres:
         J = _jacobian(robot, each, factors)
@@ -79,8 +78,8 @@ def _start_variances(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factor
 
 
 def _tape_variances(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
-    """Squares (3,) of how far the fit moves as each taped piece may be off: no part that is left out tells,
-    as the tape never is, and beside a reference it has its weight all the same."""
+    """Variances (3,) from the error of each taped piece. Leaving out parts does not show it: the tape is
+    never left out, and beside a reference it still has its weight."""
     whole = np.sum([_normal_equations(robot, each, factors)[0] for each in manoeuvres], axis=0)
     taped = [replace(each, gyro=None, truth=None) for each in manoeuvres if each.taped]
     slopes = np.concatenate([np.zeros((0, 3)), *(_jacobian(robot, each, factors) for each in taped)])
@@ -95,7 +94,7 @@ def _normal_equations(robot: RobotConfig, part: Manoeuvre, factors: Array) -> tu
 
 
 def _jacobian(robot: RobotConfig, part: Manoeuvre, factors: Array) -> Array:
-    """Slopes (n, 3) of its residuals over the factors."""
+    """Derivatives (n, 3) of its residuals by the factors."""
     here, step = residuals(factors, robot, part), 1e-5
     return np.column_stack(
         [(residuals(factors + step * row, robot, part) - here) / step for row in np.eye(3)]
@@ -103,7 +102,7 @@ def _jacobian(robot: RobotConfig, part: Manoeuvre, factors: Array) -> Array:
 
 
 def split_into_parts(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
-    """What is left out in turn, recordings or pieces of them, and what never is: the tape."""
+    """The parts to leave out in turn, recordings or pieces of them; and what is never left out: the tape."""
     each_in = math.ceil(JACKKNIFE_PARTS / len(manoeuvres))
     if each_in == 1:
         return list(manoeuvres), []

@@ -1,6 +1,5 @@
-"""Was something in the way of a calibration drive? Wheels that spin count a way that the robot did not go,
-and the most honest tape makes wrong scales of it.
-"""
+"""Detection of disturbances of a calibration drive. Wheels that spin count a distance that the robot did not
+move, and even a correct tape then gives wrong scales."""
 
 from __future__ import annotations
 
@@ -14,10 +13,10 @@ REMEDY = "give it a free way and drive again"
 
 
 def describe_disturbance(held: float, slipped: bool, told: Iterable[str]) -> str:
-    """What disturbed a drive and what to do, "" where nothing did.
+    """The disturbance of a drive and its remedy; "" if there was none.
 
-    held: m that both wheels turned while they carried what they do at a wall. slipped: a wheel did, in a
-    motion that had begun well. told: reasons of the odometry.
+    held: m that both wheels turned while their load was that at a wall. slipped: a wheel slipped in a motion
+    that had begun without slip. told: reasons of the odometry.
     """
     if held > 0.0:
         return (
@@ -31,7 +30,7 @@ def describe_disturbance(held: float, slipped: bool, told: Iterable[str]) -> str
 
 
 def find_disturbance(robot: RobotConfig, cycles: Iterable[tuple[Inputs, Outputs | None]]) -> str:
-    """`describe_disturbance` of a recorded drive: inputs, and the command in force (None: not known)."""
+    """`describe_disturbance` for a recorded drive: inputs, and the command in force (None: unknown)."""
     odometry = Odometry(robot)
     held, slipped, told = 0.0, False, set[str]()
     for inputs, command in cycles:

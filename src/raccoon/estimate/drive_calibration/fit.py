@@ -1,13 +1,13 @@
-"""Fit the drive's geometry to recorded manoeuvres: both wheels' way a tick, and the track width.
+"""Fit of the drive's geometry to recorded manoeuvres: distance per tick of both wheels, and track width.
 
-The unknowns are three factors on the configured values: left way, right way, track width. Against motion
-capture the whole driven path is fitted (position and heading); with a gyro, its turns over stretches of a
-second or two, and the taped pieces. Deviations come from leaving out one recording (or, of a few, one of
-their eight or more parts) at a time: neighbouring samples of a path are anything but independent, so the
-fit's own covariance would promise too much.
+The unknowns are three factors on the configured values: left distance, right distance, track width. Against
+motion capture the whole path is fitted (position and heading); with a gyro, its turns over stretches of a
+second or two, and the taped pieces. Standard deviations come from leaving out one recording (or, of a few,
+one of their eight or more parts) at a time: neighbouring samples of a path are strongly dependent, so the
+fit's own covariance would be too small.
 
-Wheel radius and radians a tick only ever show as their product, way a tick. It is reported both ways: as
-radians a tick at the configured radius, which is what robot.toml keeps, and as wheel radii at the
+Wheel radius and radians per tick are observable only as their product, the distance per tick. It is given
+both ways: as radians per tick at the configured radius, which robot.toml keeps, and as wheel radii at the
 configured ticks.
 """
 
@@ -32,10 +32,10 @@ from raccoon.model.bemf import counts_scale
 
 MIN_TURN = math.radians(90.0)
 MIN_SHARE = 0.2
-"""Share of the turning that the rarer direction needs."""
+"""Least share of the rarer turning direction."""
 MIN_WAY = 0.3
 MAX_DEVIATION = 0.05
-"""A factor whose relative deviation is larger is not determined."""
+"""Bound on the relative standard deviation of a factor, above which it is undetermined."""
 BOTH_WAYS = (
     "drive a square of about 0.6 m once to the left and once to the right, or eight quarter turns each way, "
     "with one side measured by tape"
@@ -44,11 +44,11 @@ BOTH_WAYS = (
 
 @dataclass(frozen=True, slots=True)
 class DriveCalibration(MotorsCalibration):
-    """The drive as fitted.
+    """The fitted drive.
 
-    track_width: m. left_radius, right_radius: m, what left and right are as wheel radii.
-    error_before, error_after: root mean square of the fitted residuals over their weights, before and after.
-    remarks: what is strange about the result, in words.
+    track_width: m. left_radius, right_radius: m, the same result as wheel radii. error_before, error_after:
+    root mean square of the weighted residuals before and after the fit. remarks: surprising results, in
+    words.
     """
 
     track_width: Measured
@@ -59,11 +59,11 @@ class DriveCalibration(MotorsCalibration):
     remarks: tuple[str, ...] = ()
 
     def entries(self, robot: RobotConfig) -> Mapping[str, Measured]:
-        """The values by their key in robot.toml."""
+        """The values by their keys in robot.toml."""
         return {"model.drive.track_width": self.track_width, **MotorsCalibration.entries(self, robot)}
 
     def applied(self, robot: RobotConfig) -> RobotConfig:
-        """The robot with this calibration in place of its own."""
+        """The robot with this calibration instead of its own."""
         drive: DriveModel = replace(robot.model.drive, track_width=self.track_width)
         model: NominalModel = replace(robot.model, drive=drive)
         return replace(MotorsCalibration.applied(self, robot), model=model)
@@ -74,7 +74,7 @@ def calibrate_drive(
 ) -> DriveCalibration:
     """Fit the drive of this robot to one or more recordings.
 
-    Raises CalibrationError as `fit_drive`, and where a value is not to be believed of this robot.
+    Raises CalibrationError as `fit_drive`, and for a value that is implausible for this robot.
     """
     found = fit_drive(robot, manoeuvres, device=device)
     for side, value in (("left", found.left), ("right", found.right)):
@@ -83,18 +83,18 @@ def calibrate_drive(
 
 
 def fit_drive(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: Device) -> DriveCalibration:
-    """The same of a robot that may be another one than robot.toml's.
+    """The same fit for a robot that may differ from robot.toml.
 
-    Raises CalibrationError where the recordings cannot tell: one turning direction only, no length by tape
-    or motion capture, no turn by gyro or motion capture, or a value that stays undetermined. It says which
-    manoeuvre would do.
+    Raises CalibrationError, naming a sufficient manoeuvre, if the recordings are not sufficient: one turning
+    direction only, no length by tape or motion capture, no turn by gyro or motion capture, or an undetermined
+    value.
     """
     if not manoeuvres:
         raise CalibrationError("no recording was given")
     _check_tapes(manoeuvres)
     _check_lengths(robot, manoeuvres)
     _check_turns(manoeuvres)
-    # A long path carries on what it was off by early: few are fitted in the pieces that tell how sure it is.
+    # A long path keeps its early errors: a few recordings are fitted in the same pieces as in the jackknife.
     seen = all(each.truth is not None and not each.taped for each in manoeuvres)
     fitted = split_into_parts(manoeuvres)[0] if seen else manoeuvres
     factors, before, after = _fit_factors(robot, fitted)
@@ -140,7 +140,7 @@ def _calibration_of_factors(
 
 
 def _mean_offset(manoeuvres: Sequence[Manoeuvre], side: int, voltage: float | None) -> Measured | None:
-    """Resting back-EMF of a side, the recordings weighted by what each knows."""
+    """Resting back-EMF of a side: the mean over recordings, weighted by their inverse variances."""
     known = [each.offsets[side] for each in manoeuvres]
     pairs = [each for each in known if each is not None]
     if not pairs:
@@ -172,7 +172,7 @@ def _check_lengths(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre]) -> None:
 
 
 def _check_turns(manoeuvres: Sequence[Manoeuvre]) -> None:
-    """Both turning directions: with one alone, track width and the wheels' ratio look the same."""
+    """Require both turning directions: with one, track width and the wheels' ratio are indistinguishable."""
     headings = [each.heading for each in manoeuvres]
     if not all(heading is not None for heading in headings):
         raise CalibrationError(
@@ -188,7 +188,7 @@ def _check_turns(manoeuvres: Sequence[Manoeuvre]) -> None:
 
 
 def _without_jitter(heading: Array) -> Array:
-    """A heading without jitter: only turns of more than 2 degrees one way count."""
+    """The heading without jitter: only turns of more than 2 degrees in one direction count."""
     kept = [float(heading[0])]
     for value in heading:
         if abs(value - kept[-1]) > math.radians(2.0):
@@ -197,7 +197,7 @@ def _without_jitter(heading: Array) -> Array:
 
 
 def _fit_factors(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre]) -> tuple[Array, float, float]:
-    """Factors (3,) and the weighted error before and after."""
+    """Factors (3,) and the weighted error before and after the fit."""
     from scipy.optimize import least_squares
 
     def off(factors: Array) -> Array:

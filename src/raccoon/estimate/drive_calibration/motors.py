@@ -1,4 +1,4 @@
-"""What every calibration of a drive finds: both motors' radians per tick, and their offsets."""
+"""Results of every drive calibration: both motors' radians per tick and back-EMF offsets."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from raccoon.core.config import Measured, MotorConfig, RobotConfig
 
 @dataclass(frozen=True, slots=True)
 class MotorsCalibration:
-    """Every value with its standard deviation.
+    """Values with their standard deviations.
 
-    left, right: radians per tick. left_offset, right_offset: back-EMF counts at rest in the sign of the
-    board, None where the recording has no rest with back-EMF.
+    left, right: radians per tick. left_offset, right_offset: back-EMF counts at rest with the board's sign;
+    None if the recording has no rest with back-EMF.
     """
 
     left: Measured
@@ -22,7 +22,7 @@ class MotorsCalibration:
     right_offset: Measured | None
 
     def entries(self, robot: RobotConfig) -> Mapping[str, Measured]:
-        """The values by their key in robot.toml."""
+        """The values by their keys in robot.toml."""
         found = {}
         for port, ticks, offset in self._by_port(robot):
             found[f"motor.{port}.radians_per_tick"] = ticks
@@ -31,7 +31,7 @@ class MotorsCalibration:
         return found
 
     def applied(self, robot: RobotConfig) -> RobotConfig:
-        """The robot with this calibration in place of its own."""
+        """The robot with this calibration instead of its own."""
         motors = dict(robot.motors)
         for port, ticks, offset in self._by_port(robot):
             motor = motors.get(port, MotorConfig())

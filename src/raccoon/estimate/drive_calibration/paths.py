@@ -1,4 +1,4 @@
-"""The path that wheels make of given factors on their ways and on the track, and what it is off by."""
+"""The path that the wheels give with factors on their distances and the track width, and its residuals."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from raccoon.core.errors import CalibrationError
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
 
 PLACE_STD, HEADING_STD = 0.01, math.radians(1.0)
-"""m and rad, what an integrated path is expected to be off by: weights of the fit."""
+"""m and rad, expected errors of an integrated path: weights of the fit."""
 STRETCH_S = 1.5
-"""s of a stretch whose turn is compared with the gyro's."""
+"""s, length of a stretch whose turn is compared with the gyro's."""
 START_S = 0.5
-"""s of which a reference says together in which pose a path starts."""
+"""s at the beginning of a path over which the reference gives its starting pose."""
 MIN_AT_START = 4
-"""Rows there whose scatter says how well."""
+"""Least number of rows in that time whose scatter gives the standard deviation of that pose."""
 
 
 def integrate_path(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """x, y, heading (n, 3) that the wheels of a manoeuvre make, from 0."""
+    """x, y, heading (n, 3) by the wheels of a manoeuvre, from 0."""
     drive = robot.model.drive
     left = factors[0] * drive.wheel_radius.value * np.diff(each.left)
     right = factors[1] * drive.wheel_radius.value * np.diff(each.right)
@@ -35,7 +35,7 @@ def integrate_path(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array
 
 
 def residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """What a manoeuvre's path is off by, each over what it is expected to be off by."""
+    """Residuals of a manoeuvre's path, each divided by its expected standard deviation."""
     parts = []
     if each.truth is not None:
         errors = truth_residuals(factors, robot, each) / (PLACE_STD, PLACE_STD, HEADING_STD)
@@ -51,10 +51,10 @@ def residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
 
 
 def truth_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """Path minus truth, x, y, heading, in its known rows (k, 3), from the pose in which it starts.
+    """Path minus truth, x, y, heading, in the known rows (k, 3), from the pose in which the path starts.
 
-    That is the mean of what the first half second says: of one row, a reference that is sure of a heading to
-    0.3 degrees turns the whole path by as much. Raises CalibrationError for a manoeuvre without truth.
+    That pose is the mean over the first half second: from a single row, the reference's heading error (0.3
+    degrees) would rotate the whole path. Raises CalibrationError for a manoeuvre without truth.
     """
     if each.truth is None:
         raise CalibrationError("a recording has no truth.x, truth.y and truth.heading")
@@ -72,7 +72,7 @@ def truth_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Arra
 
 
 def shape_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """Path minus truth as `truth_residuals`, from that pose in which the whole path fits best.
+    """Path minus truth as `truth_residuals`, but from the starting pose for which the whole path fits best.
 
     Raises CalibrationError for a manoeuvre without truth.
     """
@@ -87,8 +87,8 @@ def shape_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Arra
 
 
 def start_pose_changes(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """What the residuals (3, n) of a manoeuvre with truth change by as its start may be off, in x, y and
-    heading: by the scatter of the rows that say it. Empty where too few say it."""
+    """Changes of the residuals (3, n) of a manoeuvre with truth for one standard deviation of its starting x,
+    y and heading, by the scatter of the rows that give them. Empty for too few rows."""
     off = truth_residuals(factors, robot, each)
     first = each.t[each.known_rows] <= each.t[each.known_rows[0]] + START_S if len(off) else np.zeros(0, bool)
     if first.sum() < MIN_AT_START:
@@ -100,7 +100,7 @@ def start_pose_changes(factors: Array, robot: RobotConfig, each: Manoeuvre) -> A
 
 
 def _pose_derivatives(each: Manoeuvre) -> Array:
-    """Change (3, k, 3) of x, y, heading in the known rows by a start further along x, along y, and turned."""
+    """Change (3, k, 3) of x, y, heading in the known rows for a start moved along x, along y, and rotated."""
     if each.truth is None:
         return np.zeros((3, 0, 3))
     x, y = (each.truth[each.known_rows, :2] - each.truth[each.known_rows[0], :2]).T

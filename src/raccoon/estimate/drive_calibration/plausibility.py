@@ -1,4 +1,4 @@
-"""Is a calibration to be believed? What is impossible is refused, what nobody expected is said."""
+"""Plausibility of a calibration: impossible values are refused, surprising ones reported."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale, is_plausible_k_e_share
 
 SURPRISING_STDS, ALIKE_SHARE = 3.0, 0.03
-"""Standard deviations off robot.toml that are worth a word, and by how much both wheels may differ in it
-where one tape is the cause of both."""
+"""Threshold, in standard deviations, on the difference to robot.toml that is reported; and the relative
+difference of both wheels' errors below which one tape is taken for the cause of both."""
 
 
 def check_plausible(robot: RobotConfig, side: str, device: Device, value: Measured, cause: str) -> None:
-    """Raise CalibrationError where radians a tick of a side cannot be true. cause: what to check."""
+    """Raise CalibrationError if a side's radians per tick are impossible. cause: what to check."""
     factor = _ratio_to_config(robot, side, device, value)
     if not is_plausible_k_e_share(factor):
         port = getattr(robot.drive, side)
@@ -32,9 +32,10 @@ def check_plausible(robot: RobotConfig, side: str, device: Device, value: Measur
 def describe_surprises(
     robot: RobotConfig, device: Device, found: Sequence[Measured], distance: float | None = None
 ) -> tuple[str, ...]:
-    """Words for radians a tick of left and right that robot.toml, as sure as it is, did not let expect.
+    """Remarks on the radians per tick of left and right that differ from robot.toml by more than its standard
+    deviations allow.
 
-    distance: m, where one way by tape is all that the scale goes by.
+    distance: m, if the scale depends on a single taped distance.
     """
     settings = OdometrySettings()
     said, shares = [], []

@@ -1,4 +1,4 @@
-"""Back-EMF of a wheel that stands: its offset, and when it moves."""
+"""Back-EMF of a wheel at rest: its offset, and the threshold of motion."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from raccoon.core.config import Measured
 
 MIN_RESTING = 40
 MOVING_COUNTS = 40.0
-"""Back-EMF counts beyond the resting value that say a wheel moves."""
+"""Back-EMF counts beyond the resting value above which a wheel moves."""
 
 
 WORD_ERROR = 0.5
-"""Counts by which whole words may all be off, as where a firmware cuts fractions instead of rounding them."""
+"""Counts by which all whole words may be off, as with a firmware that cuts fractions instead of rounding."""
 
 
 def resting_offset(words: Sequence[float] | NDArray[np.float64], dead_zone: float) -> Measured | None:
-    """The offset in counts, of readings at rest; None where there are fewer than 40.
+    """The offset in counts from readings at rest; None for fewer than 40.
 
-    The board's filter makes neighbours alike: about one reading in nine is independent (0.2 at every step).
-    Nothing but 0 from a device with a dead zone (counts) may be any offset within it, and so may what stands
-    behind those readings of an offset at its edge that are 0.
+    The board's filter correlates neighbours: about one reading in nine is independent (0.2 at every step). If
+    a device with a dead zone (counts) reads only 0, the offset may be anywhere within it; if an offset at its
+    edge makes some readings 0, their hidden values may be, too.
     """
     if len(words) < MIN_RESTING:
         return None

@@ -1,15 +1,14 @@
-"""Calibration of the drive from one straight drive along a tape: both motors' radians per tick, and their
-offsets.
+"""Calibration of the drive from one straight drive along a tape: both motors' radians per tick and offsets.
 
-The tape says how far the middle went, the gyro by how much it turned, so each wheel's way is known::
+The tape gives the distance of the robot's middle, the gyro its turn; so each wheel's distance is known::
 
     left way  = s - turn * track width / 2        right way = s + turn * track width / 2
     radians per tick = way / wheel radius / ticks             s = the arc over the taped chord
 
-The common scale is the tape's, the ratio of the motors the gyro's. An error of the track width or of the
-gyro's scale enters only times the turn, so it vanishes on a drive that is nearly straight. The recording
-begins and ends at rest: the rest before tells the offset of either motor and the bias of the gyro; from
-rest to rest the lag of the board's filter adds nothing.
+The tape determines the common scale, the gyro the ratio of the motors. An error of the track width or of the
+gyro's scale is multiplied by the turn, so it vanishes on a nearly straight drive. The recording begins and
+ends at rest: the rest before gives both motors' offsets and the gyro's bias; from rest to rest the lag of the
+board's filter cancels.
 """
 
 from __future__ import annotations
@@ -35,18 +34,17 @@ from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale
 
 SHORTEST_M = 0.2
-"""m; below it the tape's error is above 1 %."""
+"""m; for shorter drives the tape's error is above 1 %."""
 MAX_TURN = math.radians(30.0)
 SLIP_NOISE = 0.0005
-"""m of wheel travel after one metre that nobody can predict; grows with its square root."""
+"""m, standard deviation of a wheel's travel after one metre; grows with its square root."""
 
 
 @dataclass(frozen=True, slots=True)
 class StraightCalibration(MotorsCalibration):
-    """What a taped straight drive tells.
+    """Results of a taped straight drive.
 
-    turn: rad the robot turned on the way. expected: m that it went by robot.toml as it was. remarks: what is
-    strange about the result, in words.
+    turn: rad that the robot turned on the way. remarks: surprising results, in words.
     """
 
     turn: float
@@ -65,13 +63,11 @@ def calibrate_straight(
 ) -> StraightCalibration:
     """Both motors' radians per tick from a straight drive (all its cycles, from rest to rest).
 
-    distance: m by tape between the two resting places, negative for a drive backwards. turn: rad it turned
-    on the way (counter-clockwise positive), where something else than the gyro measured it; turn_std: rad,
-    of either.
+    distance: m by tape between the two resting places, negative for a drive backwards. turn: rad on the way
+    (counter-clockwise positive), if measured otherwise than by the gyro; turn_std: rad, of either.
 
-    Raises CalibrationError, saying what to do, where the drive is too short, turned too far, does not
-    begin and end at rest, has no counters or no gyro (and no `turn`), or where the result is not to be
-    believed.
+    Raises CalibrationError, with a remedy, if the drive is too short, turned too far, does not begin and end
+    at rest, has no counters or no gyro (and no `turn`), or if the result is implausible.
     """
     _require(abs(distance) >= SHORTEST_M, f"{distance} m were driven: at least {SHORTEST_M} m are needed")
     _require(
@@ -142,7 +138,7 @@ def count_resting_cycles(robot: RobotConfig, inputs: Sequence[Inputs]) -> int:
 
 
 def _first_words(inputs: Sequence[Inputs], port: int) -> tuple[float | None, float | None]:
-    """Resting back-EMF (mean of the first readings) and counter of a port."""
+    """Resting back-EMF (mean of the first readings) and first counter reading of a port."""
     bemf = [word for cycle in inputs[:20] if (word := cycle.bemf[port]) is not None]
     position = [word for cycle in inputs[:20] if (word := cycle.position[port]) is not None]
     return (fmean(bemf) if bemf else None), (position[0] if position else None)
@@ -155,7 +151,7 @@ def resting_bemf(rest: Sequence[Inputs], port: int) -> Measured | None:
 
 
 def resting_gyro(rest: Sequence[Inputs]) -> Measured | None:
-    """Gyro bias, rad/s; None where there are fewer than 10 readings."""
+    """Gyro bias, rad/s; None for fewer than 10 readings."""
     rates = [rate for cycle in rest[: max(len(rest) - 10, 0)] if (rate := cycle.turn_rate) is not None]
     if len(rates) < 10:
         return None
@@ -163,8 +159,8 @@ def resting_gyro(rest: Sequence[Inputs]) -> Measured | None:
 
 
 def gyro_turn(robot: RobotConfig, inputs: Sequence[Inputs], bias: Measured | None) -> float:
-    """rad the robot turned by its gyro, at the scale of robot.toml. Raises CalibrationError without a gyro or
-    a rest for its bias."""
+    """rad that the robot turned by its gyro, at the scale of robot.toml. Raises CalibrationError without a
+    gyro or a rest for its bias."""
     _require(bias is not None, "no gyro reading at rest before the drive: wait 1 s first, or give the turn")
     assert bias is not None
     turn = 0.0
@@ -183,7 +179,8 @@ def gyro_turn(robot: RobotConfig, inputs: Sequence[Inputs], bias: Measured | Non
 def count_ticks(
     robot: RobotConfig, inputs: Sequence[Inputs], side: str, offset: Measured | None
 ) -> tuple[float, float]:
-    """Ticks of a wheel over the drive without its offset's share, forward positive, and their deviation."""
+    """Ticks of a wheel over the drive without its offset's part, forward positive, and their standard
+    deviation."""
     port: int = getattr(robot.drive, side)
     motor = robot.motor(port)
     if offset is not None:
@@ -200,7 +197,7 @@ def count_ticks(
     seconds = inputs[-1].time - inputs[0].time
     known = known_offset_std(robot, side) if offset is None else offset.std
     offset_std = robot.model.bemf.offset.std if known is None else known
-    # One tick at either end, and the offset's share of the time.
+    # One tick at either end, and the offset times the duration.
     ticks_std = math.hypot(1.0, offset_std * seconds / device.position_counts_seconds)
     return sum(angles) / (scale * device.position_counts_seconds), ticks_std
 
@@ -208,7 +205,8 @@ def count_ticks(
 def _with_battery_voltage(
     robot: RobotConfig, side: str, inputs: Sequence[Inputs], value: Measured
 ) -> Measured:
-    """The value with the battery it was measured at. Raises CalibrationError where it cannot be true."""
+    """The value with the battery voltage at its measurement. Raises CalibrationError for an impossible
+    value."""
     check_plausible(robot, side, inputs[0].device, value, "distance, its direction")
     voltages = [volts for cycle in inputs if (volts := cycle.battery_voltage) is not None]
     return replace(value, battery_voltage=fmean(voltages) if voltages else None)

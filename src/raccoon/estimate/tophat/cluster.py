@@ -132,7 +132,7 @@ def _calibrate_detrended(counts: Array, calm: NDArray[np.bool_]) -> TophatCalibr
     """As `_calibrate_ordered` for readings with a drifting floor, at the level at the end of the drive."""
     trend, known = running_trend(counts)
     drift = float(np.ptp(trend))
-    # so steep that all of it is edge
+    # Without a calm reading the drift is as steep as an edge.
     if drift < DRIFT_SDS * noise_sd(counts) or not calm[known].any():
         return None
     level = float(trend[-1])
