@@ -1,7 +1,8 @@
-"""Resting voltage of a cell against its state of charge, by chemistry.
+"""Resting voltage of a cell as a function of its state of charge, by chemistry.
 
-Typical curves at 20 degrees and rest (of the chemistry, not of one product): (state of charge, V). The flat
-middle of LiFePO4 tells little, and the standard deviations that come out of it say so.
+Typical curves at 20 degrees and rest (of the chemistry, not of one product): (state of charge, V). In the
+flat middle of LiFePO4 the voltage says little about the charge, and the standard deviations of the result
+show that.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ CURVES: Mapping[str, Curve] = {
 
 
 def charge_at(chemistry: str, cell_voltage: float) -> float:
-    """State of charge 0..1 at a cell's resting voltage; 0 and 1 beyond the curve."""
+    """State of charge, 0..1, at a cell's resting voltage; 0 or 1 beyond the curve."""
     curve = _curve(chemistry)
     if cell_voltage <= curve[0][1]:
         return 0.0

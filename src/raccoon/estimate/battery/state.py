@@ -1,8 +1,8 @@
-"""State of charge and internal resistance of the pack, learnt on the run from how its voltage sags.
+"""State of charge and internal resistance of the pack, estimated in operation from its voltage sag.
 
 U = U_0 - R_i I: the voltage under load is linear in the current. Voltage and current, both averaged over the
-same 0.1 s, feed a recursive least-squares fit of U_0 and R_i that forgets over a minute, so that U_0 follows
-the discharge. U_0 over the number of cells is read on the chemistry's curve.
+same 0.1 s, feed a recursive least-squares fit of U_0 and R_i with a memory of a minute, so that U_0 follows
+the discharge. U_0 over the number of cells gives the charge on the chemistry's curve.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from raccoon.estimate.battery.curves import charge_at
 from raccoon.estimate.battery.voltage import MAX_VOLTAGE, MIN_VOLTAGE
 
 WINDOW_S = 0.1
-"""s that voltage and current are averaged over."""
+"""s over which voltage and current are averaged."""
 SETTLE_S = 0.15
-"""s after a change of current for which the filtered reading still moves."""
+"""s after a change of current until the filtered voltage has settled."""
 MEMORY_WINDOWS = 600.0
-"""Windows that count: a minute."""
+"""Number of windows in memory: a minute."""
 MIN_SWING = 0.15
-"""A of current between rest and load before a resistance is believed."""
+"""A, least range of the current for a reliable resistance."""
 
 
 @dataclass(frozen=True, slots=True)
 class PackEstimate:
-    """What the pack is thought to be, each with one standard deviation.
+    """Estimate of the pack, each value with one standard deviation.
 
     open_circuit_voltage V · internal_resistance ohm · charge 0..1. status: invalid before any reading,
-    uncertain until the load has varied enough to tell the resistance.
+    uncertain until the load has varied enough to show the resistance.
     """
 
     open_circuit_voltage: float
@@ -41,7 +41,7 @@ class PackEstimate:
     status: Status
 
     def __str__(self) -> str:
-        """For people: each with its deviation."""
+        """Readable text: each value with its standard deviation."""
         voltage = f"{self.open_circuit_voltage:.2f} V (+- {self.open_circuit_voltage_std:.2f})"
         resistance = f"{self.internal_resistance:.3f} ohm (+- {self.internal_resistance_std:.3f})"
         charge = f"{100.0 * self.charge:.0f} % (+- {100.0 * self.charge_std:.0f})"
@@ -49,10 +49,10 @@ class PackEstimate:
 
 
 class PackState:
-    """Feed it every cycle.
+    """Estimator of the pack. Call `update` in every cycle.
 
     chemistry: "lifepo4", "lipo" or "nimh". cells: in series. resistance, resistance_std: ohm, prior.
-    reading_std: V, of a window's mean.
+    reading_std: V, of the mean of a window.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class PackState:
     ) -> None:
         if not cells >= 1.0:
             raise ValueError(f"cells is {cells}: it must be 1 or more")
-        charge_at(chemistry, 1.0)  # an unknown chemistry is refused now
+        charge_at(chemistry, 1.0)  # raises for an unknown chemistry
         self._chemistry, self._cells = chemistry, cells
         self._variance = reading_std * reading_std
         self._open_circuit_voltage, self._resistance = 0.0, resistance
@@ -77,7 +77,8 @@ class PackState:
         self._windows = 0
 
     def update(self, time: float, voltage: float | None, current: float) -> None:
-        """A cycle at `time` s: battery V as read, and the A that the motors are thought to draw."""
+        """Take a cycle at `time` s: battery voltage (V) as read, and the estimated current of the motors
+        (A)."""
         last, self._time = self._time, time
         if (
             voltage is None
@@ -108,7 +109,7 @@ class PackState:
         self._windows += 1
         self._least, self._most = min(self._least, current), max(self._most, current)
         (a, b), (_, d) = self._covariance
-        a *= 1.0 + 1.0 / MEMORY_WINDOWS  # the open-circuit voltage wanders, the resistance hardly does
+        a *= 1.0 + 1.0 / MEMORY_WINDOWS  # the open-circuit voltage drifts, the resistance hardly does
         gain = (a - b * current, b - d * current)
         total = self._variance + gain[0] - gain[1] * current
         off = voltage - (self._open_circuit_voltage - self._resistance * current)
@@ -119,7 +120,7 @@ class PackState:
 
     @property
     def estimate(self) -> PackEstimate:
-        """The newest belief."""
+        """The present estimate."""
         if not self._windows:
             return PackEstimate(0.0, math.inf, self._resistance, math.inf, 0.0, math.inf, Status.INVALID)
         std = math.sqrt(max(self._covariance[0][0], 0.0))

@@ -1,11 +1,11 @@
-"""What the battery gives now, out of a noisy converter reading."""
+"""Battery voltage under load, filtered from a noisy converter reading."""
 
 from __future__ import annotations
 
 from raccoon.core.schema import BATTERY_VOLTAGE
 
 MIN_VOLTAGE, MAX_VOLTAGE = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
-"""V between which a reading is a battery's."""
+"""V, bounds on a plausible battery reading."""
 TIME_CONSTANT_S = 0.1
 """s; long enough for the converter's steps of 9 mV, short enough to follow sag."""
 
@@ -20,9 +20,9 @@ class BatteryVoltage:
         self._value = 0.0
 
     def update(self, time: float, voltage: float | None) -> None:
-        """Take the reading of this cycle; None and voltages that no controller runs on are passed over.
+        """Take the reading of this cycle; None and voltages that no controller runs on are ignored.
 
-        Of a converter that dies the filter would otherwise come through every voltage on its way down.
+        Otherwise the filter would follow the voltage of a failing converter down to 0.
         """
         if voltage is None or not MIN_VOLTAGE <= voltage <= MAX_VOLTAGE:
             return
@@ -35,5 +35,5 @@ class BatteryVoltage:
 
     @property
     def voltage(self) -> float | None:
-        """V, None before the first reading."""
+        """V; None before the first reading."""
         return None if self._time is None else self._value

@@ -1,10 +1,11 @@
-"""A bulb that warms up for a second or two, told from daylight and from shadows that leave by how it does so.
+"""Detection of a bulb that warms up for a second or two, distinguished from daylight and shadows by the shape
+of its rise.
 
-A bulb comes to its light as what heats up does: fast at first, and the slower the nearer it gets. For an
-exponential the last part of the way, from 75 to 90 % of the light, takes 0.75 of the time from 15 to 75 %;
-for a filament that loses its heat by radiation it is half. For light that comes evenly it is 0.25, and for a
-shadow or a cloud whose edge is soft 0.30 to 0.36. A lamp is near its sensor, so it is also many times as
-bright as the light before it, which no shadow is dark enough for.
+A bulb's light rises like anything that heats up: fast at first, and slower the nearer it is to its end. For
+an exponential the last part of the rise, from 75 to 90 % of the light, takes 0.75 of the time from 15 to 75
+%; for a filament that loses its heat by radiation 0.5. For evenly rising light it is 0.25, and for a shadow
+or a cloud with a soft edge 0.30 to 0.36. A lamp is near its sensor, so it is also many times as bright as the
+light before it, more than the end of any shadow.
 """
 
 from __future__ import annotations
@@ -16,20 +17,20 @@ from statistics import median
 
 from raccoon.model.reflectance import light_of
 
-MEAN_SECONDS = 0.05  # of readings that are taken together: noise, flashes and flicker are gone then
-KEPT_SECONDS = 4.0  # a warm-up, and some time before and after it
-HALF_WINDOW = 3  # of these means, in which the light of a bulb that is warm must not change
-STEADY_RATIO = 1.03  # light over the light HALF means before, below which it has come
+MEAN_SECONDS = 0.05  # s of readings in one median: removes noise, flashes and flicker
+KEPT_SECONDS = 4.0  # s: a warm-up, and some time before and after it
+HALF_WINDOW = 3  # number of medians in which the light of a warm bulb must be constant
+STEADY_RATIO = 1.03  # light over that HALF_WINDOW medians before, below which it is constant
 BRIGHT_RATIO = 10.0
-"""Light over the brightest before, above which it may be a bulb; a deep shadow leaves 1 of 5."""
+"""Least light over the brightest light before; a deep shadow leaves 1 of 5."""
 RISE_SECONDS = (0.1, 0.9)  # from 15 to 75 %: time constants of 0.08 to 0.75 s
 TAIL_RATIO = (0.42, 0.85)  # time from 75 to 90 % over that from 15 to 75 %
-SETTLING_SECONDS = 0.5  # for which light that has come is looked back on
-PATIENCE_SECONDS = 3.0  # s for which light that rises may yet become a bulb's
+SETTLING_SECONDS = 0.5  # s for which constant light is still examined
+PATIENCE_SECONDS = 3.0  # s in which rising light may become a bulb's
 
 
 class SlowBulb:
-    """Looks back on how the light came. Feed it every reading."""
+    """Examines how the light rose. Call `add` with every reading."""
 
     __slots__ = ("_bucket", "_bucket_start", "_has_new_mean", "_last_rise", "_means")
 
@@ -58,16 +59,17 @@ class SlowBulb:
         self._bucket.append(counts)
 
     def is_rising(self, time: float) -> bool:
-        """Whether the light still goes up, or did until a moment ago."""
+        """Whether the light is rising, or was until a moment ago."""
         return time - self._last_rise < SETTLING_SECONDS
 
     def most_light(self, since: float, before: float) -> float:
-        """Most light between two times (s) that stayed for two means, as no flash does; else 0."""
+        """Most light between two times (s) that lasted for two medians, as no flash does; else 0."""
         lights = [light for begin, light in self._means if since <= begin <= before]
         return max((min(pair) for pair in pairwise(lights)), default=0.0)
 
     def is_warm(self, dark: float) -> bool:
-        """Whether the light has come to rest, and came as a bulb's. dark: the brightest before it."""
+        """Whether the light has become constant after rising like a bulb's. dark: the brightest light before
+        it."""
         if not self._has_new_mean or len(self._means) <= 2 * HALF_WINDOW:
             return False
         now, before = self._window_means()
@@ -84,14 +86,14 @@ class SlowBulb:
         )
 
     def _window_means(self) -> tuple[float, float]:
-        """Light of the last HALF means, and of as many before them; equal where there are fewer."""
+        """Light of the last HALF_WINDOW medians, and of as many before them; equal for too few."""
         lights = [light for _, light in self._means][-2 * HALF_WINDOW :]
         if len(lights) < 2 * HALF_WINDOW:
             return 1.0, 1.0
         return sum(lights[HALF_WINDOW:]) / HALF_WINDOW, sum(lights[:HALF_WINDOW]) / HALF_WINDOW
 
     def _time_passed(self, light: float) -> float | None:
-        """When it was last below this light and passed it, s; None where it never was."""
+        """Last time at which the light rose through this value, s; None if it never did."""
         after = self._means[-1]
         for mean in reversed(self._means):
             if mean[1] < light:

@@ -1,4 +1,4 @@
-"""What the sensor of the start light reads with the lamp off and on."""
+"""Calibration of the start light: the sensor's readings with the lamp off and on."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from raccoon.core.readings import ANALOG_BOTTOM
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
 MIN_COUNTS = 60.0
-"""Between lamp off and on, and between the ambient light and the threshold."""
+"""Least difference in counts between lamp off and on, and between the ambient light and the threshold."""
 MIN_RATIO = 0.75  # lamp on over lamp off, above which a calibration is refused
 MIN_LIGHT_RATIO = 1.6  # light with the lamp over light without it, below which a calibration is refused
 
 
 @dataclass(frozen=True, slots=True)
 class StartLightCalibration:
-    """What the sensor reads with the lamp off and on, counts (on is the lower).
+    """Readings with the lamp off and on, counts (on is the lower one).
 
-    Raises ConfigError for others: exchanged they would take the dark for the lamp.
+    Raises ConfigError for other values: exchanged, darkness would pass for the lamp.
     """
 
     off: float
@@ -36,8 +36,8 @@ class StartLightCalibration:
 def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLightCalibration:
     """Levels from readings with the lamp off and then on; the median of each, at least 10 readings.
 
-    Raises ConfigError for readings that are not counts, CalibrationError where the lamp makes no difference
-    or the sensor reads the bottom of the scale, as it does where its wires touch.
+    Raises ConfigError for readings that are not counts, CalibrationError if the lamp makes no difference or
+    the sensor reads the bottom of the scale, as with wires that touch.
     """
     for name, counts in (("off", off), ("on", on)):
         if len(counts) < 10:

@@ -1,4 +1,4 @@
-"""What the sensor of the start light read in the last moments, and how the light came."""
+"""Recent readings of the start light's sensor, and the shape of the light's rise."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from raccoon.model.reflectance import FULL_SCALE, light_of
 WARM_UP_SHARES = (0.15, 0.75)
 """Shares of the new light between which a bulb's warm-up is timed."""
 WARM_UP_SECONDS = 0.24
-"""1.2 time constants of a bulb (0.05..0.2 s); daylight takes longer."""
+"""s, longest warm-up: 1.2 time constants of a bulb (0.05..0.2 s); daylight takes longer."""
 HISTORY_SECONDS = 1.5
-"""s of readings that are kept: a warm-up, and what the detector waits for after it."""
+"""s of readings that are kept: a warm-up, and the time that the detector waits after it."""
 
 
 class History:
@@ -25,7 +25,7 @@ class History:
         self._readings: deque[tuple[float, float]] = deque()
 
     def add(self, time: float, counts: float) -> None:
-        """Remember a reading, and forget what is too old."""
+        """Keep a reading, and drop the ones that are too old."""
         readings = self._readings
         readings.append((time, counts))
         while len(readings) > 4 and readings[0][0] < time - HISTORY_SECONDS:
@@ -33,11 +33,11 @@ class History:
 
     @property
     def time_before(self) -> float:
-        """Time of the last reading but one, s."""
+        """Time of the second last reading, s."""
         return self._readings[-2][0]
 
     def light_at(self, time: float) -> float:
-        """Light of the last reading up to `time` (s), or of the oldest that is kept."""
+        """Light of the last reading up to `time` (s), or of the oldest kept one."""
         found = self._readings[0][1]
         for at, counts in reversed(self._readings):
             if at <= time + 1e-6:
@@ -51,9 +51,9 @@ class History:
         return light_of(max(counts for _, counts in recent))
 
     def rise_seconds(self, dark: float, lit: float) -> float:
-        """Time in which the light last rose through WARM_UP on its way from `dark` to `lit`, s.
+        """Time in which the light last rose through WARM_UP_SHARES on its way from `dark` to `lit`, s.
 
-        It is taken to move evenly between two readings. Infinite where the rise has no beginning.
+        Between two readings it is interpolated linearly. Infinite if the rise has no beginning.
         """
         low, high = (dark + share * (lit - dark) for share in WARM_UP_SHARES)
         most, least = (FULL_SCALE / (1.0 + light) for light in (low, high))
@@ -63,9 +63,9 @@ class History:
                 end = _crossing_time(reading, after, high)
             if reading[1] > most:
                 begin = _crossing_time(reading, after, low)
-                # Light that was on its way before has no beginning: it is daylight, learnt halfway.
+                # A rise that was already under way has no beginning: it is daylight, learnt halfway.
                 moving = self.light_at(begin - WARM_UP_SECONDS) < dark - (low - dark)
-                # A lamp may have come on late between the two, and then the straight line begins too early.
+                # A lamp may have come on late between the two; then the straight line begins too early.
                 return math.inf if moving else end - begin - 0.25 * (after[0] - reading[0])
             after = reading
         return math.inf
