@@ -25,7 +25,7 @@ def without_floor_friction(problem: Problem, point: Point, wander: float) -> Poi
     A fit finds the friction of this recording. It is the sum of the robot's, a line F + d |w| over each
     wheel's speed with robot.toml's standard deviations (covariance P), and the least-squares line through the
     floor's contribution (covariance S), which is not permanent. The expected robot's part of the sum is P (P
-    + S)^-1. docs/decisions/0018-what-the-floor-did-is-left-out.md has the gain by this.
+    + S)^-1. The gain is in docs/decisions/0018-what-the-floor-did-is-left-out.md.
 
     wander: RMS size of slowly varying floor friction, relative to Coulomb friction.
     """

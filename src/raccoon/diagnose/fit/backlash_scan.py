@@ -60,8 +60,8 @@ def fit_with_backlash_scan(
 
 
 def find_backlash_starts(problem: Problem, whitener: WhiteningMap, fit: Fit) -> list[Point]:
-    """The best points of inactive backlash of both wheels that cost clearly less than no backlash, everything
-    else fixed. The valley is narrow, and the columns at no backlash do not lead into it."""
+    """The best points with inactive backlash of both wheels added that cost clearly less than no backlash,
+    everything else fixed. The valley is narrow, and the columns at no backlash do not lead into it."""
     subdivision = max(round(BIN_S / problem.features.width), 1)
     positions = np.arange(subdivision * (len(WIDE_SIZES) - 1) + 1) / subdivision
     sizes = np.interp(positions, np.arange(len(WIDE_SIZES)), WIDE_SIZES)

@@ -40,15 +40,15 @@ def try_sensor_chains(search: Search, habits: Habits, trials: HabitTrials) -> Se
     """Test other chains of the wheels' readings; the search under each one that leads, else the unchanged
     search.
 
-    * If nothing is named, none is tested: disturbances by a floor of a robot with feedback loops are
+    * If nothing is named, none is tested: the response of feedback loops to a floor's disturbances is
       explained slightly better by many a filter with another time constant.
     * The firmware's chain may be the right one if a latency or a lag imitates it, or, for its pause, a
       resistance or a number on its scale. It need not lead before a search under it.
     * A late gyro may really be late commands under a filter whose delay is shorter by as much, and a latency
       of one sample a late gyro under a median.
     * Motors that coast while they are sampled are the same drive as a resistance that is lower by their share
-      of the time, so that chain is adopted if it is as likely. With encoders the firmware's chain is no more
-      than that.
+      of the time, so that chain is adopted if it is as likely. With encoders the firmware's chain differs in
+      that only.
     """
     if found_nothing(search):
         return search, habits

@@ -41,10 +41,10 @@ right moves all of them alike, also to later times."""
 FINE_OFFSETS = np.arange(-0.75, 1.751, 0.05)
 """Offsets in rows for which errors are interpolated between those."""
 MAX_ERROR_RATIO, MAX_FINAL_ERROR_RATIO = 0.25, 0.08
-"""Bounds on the error with a separate offset for each jump, relative to that with a common one. The first
-applies as a test for separate offsets, the second to whether they are all that is wrong, after the habits
-were fitted to commands that begin so. The first ratio was 0.02 to 0.24 for 17 loggers that read at once (0.39
-for one more), 0.11 to 0.34 for 24 that write the readings of a cycle of 5 ms, and 0.32 and more for 190
+"""Upper bounds on the error with a separate offset for each jump, relative to that with one common offset:
+the first for separate offsets to be considered; the second, after the habits were fitted to commands that
+begin so, for nothing else to be wrong. The first ratio was 0.02 to 0.24 for 17 loggers that read at once
+(0.39 for one more), 0.11 to 0.34 for 24 that write the readings of a cycle of 5 ms, and 0.32 and more for 190
 drives of controllers as slow as their rows, among them each cause and effects outside the catalogue. The
 second was at most 0.06 for 15 of the first (0.5 for two), and 0.1 and more for the others."""
 MIN_OFFSET_SPREAD = 0.25
@@ -55,7 +55,7 @@ WHOLE_CYCLE_TOLERANCE = 0.1
 as every second or third cycle of the controller itself, and not changed."""
 MEAN_OFFSET_RANGE = (0.2, 0.5)
 """Bounds in rows on the mean offset of commands before their rows: half a row, less the age of the readings.
-The filter in robot.toml determines which."""
+Within them it is the one that fits best with the filter in robot.toml."""
 CHANGES_WITHIN_ROWS_NOTE = (
     "commands change within the row before the one that holds them, as the wheels answer: a logger with a "
     "clock of its own writes so, beside the program that commands (controller.rate_hz is that program's). "

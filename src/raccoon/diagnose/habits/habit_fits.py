@@ -43,8 +43,8 @@ MASKING_COORDINATES = (
 made the simulator's filter look like the firmware's in five of eight rehearsals, and a scale beside others
 the firmware's like the simulator's."""
 ROUGH_FIT_EXCESS, ROUGH_STEPS = 0.005, 8
-"""Largest log misfit by which a fit with the columns of another may be above one with its own, and its steps:
-of 14 none was by more than 0.003."""
+"""Largest log misfit by which a fit with the columns of another may be above one with its own (of 14 none was
+by more than 0.003), and the linearisations of such a fit."""
 
 
 @dataclass(frozen=True, slots=True)

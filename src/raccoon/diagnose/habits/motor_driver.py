@@ -87,8 +87,8 @@ def try_deadband_shapes(search: Search, habits: Habits, trials: HabitTrials) -> 
 
 def _fit_best_deadband(search: Search, problem: Problem, points: Sequence[Point]) -> Fit:
     """The best fit with a deadband added to one of these points of the search. The response to a deadband
-    without stretching is constant between two commands, so a fit would stay at its start: sizes are chosen by
-    their cost."""
+    without stretching is constant between two command levels, so a fit would stay at its start: sizes are
+    chosen by their cost."""
     (deadband,) = problem.causes[DEADBAND].coordinates
     whitener = search.whitener
 

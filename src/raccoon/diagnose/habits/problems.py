@@ -26,7 +26,7 @@ from raccoon.sim.effects.parameters import Parameters
 HELD_BATTERY_CREEP = BatteryCreep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)
 """Creep of a battery's reading that is held between two edges. It is off by a count or so until its load
 changes: by 0.6 to 1.1 counts around a mean of 0.5 to 1.5, for a second, in six drives of fault-free robots
-behind the emulated stock firmware. With a count for ten seconds, 9 s of driving had a battery's resistance
+behind the emulated stock firmware. With one count for ten seconds, drives of 9 s had a battery's resistance
 beside a scrub, a reading's scale in the place of viscous friction, and something unknown on one of three
 fault-free robots."""
 

@@ -67,7 +67,7 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
     "bemf.filter_lag": (-0.5, 0.5),
 }
 # Finite-difference steps, in widths, of effects whose response is a staircase: those that shift an event by
-# whole steps of a clock, and play, whose teeth touch and part.
+# whole steps of a clock, and backlash, whose teeth touch and part.
 _STEPS: Mapping[str, float] = {
     "actuation.latency": 0.05,
     "imu.latency": 0.05,
@@ -170,7 +170,7 @@ def _with_shape(id: str, where: str | None, width: float) -> Cause:  # noqa: A00
 
 
 NUISANCE_EFFECTS = ("friction.presliding", "imu.low_pass")
-"""Effects that sound robots have as well: fitted as a nuisance, never named as a cause. See
+"""Effects that fault-free robots have as well: fitted as a nuisance, never named as a cause. See
 `base_coordinates.Wheels` and `plant_rollout.Habits`."""
 SIDES_ONLY = ("drive.wheel_eccentricity",)
 

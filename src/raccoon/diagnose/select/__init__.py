@@ -1,1 +1,1 @@
-"""Which causes: one by one, in sets, and from which evidence on."""
+"""Selection of causes: one at a time and in sets, each with a gate of log evidence."""

@@ -271,8 +271,8 @@ def refine_selection(search: Search) -> Search:
 
 
 def _drop_outperformed(search: Search) -> Search:
-    """Drop each cause in whose place a rival explains more although the rival does not reach its own gate
-    (friction of one wheel, which a floor imitates): named or not, the rival is nearer to the truth.
+    """Drop each cause in whose place a rival explains more although the rival does not reach its own gate (as
+    friction of one wheel may not, which a floor imitates): named or not, it is nearer to the truth.
 
     If the rival is named once its place is free, and then the cause beside it again, both are kept.
     """

@@ -1,4 +1,4 @@
-"""Whether friction may have changed within a drive: then a probe of it over time is tried as well."""
+"""Test whether friction may have changed within a drive, so that a probe of it over time is tried as well."""
 
 from __future__ import annotations
 
