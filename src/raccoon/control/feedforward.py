@@ -1,4 +1,4 @@
-"""The voltage a wheel needs for a motion, from the motor equation, before any feedback.
+"""Feedforward: the voltage that a wheel needs for a motion, from the motor equation.
 
 U = R I + K_E w and K_E I = J dw/dt + b w + T_c sign(w) give
 
@@ -16,15 +16,16 @@ from raccoon.core.readings import Device
 from raccoon.model.bemf import foreign_ticks_reason
 
 PLAUSIBLE_CONSTANT_SHARES = (0.4, 2.5)
-"""Between which shares of the nominal K_E a calibrated counter is taken to tell the motor's."""
+"""Bounds on K_E from a calibrated counter, as shares of the nominal K_E; beyond them the nominal one is
+used."""
 
 
 @dataclass(frozen=True, slots=True)
 class WheelModel:
-    """What the feedforward knows of one wheel and its motor, at the wheel shaft.
+    """Model of one wheel and its motor, at the wheel shaft.
 
-    resistance ohm, back_emf_constant V/(rad/s), coulomb N m, viscous N m s/rad, inertia kg m2 (what the motor
-    feels in the motion at hand).
+    resistance: ohm. back_emf_constant: V/(rad/s). coulomb: N m. viscous: N m s/rad. inertia: kg m2, as the
+    motor feels it in the present motion.
     """
 
     resistance: float
@@ -34,29 +35,31 @@ class WheelModel:
     inertia: float
 
     def voltage(self, speed: float, acceleration: float = 0.0) -> float:
-        """V for `speed` rad/s while gaining `acceleration` rad/s2; 0 at rest."""
+        """V for `speed` rad/s and `acceleration` rad/s2; 0 at rest."""
         direction = (speed > 0.0) - (speed < 0.0) or (acceleration > 0.0) - (acceleration < 0.0)
         torque = self.inertia * acceleration + self.viscous * speed + self.coulomb * direction
         return self.back_emf_constant * speed + self.resistance / self.back_emf_constant * torque
 
     def pressing_voltage(self, wanted: float, speed: float, torque: float) -> float:
-        """V for `wanted` rad/s, but no more than gives `torque` N m beyond friction at the present `speed`.
+        """V for `wanted` rad/s, limited so that the torque beyond friction is at most `torque` N m at the
+        present `speed`, rad/s.
 
-        A wheel that is turned back, or whose reading scatters about 0, gets what one does that stands.
+        A wheel that is turned backwards, or whose reading scatters about 0, gets the voltage of a wheel at
+        rest.
         """
         ahead = max(0.0, speed if wanted > 0.0 else -speed)
         most = self.voltage(ahead, torque / self.inertia)
         return math.copysign(min(abs(self.voltage(wanted)), most), wanted)
 
     def top_speed(self, voltage: float) -> float:
-        """rad/s at steady state with `voltage` V at the motor; 0 where it cannot overcome friction."""
+        """rad/s at steady state with `voltage` V at the motor; 0 if it does not overcome friction."""
         stall = self.resistance * self.coulomb / self.back_emf_constant
         slope = self.back_emf_constant + self.resistance * self.viscous / self.back_emf_constant
         return max(0.0, (voltage - stall) / slope)
 
     @property
     def time_constant(self) -> float:
-        """s, of the speed after a step of voltage: J R / (K_E^2 + R b)."""
+        """s, time constant of the speed after a step of voltage: J R / (K_E^2 + R b)."""
         return self.inertia * self.resistance / (self.back_emf_constant**2 + self.resistance * self.viscous)
 
     @property
@@ -66,18 +69,18 @@ class WheelModel:
 
     @property
     def static_voltage(self) -> float:
-        """V that dry friction takes."""
+        """V that dry friction needs."""
         return self.resistance * self.coulomb / self.back_emf_constant
 
     @property
     def acceleration_voltage(self) -> float:
-        """V a rad/s2 takes."""
+        """V that an acceleration of 1 rad/s2 needs."""
         return self.resistance * self.inertia / self.back_emf_constant
 
     def with_voltages(
         self, static: float | None = None, speed: float | None = None, acceleration: float | None = None
     ) -> WheelModel:
-        """This wheel with the measured V, V/(rad/s) and V/(rad/s2) in place of what the model says.
+        """This wheel with measured V, V/(rad/s) and V/(rad/s2) instead of the model's.
 
         The resistance stays; a speed voltage below K_E (a wheel without viscous friction) lowers K_E.
         """
@@ -96,18 +99,18 @@ class WheelModel:
 
 
 def wheel_models(config: RobotConfig, device: Device | None = None) -> tuple[WheelModel, WheelModel]:
-    """Left and right wheel of a robot, with the inertia of driving straight.
+    """Models of a robot's left and right wheel, with the inertia of driving straight.
 
-    device: whose words `radians_per_tick` was calibrated with. A calibrated counter tells the motor's K_E:
-    back-EMF in volts is K_E times speed, so K_E = bemf_volts * position_counts_seconds / radians_per_tick.
-    Raises ConfigError where the ticks are those of another firmware: the robot would not know how far it
-    drives by a factor of 181.
+    device: the one whose words `radians_per_tick` was calibrated with. A calibrated counter gives the motor's
+    K_E: back-EMF in volts is K_E times speed, so K_E = bemf_volts * position_counts_seconds /
+    radians_per_tick. Raises ConfigError for ticks of another firmware: distances would be wrong by a factor
+    of 181.
     """
     return _wheel_model(config, "left", device), _wheel_model(config, "right", device)
 
 
 def calibrated_constant(config: RobotConfig, side: str, device: Device) -> float | None:
-    """K_E of a driven motor, V/(rad/s), by its `radians_per_tick`; None where it has none."""
+    """K_E of a driven motor, V/(rad/s), from its `radians_per_tick`; None if it has none."""
     ticks = config.wheel_motor(side).radians_per_tick
     if ticks is None:
         return None

@@ -1,4 +1,4 @@
-"""A path on the floor: straight pieces with rounded corners, heading and curvature at every point."""
+"""A path on the floor: straight pieces with rounded corners, and heading and curvature at every point."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from raccoon.model.pose import Pose
 Point = tuple[float, float]
 MAX_CORNER_ANGLE = math.radians(170.0)
 MIN_LEG_M = 1e-4
-"""m; shorter pieces are left out."""
+"""m; shorter pieces are dropped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A line (curvature 0) or an arc: where it begins, how long it is, 1/m of curvature (left positive)."""
+    """A line (curvature 0) or an arc: starting pose, length (m) and curvature (1/m, left positive)."""
 
     start: Pose
     length: float
@@ -39,7 +39,8 @@ class PathState:
 
 
 class Path:
-    """Through `points` (m, at least two), each corner rounded by an arc of `rounding` m or what fits.
+    """A path through `points` (m, at least two), each corner rounded by an arc of `rounding` m, or less if it
+    does not fit.
 
     length: m. pieces: its lines and arcs. Raises ValueError for points that are not finite, too few of them,
     or a corner that turns back (more than 170 degrees).
@@ -62,17 +63,18 @@ class Path:
 
     @property
     def start(self) -> Pose:
-        """Where it begins, and which way."""
+        """The pose at its start."""
         return self.pieces[0].start
 
     def at(self, way: float) -> PathState:
-        """`way` m after the start; before it and after the end along the first and last piece."""
+        """The state `way` m after the start; beyond either end, on the extended first or last piece."""
         index = self._index(way)
         piece = self.pieces[index]
         return PathState(piece.at(way - self._begins[index]), piece.curvature)
 
     def nearest(self, x: float, y: float, around: float, reach: float = 0.03) -> float:
-        """The way at which the path is nearest to (x, y), sought within `reach` m of `around`."""
+        """Distance (m) along the path to its point nearest to (x, y), searched within `reach` m of
+        `around`."""
         way = around
         for _ in range(3):  # the foot of the perpendicular; a circle needs a few steps
             ahead, _ = self.at(way).pose.offset_of(x, y)
@@ -87,7 +89,7 @@ class Path:
 
 
 def drop_repeated_points(points: Sequence[Point]) -> list[Point]:
-    """The points without those that lie on the one before them."""
+    """The points without those that coincide with the one before."""
     kept: list[Point] = []
     for point in points:
         if not kept or math.dist(kept[-1], point) > MIN_LEG_M:
@@ -96,7 +98,8 @@ def drop_repeated_points(points: Sequence[Point]) -> list[Point]:
 
 
 def split_at_reversals(points: Sequence[Point]) -> list[list[Point]]:
-    """The points, cut where the path turns back: no arc rounds that, so there one has to stop and turn."""
+    """The points, split where the path turns back: no arc rounds such a corner, so the robot stops there and
+    turns."""
     kept = drop_repeated_points(points)
     found = [kept[:2]]
     for before, corner, after in zip(kept, kept[1:], kept[2:], strict=False):
@@ -115,7 +118,7 @@ def _corner_angle(before: float, after: float) -> float:
 
 
 def _pieces(points: list[Point], rounding: float) -> list[Piece]:
-    """Lines and arcs in turn."""
+    """Alternating lines and arcs."""
     headings = [_heading(a, b) for a, b in itertools.pairwise(points)]
     lengths = [math.dist(a, b) for a, b in itertools.pairwise(points)]
     pieces: list[Piece] = []
@@ -131,7 +134,7 @@ def _pieces(points: list[Point], rounding: float) -> list[Piece]:
         if bend:
             room = 0.5 * min(lengths[index], lengths[index + 1])
             cut = min(rounding * math.tan(0.5 * abs(bend)), room)
-            if cut < MIN_LEG_M:  # too slight for an arc: a kink nobody can drive or measure
+            if cut < MIN_LEG_M:  # too slight for an arc: nobody can drive or measure such a kink
                 cut = 0.0
         if length - taken - cut > MIN_LEG_M or not pieces:
             pieces.append(Piece(here, length - taken - cut, 0.0))

@@ -1,4 +1,4 @@
-"""One PID loop with the parts that make it usable on a real motor."""
+"""A PID loop with what a real motor requires: output limits, anti-windup and a filtered derivative."""
 
 from __future__ import annotations
 
@@ -28,9 +28,8 @@ class PidGains:
 class Pid:
     """u = feedforward + kp e + I - kd d(measurement)/dt, limited to the range given with each step.
 
-    The derivative acts on the measurement, so a step of the setpoint does not kick. The integral moves only
-    where that brings the output back towards its range (conditional integration), so it is never larger than
-    what saturation leaves of it and unwinds at once.
+    The derivative is that of the measurement, so a step of the setpoint makes no jump. The integral changes
+    only if that moves the output back towards its range (conditional integration), so it does not wind up.
     """
 
     __slots__ = ("_derivative", "_integral", "_last", "gains", "saturated")
@@ -61,9 +60,10 @@ class Pid:
         limit: float,
         share: float = 1.0,
     ) -> float:
-        """The output after `dt` s, within -limit..limit. dt 0 repeats a reading: nothing integrates.
+        """The output after `dt` s, within -limit..limit. With dt 0 (a repeated reading) nothing is
+        integrated.
 
-        share: of the proportional and the integral gain that this step goes by.
+        share: factor on the proportional and the integral gain in this step.
         """
         gains = self.gains
         error = share * (setpoint - measurement)

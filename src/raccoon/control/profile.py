@@ -1,4 +1,4 @@
-"""How far along a motion one should be: speed profiles of a point that starts and ends at rest."""
+"""Speed profiles: reference position, velocity and acceleration of a motion that starts and ends at rest."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ProfileState:
-    """Place, speed and acceleration along the motion (m or rad, per s, per s2)."""
+    """Position, velocity and acceleration along the motion (m or rad, per s, per s2)."""
 
     position: float
     velocity: float
@@ -16,9 +16,9 @@ class ProfileState:
 
 
 class Trapezoid:
-    """Time-optimal profile under a speed and an acceleration limit.
+    """Time-optimal profile with limits of speed and acceleration.
 
-    distance: signed. speed, acceleration, deceleration: limits, above 0. Where the distance is too short to
+    distance: signed. speed, acceleration, deceleration: limits, above 0. If the distance is too short to
     reach the speed, the profile is a triangle. With a acceleration, d deceleration, the triangle's peak is
     sqrt(2 |s| a d / (a + d)).
     """
@@ -77,11 +77,11 @@ class Trapezoid:
 
 
 class SCurve:
-    """Jerk-limited profile: the acceleration itself changes at no more than `jerk`.
+    """Jerk-limited profile: the acceleration changes by at most `jerk` per second.
 
-    distance: signed. speed, acceleration, jerk: limits, above 0 (per s, s2, s3). Ramps of jerk last
-    t_j = a / j (or sqrt(v / j) where the acceleration limit is never reached); the way up to v takes
-    v (2 t_j + t_a) / 2, and too short a distance lowers v until both ramps fit.
+    distance: signed. speed, acceleration, jerk: limits, above 0 (per s, s2, s3). Ramps of jerk last t_j = a /
+    j (or sqrt(v / j) if the acceleration limit is not reached); reaching v takes the distance v (2 t_j + t_a)
+    / 2, and a distance too short for both ramps lowers v.
     """
 
     __slots__ = ("_limits", "_phases", "_sign", "distance", "duration")
@@ -94,7 +94,7 @@ class SCurve:
         length = abs(distance)
         ramp, steady, peak = self._ramps(speed, acceleration, jerk)
         if peak * (2.0 * ramp + steady) > length:
-            # v^2 / a + v a / j = length where the acceleration limit is reached, else 2 j t_j^3 = length.
+            # v^2 / a + v a / j = length if the acceleration limit is reached, else 2 j t_j^3 = length.
             a, j = acceleration, jerk
             peak = 0.5 * a * (math.sqrt(a * a / (j * j) + 4.0 * length / a) - a / j)
             if peak * j < a * a:
@@ -117,7 +117,7 @@ class SCurve:
 
     @staticmethod
     def _ramps(speed: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
-        """s of a jerk ramp, s at full acceleration between two of them, and the speed they reach."""
+        """s of a jerk ramp, s at full acceleration between two ramps, and the speed that they reach."""
         if speed * jerk < acceleration * acceleration:
             return math.sqrt(speed / jerk), 0.0, speed
         return acceleration / jerk, speed / acceleration - acceleration / jerk, speed
@@ -142,7 +142,7 @@ Profile = Trapezoid | SCurve
 
 
 def profile(distance: float, speed: float, acceleration: float, jerk: float = 0.0) -> Profile:
-    """From rest to rest; a trapezoid where `jerk` is 0 (no limit)."""
+    """The profile from rest to rest; a trapezoid for a `jerk` of 0 (no limit)."""
     if jerk > 0.0:
         return SCurve(distance, speed, acceleration, jerk)
     return Trapezoid(distance, speed, acceleration)
@@ -159,7 +159,7 @@ def state_after_jerk(state: ProfileState, jerk: float, time: float) -> ProfileSt
 
 
 def _phases(pieces: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float, ProfileState], ...]:
-    """(start s, jerk, state at the start) of every piece that lasts at all."""
+    """(start s, jerk, state at the start) of each phase."""
     begin, state, phases = 0.0, ProfileState(0.0, 0.0, 0.0), []
     for seconds, jerk in pieces:
         phases.append((begin, jerk, state))

@@ -1,4 +1,4 @@
-"""A way whose parts have limits of their own, such as a path with corners: fast where it may be."""
+"""Speed profile over stages with limits of their own, such as a path with corners: as fast as each allows."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from raccoon.control.profile import Profile, ProfileState, profile, state_after_
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """A part of the way: m, and its limits of speed and acceleration, m/s and m/s2; all above 0."""
+    """A part of the distance: length (m), and limits of speed and acceleration (m/s, m/s2); all above 0."""
 
     length: float
     speed: float
@@ -21,9 +21,9 @@ class Stage:
 
 
 class StagedProfile:
-    """Profile from rest to rest along `stages`, on each as fast as it and what comes after it allow.
+    """Profile from rest to rest along `stages`, on each as fast as its limits and the following stages allow.
 
-    jerk: limit in m/s3, 0 for none; the acceleration is 0 then where one stage gives way to the next.
+    jerk: limit in m/s3, 0 for none; with one, the acceleration is 0 at the border of two stages.
     """
 
     __slots__ = ("_begins", "_jerk", "_phases", "_stages", "distance", "duration")
@@ -37,7 +37,7 @@ class StagedProfile:
         self.duration = 0.0
         """s from rest to rest."""
         self._begins: list[float] = []
-        self._phases: list[tuple[ProfileState, float]] = []  # the state at its begin, and its jerk
+        self._phases: list[tuple[ProfileState, float]] = []  # state at the start of each phase, and its jerk
         here = ProfileState(0.0, 0.0, 0.0)
         for stage, (before, after) in zip(
             stages, itertools.pairwise(_entry_speeds(stages, jerk)), strict=True
@@ -49,7 +49,7 @@ class StagedProfile:
             here = self._add_speed_change(here, stage, after - top)
 
     def _add_speed_change(self, here: ProfileState, stage: Stage, change: float) -> ProfileState:
-        """Add a change of speed; the state after it."""
+        """Add a change of speed; returns the state after it."""
         ramp, steady = _ramp_times(stage, abs(change), self._jerk)
         jerk = math.copysign(self._jerk, change)
         gain = jerk * ramp if ramp else math.copysign(stage.acceleration, change)
@@ -68,7 +68,7 @@ class StagedProfile:
         return state_after_jerk(begin, jerk, seconds)
 
     def over(self, distance: float) -> Profile | StagedProfile:
-        """The same limits over another distance to the same end: the last `distance` m of it."""
+        """The profile with the same limits over the last `distance` m (or more) to the same end."""
         kept: list[Stage] = []
         for stage in reversed(self._stages):
             if distance > 0.0:
@@ -93,7 +93,7 @@ class StagedProfile:
 
 
 def _ramp_times(stage: Stage, change: float, jerk: float) -> tuple[float, float]:
-    """s of each of the two ramps of jerk (0 where there is no limit), and s of steady acceleration."""
+    """s of each of the two ramps of jerk (0 without a limit), and s of constant acceleration."""
     if jerk == 0.0:
         return 0.0, change / stage.acceleration
     if change * jerk < stage.acceleration**2:
@@ -102,13 +102,13 @@ def _ramp_times(stage: Stage, change: float, jerk: float) -> tuple[float, float]
 
 
 def _ramp_way(stage: Stage, slow: float, fast: float, jerk: float) -> float:
-    """m that it takes from one of two speeds to the other."""
+    """m that a change between two speeds takes."""
     ramp, steady = _ramp_times(stage, fast - slow, jerk)
     return 0.5 * (slow + fast) * (2.0 * ramp + steady)
 
 
 def _top_speed(stage: Stage, before: float, after: float, jerk: float) -> float:
-    """The highest speed on a stage that is entered and left at these."""
+    """The highest speed on a stage with these entry and exit speeds."""
 
     def fits(top: float) -> bool:
         ways = (_ramp_way(stage, slow, top, jerk) for slow in (before, after))
@@ -118,7 +118,7 @@ def _top_speed(stage: Stage, before: float, after: float, jerk: float) -> float:
 
 
 def _reachable_speed(stage: Stage, slow: float, wanted: float, jerk: float) -> float:
-    """The highest speed up to `wanted` between which and `slow` a stage is long enough to change."""
+    """The highest speed up to `wanted` that the stage is long enough to reach from `slow`."""
 
     def fits(fast: float) -> bool:
         return _ramp_way(stage, slow, fast, jerk) <= stage.length
@@ -127,7 +127,7 @@ def _reachable_speed(stage: Stage, slow: float, wanted: float, jerk: float) -> f
 
 
 def _bisect_highest(fits: Callable[[float], bool], low: float, high: float) -> float:
-    """The highest number that fits, where `low` does and `high` does not."""
+    """The highest number that fits, if `low` does and `high` does not."""
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if fits(middle) else (low, middle)
@@ -135,7 +135,7 @@ def _bisect_highest(fits: Callable[[float], bool], low: float, high: float) -> f
 
 
 def _entry_speeds(stages: Sequence[Stage], jerk: float) -> list[float]:
-    """m/s at which each stage is entered, and 0 after the last."""
+    """Entry speed of each stage, m/s, and 0 after the last one."""
     speeds = [0.0, *(min(a.speed, b.speed) for a, b in itertools.pairwise(stages)), 0.0]
     for index, stage in enumerate(stages):
         speeds[index + 1] = _reachable_speed(stage, speeds[index], speeds[index + 1], jerk)

@@ -1,12 +1,12 @@
-"""Gains of the wheel speed loop from the wheel's model, with the margins they give.
+"""Gains of the wheel speed loop from the wheel's model, and their stability margins.
 
 The loop from motor voltage to measured speed is a gain, the motor's first-order lag, the back-EMF filter's
 lag and a dead time:
 
     G(s) = k / ((tau_m s + 1) (tau_f s + 1)) e^(-T s).
 
-A PI controller whose zero cancels the motor's lag leaves L(s) = w_c / (s (tau_f s + 1)) e^(-T s) with
-w_c = kp k / tau_m, so the phase margin at crossover is 90 deg - atan(w tau_f) - w T: choose w_c for it.
+A PI controller whose zero cancels the motor's lag leaves L(s) = w_c / (s (tau_f s + 1)) e^(-T s) with w_c =
+kp k / tau_m. So the phase margin at crossover is 90 deg - atan(w tau_f) - w T, and w_c is chosen for it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from raccoon.control.pid import PidGains
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """crossover rad/s; phase rad; gain as a factor (inf where the phase never reaches -180 deg)."""
+    """crossover: rad/s. phase: rad. gain: as a factor (inf if the phase never reaches -180 deg)."""
 
     crossover: float
     phase: float
@@ -34,7 +34,7 @@ class Margins:
 
     @property
     def delay(self) -> float:
-        """s of dead time beyond the model's that the loop bears: the phase it has left at its crossover."""
+        """s of additional dead time that the loop tolerates: phase margin over crossover frequency."""
         return self.phase / self.crossover if self.crossover > 0.0 else math.inf
 
 
@@ -77,19 +77,19 @@ def margins(gains: PidGains, wheel: WheelModel, filter_time_constant: float, dea
 
 
 class SlowCycleGains:
-    """The share of its gains that a loop may go by where cycles take longer than they were made for.
+    """Reduction of a loop's gains if cycles take longer than they were designed for.
 
-    For one margin the crossover goes about with 1 / (dead time + lag). A cycle that is longer by d makes the
-    command later by d, holds it for d / 2 longer on the average, and its reading is the mean over d more: 2 d
-    of dead time.
+    For a given margin the crossover is about proportional to 1 / (dead time + lag). A cycle that is longer by
+    d makes the command later by d, holds it for d / 2 longer on average, and its reading is the mean over d
+    more: 2 d of dead time.
 
-    cycle: s that one is to take. late: s of dead time and lag that the gains were made for.
+    cycle: s, nominal length of a cycle. late: s of dead time and lag that the gains were designed for.
     """
 
     SMOOTHING = 0.1
-    """s: a cycle that is late now and then takes little off."""
+    """s, time constant: a single late cycle reduces the gains only little."""
     FORGIVEN = 1.5
-    """Cycles that one may take without any loss."""
+    """Nominal cycles that a cycle may take without a reduction."""
 
     __slots__ = ("_cycle", "_late", "_usual")
 
@@ -98,14 +98,14 @@ class SlowCycleGains:
         self._late = late
 
     def share(self, dt: float) -> float:
-        """Of the gains, 0..1, after a cycle of `dt` s."""
+        """Factor on the gains, 0..1, after a cycle of `dt` s."""
         self._cycle += (dt - self._cycle) * dt / (self.SMOOTHING + dt)
         longer = self._cycle - self.FORGIVEN * self._usual
         return 1.0 if longer <= 0.0 else self._late / (self._late + 2.0 * longer)
 
 
 def _solve_crossover(lag: float, dead_time: float, phase_margin: float) -> float:
-    """The w with w T + atan(w lag) = 90 deg - margin, by bisection (the left side only grows)."""
+    """The w with w T + atan(w lag) = 90 deg - margin, by bisection (the left side is monotonic)."""
     target = math.pi / 2.0 - phase_margin
     low, high = 0.0, 1.0e4
     for _ in range(60):

@@ -1,7 +1,7 @@
-"""Voltage scaling: the same motor voltage from every battery, as far as the battery can give it.
+"""Voltage scaling: the same motor voltage from every battery, as far as the battery can supply it.
 
 The paper's factor is k = U_reference / U_measured. A command of 100 % cannot be scaled up on a weaker
-battery; what is missing then is said, not hidden.
+battery; the missing share is reported.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from raccoon.control.feedforward import WheelModel
 
 MIN_VOLTAGE = 3.0
-"""V; below it the reading is no battery's (a dead converter reads 0): the one before, or the nominal one,
-counts."""
+"""V; a lower reading is not a battery's (a dead converter reads 0): the previous or nominal voltage is used
+instead."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScaledDuty:
     """A scaled command.
 
-    duty: -1..1 for the motor. factor: k. missing: share of the wanted voltage that the battery cannot give,
-    0 where all of it is there.
+    duty: -1..1 for the motor. factor: k. missing: share of the wanted voltage that the battery cannot supply,
+    or 0.
     """
 
     duty: float
@@ -30,14 +30,14 @@ class ScaledDuty:
 
     @property
     def saturated(self) -> bool:
-        """True where the battery cannot give what is wanted."""
+        """Whether the battery cannot supply the wanted voltage."""
         return self.missing > 0.0
 
 
 class VoltageScaling:
-    """Scales duties that were tuned at `reference` V to the battery of the moment.
+    """Scales duties that were tuned at `reference` V to the present battery voltage.
 
-    reference: V, best the highest battery voltage that will be used. Raises ValueError where it is below 3 V.
+    reference: V, best the highest battery voltage that will be used. Raises ValueError below 3 V.
     """
 
     __slots__ = ("reference",)
@@ -48,7 +48,7 @@ class VoltageScaling:
         self.reference = reference
 
     def scale_duty(self, duty: float, battery_voltage: float | None) -> ScaledDuty:
-        """`duty` (-1..1) meant for the reference battery, on one of `battery_voltage` V.
+        """`duty` (-1..1), tuned for the reference battery, on one of `battery_voltage` V.
 
         None or an impossible voltage scales by 1.
         """
@@ -63,7 +63,8 @@ class VoltageScaling:
 
 @dataclass(frozen=True, slots=True)
 class SpeedBudget:
-    """What a match is planned with, so that a run is the same on a fresh and on the weakest battery.
+    """Battery assumptions for planning a match so that it runs the same on a fresh and on the weakest
+    battery.
 
     weakest: V without load, of the emptiest battery of the match. internal_resistance: ohm of the pack.
     reserve: share of the voltage that is kept for the speed loop.
@@ -74,10 +75,11 @@ class SpeedBudget:
     reserve: float = 0.05
 
     def top_wheel_speed(self, wheel: WheelModel, acceleration: float = 0.0) -> float:
-        """rad/s that `wheel` reaches while it still gains `acceleration` rad/s2, and another one like it.
+        """rad/s that `wheel`, and another one like it, can reach while still accelerating by `acceleration`
+        rad/s2.
 
-        At the motor: U = (weakest - 2 R_i I) (1 - reserve), and U = K_E w + R I with
-        I = (J a + b w + T_c) / K_E. Solved for w; 0 where it cannot move at all.
+        At the motor: U = (weakest - 2 R_i I) (1 - reserve), and U = K_E w + R I with I = (J a + b w + T_c) /
+        K_E. Solved for w; 0 if it cannot move at all.
         """
         share = 1.0 - self.reserve
         constant, drop = wheel.back_emf_constant, 2.0 * self.internal_resistance * share

@@ -1,10 +1,10 @@
-"""What voltage a wheel takes, learnt from its voltage and speed: by the tuner once, by the watch always.
+"""Fit of a wheel's voltage parameters to its voltage and speed: by the tuner once, by the watch always.
 
-The motor equation in volts is linear in three numbers:
+The motor equation in volts is linear in three parameters:
 
     U = S sign(w) + V w + A dw/dt,   S = R T_c / K_E,   V = K_E + R b / K_E,   A = R J / K_E.
 
-Summed over a window the derivative becomes a difference, so no noise is differentiated:
+Integrated over a window the derivative becomes a difference, so no noise is differentiated:
 
     sum U dt = S sum sign(w) dt + V sum w dt + A (w_end - w_begin).
 """
@@ -16,16 +16,17 @@ from dataclasses import dataclass
 
 Vector3 = tuple[float, float, float]
 WINDOW_S = 0.05
-"""s over which voltage and speed are compared."""
+"""s, length of a window over which voltage and speed are compared."""
 MIN_SPEED = 0.4
 """rad/s; a slower wheel may stand."""
 UNIT_ROWS: tuple[Vector3, Vector3, Vector3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-"""Rows that tell one of the three alone."""
+"""Rows that measure a single one of the three parameters."""
 
 
 @dataclass(frozen=True, slots=True)
 class WheelVoltages:
-    """static V, speed V/(rad/s), acceleration V/(rad/s2), each with its standard deviation; residual V."""
+    """static: V. speed: V/(rad/s). acceleration: V/(rad/s2). Each with its standard deviation. residual:
+    V."""
 
     static: float
     speed: float
@@ -37,9 +38,9 @@ class WheelVoltages:
 
 
 class Windows:
-    """Sums of voltage, direction and time over windows of WINDOW s of steady direction.
+    """Sums of voltage, direction and time over windows of WINDOW_S s with constant direction.
 
-    A window in which the wheel stands, turns back or has no reading says nothing and is dropped.
+    A window in which the wheel stands, reverses or has no reading holds no information and is dropped.
     """
 
     __slots__ = (
@@ -61,7 +62,8 @@ class Windows:
         self._start_speed = self._last_speed = 0.0
 
     def add(self, voltage: float, speed: float, dt: float) -> tuple[Vector3, float] | None:
-        """A cycle of dt s under `voltage`, at whose end the wheel turns at `speed`: (row, V) when full."""
+        """Add a cycle of dt s with `voltage`, at whose end the wheel turns at `speed`; returns (row, V) of a
+        full window."""
         direction = 0.0 if abs(speed) < MIN_SPEED else math.copysign(1.0, speed)
         if direction == 0.0 or dt <= 0.0 or (self._direction and direction != self._direction):
             self.clear()
@@ -84,9 +86,9 @@ class Windows:
 
 
 class RecursiveFit:
-    """Recursive least squares of three numbers about a prior, with slow forgetting.
+    """Recursive least squares of three parameters with a prior and slow forgetting.
 
-    prior: values; spread: their prior standard deviations; noise: V of one row; memory: rows that count.
+    prior: values. spread: their prior standard deviations. noise: V of one row. memory: rows in memory.
     """
 
     __slots__ = ("_forgetting", "_prior", "_variance", "covariance", "rows", "values")
@@ -100,7 +102,7 @@ class RecursiveFit:
         self.rows = 0
 
     def add(self, row: Vector3, volts: float, doubt: float = 0.0) -> float:
-        """Take a row; the V by which it was off. doubt: V, deviation of this row beyond the noise."""
+        """Take a row; returns its residual, V. doubt: V, standard deviation of this row besides the noise."""
         off = self._update(row, volts, self._variance + doubt * doubt)
         if self._forgetting < 1.0:
             self._forget()
@@ -108,21 +110,21 @@ class RecursiveFit:
         return off
 
     def _update(self, row: Vector3, value: float, variance: float) -> float:
-        """Take a sum of the three numbers, with its variance; by what it was off."""
+        """Update with a linear combination of the three parameters and its variance; returns the residual."""
         P = self.covariance
         gain = [sum(P[i][j] * row[j] for j in range(3)) for i in range(3)]
         total = variance + sum(row[i] * gain[i] for i in range(3))
         off = value - sum(row[i] * self.values[i] for i in range(3))
         for i in range(3):
             self.values[i] += gain[i] / total * off
-            for j in range(i, 3):  # forgetting would make more and more of any asymmetry
+            for j in range(i, 3):  # forgetting would amplify any asymmetry
                 P[i][j] = P[j][i] = P[i][j] - gain[i] * gain[j] / total
         return off
 
     def _forget(self) -> None:
-        """Let data count less, and the prior as much as ever. Of what the rows do not tell (a wheel at one
-        speed tells one sum of friction and speed) the values would walk away otherwise, each row a step.
-        """
+        """Reduce the weight of the data, but not that of the prior. Otherwise the combinations that the rows
+        do not determine (a wheel at constant speed determines only one sum of friction and speed) would drift
+        with every row."""
         for each in self.covariance:
             each[:] = [value / self._forgetting for value in each]
         for row, value, spread in zip(UNIT_ROWS, *self._prior, strict=True):
@@ -134,7 +136,8 @@ class RecursiveFit:
 
 
 def fit_voltages(rows: list[tuple[Vector3, float]]) -> WheelVoltages:
-    """Ordinary least squares of many windows. Raises ValueError where they cannot tell the three apart."""
+    """Ordinary least squares of many windows. Raises ValueError if they do not determine all three
+    parameters."""
     import numpy as np
 
     if len(rows) < 6:

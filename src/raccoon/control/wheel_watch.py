@@ -1,4 +1,5 @@
-"""Is a motor still the one the controller was tuned for? Stall, unplugged, weak magnet, high resistance."""
+"""Comparison of a motor with the model that its controller was tuned for: stall, unplugged, weak magnet, high
+resistance."""
 
 from __future__ import annotations
 
@@ -10,46 +11,52 @@ from raccoon.control.feedforward import WheelModel
 from raccoon.control.voltage_fit import WINDOW_S, RecursiveFit, Vector3, Windows
 
 STALL_SPEED_SHARE = 0.2
-"""Of the speed this voltage gives a nominal wheel; the slowest of the paper's motors reaches far more."""
+"""Speed below which a wheel may be stalled, as a share of a nominal wheel's at this voltage; the slowest of
+the paper's motors is far above."""
 STALL_TIME_S = 0.35
-"""s of it: longer than breaking loose takes at the least voltage that does it."""
+"""s below that speed after which a wheel is stalled: longer than breaking loose takes at the lowest voltage
+that does it."""
 STALL_OVERDRIVE = 0.8
-"""V beyond what friction takes before silence means anything."""
+"""V beyond the voltage of friction above which a stall is possible."""
 HELD_TIME_S = 0.06
-"""s of silence after which something holds the wheel; one that starts under full voltage reads by then."""
+"""s without motion after which the wheel is held; one that starts under full voltage has a reading by
+then."""
 LOOSE_TIME_S = 0.1
-"""s after it was let go in which the reading jumps by the filter's law and not by the motor's."""
+"""s after its release in which the reading follows the filter and not the motor."""
 ODD_SHARE = 0.25
-"""A motor that takes this much more or less than its model, or under load than the other, is reported."""
+"""Relative difference of a motor from its model, or of its load from the other's, above which it is
+reported."""
 ODD_LOADS = (0.5, 2.0)
-"""Load factors beyond which both motors together are."""
+"""Bounds on the load factor of both motors together, beyond which it is reported."""
 READING_JITTER_S = 0.005
-"""s by which a reading may be later or earlier than the others: what a jerk tells is that much in doubt."""
+"""s, standard deviation of a reading's time: it makes the acceleration's voltage uncertain."""
 READING_DELAY_S = 0.012
-"""s by which the readings of both wheels come late: 5 ms by the smoothing of the speeds, the rest by what
-firmwares do with their samples. It looks like load."""
+"""s by which the readings of both wheels are late: 5 ms by the smoothing of the speeds, the rest by the
+firmwares' samples. The delay looks like load."""
 CLEAR_ACCELERATION_RATIO = 3.0
-"""Times its noise from which on an acceleration is one. Of less, noise would be compared with the voltage
-that answers it, and would say that a load takes none."""
+"""Least acceleration in a fit, over its noise. Below it noise would be compared with the voltage that
+responds to it, and load would seem to need no voltage."""
 HELD_BACK_WINDOWS = 5
-"""Windows that are kept back: it takes a quarter of a second until a wall shows in what both wheels carry."""
+"""Number of windows held back from the fit: a wall shows in both wheels' load only after a quarter of a
+second."""
 MAX_RAMP_V = 1.0
-"""V by which the voltage of a motion that speeds up changes in a window, at the most."""
+"""V, largest change of the voltage in a window of an accelerating motion."""
 BATTERY_LAG_S = 0.1
-"""s by which the battery's voltage is known late: a motor gets other volts meanwhile than it was meant to."""
+"""s by which the battery reading is late: meanwhile a motor gets another voltage than intended."""
 ROW_NOISE, READ_NOISE = 0.06, 0.015
-"""V by which a window's voltage is off, whatever the motor; V of back-EMF by which its speeds at either end
-are: of a motor geared up, whose speed takes few volts and whose acceleration many, that is most of it."""
+"""V, standard deviation of a window's voltage for any motor; and V of back-EMF, standard deviation of the
+speeds at its ends: for a geared-up motor, whose speed takes few volts and whose acceleration many, that is
+most of it."""
 MIN_ROWS = 12
-"""Windows before anything is said."""
+"""Least number of windows for a result."""
 
 
 @dataclass(frozen=True, slots=True)
 class WheelState:
-    """What the watch thinks of one wheel.
+    """Result of the watch on one wheel.
 
-    known: enough was seen for the rest. speed_factor, load_factor: present over nominal V a rad/s (K_E) and
-    V a N m (R / K_E), with their standard deviations. load_late: what late readings may have added to it.
+    known: enough was seen. speed_factor, load_factor: present over nominal V per rad/s (K_E) and V per N m (R
+    / K_E), with their standard deviations. load_late: what late readings may have added to load_factor.
     """
 
     known: bool
@@ -61,7 +68,7 @@ class WheelState:
 
     @property
     def odd_speed(self) -> str:
-        """What is odd about the voltage that a speed takes, "" where nothing is."""
+        """What is odd about the voltage of a speed; "" if nothing is."""
         off = abs(self.speed_factor - 1.0)
         if not self.known or off <= max(ODD_SHARE, 4.0 * self.speed_factor_std):
             return ""
@@ -74,11 +81,11 @@ class WheelState:
 
 
 def describe_oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
-    """What is odd about the left and about the right wheel, "" where nothing is.
+    """What is odd about the left and the right wheel; "" if nothing is.
 
-    Loads are compared with each other: a reading that comes d s late adds d V/(rad/s) to the voltage that an
-    acceleration seems to take (a sixth of it for 5 ms, all of it where a wheel's time constant is as short),
-    and it does so on both sides.
+    Loads are compared with each other: a reading that is d s late adds d V/(rad/s) to the apparent voltage of
+    an acceleration (a sixth of it for 5 ms, all of it if a wheel's time constant is as short), on both sides
+    alike.
     """
     if left.odd_speed or right.odd_speed or not (left.known and right.known):
         return left.odd_speed, right.odd_speed
@@ -90,7 +97,7 @@ def describe_oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
         words = "takes {:.2f} times the voltage that the other takes under load: resistance, magnet, friction"
         return (words.format(ratio), "") if ratio > 1.0 else ("", words.format(1.0 / ratio))
     both = 0.5 * (left.load_factor + right.load_factor)
-    # Who drives at one speed says next to nothing of inertia.
+    # A drive at constant speed holds almost no information on inertia.
     std = 0.5 * math.hypot(left.load_factor_std, right.load_factor_std)
     late = 0.5 * (left.load_late + right.load_late)
     if both + 3.0 * std < ODD_LOADS[0] or both - 3.0 * std - late > ODD_LOADS[1]:
@@ -100,11 +107,11 @@ def describe_oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
 
 
 class WheelWatch:
-    """Watches one wheel. Feed it every cycle in which the motor is driven.
+    """Watches one wheel. Call `update` in every cycle in which the motor is driven.
 
-    Half the K_E shows as half the V a rad/s where the speed is known otherwise; as the counter of such a
-    motor lies by the same factor, it shows as twice the friction and inertia voltage instead. Half as much
-    resistance again shows as half as much more of both.
+    Half of K_E shows as half of the V per rad/s if the speed is measured independently. As the counter of
+    such a motor is wrong by the same factor, it shows as twice the voltage of friction and inertia instead.
+    Resistance that is higher by half shows as both being higher by half.
     """
 
     __slots__ = (
@@ -131,11 +138,11 @@ class WheelWatch:
         self._least_slope = STALL_SPEED_SHARE * model.gain
         self._windows = Windows()
         nominal = (model.static_voltage, 1.0 / model.gain, model.acceleration_voltage)
-        # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
+        # Friction may be wrong by all of itself, the V per rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])
         scatter = (
             math.sqrt(2.0) * READ_NOISE / model.back_emf_constant / WINDOW_S
-        )  # rad/s2, of a window's ends
+        )  # rad/s2, from the speeds at a window's ends
         self._least_change = CLEAR_ACCELERATION_RATIO * scatter
         noise = math.hypot(ROW_NOISE, scatter * nominal[2])
         self._fit = RecursiveFit(nominal, spread, noise=noise, memory=120.0)
@@ -144,17 +151,17 @@ class WheelWatch:
         self._silent_seconds = self._loose_seconds = self._has_sagged = 0.0
         self.stalled = False
         self.held = False
-        """Whether somebody knows that the wheel carries more or less than when it drives straight on: nothing
-        is learnt then."""
+        """Whether the wheel's load is known to differ from that of driving straight: nothing is learnt
+        then."""
         self.stands = False
-        """Whether it is asked to stand, or nearly: what corrects it may turn nothing and be no stall."""
+        """Whether its target is (almost) 0: corrections may then not turn it, which is no stall."""
 
     def update(self, voltage: float, speed: float | None, dt: float, sagged: float = 0.0) -> None:
-        """A cycle of dt s under `voltage` V; `speed` rad/s at its end, None where there is no reading.
+        """Take a cycle of dt s with `voltage` V; `speed` rad/s at its end, None without a reading.
 
-        sagged: by which share the battery's voltage fell or rose in this cycle. A driven wheel that does not
-        say that it turns, or says that it turns against its voltage, counts as stalled after as long as one
-        that stands: a reading that is frozen would have it driven further and further.
+        sagged: relative change of the battery voltage in this cycle. A driven wheel without a reading, or
+        with one against its voltage, counts as stalled after the same time as one that stands: with a frozen
+        reading it would be driven further and further.
         """
         self._has_sagged += sagged * voltage
         if speed is None:
@@ -179,8 +186,9 @@ class WheelWatch:
             self._learn(voltage, speed, dt)
 
     def _learn(self, voltage: float, speed: float, dt: float) -> None:
-        """Take each window when so many more are full: in the last one before it was silent, and in the last
-        ones before it is known that it pushes, a wheel was braked by more than its motor."""
+        """Process a full window, and learn from the one `HELD_BACK_WINDOWS` before it. Before a standstill,
+        and before a push is detected, a wheel was braked by more than its motor, so those windows are
+        dropped."""
         self._low_windows, self._high_windows = (
             min(self._low_windows, voltage),
             max(self._high_windows, voltage),
@@ -192,7 +200,7 @@ class WheelWatch:
             row, volts = found
             if abs(row[2]) < self._least_change:
                 row = (row[0], row[1], 0.0)
-            # What is read is of a moment earlier: of another mean voltage, where that swings.
+            # A reading is of a moment earlier, with another mean voltage if that swings.
             swung = (
                 READING_JITTER_S * max(0.0, self._high_windows - self._low_windows - MAX_RAMP_V) / WINDOW_S
             )
@@ -204,11 +212,11 @@ class WheelWatch:
             self._has_sagged = 0.0
 
     def drop_recent(self) -> None:
-        """It turns out to push against something: what was seen last is not learnt."""
+        """Drop the last windows: the robot turns out to push against something."""
         self._found.clear()
 
     def stop_learning(self) -> None:
-        """The motor is off: nothing more is learnt."""
+        """The motor is off: learn from the last windows, and stop."""
         while self._found:
             self._fit.add(*self._found.popleft())
         self._windows.clear()

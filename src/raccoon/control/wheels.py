@@ -1,11 +1,11 @@
-"""The speed loop of the two driven wheels: wanted speeds in, duties out.
+"""The speed loop of the two driven wheels: from wanted speeds to duties.
 
-Each wheel has a feedforward from its model and a PID loop on its measured speed, both in volts; volts become
-duty by the battery voltage of the moment, so the same command means the same motion on every battery.
+Each wheel has a feedforward from its model and a PID loop on its measured speed, both in volts. Volts become
+duty by the present battery voltage, so the same command makes the same motion on every battery.
 
-The PID loop compares the measurement not with the target but with what a nominal wheel would read by now:
-the motor lags its voltage and the back-EMF filter lags the motor. So a nominal wheel gives no error and
-follows by feedforward alone, without overshoot, and the loop works only on what differs from the model.
+The PID loop compares the measurement not with the target but with the expected reading of a nominal wheel:
+the motor lags its voltage, and the back-EMF filter lags the motor. So a nominal wheel has no error and
+follows by feedforward alone, without overshoot, and the loop corrects only differences from the model.
 """
 
 from __future__ import annotations
@@ -21,13 +21,15 @@ from raccoon.control.wheel_watch import WheelState, WheelWatch
 
 MAX_DUTY = 1.0
 CYCLE_S, DEAD_TIME_S = 0.005, 0.0075
-"""s, of a cycle and from a reading to its effect, where nothing else is said."""
+"""s, defaults of a cycle's length and of the dead time from a reading to its effect."""
 STRAIGHT_SHARE, STRAIGHT_SPEED = 0.15, 0.3
-"""Of the faster wheel's speed, and rad/s, by which two wheels differ that still drive straight on."""
+"""Differences of the wheels' target speeds up to which the robot drives straight: as a share of the faster
+one, and rad/s."""
 STANDING_SHARE = 0.05
-"""Of the other wheel's speed below which a wheel is one to stand, as in a pivot: its friction may hold it."""
+"""Target speed as a share of the other wheel's, below which a wheel is to stand, as in a pivot: friction may
+hold it."""
 SETTLE_AFTER_TURN_S = 0.3
-"""s after a turn until the robot really drives straight on."""
+"""s after a turn until the robot drives straight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +46,10 @@ REST = WheelTarget()
 
 
 class ExpectedSpeed:
-    """What a nominal wheel would read, driven by the feedforward alone.
+    """The expected reading of a nominal wheel, driven by the feedforward alone.
 
-    The feedforward for target w and acceleration a settles at w + tau a, so the wheel follows
-    tau dw'/dt = w + tau a - w', and the reading follows the wheel with the filter's time constant.
+    The feedforward for target w and acceleration a settles at w + tau a, so the wheel follows tau dw'/dt = w
+    + tau a - w', and the reading follows the wheel with the filter's time constant.
     """
 
     __slots__ = ("_drive", "_filter", "_lag", "reading", "wheel")
@@ -68,7 +70,7 @@ class ExpectedSpeed:
         return self.reading
 
     def command(self, target: float, acceleration: float) -> None:
-        """Take the command that holds from now on."""
+        """Set the command that holds from now on."""
         self._drive = target + self._lag * acceleration
 
     def reset(self, speed: float = 0.0) -> None:
@@ -79,7 +81,7 @@ class ExpectedSpeed:
 class Wheel:
     """Feedforward and feedback of one wheel, in volts.
 
-    cycle, dead_time: s that a cycle is to take, and that the gains were made for.
+    cycle, dead_time: s, nominal length of a cycle, and the dead time that the gains were designed for.
     """
 
     __slots__ = (
@@ -111,13 +113,13 @@ class Wheel:
         self._static, self._per_speed = model.static_voltage, 1.0 / model.gain
         self._active = False
         self._applied = 0.0
-        self._limit: float | None = None  # V, in the cycle before
+        self._limit: float | None = None  # V, of the cycle before
 
     def voltage(
         self, target: float, acceleration: float, speed: float | None, dt: float, limit: float
     ) -> float:
-        """V within -limit..limit for `target` rad/s; `speed` is the reading, None where there is none."""
-        if not self._active:  # start from what the wheel does, so that taking over does not jerk
+        """V within -limit..limit for `target` rad/s; `speed` is the reading, None if there is none."""
+        if not self._active:  # start from the wheel's speed, to avoid a jerk
             self._active = True
             self.expected.reset(speed or 0.0)
         sagged, self._limit = 0.0 if self._limit is None else limit / self._limit - 1.0, limit
@@ -133,17 +135,18 @@ class Wheel:
         return self._applied
 
     def resume(self) -> None:
-        """Start from what the wheel does, as nobody knows what it did in a pause. What it learnt stays."""
+        """Start from the wheel's speed, after a pause in which its motion is unknown. What was learnt
+        stays."""
         self._active = False
         self.watch.stop_learning()
         self.pid.reset(self.pid.integral)
 
     def top_speed(self, voltage: float) -> float:
-        """rad/s at steady state with `voltage` V at the motor; asked in every cycle."""
+        """rad/s at steady state with `voltage` V at the motor; called in every cycle."""
         return max(0.0, (voltage - self._static) / self._per_speed)
 
     def rest(self) -> None:
-        """Forget the past."""
+        """Reset the loop."""
         self._active = False
         self._applied = 0.0
         self.watch.stop_learning()
@@ -151,7 +154,7 @@ class Wheel:
 
 
 class WheelLoop:
-    """Both wheels' loops, kept in ratio: when one wheel cannot follow, the other slows with it.
+    """Both wheels' loops with a common ratio: if one wheel cannot follow, the other slows down with it.
 
     left, right: models of the wheels. gains: of both loops or of each, in V per rad/s. filter_time_constant:
     s, of the back-EMF filter. nominal_voltage: V, used until the battery has been measured. cycle, dead_time:
@@ -179,28 +182,27 @@ class WheelLoop:
         self._held = False
         self._straight = SETTLE_AFTER_TURN_S
         self.saturated = False
-        """True while the battery cannot give what is wanted."""
+        """Whether the battery cannot supply the wanted voltage."""
         self.missing_speed = 0.0
-        """rad/s that the faster wheel is short of its target because of saturation."""
+        """rad/s by which the faster wheel misses its target because of saturation."""
 
     def reset(self) -> None:
-        """Forget integrals, as after a stop."""
+        """Reset the integrals, as after a stop."""
         self._left.rest()
         self._right.rest()
         self.saturated = False
         self.missing_speed = 0.0
 
     def hold(self) -> None:
-        """Both wheels push against something: what they take tells nothing of the motors until they have come
-        to rest, also where the one who tells takes it for a heavy floor after a while.
-        """
+        """Both wheels push against something: their voltages say nothing about the motors until they have
+        come to rest, even if the load watch takes it for a heavy floor after a while."""
         if not self._held:
             self._held = True
             self._left.watch.drop_recent()
             self._right.watch.drop_recent()
 
     def resume(self) -> None:
-        """Go on after a pause in which nothing was controlled."""
+        """Continue after a pause without control."""
         self._left.resume()
         self._right.resume()
 
@@ -212,7 +214,7 @@ class WheelLoop:
         dt: float,
         battery_voltage: float | None,
     ) -> tuple[float, float]:
-        """Duties (left, right) for this cycle. A speed of None leaves that wheel to its feedforward."""
+        """Duties (left, right) for this cycle. A wheel with a speed of None uses its feedforward alone."""
         if battery_voltage is not None and battery_voltage > MIN_VOLTAGE:
             self._battery = battery_voltage
         if target == REST:
@@ -220,11 +222,11 @@ class WheelLoop:
             self._held = False
             self.reset()
             return 0.0, 0.0
-        # What scrubs over the floor in a turn is carried by the outer wheel and pushes the inner one, and a
-        # turn has an inertia of its own: only wheels that drive straight on tell of their motors. Turns on
-        # the spot load both alike, but not where the floor slopes or the robot scrapes along a wall. Compared
-        # in simulated ones, a motor of 1.5 times the resistance takes 1.2 to 1.5 times the voltage of the
-        # other; a good one takes up to 1.45 times on a ramp of 10 degrees, and 1.6 to 3.6 times at a wall.
+        # Scrubbing in a turn loads the outer wheel and pushes the inner one, and a turn has another inertia:
+        # only wheels that drive straight characterise their motors. Turns on the spot load both alike, but
+        # not on a slope or along a wall. In simulated ones, a motor of 1.5 times the resistance takes 1.2 to
+        # 1.5 times the voltage of the other; a good one takes up to 1.45 times on a ramp of 10 degrees, and
+        # 1.6 to 3.6 times at a wall.
         apart = abs(target.left - target.right)
         turns = apart > max(STRAIGHT_SPEED, STRAIGHT_SHARE * max(abs(target.left), abs(target.right)))
         self._straight = 0.0 if turns else self._straight + dt
@@ -245,7 +247,7 @@ class WheelLoop:
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """The sides whose wheel is asked to stand, or nearly, while the other one turns."""
+        """The sides whose target speed is (almost) 0 while the other wheel turns."""
         return tuple(side for side, watch in self._watches() if watch.stands)
 
     def _watches(self) -> tuple[tuple[str, WheelWatch], tuple[str, WheelWatch]]:
@@ -253,21 +255,21 @@ class WheelLoop:
 
     @property
     def states(self) -> tuple[WheelState, WheelState]:
-        """What the watches think of the left and of the right wheel."""
+        """Results of the watches on the left and the right wheel."""
         return self._left.watch.state, self._right.watch.state
 
     @property
     def battery(self) -> float:
-        """V, the last believable reading."""
+        """V, the last plausible reading."""
         return self._battery
 
     @property
     def models(self) -> tuple[WheelModel, WheelModel]:
-        """The wheels the loops are made for."""
+        """The models of the wheels."""
         return self._left.model, self._right.model
 
     def _attainable_share(self, target: WheelTarget, limit: float) -> float:
-        """How much of the target both wheels can reach together, so that the ratio of speeds is kept."""
+        """The share of the target that both wheels can reach, keeping the ratio of their speeds."""
         share = 1.0
         self.missing_speed = 0.0
         for speed, wheel in ((target.left, self._left), (target.right, self._right)):
