@@ -27,7 +27,8 @@ import numpy as np
 from motion_robots import BATTERIES, Case, Error, calibrated, parameters_of, run
 from motion_steps import SETTLE_LIMIT, STEP_BATTERIES, step_response, worst_margins
 from raccoon.core.config import RobotConfig
-from raccoon.robot.actions.actions import Action, repeat, seq
+from raccoon.robot.actions.actions import Action, repeat
+from raccoon.robot.actions.sequences import seq
 from raccoon.robot.motions.goals import straight, turn
 
 DEADBAND = 0.10

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
         parallel,
         race,
         repeat,
-        seq,
         wait,
         wait_for,
     )
@@ -60,12 +59,13 @@ if TYPE_CHECKING:
         when,
     )
     from raccoon.robot.actions.functions import do
+    from raccoon.robot.actions.sequences import mission, seq, timed
     from raccoon.robot.calibration.battery_check import check_battery
     from raccoon.robot.calibration.by_hand import calibrate_tophats_by_hand
     from raccoon.robot.calibration.light import calibrate_light, rehearse_light
     from raccoon.robot.calibration.tophats import calibrate_tophats, load_tophats
     from raccoon.robot.calibration.wheels import calibrate_drive
-    from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
+    from raccoon.robot.match import MatchReport, run_match, wait_for_light
     from raccoon.robot.motions.crossings import at_crossing
     from raccoon.robot.motions.driving import drive, motors
     from raccoon.robot.motions.following import follow_line
@@ -101,7 +101,6 @@ _HOMES = {
         "parallel",
         "race",
         "repeat",
-        "seq",
         "wait",
         "wait_for",
     ),
@@ -145,12 +144,11 @@ _HOMES = {
     "raccoon.robot.motions.following": ("follow_line",),
     "raccoon.robot.motions.crossings": ("at_crossing",),
     "raccoon.robot.actions.functions": ("do",),
+    "raccoon.robot.actions.sequences": ("mission", "seq", "timed"),
     "raccoon.robot.calibration.battery_check": ("check_battery",),
     "raccoon.robot.match": (
         "MatchReport",
-        "mission",
         "run_match",
-        "timed",
         "wait_for_light",
     ),
     "raccoon.robot.robot": ("Robot",),

@@ -5,21 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import SIMULATOR
-from raccoon.robot.actions.actions import Action, Steps, check_actions
-from raccoon.robot.actions.condition import check_all
+from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import NOTHING_RUN_HINT, check_program, perform
 from raccoon.robot.actions.limits import check_kind, check_number, check_robot
+from raccoon.robot.actions.sequences import StepTime
 from raccoon.robot.calibration.light import check_lamp, light_counts, no_tophat, simulate_lamp, tell_light
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
 from raccoon.robot.remarks import add_remark, remark_oddities
 
 if TYPE_CHECKING:
     from raccoon.estimate.start_light import StartLightCalibration
-    from raccoon.robot.motions.pacing import MotionResult
     from raccoon.robot.robot import Robot
 
 T = TypeVar("T")
@@ -33,32 +32,13 @@ CAUGHT_END_REMARK = (
 
 
 @dataclass(frozen=True, slots=True)
-class StepTime:
-    """One named step: when it began and ended, s since the start of the match; ended: "done", or why not."""
-
-    name: str
-    begin: float
-    end: float
-    ended: str
-
-    @property
-    def label(self) -> str:
-        """Its name, and why it ended if it was not done."""
-        return self.name if self.ended == "done" else f"{self.name}: {self.ended}"
-
-    @property
-    def seconds(self) -> float:
-        """Its duration, s."""
-        return self.end - self.begin
-
-
-@dataclass(frozen=True, slots=True)
 class MatchReport:
     """Report of a match.
 
     seconds: from the light to the end. finished: whether the program ended by itself, in time. steps: every
-    `timed` step. result: what the program returned. remarks: what was strange, in words, each once. stopped:
-    what the clock ended, such as "run(straight 1 m)"; "" if nothing was running.
+    one of `run`, `seq`, `mission` and `timed`. result: what the program returned. remarks: what was strange,
+    in words, each once. stopped: what the clock ended, such as "run(straight 1 m)"; "" if nothing was
+    running.
     """
 
     seconds: float
@@ -79,55 +59,6 @@ class MatchReport:
         state = "finished" if self.finished else f"stopped by the clock{where}"
         notes = [f"remark: {each}" for each in self.remarks]
         return "\n".join(["  begin    took     step", *lines, f"{self.seconds:7.2f} s  {state}", *notes])
-
-
-class TimedStep(Action[T]):
-    """An action whose duration is recorded."""
-
-
-def timed(action: Action[T], name: str | None = None) -> Action[T]:
-    """The action as a named step: its begin, end and duration go into the recording and the match report."""
-    check_actions("timed", (action,))
-    label = action.name if name is None else name
-
-    def steps(robot: Robot) -> Steps[T]:
-        begin, end, ended = robot.time, 0.0, "stopped"
-        robot.note(f"step begins: {label}")
-        try:
-            result = yield from action.start(robot)
-            ended = "done"
-            return result
-        except GeneratorExit:
-            raise
-        except BaseException as error:
-            ended = f"{type(error).__name__}: {error}"
-            if isinstance(error, MatchOver) and robot.deadline is not None:
-                end = robot.deadline  # the alarm comes later than the last reading
-            raise
-        finally:
-            end = max(end, robot.time)
-            robot.steps.append(StepTime(label, begin, end, ended))
-            robot.note(f"step ends: {label}: {ended} after {end - begin:.3f} s")
-
-    return TimedStep(label, steps, action.check)
-
-
-@overload
-def mission(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
-@overload
-def mission(*actions: Action[Any]) -> Action[list[Any]]: ...
-def mission(*actions: Action[Any]) -> Action[list[Any]]:
-    """Actions in sequence like `seq`, each as a timed step."""
-    check_actions("mission", actions)
-
-    def steps(robot: Robot) -> Steps[list[Any]]:
-        results = []
-        for action in actions:
-            step = action if isinstance(action, TimedStep) else timed(action)
-            results.append((yield from step.start(robot)))
-        return results
-
-    return Action(f"mission of {len(actions)} steps", steps, check_all(*actions))
 
 
 def wait_for_light(port: int, calibration: StartLightCalibration | None = None) -> Action[None]:

@@ -17,6 +17,7 @@ from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.limits import COMPOSE_HINT, SEVERAL_ACTIONS_HINT, check_kind
+from raccoon.robot.actions.sequences import start_in_steps
 from raccoon.robot.actions.steps import Steps, advance, close
 from raccoon.robot.deadline import MatchOver, end_match
 from raccoon.robot.parts.tophats import TophatArray
@@ -24,7 +25,7 @@ from raccoon.robot.remarks import add_remark, remark_cycle, remark_undriven
 from raccoon.robot.robot_state import RobotState, replayed_numbers
 
 if TYPE_CHECKING:
-    from raccoon.robot.match import StepTime
+    from raccoon.robot.actions.sequences import StepTime
 
 T = TypeVar("T")
 
@@ -61,7 +62,7 @@ class Robot(RobotState):
         self.stuck: dict[str, float] = {}
         """s for which a motor has had power without turning, by its name."""
         self.steps: list[StepTime] = []
-        """Every timed step so far."""
+        """Every step so far."""
         self._background: list[Steps[Any]] = []
         self._closed = ""  # or what is said to who runs something all the same
         self._match_over = False
@@ -88,7 +89,7 @@ class Robot(RobotState):
         """
         given = (action, *more) if more else action
         check_kind(given, Action, "run()", SEVERAL_ACTIONS_HINT if isinstance(given, list | tuple) else "")
-        body = action.start(self)
+        body: Steps[T] = start_in_steps(self, action)
         self._begin(f"run({action.name})", COMPOSE_HINT)
         try:
             if self.drive.asked:  # by a loop that ended before its tick

@@ -27,8 +27,9 @@ from raccoon import (
 from raccoon.core.config import ServoConfig
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.sequences import MAX_UNNAMED_STEPS, mission, timed
 from raccoon.robot.deadline import MatchOver
-from raccoon.robot.match import mission, run_match, timed, wait_for_light
+from raccoon.robot.match import run_match, wait_for_light
 from robots import CONFIG, InterceptingPort, simulated_port
 
 
@@ -87,6 +88,24 @@ def test_the_program_starts_with_the_light_and_its_steps_are_timed() -> None:
     assert "start light" in port.notes
     assert any(note.startswith("step ends: straight 0.05 m: done after") for note in port.notes)
     assert "look around" in report.table()
+
+
+def test_what_a_program_of_plain_calls_runs_are_its_steps() -> None:
+    """A loop of them does not bury what is named."""
+
+    def program(robot: Robot) -> None:
+        robot.run(wait(0.01))
+        robot.run(seq(wait(0.02), seq(wait(0.03), timed(wait(0.01), "look"))))
+        for _ in range(MAX_UNNAMED_STEPS):
+            robot.run(repeat(wait(0.0), 1))
+        robot.run(timed(wait(0.01), "last"))
+
+    port = Lamp(on=1.5)
+    with open_robot(CONFIG, port=port) as robot:
+        names = [step.name for step in run_match(robot, program).steps]
+    assert names[:5] == ["wait 0.01 s", "wait 0.02 s", "wait 0.03 s", "look", "repeat wait 0 s"]
+    assert len(names) == MAX_UNNAMED_STEPS + 1
+    assert [note.split(":")[1] for note in port.notes if note.startswith("step begins")][-1] == " last"
 
 
 def catches_everything(robot: Robot) -> None:

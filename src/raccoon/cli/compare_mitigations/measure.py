@@ -26,7 +26,8 @@ from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Truth
 from raccoon.model.paper import COMPETITION_VOLTAGE
 from raccoon.model.pose import Pose
-from raccoon.robot.actions.actions import Action, repeat, seq, wait
+from raccoon.robot.actions.actions import Action, repeat, wait
+from raccoon.robot.actions.sequences import seq
 from raccoon.robot.calibration.wheels import calibrate_drive
 from raccoon.robot.motions.goals import straight, turn
 from raccoon.robot.robot import Robot

@@ -144,23 +144,6 @@ class Action(MustRun, Generic[T_co]):
         return f"<Action {self.name}>"
 
 
-@overload
-def seq(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
-@overload
-def seq(*actions: Action[Any]) -> Action[list[Any]]: ...
-def seq(*actions: Action[Any]) -> Action[list[Any]]:
-    """Actions in sequence; the result is the list of their results."""
-    check_actions("seq", actions)
-
-    def steps(robot: Robot) -> Steps[list[Any]]:
-        results = []
-        for action in actions:
-            results.append((yield from action.start(robot)))
-        return results
-
-    return Action(_names("seq", actions), steps, check_all(*actions))
-
-
 def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
     """`action` repeated `times` times, or without end."""
     check_actions("repeat", (action,))

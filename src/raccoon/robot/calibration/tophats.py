@@ -10,9 +10,10 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.files import kept_file
 from raccoon.core.readings import Inputs
 from raccoon.core.sections import SIMULATED_ONE
-from raccoon.robot.actions.actions import Action, seq, wait
+from raccoon.robot.actions.actions import Action, wait
 from raccoon.robot.actions.functions import with_look
 from raccoon.robot.actions.limits import check_robot, check_way
+from raccoon.robot.actions.sequences import seq
 from raccoon.robot.calibration.calibration_drives import collect_inputs, run_calibration_drive
 from raccoon.robot.calibration.calibration_shelf import CalibrationShelf, port_counts, robot_name
 from raccoon.robot.motions.driving import drive_until_stopped

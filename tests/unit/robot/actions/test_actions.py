@@ -14,13 +14,13 @@ from raccoon.robot.actions.actions import (
     parallel,
     race,
     repeat,
-    seq,
     wait,
     wait_for,
 )
 from raccoon.robot.actions.condition import Condition
 from raccoon.robot.actions.conditions import after_time, when
 from raccoon.robot.actions.functions import do
+from raccoon.robot.actions.sequences import seq
 from raccoon.robot.robot import Robot
 
 
