@@ -209,14 +209,15 @@ def _refuse_misplaced(table: Mapping[str, Any], known: tuple[str, ...]) -> None:
                 raise ConfigError(f"{place}: it belongs below a line with its section, {' or '.join(homes)}")
 
 
-def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
+def parse_robot(table: Mapping[str, Any], also: tuple[str, ...] = ()) -> RobotConfig:
     """Make a robot from the tables of a `robot.toml`.
 
-    Raises ConfigError naming key, value and what is allowed.
+    also: keys that the file may have besides, and that are not in `table`. Raises ConfigError naming key,
+    value and what is allowed.
     """
     known = ("name", *_SINGLE, *_SEVERAL, "model")
     _refuse_misplaced(table, known)
-    refuse_unknown(table, known, "")
+    refuse_unknown(table, (*known, *also), "")
     name = table.get("name", "robot")
     if not isinstance(name, str):
         raise ConfigError(f"name = {format_value(name)}: it must be a text")

@@ -37,10 +37,18 @@ def nearest_name(name: object, known: Iterable[str]) -> str:
 
 
 def did_you_mean_file(path: str | Path) -> str:
-    """As `did_you_mean`, of a file that is not there, by the other names in its folder."""
+    """As `did_you_mean`, of a file that is not there, by the other names in its folder. What the endings have
+    in common makes no two files alike."""
     path = Path(path)
     try:
-        near = nearest_name(path.name, sorted(each.name for each in path.parent.iterdir()))
+        names = sorted(each.name for each in path.parent.iterdir())
     except OSError:
-        near = ""
+        names = []
+    stem = nearest_name(_stem(path.name), map(_stem, names))
+    alike = [each for each in names if stem and _stem(each) == stem]
+    near = nearest_name(path.name, alike) or "".join(alike[:1])
     return f" (did you mean {path.with_name(near)}?)" if near and near != path.name else ""
+
+
+def _stem(name: str) -> str:
+    return name.partition(".")[0]

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from raccoon.core.errors import TraceError
+from raccoon.core.near_names import nearest_name
 from raccoon.core.schema import format_value
 
 ACCEPTED_TEXT = (
@@ -65,6 +66,14 @@ _ASKED = {
     "battery.voltage": r"battery\.voltage",
 }
 """What a drive is judged by, and by which names it may be there."""
+_NAMES = (
+    *(f"motor.N.{each}" for each in ("duty", "bemf", "position", "current", "voltage", "speed")),
+    *(f"motor.N.{each}" for each in ("force", "torque", "travel", "angle", "brake")),
+    *(f"imu.{sensor}.{axis}" for sensor in ("gyro", "accel") for axis in "xyz"),
+    *("battery.voltage", "imu.temperature", "analog.N", "digital.N", "servo.N.pulse_us"),
+    *("truth.x", "truth.y", "truth.heading", "truth.surface.N"),
+)
+"""Names of the format as they are written, N for the number of a port."""
 _MADE_UP = re.compile(r"t|event|fault\..*|estimate\..*")
 """The other names of the format."""
 _PARTS = re.compile(r"(motor|servo|battery|imu|analog|digital|truth)(gyro|accel|surface)?(\d+)?(.*)")
@@ -122,17 +131,33 @@ def not_a_number_hint(name: str, cell: str) -> str:
 
 
 def misnamed_columns_note(names: Collection[str]) -> str:
-    """Which columns seem to be those of the format but for a unit, capital letters or what stands between
-    their parts; "" where none does."""
+    """Which columns seem to be those of the format but for a unit, capital letters, what stands between their
+    parts or a mistyped letter; "" where none does."""
     matches = {name: _KNOWN.fullmatch(name) for name in names}
-    meant = {name: _format_name(match[1]) for name, match in matches.items() if match is not None}
-    found = [f"{name!r} is to be {known}" for name, known in meant.items() if known not in names]
+    meant = {name: _format_name(match[1]) if match else _mistyped(name) for name, match in matches.items()}
+    found = [f"{name!r} is to be {known}" for name, known in meant.items() if known and known not in names]
     more = f" and {len(found) - MAX_MISNAMED_LISTED} more" if len(found) > MAX_MISNAMED_LISTED else ""
     return (
         f"columns by other names are not used: {', '.join(found[:MAX_MISNAMED_LISTED])}{more}"
         if found
         else ""
     )
+
+
+def _mistyped(name: str) -> str:
+    """The name of the format whose parts are each that of `name` but for a letter more or less, or a wrong
+    one; "" where there is none. Two of another sensor differ by a whole part."""
+    port = re.search(r"\d+", name)
+    parts = re.sub(r"\d+", "N", name).split(".")
+    for known in _NAMES:
+        own = known.split(".")
+        if len(parts) == len(own) and all(map(_is_mistyped, parts, own)):
+            return known if port is None else known.replace("N", port[0])
+    return ""
+
+
+def _is_mistyped(part: str, own: str) -> bool:
+    return part == own or (abs(len(part) - len(own)) <= 1 and nearest_name(part, [own]) == own)
 
 
 def unnamed(names: Collection[str]) -> str:

@@ -25,7 +25,10 @@ def test_the_name_that_is_most_like_it_is_meant(name: object, meant: str) -> Non
 
 
 def test_a_file_is_looked_for_in_its_folder(tmp_path: Path) -> None:
-    (tmp_path / "robot.toml").touch()
+    for name in ("robot.toml", "run.csv", "run.jsonl.gz", "model.toml"):
+        (tmp_path / name).touch()
     assert did_you_mean_file(tmp_path / "robt.toml") == f" (did you mean {tmp_path / 'robot.toml'}?)"
+    assert did_you_mean_file(tmp_path / "run.jsn") == f" (did you mean {tmp_path / 'run.jsonl.gz'}?)"
     assert did_you_mean_file(tmp_path / "robot.toml") == ""
+    assert did_you_mean_file(tmp_path / "table.toml") == ""
     assert did_you_mean_file(tmp_path / "none" / "robot.toml") == ""

@@ -243,6 +243,8 @@ def test_words_for_nothing_are_blanks_and_said_once_a_column(tmp_path: Path) -> 
         ("truth_surface_2", "truth.surface.2"),
         ("servo_3_pulse_us", "servo.3.pulse_us"),
         ("analog5", "analog.5"),
+        ("motor.0.bmf", "motor.0.bemf"),
+        ("imu.gyr.z", "imu.gyro.z"),
     ],
 )
 def test_a_name_with_something_else_between_its_parts_is_said(tmp_path: Path, name: str, known: str) -> None:

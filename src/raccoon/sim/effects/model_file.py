@@ -26,6 +26,8 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.provenance import UNKNOWN, Origin, Provenance
 
+MODEL_KEYS = ("effect", "chain", "provenance")
+"""What a model has beside the keys of a robot.toml."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 """What no string of TOML holds as it is."""
 
@@ -60,7 +62,7 @@ def parse_model(table: Mapping[str, Any], robot: RobotConfig | None = None) -> P
     refuse_unknown(chain, known, "chain")
     if not (isinstance(effects, list) and all(isinstance(each, Mapping) for each in effects)):
         raise ConfigError("effect: write [[effect]], one for each effect")
-    own = robot if robot is not None and not rest else parse_robot(rest)
+    own = robot if robot is not None and not rest else parse_robot(rest, MODEL_KEYS)
     parameters = Parameters(robot=own, chain=Chain(**chain), provenance=provenance)
     for number, entry in enumerate(effects, start=1):
         try:

@@ -166,6 +166,10 @@ def test_nominal_values_are_those_of_the_robot() -> None:
             r"factor is 10+\.\.\.: no float is as large",
         ),
         ("[chain]\nmedain = true", r"chain\.medain"),
+        (
+            "[[effct]]",
+            r"effct: there is no such key \(did you mean effect\?\); .*, model, effect, chain",
+        ),
         ("[model.motor]\narmature_resistance = -1.0", r"armature_resistance = -1\.0: allowed are numbers"),
         ("[model.drive]\ntrack_width = 0", r"track_width = 0: allowed are numbers from 0\.01 to 10"),
         ("[model.drive]\ntracks = 1", "tracks: there is no such key"),
