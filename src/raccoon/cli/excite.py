@@ -104,7 +104,9 @@ def _check_and_describe(robot: RobotConfig, name: str, args: argparse.Namespace)
     """Refuse a manoeuvre that takes more than is allowed; print what it needs and, if it is not driven, would
     show."""
     from raccoon.cli.numba_check import check_numba
+    from raccoon.cli.progress import show_progress
     from raccoon.core.errors import ConfigError
+    from raccoon.core.progress import report
     from raccoon.diagnose.experiment.advice import DrivePlan, estimate_reach
     from raccoon.diagnose.experiment.manoeuvres import RATE, manoeuvre
 
@@ -124,12 +126,16 @@ def _check_and_describe(robot: RobotConfig, name: str, args: argparse.Namespace)
     if args.record is None and duty.any():
         check_numba("what it would show is found by simulating it with every cause")
         print("would show, on this robot, if nothing else is wrong:")
-        for id_, size in DrivePlan.of(robot, duty).visible_sizes().items():
+        with show_progress():
+            report("what each cause would change in it")
+            sizes = DrivePlan.of(robot, duty).visible_sizes()
+        for id_, size in sizes.items():
             print(f"  {id_:30s} {size or 'not at all'}")
 
 
 def _choose_best(args: argparse.Namespace, robot: RobotConfig) -> str:
     from raccoon.cli.numba_check import check_numba
+    from raccoon.cli.progress import show_progress
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE, rank_manoeuvres
 
@@ -138,7 +144,8 @@ def _choose_best(args: argparse.Namespace, robot: RobotConfig) -> str:
         "and no --cause one is driven at once)"
     )
     longest = DEFAULT_MAX_SECONDS if args.seconds is None else args.seconds
-    advice = rank_manoeuvres(robot, args.cause, args.rival, within=args.within, seconds=longest)
+    with show_progress():
+        advice = rank_manoeuvres(robot, args.cause, args.rival, within=args.within, seconds=longest)
     if not advice:
         raise ConfigError(f"no manoeuvre stays within {args.within:g} m and {longest:g} s: allow more")
     for each in advice:

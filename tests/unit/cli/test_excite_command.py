@@ -35,9 +35,13 @@ def excite(robot_toml: Path) -> Excite:
     return lambda *words: main(["excite", "--robot", str(robot_toml), *map(str, words)])
 
 
-def test_the_advice_names_the_nearest_rival(excite: Excite, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_advice_names_the_nearest_rival(
+    excite: Excite, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert excite("--cause", "friction.viscous") == 0
-    said = capsys.readouterr().out
+    said, doing = capsys.readouterr()
+    assert "s: what creep would show" in doing
     assert "least told from" in said.splitlines()[0]
     evidence = [float(each) for each in re.findall(r"evidence +([\d.]+)", said)]
     assert evidence == sorted(evidence, reverse=True)

@@ -25,6 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.near_names import did_you_mean
+from raccoon.core.progress import report
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE
@@ -109,6 +110,7 @@ def rank_manoeuvres(
             continue
         reach = estimate_reach(robot, duty)
         if reach <= within:
+            report(f"what {name} would show")
             evidence, nearest = DrivePlan.of(robot, duty).evidence(cause, rivals, size)
             found.append(Advice(name, evidence, reach, lasts, nearest))
     return sorted(found, key=lambda each: -each.evidence)
