@@ -14,13 +14,14 @@ import pytest
 from blind.generator import make
 from blind.tophats import tophat
 from csv_files import write_csv_file
+from diagnoses import make_cause, make_diagnosis
 from raccoon.cli.diagnose.files import recordings, robot_names, short_names
-from raccoon.cli.diagnose.fleet import JobRunner, Progress, _without_duplicates
+from raccoon.cli.diagnose.fleet import JobRunner, Progress, _without_duplicates, _without_other_robots
 from raccoon.cli.diagnose.job import Answer, Job, diagnose_job, resolve_robot
 from raccoon.cli.diagnose.robot_toml_changes import with_robot_toml_notes
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, load_robot, parse_robot
-from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
+from raccoon.diagnose.result import Diagnosis, ParameterResult, Unexplained, Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.columns import trace_of
 from raccoon.trace.csv import write_csv
@@ -95,6 +96,38 @@ def test_where_files_name_the_robots_the_same_samples_are_of_one() -> None:
         name: Answer(nothing, name, Path(name, "robot.toml"), "7f", RobotConfig()) for name in ("red", "blue")
     }
     assert _without_duplicates(named, {name: name for name in named}) == named
+
+
+@pytest.mark.parametrize(
+    ("factors", "of_others"),
+    [
+        ({"motor.back_emf_constant": 0.67, "drive.track_width": 1.38}, True),
+        ({"motor.back_emf_constant": 0.67, "drive.track_width": 1.05}, False),  # other motors
+        ({"motor.back_emf_constant@left": 0.67, "motor.back_emf_constant@right": 0.67}, False),
+    ],
+)
+def test_a_recording_of_another_robot_is_left_out_and_said(
+    factors: dict[str, float], of_others: bool
+) -> None:
+    """A battery's ageing was not seen for one in a row of eight. Where half are so, robot.toml is wrong."""
+
+    def answers(other: int) -> dict[str, Answer | str]:
+        causes = [
+            make_cause(name, {"factor": ParameterResult(value, 0.01, "", 1.0)})
+            for name, value in factors.items()
+        ]
+        found = [make_diagnosis(*(causes if run < other else ())) for run in range(4)]
+        return {f"run{n}": Answer(each, "a", None, str(n), RobotConfig()) for n, each in enumerate(found)}
+
+    called = {f"run{run}": "a" for run in range(4)}
+    every = answers(1)
+    left = _without_other_robots(every, called)
+    reason = (
+        "it seems to be of another robot than the others (motor.back_emf_constant -33 %, "
+        "drive.track_width +38 %): diagnose it with that robot's robot.toml"
+    )
+    assert left == {**every, "run0": reason if of_others else every["run0"]}
+    assert all(isinstance(each, Answer) for each in _without_other_robots(answers(2), called).values())
 
 
 def test_a_robot_toml_that_was_changed_is_no_motor_that_was_replaced() -> None:

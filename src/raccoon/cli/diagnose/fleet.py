@@ -122,7 +122,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     found = dict(zip(jobs, work(list(jobs.values())), strict=True))
     said = {name: (each.robot, each.file) for name, each in found.items() if isinstance(each, Answer)}
     called = dict(zip(said, robot_names([*said.values()]), strict=True))
-    found = _without_duplicates(found, called)
+    found = _without_other_robots(_without_duplicates(found, called), called)
     answers = {name: each for name, each in found.items() if isinstance(each, Answer)}
     if args.model is None:
         answers = with_robot_toml_notes(answers, called)
@@ -175,6 +175,21 @@ def _without_duplicates(
             first |= {(one, each.samples): before for one in whose}
         once[name] = each if before == name else DUPLICATE_REASON.format(before)
     return once
+
+
+def _without_other_robots(
+    found: Mapping[str, Answer | str], called: Mapping[str, str]
+) -> dict[str, Answer | str]:
+    """The answers. Of a recording of another robot it is said: among the others it would hide what changed,
+    and be part of the model that they have in common."""
+    from raccoon.diagnose.fleet.other_robots import recordings_of_others
+
+    results = {name: each.diagnosis for name, each in found.items() if isinstance(each, Answer)}
+    others = recordings_of_others(results, called)
+    return {
+        name: f"{others[name]}: diagnose it with that robot's robot.toml" if name in others else each
+        for name, each in found.items()
+    }
 
 
 def _save(

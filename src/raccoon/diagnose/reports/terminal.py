@@ -88,7 +88,7 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"To learn more: {text}."
     for text in unrepeated_notes(diagnosis):
         yield f"Note: {text}" if text.endswith("?") else f"Note: {text}."
-    yield f"({diagnosis.seconds:.1f} s)"
+    yield f"(The diagnosis took {diagnosis.seconds:.1f} s.)"
 
 
 def unrepeated_notes(diagnosis: Diagnosis) -> list[str]:

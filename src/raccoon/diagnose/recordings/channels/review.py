@@ -13,6 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import column_names, has_readings
 from raccoon.diagnose.findings.deviations import without_deviation_notes
+from raccoon.diagnose.fleet.other_robots import ROBOT_CONSTANTS, is_far_off
 from raccoon.diagnose.recordings.channels.faulty import CheckedColumns
 from raccoon.diagnose.recordings.channels.missing import describe_absence
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
@@ -30,12 +31,6 @@ MAX_LARGE_ERROR_SHARE, MIN_LARGE_ERROR = 0.15, 0.03
 wheel is. With any cause, known or not, it was 0.03 at most; commands rounded to whole numbers left more."""
 SAME_VALUE_TOLERANCE = 1e-6
 """Difference of two readings, over the largest one, up to which they are one value with rounding errors."""
-MAX_LOG_FACTOR = 0.25
-"""Logarithm of a factor beyond which robot.toml is probably not this robot's."""
-ROBOT_CONSTANTS = (
-    "motor.back_emf_constant", "motor.armature_resistance", "drive.inertia", "drive.wheel_radius",
-    "drive.track_width",
-)  # fmt: skip
 
 
 def with_channel_faults(
@@ -142,8 +137,7 @@ def _unmeasured_wheel_notes(checked: CheckedColumns, robot: RobotConfig) -> tupl
 def wrong_robot_notes(causes: Sequence[CauseResult]) -> tuple[str, ...]:
     """A note that asks whether robot.toml is this robot's, where a cause's factor is far off."""
     for each in causes:
-        factor = each.parameters["factor"].value
-        if abs(math.log(max(factor, 1e-9))) > MAX_LOG_FACTOR:
-            percent = 100.0 * (factor - 1.0)
+        if is_far_off(each):
+            percent = 100.0 * (each.parameters["factor"].value - 1.0)
             return (f"{each.name} is off by {percent:+.0f} %: is this robot.toml of this robot?",)
     return ()

@@ -1,0 +1,39 @@
+"""Recordings of another robot than their robot.toml and the rest of its recordings are of."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+
+from raccoon.diagnose.result import CauseResult, Diagnosis
+
+MAX_LOG_FACTOR = 0.25
+"""Logarithm of a factor beyond which robot.toml is probably not this robot's."""
+ROBOT_CONSTANTS = (
+    "motor.back_emf_constant", "motor.armature_resistance", "drive.inertia", "drive.wheel_radius",
+    "drive.track_width",
+)  # fmt: skip
+MIN_FAR_CONSTANTS = 2
+"""Constants beyond it that make a recording another robot's: a replaced pair of motors changes no track."""
+
+
+def is_far_off(cause: CauseResult) -> bool:
+    """Whether the factor of a cause is beyond what differs between a robot and its robot.toml."""
+    return abs(math.log(max(cause.parameters["factor"].value, 1e-9))) > MAX_LOG_FACTOR
+
+
+def recordings_of_others(results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> dict[str, str]:
+    """The recordings that seem to be of another robot, and why: several constants of the whole robot are far
+    off, and those of most recordings of the robot are not. robots: whose each recording is said to be."""
+    reasons = {}
+    for name, diagnosis in results.items():
+        far = [
+            f"{each.name} {100.0 * (each.parameters['factor'].value - 1.0):+.0f} %"
+            for each in diagnosis.causes
+            if each.id in ROBOT_CONSTANTS and each.where is None and is_far_off(each)
+        ]
+        if len(far) >= MIN_FAR_CONSTANTS:
+            reasons[name] = f"it seems to be of another robot than the others ({', '.join(far)})"
+    every, odd = (Counter(robots[name] for name in names) for names in (results, reasons))
+    return {name: why for name, why in reasons.items() if 2 * odd[robots[name]] < every[robots[name]]}
