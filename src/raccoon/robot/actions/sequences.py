@@ -1,6 +1,6 @@
-"""One action after the other, and how long each took: `seq`, `mission`, `timed`, and what `run` is given.
+"""Actions in sequence and how long each took: `seq`, `mission`, `timed`, and the action that `run` is given.
 
-Each step leaves its begin and its end in the recording, and in the report of a match.
+The recording and the report of a match contain begin and end of each step.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 MAX_UNNAMED_STEPS = 200
-"""Steps of a recording, from which on those that nobody named are no longer in it: a loop that runs a short
-action again and again would bury the rest."""
+"""Steps after which only named ones are recorded: a loop that runs a short action again and again would bury
+the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,21 +34,21 @@ class StepTime:
 
     @property
     def label(self) -> str:
-        """Its name, and why it ended where it was not done."""
+        """Its name, and why it ended if it was not done."""
         return self.name if self.ended == "done" else f"{self.name}: {self.ended}"
 
     @property
     def seconds(self) -> float:
-        """How long it took."""
+        """Its duration, s."""
         return self.end - self.begin
 
 
 class TimedStep(Action[T]):
-    """An action whose time is taken."""
+    """An action whose duration is recorded."""
 
 
 class Sequence(Action[list[Any]]):
-    """Actions, one after the other. parts: they."""
+    """Actions in sequence. parts: these actions."""
 
     def __init__(self, name: str, parts: tuple[Action[Any], ...]) -> None:
         super().__init__(name, lambda robot: _in_turn(robot, parts, _start), check_all(*parts))
@@ -69,8 +69,8 @@ def _in_turn(
 
 
 def start_in_steps(robot: Robot, action: Action[Any]) -> Steps[Any]:
-    """A generator that does an action as `action.start` does. It is a step of the recording, or where it is
-    one action after the other each of these is."""
+    """A generator that does an action as `action.start` does, and records it as a step; of a sequence each
+    part."""
     if isinstance(action, TimedStep) or len(robot.steps) >= MAX_UNNAMED_STEPS:
         return action.start(robot)
     if not isinstance(action, Sequence):
@@ -112,7 +112,7 @@ def mission(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
 @overload
 def mission(*actions: Action[Any]) -> Action[list[Any]]: ...
 def mission(*actions: Action[Any]) -> Action[list[Any]]:
-    """One after the other like `seq`, each of them a timed step."""
+    """Actions in sequence like `seq`, each as a timed step."""
     check_actions("mission", actions)
     steps = tuple(each if isinstance(each, TimedStep) else timed(each) for each in actions)
     return Sequence(f"mission of {len(actions)} steps", steps)
@@ -123,6 +123,6 @@ def seq(*actions: Action[MotionResult]) -> Action[list[MotionResult]]: ...
 @overload
 def seq(*actions: Action[Any]) -> Action[list[Any]]: ...
 def seq(*actions: Action[Any]) -> Action[list[Any]]:
-    """One after the other; the result is the list of their results."""
+    """Actions in sequence; the result is the list of their results."""
     check_actions("seq", actions)
     return Sequence(f"seq({', '.join(action.name for action in actions)})", actions)
