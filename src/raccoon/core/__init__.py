@@ -1,4 +1,4 @@
-"""Words that every layer shares: readings, errors, configuration, the port and the clock.
+"""Types that every layer shares: readings, errors, configuration, the port and the clock.
 
-Standard library only, so that importing it costs next to nothing.
+It imports the standard library only, so importing it is cheap.
 """

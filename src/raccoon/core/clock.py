@@ -1,4 +1,4 @@
-"""Time as a thing that is handed in, so that nothing above a port reads a clock and no test sleeps."""
+"""Clocks as arguments: nothing above a port reads the machine's clock, and no test sleeps."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """Monotonic seconds and a way to wait for a point in them."""
+    """Monotonic seconds, and waiting until a given time."""
 
     def now(self) -> float:
-        """Seconds since some fixed moment; never goes back."""
+        """Seconds since some fixed moment; never decreases."""
         ...
 
     def sleep_until(self, deadline: float) -> None:
-        """Return at `deadline`, or at once where it has passed."""
+        """Return at `deadline`, or at once if it has passed."""
         ...
 
 
@@ -31,7 +31,7 @@ class RealClock:
 
 
 class SteppedClock:
-    """A clock that stands still until somebody waits on it or moves it."""
+    """A clock that moves only when somebody waits on it or advances it."""
 
     def __init__(self, start: float = 0.0) -> None:
         self._now = start
@@ -50,10 +50,10 @@ class SteppedClock:
 
 
 class Ticker:
-    """Absolute deadlines a fixed period apart: one late cycle does not delay the next.
+    """Absolute deadlines at a fixed period: one late cycle does not delay the next.
 
-    `wait` returns the number of deadlines that passed unserved (0 when on time). Deadlines are
-    start + n * period, never last + period, so lateness does not accumulate.
+    `wait` returns the number of deadlines that were missed (0 when on time). Deadlines are start + n *
+    period, never last + period, so lateness does not accumulate.
     """
 
     def __init__(self, period: float, clock: Clock) -> None:

@@ -1,7 +1,7 @@
-"""`robot.toml`: what a robot is made of.
+"""The configuration of a robot, `robot.toml`.
 
-Every key is optional; unknown keys and impossible values are refused. The file is described once, by the
-dataclasses of `sections` and `nominal`; reading, checking and the reference page follow from them.
+Every key is optional; unknown keys and impossible values are refused. The dataclasses of `sections` and
+`nominal` are the only description of the file; reading, checking and the reference page follow from them.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ _TOML_SLIPS = (
     (r"=\s*[^\W\d][\w-]*\s*(#|$)", "; a text stands in quotes"),
     (r"=\s*(#|$)", "; write a value, or leave the line out"),
 )
-"""What is no TOML and common, with what to write."""
+"""Common mistakes that are not TOML, as patterns, with hints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,19 +111,19 @@ class RobotConfig:
                 raise ConfigError(f"mechanism.{name}.motor = {each.motor}: the drive is on that port")
 
     def motor(self, motor_port: int) -> MotorConfig:
-        """The configuration of a motor port, the default where the file says nothing."""
+        """The configuration of a motor port; the default if the file has none."""
         return self.motors.get(motor_port, MotorConfig())
 
     def wheel_motor(self, side: str) -> MotorConfig:
-        """The same of the motor that drives the "left" or the "right" wheel."""
+        """The configuration of the motor that drives the "left" or the "right" wheel."""
         return self.motor(getattr(self.drive, side))
 
 
 def load_robot(path: str | Path) -> RobotConfig:
-    """Read a `robot.toml`, looked for where the program was started and then beside the program.
+    """Read a `robot.toml`, searched in the working directory and then beside the program.
 
-    Values that are allowed and do not fit together are said in the log "raccoon". Raises ConfigError naming
-    file, key, value and what is allowed; FileNotFoundError where there is no file.
+    Allowed values that do not fit together are reported in the log "raccoon". Raises ConfigError naming file,
+    key, value and what is allowed; FileNotFoundError if there is no file.
     """
     path = near_program(path)
     try:
@@ -148,14 +148,14 @@ def load_robot(path: str | Path) -> RobotConfig:
 
 
 def is_model(table: Mapping[str, Any]) -> bool:
-    """Whether these are the tables of a model.toml: a robot.toml has none of its own ones."""
+    """Whether these are the tables of a model.toml: it has tables that no robot.toml has."""
     return not table.keys().isdisjoint(("chain", "effect", "provenance"))
 
 
 def parse_toml(content: str | bytes) -> dict[str, Any]:
-    """The tables of a TOML file, with or without the byte order mark that editors of Windows write.
+    """The tables of a TOML file, with or without the byte order mark that Windows editors write.
 
-    Raises ConfigError where it is none.
+    Raises ConfigError if it is not TOML.
     """
     try:
         text = content if isinstance(content, str) else content.decode("utf-8")
@@ -166,12 +166,12 @@ def parse_toml(content: str | bytes) -> dict[str, Any]:
     text = text.removeprefix(BYTE_ORDER_MARK)
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, a thousand brackets
+    except (ValueError, RecursionError) as error:  # e.g. a number of thousands of digits, a thousand brackets
         raise ConfigError(f"not a TOML file: {error}{_quoted_line(text, str(error))}") from None
 
 
 def _quoted_line(text: str, error: str) -> str:
-    """The line that an error of the TOML reader names."""
+    """The line named in an error of the TOML reader, quoted with a hint."""
     found = re.search(r"\(at line (\d+), ", error)
     if found is None:
         return ""
@@ -187,13 +187,13 @@ _SINGLE: Mapping[str, type[Any]] = {
     "body": BodyConfig,
     "motion": MotionConfig,
 }
-"""Sections of which there is one, by their names, which are those of RobotConfig's fields."""
+"""Sections that occur once, by name; the names are those of RobotConfig's fields."""
 _SEVERAL = ("motor", "tophat", "bumper", "servo", "mechanism")
-"""Those that stand in groups, `[GROUP.NAME]`."""
+"""Groups of named sections, `[GROUP.NAME]`."""
 
 
 def _refuse_misplaced(table: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    """Raise ConfigError for a key that stands above all sections or in another than its own, naming that."""
+    """Raise ConfigError for a key above all sections or in a wrong one, naming its section."""
     kinds = {
         **_SINGLE,
         "motor.N": MotorConfig,
@@ -248,7 +248,7 @@ _SECTION_NOTES = {
 
 
 def _parse_named(table: Mapping[str, Any], group: str, kind: type[Any], port_key: str) -> dict[str, Any]:
-    """The sections `[group.NAME]`; no two may sit on the same port."""
+    """The sections `[group.NAME]`; no two may use the same port."""
     users: dict[int, str] = {}
     found = {}
     for name, entry in subtable(table, group, "").items():
@@ -275,10 +275,8 @@ def _motor_port(key: str) -> int:
 
 
 def template() -> str:
-    """A `robot.toml` with every key, its default, unit, bounds and meaning; all commented out.
-
-    So are the headers of what not every robot has: a section is a tophat, bumper, servo or mechanism.
-    """
+    """A `robot.toml` with every key, its default, unit, bounds and meaning; all commented out, with the
+    headers of optional parts (each such section makes a tophat, bumper, servo or mechanism)."""
     sections: tuple[tuple[str, type[Any]], ...] = (
         ("controller", ControllerConfig),
         ("battery", BatteryConfig),

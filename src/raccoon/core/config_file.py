@@ -1,9 +1,8 @@
-"""Put measured values into an existing `robot.toml`: everything else, comments too, stays as it was.
+"""Writing of measured values into an existing `robot.toml`; the rest of it, with comments, stays as it was.
 
-The file is edited as text, key by key, and then read again: only if it says exactly what it said before
-plus the new values is it put in place, in one step, so a power cut leaves the old file or the new one.
-A byte order mark and the line ends of Windows stay. What was replaced goes into `robot.history.toml` beside
-it.
+The file is edited as text, key by key, and read again. Only if its content is exactly the old one plus the
+new values does it replace the file, atomically: a power cut leaves the old file or the new one. A byte order
+mark and the line ends of Windows stay. Replaced values go into `robot.history.toml` beside it.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from raccoon.core.files import write_atomically
 _HEADER = re.compile(r"^\s*\[(?!\[)\s*(?P<name>[^\]]+?)\s*\]\s*(#.*)?$")
 _ANY_HEADER = re.compile(r"^\s*\[")
 _HEADER_TO_BE = re.compile(r"^\s*#\s*\[")
-"""What stands below one that is commented out is its own once somebody takes the # away."""
+"""A commented-out header: the lines below it belong to it once somebody removes the #."""
 
 
 def write_measured(
@@ -31,9 +30,9 @@ def write_measured(
 ) -> Path | None:
     """Set measured values, by dotted key (`motor.0.radians_per_tick`), in the robot.toml at `path`.
 
-    day: date of those that carry none. Gives the file into which what was replaced went, None where nothing
-    was. Raises FileNotFoundError where there is no file, ConfigError where the file, its history or a value
-    is not allowed, or where a key is written in a form that cannot be edited; nothing is changed then.
+    day: date of values without one. Returns the file that replaced values went into, None if nothing was
+    replaced. Raises FileNotFoundError if there is no file, ConfigError if the file, its history or a value is
+    not allowed, or if a key is written in a form that cannot be edited; then nothing is changed.
     """
     path = Path(path).resolve()
     content = path.read_bytes()
@@ -55,15 +54,14 @@ def write_measured(
 def updated_text(text: str, values: Mapping[str, Measured]) -> str:
     """The text of a robot.toml with these values set.
 
-    Raises ConfigError where a key stands in a form that this cannot edit (inside another key's braces,
-    dotted).
+    Raises ConfigError if a key is in a form that cannot be edited (inside another key's braces, dotted).
     """
     mark = BYTE_ORDER_MARK if text.startswith(BYTE_ORDER_MARK) else ""
     lines = text.removeprefix(mark).split("\n")
     end = "\r" if lines[0].endswith("\r") else ""
     if not lines[-1]:
         lines.pop()
-    else:  # the last line has no end yet
+    else:  # the last line has no line end
         lines[-1] += end
     expected = parse_toml(text)
     for key, value in values.items():
@@ -86,7 +84,7 @@ def updated_text(text: str, values: Mapping[str, Measured]) -> str:
 
 
 def formatted(value: Measured) -> str:
-    """A measured value as TOML."""
+    """A measured value in TOML."""
     parts = [f"value = {_number(value.value)}", f"std = {_number(value.std, 3)}"]
     if value.date is not None:
         parts.append(f"date = {value.date.isoformat()}")
@@ -96,7 +94,7 @@ def formatted(value: Measured) -> str:
 
 
 def _number(value: float, digits: int = 8) -> str:
-    """A float that TOML reads as a float."""
+    """A float in a form that TOML reads as a float."""
     text = repr(float(f"{value:.{digits}g}"))
     return text if any(mark in text for mark in ".e") else f"{text}.0"
 
@@ -104,7 +102,7 @@ def _number(value: float, digits: int = 8) -> str:
 def _set_line(lines: list[str], table: str, name: str, value: str, line_end: str) -> None:
     """Replace the line of a key, or add one to its table, or add the table.
 
-    line_end: what stands before the line feed, of a line that is added.
+    line_end: characters before the line feed of an added line.
     """
     begin = _table_start(lines, table)
     if begin is None:
@@ -136,7 +134,7 @@ def _table_start(lines: list[str], table: str) -> int | None:
 
 
 def _comment(rest: str) -> str:
-    """The comment behind a value that holds no text, and the line's end."""
+    """The comment behind a value without text, and the line's end."""
     place = rest.find("#")
     return rest[len(rest.rstrip("\r")) :] if place < 0 else "   " + rest[place:]
 
@@ -160,7 +158,7 @@ def _find_value(table: Mapping[str, Any], key: str) -> Any:
 
 
 def _append_history(path: Path, old: Mapping[str, Any], day: date | None) -> None:
-    """Add what is being replaced, newest last. Raises ConfigError where the file is no history."""
+    """Append the replaced values. Raises ConfigError if the file is not a history."""
     text = "# Values that a calibration replaced.\n"
     try:
         if path.exists():

@@ -1,4 +1,4 @@
-"""How many processors there are to work on."""
+"""The number of usable processors."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ import os
 
 
 def usable_cores() -> int:
-    """Of this computer, those that this process may use; 1 or more."""
+    """Number of processors that this process may use; 1 or more."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,26 +1,26 @@
-"""The error tree. Each error is also the builtin that people would guess.
+"""The error tree. Each error is also the builtin one that people expect.
 
 ::
 
     RaccoonError
     ├── ConfigError        ValueError       a value in a file or an argument is not allowed
     ├── TraceError         ValueError       a recording cannot be read (further)
-    │   └── HoldoutError                    ... the one that a diagnosis is to be judged on
+    │   └── HoldoutError                    ... the held-out one of a diagnosis
     ├── HardwareError      OSError          a device does not answer as it must
     ├── CalibrationError   RuntimeError     the data cannot support the calibration
     ├── MotionTimeout      TimeoutError     a motion did not end in its time
     ├── Stopped            RuntimeError     robot.stop() ended what ran
     └── ReplayDiverged     AssertionError   a replayed program commanded something else
 
-A message says what, where, the value, and what is allowed.
+A message names what is wrong, where, the value, and what is allowed.
 """
 
 from typing import Self
 
 
 class RaccoonError(Exception):
-    """What this library raises under names of its own. An argument that is not allowed is a plain ValueError,
-    one of the wrong kind a TypeError, and use at the wrong time a RuntimeError."""
+    """Base of this library's own errors. An argument that is not allowed raises a plain ValueError, one of
+    the wrong type a TypeError, and use at the wrong time a RuntimeError."""
 
 
 class ConfigError(RaccoonError, ValueError):
@@ -32,7 +32,7 @@ class TraceError(RaccoonError, ValueError):
 
 
 class HoldoutError(TraceError):
-    """What is wrong is wrong with the recording that a diagnosis is to be judged on."""
+    """The error is in the held-out recording of a diagnosis."""
 
 
 class HardwareError(RaccoonError, OSError):
@@ -40,7 +40,7 @@ class HardwareError(RaccoonError, OSError):
 
 
 class CalibrationError(RaccoonError, RuntimeError):
-    """The data cannot support the calibration that was asked for."""
+    """The data cannot support the requested calibration."""
 
 
 class MotionTimeout(RaccoonError, TimeoutError):
@@ -48,11 +48,11 @@ class MotionTimeout(RaccoonError, TimeoutError):
 
 
 class Stopped(RaccoonError, RuntimeError):
-    """`robot.stop()` ended what the robot did; the motors are off."""
+    """`robot.stop()` ended the motion; the motors are off."""
 
 
 class ReplayDiverged(RaccoonError, AssertionError):
-    """A replayed program commanded something else than the recorded one.
+    """A replayed program gave another command than the recorded one.
 
     tick: number of the cycle (0 first). field: name of the command that differs.
     """
@@ -64,5 +64,5 @@ class ReplayDiverged(RaccoonError, AssertionError):
         self.replayed = replayed
         super().__init__(f"tick {tick}: {field} was {recorded!r} in the recording and is {replayed!r} now")
 
-    def __reduce__(self) -> tuple[type[Self], tuple[object, ...]]:  # its words alone do not make it again
+    def __reduce__(self) -> tuple[type[Self], tuple[object, ...]]:  # its message alone does not restore it
         return type(self), (self.tick, self.field, self.recorded, self.replayed)

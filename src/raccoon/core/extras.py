@@ -1,9 +1,9 @@
-"""Packages that only some need: how to install them."""
+"""Installation of optional packages."""
 
 
 def install(extra: str) -> str:
-    """The command that installs an extra of pyproject.toml, for a message about what is missing.
+    """The command that installs an extra of pyproject.toml, for a message about a missing package.
 
-    From the clone, never by name: on PyPI, raccoon is another project.
+    It installs from the clone, not by name: on PyPI, raccoon is another project.
     """
     return f"pip install '.[{extra}]' in raccoon's own folder (PyPI's raccoon is another project)"

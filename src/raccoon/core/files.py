@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files: atomic writing, and the folders in which a program's files are searched."""
 
 from __future__ import annotations
 
@@ -15,32 +15,33 @@ from pathlib import Path
 from typing import BinaryIO
 
 MAX_LINKS = 40
-"""Links that lead from one to the next before they count as a ring, as the system has it."""
+"""Maximum number of chained links, as in the operating system; more count as a ring."""
 
 
 def program_folder() -> Path | None:
-    """The folder of the program that runs, None where it is none of a file."""
+    """The folder of the running program; None if it is not a file."""
     program = getattr(sys.modules.get("__main__"), "__file__", None)
     return None if program is None else Path(program).absolute().parent
 
 
 def near_program(name: str | Path) -> Path:
-    """A file where the program was started, else beside the program where it is there alone: an editor or a
-    service starts a program from wherever it likes. A file that is nowhere stays where it was started."""
+    """A file in the working directory, or beside the program if it exists only there: editors and services
+    start programs in any directory. A path that exists in neither place stays as it is."""
     path, folder = Path(name), program_folder()
     if path.exists() or folder is None:
         return path
-    beside = folder / path  # of an absolute path that path itself
+    beside = folder / path  # for an absolute path, the path itself
     return beside if beside.exists() else path
 
 
 _copies: ContextVar[Path | None] = ContextVar("_copies", default=None)
-"""The folder of what programs keep just now; None: where they say."""
+"""The folder with copies of kept files; None: the files themselves are used."""
 
 
 @contextmanager
 def copy_kept_files() -> Iterator[None]:
-    """Inside, what a program keeps from run to run (`kept_file`) is a copy, which is gone afterwards."""
+    """Inside, the files that a program keeps from run to run (`kept_file`) are copies, which are deleted
+    afterwards."""
     with tempfile.TemporaryDirectory(prefix="raccoon-") as folder:
         before = _copies.set(Path(folder))
         try:
@@ -50,7 +51,7 @@ def copy_kept_files() -> Iterator[None]:
 
 
 def kept_file(name: str | Path) -> Path:
-    """A file that a program keeps from run to run, found as `near_program` finds one."""
+    """A file that a program keeps from run to run, searched as in `near_program`."""
     path, folder = near_program(name), _copies.get()
     if folder is None:
         return path
@@ -63,14 +64,14 @@ def kept_file(name: str | Path) -> Path:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Write or replace a file in one step; one that is there keeps its permissions and, with sudo, its owner.
+    """Write or replace a file in one step; an existing one keeps its permissions and, with sudo, its owner.
 
-    The content is on the disk before the name is: whatever ends the program, or the battery, a reader finds
-    the old file or the new one. A link stays one, and what it points to is replaced. What is no plain file
-    (a device, a pipe, /dev/stdout) is written to as it is. Raises OSError, of the path that was given, where
-    it cannot be written.
+    The content is on the disk before the file gets its name: however the program ends, or the battery, a
+    reader finds the old file or the new one. A link stays a link, and its target is replaced. Anything but a
+    plain file (a device, a pipe, /dev/stdout) is written to directly. Raises OSError, naming the given path,
+    if it cannot be written.
     """
-    # The name of a file may be no text, and stand in a report of it.
+    # A file name in the content may not be valid text.
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     with replacing(path) as file:
         file.write(data)
@@ -78,9 +79,8 @@ def write_atomically(path: Path, content: str | bytes) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """A file to write that gets the name `path` when the block ends; where it is left by an error nothing
-    has happened. Otherwise as `write_atomically`.
-    """
+    """A file to write that gets the name `path` when the block ends; if an error leaves the block, nothing
+    changes. Otherwise as `write_atomically`."""
     with (
         naming_path(path),
         _open_stream(path) if is_stream(path) else _temporary_beside(Path(os.path.realpath(path))) as file,
@@ -90,7 +90,8 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
 
 @contextmanager
 def naming_path(path: Path) -> Iterator[None]:
-    """An OSError inside names `path`: a full disk names no file, and nobody has heard of temporary ones."""
+    """An OSError inside names `path`: that of a full disk names no file, and temporary names are of no
+    use."""
     try:
         yield
     except OSError as error:
@@ -101,7 +102,7 @@ def naming_path(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _temporary_beside(target: Path) -> Iterator[BinaryIO]:
-    """A file beside the target that gets its name."""
+    """A file beside the target that replaces it at the end."""
     handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -112,7 +113,7 @@ def _temporary_beside(target: Path) -> Iterator[BinaryIO]:
         if target.exists():
             before = target.stat()
             mode = before.st_mode & 0o7777
-            with suppress(PermissionError):  # of who is not root
+            with suppress(PermissionError):  # without root rights
                 os.chown(temporary, before.st_uid, before.st_gid)
         os.chmod(temporary, mode)
         os.replace(temporary, target)
@@ -122,8 +123,8 @@ def _temporary_beside(target: Path) -> Iterator[BinaryIO]:
 
 
 def is_stream(path: Path) -> bool:
-    """Whether a path is no plain file to replace: a device, a pipe, or a file that is open already, such as
-    /dev/stdout."""
+    """Whether a path is not a plain file that can be replaced: a device, a pipe, or a file that is open
+    already, such as /dev/stdout."""
     try:
         mode = path.stat().st_mode
     except OSError:
@@ -132,14 +133,15 @@ def is_stream(path: Path) -> bool:
 
 
 def _open_stream(path: Path) -> BinaryIO:
-    """What is there, to be written to. An open file goes on where it is, or one would overwrite the other."""
+    """The stream, opened for writing. An open file continues at its position, otherwise it would be
+    overwritten."""
     number = _descriptor(path)
     sys.stdout.flush()
     return path.open("wb") if number is None else os.fdopen(os.dup(number), "wb")
 
 
 def _descriptor(path: Path) -> int | None:
-    """The number of the open file that a path leads to; None for any other."""
+    """The descriptor of the open file that a path leads to; None for any other path."""
     for _ in range(MAX_LINKS):
         if os.path.realpath(path.parent) == f"/proc/{os.getpid()}/fd" and path.name.isdecimal():
             return int(path.name)

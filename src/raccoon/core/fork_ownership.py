@@ -1,6 +1,6 @@
-"""What a process that a program forks (multiprocessing does) must not keep of its parent's robot.
+"""Release of the robot's resources in forked processes (of multiprocessing).
 
-A copy of a descriptor keeps a lock held and a lifeline whole after the program that owns them is gone.
+A copied descriptor keeps a lock held, and a lifeline intact, after the program that owns them is gone.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from weakref import WeakSet
 
 
 class Owned(Protocol):
-    """Something that belongs to the process that opened it alone."""
+    """A resource that belongs only to the process that opened it."""
 
     def leave(self) -> None:
-        """Close this process's copies, and do nothing else: the parent still uses what they are of."""
+        """Close this process's copies, and nothing else: the parent still uses the originals."""
         ...
 
 
@@ -23,7 +23,7 @@ _owned: WeakSet[Owned] = WeakSet()
 
 
 def leave_in_forks(thing: Owned) -> None:
-    """From now on, a process that is forked leaves `thing`."""
+    """From now on, forked processes call `leave` of `thing`."""
     _owned.add(thing)
 
 

@@ -1,5 +1,4 @@
-"""Which of the names that there are was meant by one that there is not: of commands, options, keys, sensors,
-causes and files alike."""
+"""Suggestions for unknown names: of commands, options, keys, sensors, causes and files."""
 
 from __future__ import annotations
 
@@ -7,22 +6,21 @@ from collections.abc import Iterable
 from pathlib import Path
 
 MIN_LIKENESS = 0.7
-"""Share of letters in common, in their order, from which on names are alike; at 0.6, as is usual, --nonsense
-is like --seed."""
+"""Least share of common letters, in their order, of similar names; at the usual 0.6, --nonsense resembles
+--seed."""
 MIN_PART = 3
-"""Letters from which on a name is also found by a part of it, as drive.backlash by backlash."""
+"""Least number of letters with which a name is also found by a part of it, as drive.backlash by backlash."""
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """What to put behind the mention of an unknown name, as ` (did you mean motion?)`; "" where none is like
-    it."""
+    """The text to add to an unknown name, like ` (did you mean motion?)`; "" if no name is similar."""
     near = nearest_name(name, known)
     return f" (did you mean {near}?)" if near else ""
 
 
 def nearest_name(name: object, known: Iterable[str]) -> str:
-    """The known name that is most like `name`, capital letters aside, or else the only one that it is a part
-    of; "" where there is none."""
+    """The known name most similar to `name`, ignoring case, or else the only one that contains it; "" if
+    there is none."""
     from difflib import get_close_matches
 
     if not isinstance(name, str):
@@ -37,8 +35,8 @@ def nearest_name(name: object, known: Iterable[str]) -> str:
 
 
 def did_you_mean_file(path: str | Path) -> str:
-    """As `did_you_mean`, of a file that is not there, by the other names in its folder. What the endings have
-    in common makes no two files alike."""
+    """As `did_you_mean` for a missing file, with the other names in its folder. A common ending does not make
+    two files similar."""
     path = Path(path)
     try:
         names = sorted(each.name for each in path.parent.iterdir())

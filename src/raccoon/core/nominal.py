@@ -1,4 +1,4 @@
-"""`[model]` of a robot.toml: what the simulation assumes, each number with how sure it is."""
+"""`[model]` of a robot.toml: the parameters of the simulation, each with its standard deviation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from raccoon.core.schema import (
 )
 
 INERTIA = Bounds(1e-12, 1e6)
-"""Wide: a fit on its way tries inertias that no robot has, and the simulator says which it cannot take."""
+"""kg m2. Wide, because a fit tries inertias that no robot has; the simulator reports which it cannot take."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class ImuModel:
 
 @dataclass(frozen=True, slots=True)
 class NominalModel:
-    """`[model]`: what the simulation assumes. A value and std is a prior for the diagnosis."""
+    """`[model]`: the parameters of the simulation. Value and std are a prior for the diagnosis."""
 
     battery: BatteryModel = field(default_factory=BatteryModel)
     left: MotorModel = field(default_factory=MotorModel)
@@ -123,6 +123,6 @@ def parse_model(table: Mapping[str, Any]) -> NominalModel:
         if key != "motor"
     }
     for side, entry in sides.items():
-        section(MotorModel, motor, "model.motor")  # so that a mistake is named at its own key
+        section(MotorModel, motor, "model.motor")  # so that an error names its own key
         built[side] = section(MotorModel, {**motor, **entry}, f"model.motor.{side}")
     return NominalModel(**built)

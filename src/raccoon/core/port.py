@@ -1,4 +1,4 @@
-"""The one doorway to a robot: data in, commands out."""
+"""The port: the only interface to a robot; readings come in, commands go out."""
 
 from __future__ import annotations
 
@@ -11,54 +11,55 @@ from raccoon.core.readings import Inputs, Outputs
 class Port(Protocol):
     """A robot, simulated or real, or a recording of one.
 
-    Wrap a port to record it, disturb it or log it; do not inherit from one. A port is its own context
-    only through `close`: whoever opened it closes it.
+    Wrap a port to record it, disturb it or log it; do not inherit from one. Whoever opened a port calls
+    `close`.
     """
 
     def read(self) -> Inputs:
-        """Wait for the next cycle and return it.
+        """Wait for the next cycle and return its readings.
 
-        Raises HardwareError when the device is lost, EOFError when a recording has ended.
+        Raises HardwareError if the device is lost, EOFError at the end of a recording.
         """
         ...
 
     def write(self, outputs: Outputs) -> None:
-        """Command motors and servos until the next write."""
+        """Set the command of motors and servos until the next write."""
         ...
 
     def close(self) -> None:
-        """Motors off, device released. May be called twice."""
+        """Switch the motors off and release the device. May be called twice."""
         ...
 
 
 class Bystander(Protocol):
-    """Somebody beside a simulated robot, who does what a program asks people for, after a moment."""
+    """A simulated person beside a simulated robot, who does what a program asks people to do, after a
+    moment."""
 
     def hold_lamp(self, analog: int, off: float, on: float, *, lit: bool | None) -> None:
-        """Have a start light over the sensor on an analog port, which reads `off` counts without it and `on`
-        with it: lit from now on, not lit, or (None) switched on after a while."""
+        """Hold a start light over the sensor on an analog port, which reads `off` counts without it and `on`
+        with it. lit: on from now on, off, or (None) switched on after a while."""
         ...
 
     def press_button(self) -> None:
-        """Press the controller's button after a moment, and let go of it."""
+        """Press the controller's button after a moment, and release it."""
         ...
 
     @property
     def presses(self) -> bool:
-        """Whether the button is to be pressed, or is."""
+        """Whether the button is pressed, or will be."""
         ...
 
     def put_over(self, black: bool | None) -> None:
-        """Have all tophats over black or white from now on; None: over the table again."""
+        """Hold all tophats over black or white from now on; None: over the table again."""
         ...
 
 
 def bystander_of(port: Port) -> Bystander | None:
-    """Who stands beside the robot of a port, as it says itself (`bystander`): nobody but in simulation."""
+    """The bystander of a port (its attribute `bystander`); only in simulation there is one."""
     found: Bystander | None = getattr(port, "bystander", None)
     return found
 
 
 def in_real_time(port: Port) -> bool:
-    """Whether a port's cycles come by the wall's clock, as it says itself (`real_time`); most do not."""
+    """Whether a port's cycles come in real time (its attribute `real_time`); for most they do not."""
     return bool(getattr(port, "real_time", False))

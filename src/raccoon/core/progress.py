@@ -1,4 +1,4 @@
-"""What takes long is doing now, for whoever waits for it: on a controller a diagnosis takes minutes."""
+"""Progress reports of long computations: on a controller a diagnosis takes minutes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 REPORT_PERIOD_CYCLES = 2000
-"""Cycles of a recording after which it is worth a word."""
+"""Number of a recording's cycles between two reports."""
 _listener: ContextVar[Callable[[str], None] | None] = ContextVar("listener", default=None)
 
 
 @contextmanager
 def report_to(by: Callable[[str], None]) -> Iterator[None]:
-    """Inside, `by` is called with a few words whenever what takes long in this thread goes on."""
+    """Inside, `by` is called with a short text whenever a long computation in this thread proceeds."""
     token = _listener.set(by)
     try:
         yield
@@ -22,7 +22,7 @@ def report_to(by: Callable[[str], None]) -> Iterator[None]:
 
 
 def report(doing: str) -> None:
-    """Say what comes next, if anybody watches."""
+    """Report the next step, if anybody listens."""
     listener = _listener.get()
     if listener is not None:
         listener(doing)

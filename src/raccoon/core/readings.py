@@ -1,8 +1,8 @@
-"""What goes through a port: one `Inputs` a cycle up, one `Outputs` a cycle down.
+"""Data of a port: one `Inputs` per cycle from the robot, one `Outputs` per cycle to it.
 
-`Inputs` holds the words of the device as they came and the `Device` that says what a word means, so a
-recording outlives a mistake in a conversion. Signs of axes are the same for every port (docs/quantities.md);
-signs of wiring belong to robot.toml.
+`Inputs` holds the device's raw words and the `Device` that defines their meaning, so a recording stays valid
+if a conversion was wrong. Signs of axes are the same for every port (docs/quantities.md); signs of wiring
+belong to robot.toml.
 """
 
 from __future__ import annotations
@@ -15,16 +15,17 @@ from typing import Any
 MOTOR_PORTS = 4
 SERVO_PORTS = 4
 SERVO_PULSE_US = (600, 2400)
-"""Shortest and longest pulse a controller makes."""
+"""us, shortest and longest pulse of a controller."""
 ANALOG_PORTS = 6
 DIGITAL_PORTS = 10
 ANALOG_FULL_SCALE = 4095
-"""Counts; the most that any controller's analog port gives."""
+"""Counts, largest reading of any controller's analog port."""
 ANALOG_BOTTOM, ANALOG_TOP = 4.0, 4083.0
-"""Counts from which a reading stands at an end of the converter: a rising stock filter stops at 4086."""
+"""Counts at and beyond which a reading is at an end of the converter's range: rising, a stock filter stops at
+4086."""
 
 Words = tuple[float | None, ...]
-"""One word a port; None where the port has nothing (new) to say."""
+"""One word per port; None if the port has no (new) reading."""
 Flags = tuple[bool | None, ...]
 NO_ANALOG: Words = (None,) * ANALOG_PORTS
 NO_DIGITAL: Flags = (None,) * DIGITAL_PORTS
@@ -32,7 +33,7 @@ Vector = tuple[float, float, float]
 
 
 class Status(StrEnum):
-    """How far an estimate can be trusted. Not being sure is a value, not an exception."""
+    """Reliability of an estimate. Uncertainty is a value, not an exception."""
 
     OK = "ok"
     UNCERTAIN = "uncertain"
@@ -40,24 +41,24 @@ class Status(StrEnum):
 
 
 class Fault(StrEnum):
-    """What a port can know to be wrong with the cycle it hands over."""
+    """Faults of a cycle that a port can detect."""
 
     LINK_DEAD = "link_dead"
     """The frame carried no data; every word is None."""
     STALE = "stale"
-    """The controller repeats itself; its main loop may be frozen."""
+    """The controller repeats its words; its main loop may be frozen."""
     RESET = "reset"
     """The controller restarted: positions jumped and commands were lost."""
     POSITION_JUMP = "position_jump"
-    """A position is not the continuation of the last one."""
+    """A position does not continue the last one."""
     TORN = "torn"
     """A word was read while the controller wrote it; it was read again or left out."""
     MISALIGNED = "misaligned"
     """The frame was shifted and had to be aligned again."""
     IMU_FROZEN = "imu_frozen"
-    """The IMU repeats itself or is missing; its words are left out."""
+    """The IMU repeats its words or is missing; they are left out."""
     IMU_IMPLAUSIBLE = "imu_implausible"
-    """The IMU reports what cannot be, or lies on its side; its words are left out."""
+    """The IMU reports impossible values, or lies on its side; its words are left out."""
     COMMAND_LOST = "command_lost"
     """A command did not arrive; it was sent again."""
     OVERRUN = "overrun"
@@ -67,10 +68,11 @@ class Fault(StrEnum):
     MOTOR_FAULT = "motor_fault"
     """A driven motor gives no back-EMF: stalled, unplugged or its fuse tripped."""
     BEMF_INVALID = "bemf_invalid"
-    """A back-EMF reading cannot be right: an offset at rest, or beyond what the controller measures."""
+    """A back-EMF reading cannot be right: an offset at rest, or beyond the range that the controller
+    measures."""
     BEMF_FROZEN = "bemf_frozen"
-    """The back-EMF of a motor that turns has been the same for `BEMF_FROZEN_SECONDS`, and so has come from no
-    motor: its converter has stopped. The words of that motor are left out."""
+    """The back-EMF of a turning motor has been the same for `BEMF_FROZEN_SECONDS`, which no motor gives: its
+    converter has stopped. The words of that motor are left out."""
     ANALOG_SATURATED = "analog_saturated"
     """A watched analog port is at the end of its range."""
     SENSOR_LOST = "sensor_lost"
@@ -78,21 +80,21 @@ class Fault(StrEnum):
 
 
 BEMF_FROZEN_SECONDS = 0.3
-"""s. The quietest converter, of 3 counts of noise, repeats a word for up to 0.2 s behind the filters of the
-firmwares, once in an hour of driving; real motors are louder by far."""
+"""s. The quietest converter, with a noise of 3 counts, repeats a word for up to 0.2 s after the filters of
+the firmwares, once in an hour of driving; real motors are far noisier."""
 
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """What one word of a device is worth. Multiply a word by its scale to get SI.
+    """Meaning of a device's words. A word times its scale is in SI units.
 
     position_counts_seconds: back-EMF counts times seconds in one tick of a position counter.
-    bemf_lag: s by which filtered back-EMF and the counters that sum it are behind the motor: the angle now is
-    that of the counter and `bemf_lag` times the back-EMF. None where the device does not know it; then
-    model.bemf.filter_time_constant of robot.toml counts, as it does wherever robot.toml gives one.
-    bemf_dead_zone: counts; motion whose back-EMF is smaller may be reported as 0, and not be counted.
-    bemf_range: counts beyond which a motor's back-EMF and counter stand still, None where there is no such
-    end.
+    bemf_lag: s by which filtered back-EMF and the counters that sum it are behind the motor: the present
+    angle is that of the counter plus `bemf_lag` times the back-EMF. None if the device does not know it; then
+    model.bemf.filter_time_constant of robot.toml is used, as it is whenever robot.toml gives one.
+    bemf_dead_zone: counts; motion with a smaller back-EMF may be reported as 0, and not be counted.
+    bemf_range: counts beyond which a motor's back-EMF and counter stand still; None if there is no such
+    limit.
     driven_share: part of the time in which a motor under a duty is powered; in the rest it coasts, and its
     back-EMF is read.
     """
@@ -112,10 +114,10 @@ class Device:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Where a reference system (simulator, motion capture, calibration board) saw the robot.
+    """Pose of the robot by a reference system (simulator, motion capture, calibration board).
 
-    x, y in m, heading in rad (unwrapped); surface: black (True) or white under each analog port.
-    Estimators never read it.
+    x, y in m, heading in rad (unwrapped); surface: black (True) or white under each analog port. Estimators
+    never read it.
     """
 
     x: float
@@ -128,12 +130,14 @@ class Truth:
 class Inputs:
     """One cycle of readings, in raw words.
 
-    time: s, monotonic, the port's own. bemf: filtered back-EMF counts per motor port.
-    position: counter ticks per motor port, unwrapped to 64 bits by the port. gyro, accel: x forward, y left,
-    z up, counter-clockwise positive; accel is specific force (at rest +1 g on z). analog: ADC counts.
-    digital: True is pressed. battery: ADC counts. None: absent, or nothing new in this cycle.
+    time: s, monotonic, by the port's own clock. bemf: filtered back-EMF counts per motor port.
+    position: counter ticks per motor port, unwrapped to 64 bits by the port.
+    gyro, accel: x forward, y left, z up, counter-clockwise positive; accel is specific force (at rest +1 g on
+    z).
+    analog: ADC counts. digital: True is pressed. battery: ADC counts. None: absent, or no new reading in this
+    cycle.
     extra: further channels of a recording or an added sensor, in SI, by trace column name; "button" is 1
-    while the Wombat's own is pressed.
+    while the Wombat's own button is pressed.
     """
 
     time: float
@@ -151,17 +155,18 @@ class Inputs:
 
     @property
     def battery_voltage(self) -> float | None:
-        """V, or None where there is no reading."""
+        """V; None if there is no reading."""
         return None if self.battery is None else self.battery * self.device.battery_volts
 
     @property
     def turn_rate(self) -> float | None:
-        """rad/s about the vertical axis as the gyro reports it, counter-clockwise positive."""
+        """rad/s about the vertical axis by the gyro, counter-clockwise positive; None if there is no
+        reading."""
         return None if self.gyro is None else self.gyro[2] * self.device.gyro_rad_s
 
 
 class _Draft:
-    """`Inputs` while it is filled: laid out alike, but not yet frozen."""
+    """`Inputs` during construction: the same layout, not yet frozen."""
 
     __slots__ = Inputs.__slots__
 
@@ -179,9 +184,9 @@ def quick_inputs(
     faults: tuple[Fault, ...],
     extra: Mapping[str, float] | None,
 ) -> Inputs:
-    """`Inputs` of a port that knows every field but the truth, for the loop on the robot.
+    """`Inputs` for the loop on the robot, from a port that knows every field except the truth.
 
-    The constructor of a frozen dataclass costs as much as all the rest of reading a frame; this is the same
+    The constructor of a frozen dataclass costs as much as the rest of reading a frame; this makes the same
     object at a fifth of that.
     """
     draft: Any = _Draft()
@@ -206,11 +211,11 @@ def quick_inputs(
 class Outputs:
     """The complete command of one cycle.
 
-    duty: -1..1 per motor port, before any wiring sign. brake: short the motor where its duty is 0.
-    servo_us: pulse in microseconds (600..2400), None switches the servo off.
+    duty: -1..1 per motor port, before any wiring sign. brake: short-circuit the motor while its duty is 0.
+    servo_us: pulse in microseconds (600..2400); None switches the servo off.
 
-    Raises ValueError for a duty that is not a number in -1..1, a pulse outside its range, or fewer or more of
-    them than there are ports.
+    Raises ValueError for a duty that is not a number in -1..1, a pulse outside its range, or another number
+    of them than there are ports.
     """
 
     duty: tuple[float, ...] = (0.0,) * MOTOR_PORTS
@@ -234,14 +239,14 @@ STOP = Outputs()
 """All motors coast, all servos off."""
 
 GRAVITY = 9.80665
-"""m/s2: the standard g, in which accelerometers count."""
+"""m/s2, standard gravity: the unit of accelerometers."""
 
 # The Wombat's terminal voltage reaches a 12-bit, 3.3 V converter through 2.2 of 9.0 kOhm.
 BEMF_VOLTS_PER_COUNT = 3.3 / 4096 * 9.0 / 2.2
 # 100k / 10k divider in front of the same converter.
 BATTERY_VOLTS_PER_COUNT = 3.3 * 11 / 4096
 STOCK_COASTS, RACCOON_COASTS = 0.24, 0.1
-"""Share of the time in which a motor coasts so that its back-EMF can be measured: all of them at once on the
+"""Share of the time in which a motor coasts for the measurement of its back-EMF: all motors at once on the
 stock firmware, 500 us of 5 ms on RaccoonOS."""
 
 SIMULATOR = Device(
@@ -252,8 +257,8 @@ SIMULATOR = Device(
     accel_m_s2=GRAVITY / 8192,
     battery_volts=BATTERY_VOLTS_PER_COUNT,
 )
-"""The simulated controller: RaccoonOS counters, the stock IMU registers. (The name of one whose chain is not
-the default goes on after that.)"""
+"""The simulated controller: RaccoonOS counters, the stock IMU registers. (A simulated one with another chain
+has a longer name.)"""
 
 SI_WORDS = Device(
     name="si",

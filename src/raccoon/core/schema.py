@@ -1,7 +1,8 @@
-"""How a configuration section is described: fields with unit, bounds and meaning, and the checks that follow.
+"""Description of configuration sections: fields with unit, bounds and meaning, and the checks that follow
+from them.
 
 A section is a frozen dataclass whose fields are made with `number`, `measured`, `optional`, `word`, `port`,
-`switch` and `named`. Reading, checking and the reference page need nothing but the fields.
+`switch` and `named`. Reading, checking and the reference page use only the fields.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ from raccoon.core.near_names import did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A number with its standard deviation and, where it was fitted, when and at which battery voltage.
+    """A number with its standard deviation and, if it was fitted, the date and battery voltage of the
+    measurement.
 
-    std is 0 for a number that is taken as exact.
+    std is 0 for a number that is assumed exact.
     """
 
     value: float
@@ -37,7 +39,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Closed interval a value must lie in; `positive` also excludes 0, `or_zero` allows it too."""
+    """Closed interval of the allowed values; `positive` also excludes 0, `or_zero` also allows it."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -45,7 +47,7 @@ class Bounds:
     or_zero: bool = False
 
     def allows(self, value: float) -> bool:
-        """Whether a value lies in it; NaN does not."""
+        """Whether a value is allowed; NaN is not."""
         if self.or_zero and value == 0.0:
             return True
         return self.low <= value <= self.high and not (self.positive and value <= 0.0)
@@ -67,7 +69,7 @@ class Bounds:
 POSITIVE = Bounds(positive=True)
 NOT_NEGATIVE = Bounds(0.0)
 BATTERY_VOLTAGE = Bounds(3.1, 30.0)
-"""V; below it no controller runs, and no speed loop believes a reading."""
+"""V; at a lower voltage no controller runs, and no speed loop uses the reading."""
 
 
 def number(default: float, unit: str, meaning: str, bounds: Bounds = Bounds()) -> Any:
@@ -88,7 +90,7 @@ def optional(unit: str, meaning: str, bounds: Bounds = Bounds()) -> Any:
 def word(
     default: str, meaning: str, allowed: tuple[str, ...] = (), instead: Mapping[str, str] | None = None
 ) -> Any:
-    """Field for a text, or for one of a few words. instead: of others that people write, what is meant."""
+    """Field for a text, or for one of a few words. instead: hints for other words that people write."""
     return field(default=default, metadata={"meaning": meaning, "allowed": allowed, "instead": instead or {}})
 
 
@@ -105,19 +107,19 @@ def switch(default: bool, meaning: str) -> Any:
 
 
 def named(unit: str, meaning: str, bounds: Bounds) -> Any:
-    """Field for numbers under names of the user's choice, none by default."""
+    """Field for numbers with names of the user's choice; none by default."""
     return field(default_factory=dict, metadata={"unit": unit, "meaning": meaning, "bounds": bounds})
 
 
 LONGEST = 60
-"""Letters of a value that a message shows."""
+"""Maximum number of characters of a value in a message."""
 
 
 def format_value(value: object) -> str:
-    """A value as a message shows it, short."""
+    """A value as shown in a message, shortened."""
     try:
         text = repr(value)
-    except ValueError:  # Python writes no whole number of more than some thousand digits
+    except ValueError:  # Python does not print integers of more than some thousand digits
         return "a number of thousands of digits"
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
@@ -132,7 +134,7 @@ def section(kind: type[Any], entry: object, where: str) -> Any:
     values = {key: _value(known[key], hints[key], value, f"{where}.{key}") for key, value in entry.items()}
     try:
         return kind(**values)
-    except ConfigError as error:  # values that do not go together
+    except ConfigError as error:  # values that do not fit together
         raise ConfigError(f"{where}.{error}") from None
 
 
@@ -167,12 +169,12 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
 
 
 def finite_or_none(value: object) -> float | None:
-    """The finite float that a value of a file is, None where it is none: no number, NaN, beyond any float."""
+    """A value of a file as a finite float; None if it is not a number, NaN, or too large."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:
         found = float(value)
-    except OverflowError:  # a whole number of hundreds of digits
+    except OverflowError:  # an integer of hundreds of digits
         return None
     return found if math.isfinite(found) else None
 
@@ -207,7 +209,7 @@ def _measured(value: object, bounds: Bounds, unit: str, where: str) -> Measured:
 
 
 def subtable(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
-    """The table under `key`, an empty one where there is none. Raises ConfigError for anything else."""
+    """The table under `key`; empty if there is none. Raises ConfigError for anything else."""
     entry = table.get(key, {})
     if not isinstance(entry, Mapping):
         raise ConfigError(f"{where}{'.' if where else ''}{key} = {format_value(entry)}: it must be a table")
@@ -224,7 +226,7 @@ def refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str)
 
 
 def template_line(spec: Field[Any]) -> str:
-    """One commented-out line of a template: key, default, unit, meaning and what is allowed."""
+    """One commented-out line of a template: key, default, unit, meaning and bounds."""
     meta = spec.metadata
     allowed = meta.get("allowed")
     rule = " | ".join(allowed) if allowed else str(meta.get("bounds", ""))

@@ -1,4 +1,4 @@
-"""Sections of a robot.toml: what the robot is made of and how it moves; ports, signs, calibration."""
+"""Sections of a robot.toml: the robot's parts, ports, signs, calibrations and motions."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ from raccoon.core.schema import (
 )
 
 REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
-"""Those whose seconds are the wall's."""
+"""Controllers that run in real time."""
 SIMULATED_ONE = " (simulated)"
-"""Behind the name of a simulated robot where what it measured is kept: no real one goes by that."""
+"""Suffix of a simulated robot's name in stores of measurements; no real robot has it."""
 CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
 _PORT_HINTS = {
     "replay": "a recording is played by raccoon.replay(recording, program), or raccoon replay RECORDING"
 }
 
-# What any robot of this size stays within by far, so that no slip of the pen is planned or simulated with.
+# Bounds that any robot of this size is far within: they catch mistakes of units.
 SPEED = Bounds(0.001, 3.0)
-"""m/s, of the robot; more is a speed in cm/s."""
+"""m/s, of the robot; a larger number is a speed in cm/s."""
 RATE = Bounds(0.001, 20.0)
-"""rad/s, of the robot or of a mechanism; more is a rate in degrees."""
+"""rad/s, of the robot or of a mechanism; a larger number is a rate in degrees."""
 ACCELERATION = Bounds(0.001, 10_000.0)
 JERK = Bounds(0.001, 1e6, or_zero=True)
 TOLERANCE = Bounds(1e-6, 10.0)
 DISTANCE_TOLERANCE, HEADING_TOLERANCE = Bounds(1e-6, 0.1), Bounds(1e-6, 0.3)
-"""m and rad: a tolerance of more is one in mm or degrees."""
+"""m and rad; a larger tolerance is one in mm or degrees."""
 
 
 CYCLE_RATE = Bounds(20.0, 500.0)
-"""Hz. In a longer cycle a wheel changes its speed by more than the speed loop and the odometry can follow: a
+"""Hz. In a longer cycle a wheel's speed changes by more than the speed loop and the odometry can follow: a
 motor's time constant is 30 ms."""
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerConfig:
-    """`[controller]`: what the program talks to."""
+    """`[controller]`: the controller that the program uses."""
 
     port: str = word("wombat", "what the program talks to", CONTROLLERS, _PORT_HINTS)
     rate_hz: float = number(200.0, "Hz", "cycles a second", CYCLE_RATE)
@@ -84,7 +84,7 @@ class DriveConfig:
 
 @dataclass(frozen=True, slots=True)
 class BodyConfig:
-    """`[body]`: the box that bumps into simulated walls, and how hard it can push."""
+    """`[body]`: the box that collides with simulated walls, and how hard it can push."""
 
     front: float = number(0.09, "m", "flat front, ahead of the wheel axis", Bounds(0.0, 1.0))
     back: float = number(0.09, "m", "flat back, behind the wheel axis", Bounds(0.0, 1.0))
@@ -106,8 +106,8 @@ class MotorConfig:
     radians_per_tick: Measured | None = optional(
         "rad",
         "wheel angle of one tick of the position counter; derived from the model when absent",
-        # Both firmwares' ticks are 0.004 rad and far less, a Create's 0.012; a coarse encoder has 90 in a
-        # turn. The same in degrees (0.2) is beyond that, and so are ticks a radian.
+        # Ticks are 0.004 rad and far less with the two firmwares, 0.012 with a Create; a coarse encoder has
+        # 90 per turn. The same in degrees (0.2) is beyond the bound, and so are ticks per radian.
         Bounds(1e-8, 0.1),
     )
     bemf_offset: Measured | None = optional("counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
@@ -129,8 +129,8 @@ class MotorConfig:
     )
 
     def before_model(self) -> dict[str, tuple[str, ...]]:
-        """The calibrations that are given, each with the keys of [model] that it goes before: a program of
-        the robot does not look at those."""
+        """The given calibrations, each with the keys of [model] that it replaces: a program of the robot
+        ignores those."""
         return {key: keys for key, keys in _BEFORE_MODEL.items() if getattr(self, key) is not None}
 
 
@@ -145,7 +145,7 @@ _BEFORE_MODEL: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class TophatConfig:
-    """`[tophat.NAME]`: one reflectance sensor and where it sits."""
+    """`[tophat.NAME]`: one reflectance sensor and its position."""
 
     analog: int = port(0, "analog port", ANALOG_PORTS)
     forward: float = number(0.11, "m", "ahead of the wheel axis", Bounds(-1.0, 1.0))
@@ -153,18 +153,18 @@ class TophatConfig:
 
 
 def _open_range(low: Measured | None, high: Measured | None) -> tuple[float, float]:
-    """From where to where, without a bound where there is none."""
+    """The range between two values; infinite on a side without one."""
     return -math.inf if low is None else low.value, math.inf if high is None else high.value
 
 
 BOX_SIDES = ("front", "back", "left", "right")
-"""Of the box that a robot is."""
+"""Sides of the robot's box."""
 PART_END = Bounds(-1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class BumperConfig:
-    """`[bumper.NAME]`: one switch, and the part of the box whose touch closes it in simulation."""
+    """`[bumper.NAME]`: one switch, and the part of the box that presses it in simulation."""
 
     digital: int = port(0, "digital port", DIGITAL_PORTS)
     side: str = word("front", "of [body], that presses it in simulation", BOX_SIDES)
@@ -183,11 +183,11 @@ class BumperConfig:
 
     @property
     def part(self) -> tuple[float, float]:
-        """m along its side, to the left or ahead, from where to where it is pressed."""
+        """Range along its side, m to the left or forwards, in which it is pressed."""
         return _open_range(self.begin, self.end)
 
     def check_on(self, body: BodyConfig, where: str) -> None:
-        """Raise ConfigError where nothing of this side of the box can press it."""
+        """Raise ConfigError if no part of this side of the box can press it."""
         half = 0.5 * body.width
         side_low, side_high = (-half, half) if self.side in ("front", "back") else (-body.back, body.front)
         low, high = self.part
@@ -204,7 +204,7 @@ PULSE_BOUNDS = Bounds(float(SERVO_PULSE_US[0]), float(SERVO_PULSE_US[1]))
 
 @dataclass(frozen=True, slots=True)
 class ServoConfig:
-    """`[servo.NAME]`: one servo, its mechanical range and the places a program calls by name."""
+    """`[servo.NAME]`: one servo, its mechanical range and its named positions."""
 
     port: int = port(0, "servo port", SERVO_PORTS)
     lowest_us: float = number(PULSE_BOUNDS.low, "us", "shortest pulse the mechanism stands", PULSE_BOUNDS)
@@ -232,7 +232,7 @@ STOP_BELOW, STOP_ABOVE = Bounds(-1e5, 0.0), Bounds(0.0, 1e5)
 
 @dataclass(frozen=True, slots=True)
 class MechanismConfig:
-    """`[mechanism.NAME]`: an arm or a gripper on a motor of its own, beside the drive."""
+    """`[mechanism.NAME]`: an arm or a gripper on a motor of its own, besides the drive."""
 
     motor: int = port(2, "motor port", MOTOR_PORTS)
     speed: float = number(3.0, "rad/s", "of moves", RATE)
@@ -251,13 +251,13 @@ class MechanismConfig:
 
     @property
     def stops(self) -> tuple[float, float]:
-        """rad, where the simulated one is blocked either way, counted from where it begins."""
+        """rad, end stops of the simulated mechanism, relative to its start."""
         return _open_range(self.lowest_stop, self.highest_stop)
 
 
 @dataclass(frozen=True, slots=True)
 class MotionConfig:
-    """`[motion]`: how fast the robot moves unless a motion says otherwise, and how closely it ends."""
+    """`[motion]`: default speeds of motions, and their tolerances."""
 
     speed: float = number(0.15, "m/s", "of straight motions", SPEED)
     acceleration: float = number(0.4, "m/s2", "of straight motions", ACCELERATION)
