@@ -1,4 +1,4 @@
-"""Many calls on an executor: every number gets exactly one result, whatever becomes of the workers."""
+"""Many calls on an executor: every number gets exactly one result, whatever happens to the workers."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import TypeVar
 Result = TypeVar("Result")
 Work = Callable[[int], Result]
 MAX_TRIES = 2
-"""Times that a call may take its worker down, alone, before it is given up."""
+"""How many times a call may crash its worker, alone, before it is given up."""
 
 
 class Crew:
-    """An executor, and where it can be opened anew, another one after its workers died.
+    """An executor, and a replacement after its workers died if it can be opened anew.
 
-    executor: one that is open, or a function that opens one. window: how many calls are handed to it at once.
-    Only an executor that was opened here is closed here.
+    executor: an open one, or a function that opens one. window: how many calls are handed to it at once. Only
+    an executor that was opened here is closed here.
     """
 
     def __init__(self, executor: Executor | Callable[[], Executor], window: int) -> None:
@@ -28,7 +28,7 @@ class Crew:
         self.executor = executor if isinstance(executor, Executor) else executor()
 
     def renew(self) -> None:
-        """A new executor in place of one that broke. Raises BrokenExecutor where none can be opened."""
+        """Open a new executor in place of a broken one. Raises BrokenExecutor if none can be opened."""
         if self._open is None:
             raise BrokenExecutor(
                 "the executor broke and came from outside; open another and run the sweep again:"
@@ -38,7 +38,7 @@ class Crew:
         self.executor = self._open()
 
     def close(self) -> None:
-        """Let the workers go where they were opened here."""
+        """Close the executor if it was opened here."""
         if self._open is not None:
             self.executor.shutdown(wait=True, cancel_futures=True)
 
@@ -49,12 +49,12 @@ def run_all(
     crew: Crew,
     failed_result: Callable[[int], Result],
 ) -> Iterator[tuple[int, Result]]:
-    """(number, result) of every number, in the order in which they are done.
+    """Yield (number, result) of every number, in the order of completion.
 
-    A call whose worker died is made again. When a pool breaks, any of the calls under way can be the cause,
-    so they are repeated one at a time; a number that then takes its worker down `MAX_TRIES` times gets what
-    `failed_result` returns. What a call raises by itself comes through, and so does an executor that broke
-    and cannot be opened anew.
+    A call whose worker died is repeated. When a pool breaks, any of the running calls can be the cause, so
+    they are repeated one at a time; a number that then crashes its worker `MAX_TRIES` times gets what
+    `failed_result` returns. Errors that a call raises are passed on, and so is a broken executor that cannot
+    be opened anew.
     """
     waiting = deque(numbers)
     suspects: deque[int] = deque()
@@ -69,7 +69,7 @@ def run_all(
 def _run_concurrently(
     work: Work[Result], waiting: deque[int], suspects: deque[int], crew: Crew
 ) -> Iterator[tuple[int, Result]]:
-    """Work through `waiting` until it is empty or the pool breaks; then all under way are suspects."""
+    """Run the calls of `waiting` until it is empty or the pool breaks; then all running ones are suspects."""
     running: dict[Future[Result], int] = {}
     try:
         while waiting or running:
@@ -100,7 +100,7 @@ def _submit_waiting(
 def _collect_finished(
     running: dict[Future[Result], int], suspects: deque[int]
 ) -> Iterator[tuple[int, Result]]:
-    """Results that arrived before the pool broke; the rest must be made again."""
+    """Results that arrived before the pool broke; the other calls must be repeated."""
     for future, number in running.items():
         if future.done() and not future.cancelled() and future.exception() is None:
             yield number, future.result()
@@ -121,7 +121,7 @@ def _run_alone(work: Work[Result], number: int, crew: Crew, failed_result: Calla
 
 
 def _lost_worker(future: Future[Result]) -> bool:
-    """Whether a finished call failed because workers died under it, while the executor goes on."""
+    """Whether a finished call failed because its worker died, while the executor itself goes on."""
     if future.cancelled():
         return False
     # Dask's error by name: importing it to ask would need the package. It comes after several deaths.

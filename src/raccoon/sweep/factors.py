@@ -1,4 +1,4 @@
-"""What differs from match to match: parameters of the simulator's effects and how they are distributed."""
+"""What varies from match to match: parameters of the simulator's effects and their distributions."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 AMBIENT_LIGHT = "light.ambient"
-"""Light over the whole table, 0 indoors to 1 direct sun. It and the faults are no effects of the robot."""
+"""Light over the whole table, 0 indoors to 1 direct sun. It and the faults are not effects of the robot."""
 BACK_EMF_CONSTANT_SD = 0.03
-"""Standard deviation of motors' K_E, over its mean."""
+"""Relative standard deviation of motors' K_E."""
 OFFSET_SD_COUNTS = 42.0
-"""Counts, root mean square of what six motors read at rest behind RaccoonOS."""
+"""Counts; RMS of the readings of six motors at rest on RaccoonOS."""
 PLAIN_TICKS_SD = OdometrySettings().calibrated_scale
-"""Of ticks that robot.toml has as a plain number, which says nothing of how well it is known: as for the
-odometry."""
+"""Relative standard deviation of ticks that robot.toml has as a plain number, which does not say how well it
+is known: the odometry's."""
 _SIDES = ("left", "right")
 
 
@@ -38,8 +38,8 @@ class Factor:
     """A parameter of an effect and its distribution over matches.
 
     low, high: ends of a uniform distribution, or with `normal` its mean minus and plus one standard
-    deviation. where: left, right or an analog port; None where the effect is the robot's or both sides'.
-    A fault has no parameter: low = high is the share of matches that have it.
+    deviation. where: left, right or an analog port; None for an effect of the robot or of both sides. A fault
+    has no parameter: low = high is the share of matches that have it.
     """
 
     effect: str
@@ -65,7 +65,7 @@ class Factor:
 
     @property
     def is_fault(self) -> bool:
-        """Whether it is a fault that a match has or has not."""
+        """Whether it is a fault that a match may have."""
         return self.effect in FAULT_KINDS
 
     @property
@@ -85,7 +85,7 @@ class Factor:
         return effect(self.effect).parameter(self.parameter).unit if self.is_of_robot else ""
 
     def draw(self, random: Generator) -> float:
-        """A value, inside the bounds of the parameter; of a fault 1 or 0."""
+        """A random value within the bounds of the parameter; of a fault 1 or 0."""
         if self.is_fault:
             return float(random.uniform() < self.low)
         if not self.normal:
@@ -112,12 +112,12 @@ def _normal(name: str, parameter: str, mean: float, sd: float, where: str | None
 
 
 def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
-    """What differs between real robots, batteries, tables and halls of one make.
+    """The variation between real robots, batteries, tables and halls of one make.
 
     Battery 6.1 to 7.0 V and the spread of motors and tophats: the measured tables of the variability paper.
-    Offsets, dead zone, gyro and dead time: what RaccoonOS robots show. Floor and wear: widths of the effect
-    catalogue. What robot.toml has calibrated differs by what it says that it does not know: the program goes
-    by those numbers, and a robot that they are not of would miss as after its motors were replaced.
+    Offsets, dead zone, gyro and dead time: measured on RaccoonOS robots. Floor and wear: widths of the effect
+    catalogue. Calibrated numbers of robot.toml vary by their stated standard deviation: the program uses
+    these numbers, and a robot that differed more would behave as after a replacement of its motors.
     """
     track = robot.model.drive.track_width
     factors = [
@@ -146,13 +146,13 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
 
 
 def _is_calibrated(robot: RobotConfig, side: str) -> bool:
-    """Whether robot.toml has calibrated ticks of the wheel that can be its."""
+    """Whether robot.toml has calibrated ticks of the wheel that are plausible."""
     known = robot.wheel_motor(side).radians_per_tick is not None
     return known and is_plausible_k_e_share(_back_emf_factor(robot, side))
 
 
 def _back_emf_constant_prior(robot: RobotConfig, side: str) -> tuple[float, float]:
-    """Mean and standard deviation of a motor's K_E over that of `[model]`."""
+    """Mean and standard deviation of a motor's K_E relative to that of `[model]`."""
     ticks = robot.wheel_motor(side).radians_per_tick
     if ticks is None or not _is_calibrated(robot, side):
         return 1.0, BACK_EMF_CONSTANT_SD
@@ -169,13 +169,14 @@ def _offset_prior(robot: RobotConfig, side: str) -> tuple[float, float]:
 
 
 def _back_emf_factor(robot: RobotConfig, side: str) -> float:
-    """K_E by the calibrated ticks of a side's motor, over that of `[model]`; 1 where it is not calibrated."""
+    """K_E by the calibrated ticks of a side's motor, relative to that of `[model]`; 1 if it is not
+    calibrated."""
     return calibrated_factor(robot, side, simulated_device(robot))
 
 
 def nominal_values(robot: RobotConfig, factors: tuple[Factor, ...]) -> dict[str, float]:
-    """What the robot that robot.toml describes has of these factors: the motors that it calibrated. Of all
-    others it has the model's."""
+    """The values of these factors for the robot that robot.toml describes: those of calibrated motors, and
+    the model's for all others."""
     return {
         each.name: _back_emf_factor(robot, each.where)
         for each in factors
@@ -186,7 +187,7 @@ def nominal_values(robot: RobotConfig, factors: tuple[Factor, ...]) -> dict[str,
 
 
 def fault_factors(share: float) -> tuple[Factor, ...]:
-    """Every fault, each in so many of the matches (0 to 1)."""
+    """Every fault, each with the share of matches (0 to 1) that have it."""
     return tuple(Factor(kind, "", share, share) for kind in FAULT_KINDS)
 
 
@@ -207,9 +208,8 @@ _TEXT = re.compile(
 def parse_factor(text: str) -> Factor:
     """A factor from `battery.open_circuit_voltage=6.1:7.0` or `motor.back_emf_constant.factor@left=1.0~0.03`.
 
-    `low:high` is uniform, `mean~sd` normal, a single number fixed, of a fault the share of matches that have
-    it. The parameter may be left out where the
-    effect has only one. Raises ConfigError.
+    `low:high` is uniform, `mean~sd` normal, a single number fixed; of a fault it is the share of matches that
+    have it. The parameter may be left out if the effect has only one. Raises ConfigError.
     """
     found = _TEXT.fullmatch(text.strip())
     if found is None:
@@ -246,8 +246,8 @@ def _parse_range(text: str, given: str) -> tuple[float, float, bool]:
 
 
 def place_of(robot: RobotConfig, factor: Factor) -> tuple[object, str]:
-    """What a factor changes: alike for left and for the motor port of that side. Raises ConfigError where a
-    robot does not have it."""
+    """The place that a factor changes: the same for left and for the motor port of that side. Raises
+    ConfigError if a robot does not have it."""
     if not factor.is_of_robot:
         return factor.effect, ""
     (place,) = Parameters.from_robot(robot).with_effect(factor.effect, factor.where).effects
@@ -255,8 +255,8 @@ def place_of(robot: RobotConfig, factor: Factor) -> tuple[object, str]:
 
 
 def refuse_ineffective(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
-    """Raise ConfigError for a factor whose values would not be simulated: where another one has the same
-    place, and where it is of tophats that the robot does not have."""
+    """Raise ConfigError for a factor without effect: another one has the same place, or it is of tophats that
+    the robot does not have."""
     known: dict[tuple[object, str], str] = {}
     for factor in factors:
         place = place_of(robot, factor)
@@ -270,7 +270,7 @@ def refuse_ineffective(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
 
 
 def robot_with(parameters: Parameters, factors: tuple[Factor, ...], values: dict[str, float]) -> Parameters:
-    """A simulated robot with the drawn values. Raises ConfigError where a place does not exist on it."""
+    """The simulated robot with the drawn values. Raises ConfigError for a place that it does not have."""
     for factor in sorted(factors, key=lambda each: each.where is not None):  # everywhere replaces any place
         if factor.is_of_robot:
             value = {factor.parameter: values[factor.name]}

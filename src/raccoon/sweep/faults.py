@@ -1,4 +1,4 @@
-"""Faults of a match: what breaks at some moment of it, put between the simulated robot and the program."""
+"""Faults that begin at some time in a match, between the simulated robot and the program."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ FAULT_KINDS: Mapping[str, str] = {
     "fault.motors_off": "the motors get no commands for half a second",
     "fault.lost_cycles": "every second cycle is lost for two seconds",
 }
-"""What each does from the moment at which it begins."""
+"""What each fault does from its beginning."""
 OUTAGE_S, LOST_CYCLES_S = 0.5, 2.0
-"""s that motors are off, and that cycles are lost."""
+"""Duration (s) of an outage of the motors, and of lost cycles."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultPlan:
-    """Which faults a match has, and the s of its time at which they begin."""
+    """The faults of a match, and the times (s) at which they begin."""
 
     kinds: tuple[str, ...]
     begin: float
 
 
 class FaultyPort:
-    """Wraps a port; from `begin` on its faults are in what is read and written."""
+    """Wraps a port; from `begin` on its faults act on readings and commands."""
 
     def __init__(self, port: Port, broken: FaultPlan) -> None:
         self._port = port
@@ -76,7 +76,7 @@ class FaultyPort:
         return inputs
 
     def _with_frozen_bemf(self, inputs: Inputs, last: Inputs) -> Inputs:
-        """Motors that repeat themselves, and what a Wombat's port says of it once it is sure."""
+        """Repeat the back-EMF of motors, and report it as a Wombat's port does once it is sure."""
         self._repeats.update([each or 0.0 for each in last.bemf], inputs.time)
         dead = self._repeats.frozen
         faults = (*inputs.faults, Fault.BEMF_FROZEN) if any(dead) else inputs.faults
@@ -88,7 +88,7 @@ class FaultyPort:
 
 
 def _with_imu_held(inputs: Inputs, last: Inputs | None) -> Inputs:
-    """The inputs with the IMU's last reading where they have none: it is slower than most controllers."""
+    """The inputs with the last IMU reading if they have none: it is slower than most controllers."""
     if last is None:
         return inputs
     gyro = last.gyro if inputs.gyro is None else inputs.gyro

@@ -1,4 +1,5 @@
-"""Keeps what a program does to its process out of the next match, and of whoever plays it."""
+"""Isolates the process state: what a program changes does not reach the next match, or the process that plays
+it."""
 
 from __future__ import annotations
 
@@ -14,10 +15,9 @@ from pathlib import Path
 
 @contextmanager
 def isolated_process_state(seed: int) -> Iterator[None]:
-    """What a program prints is lost, nobody answers it, it draws by the match's seed, and each match finds
-    the folder and the environment that the first one found. Other threads share all of that, so in them it is
-    left alone.
-    """
+    """Run a program without output and input, with random numbers by the match's seed, and with the folder
+    and environment that the first match found. Other threads share all of these, so in them nothing is
+    changed."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -50,8 +50,8 @@ def _restored_environment() -> Iterator[None]:
 
 @contextmanager
 def _seeded_random(seed: int) -> Iterator[None]:
-    """What a program draws from `random` and `numpy.random` follows from the match's seed, and a caller's
-    draws go on as if there had been no match."""
+    """Random numbers of `random` and `numpy.random` follow from the match's seed, and the caller's sequences
+    continue as if there had been no match."""
     import numpy as np
 
     before, before_numpy = random.getstate(), np.random.get_state()

@@ -1,6 +1,6 @@
-"""What a match may do, unless another number is given."""
+"""Default limits of a match."""
 
 DEFAULT_WITHIN, DEFAULT_WITHIN_DEGREES = 0.05, 10.0
-"""m and degrees from where the nominal robot ends that a match may end."""
+"""m and degrees by which a match may end off the nominal robot's end."""
 DEFAULT_MATCH_S = 120.0
-"""That it may take."""
+"""s that a match may take."""

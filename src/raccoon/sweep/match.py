@@ -39,12 +39,12 @@ MAX_REASON = 200
 class Match:
     """What all matches of a sweep share.
 
-    chain: how the controller makes words of what it measures, and imu_rate_hz how often a new IMU reading
-    comes: by default as in the RaccoonOS firmware. world: the table; None is the Botball-size one. start:
-    pose on it (m, m, rad). within, within_angle: m and rad that a match may end from where the nominal robot
-    ends. seconds: of a match. real_seconds: that computing it may take. end: pose (m, m, rad) of the nominal
-    robot, None where the end does not count. model: the robot that plays, as a diagnosis found it, while the
-    program goes by `robot`; None for one that is as `robot` says.
+    chain: how the controller samples and filters, and imu_rate_hz how often there is a new IMU reading: by
+    default as in the RaccoonOS firmware. world: the table; None is the Botball-size one. start: pose on it
+    (m, m, rad). within, within_angle: m and rad by which a match may end off the nominal robot's end.
+    seconds: of a match. real_seconds: that its computation may take. end: pose (m, m, rad) at which the
+    nominal robot ends, None if the end does not count. model: the robot that plays, as a diagnosis found it,
+    while the program uses `robot`; None for a robot as `robot` says.
     """
 
     program: Program
@@ -76,7 +76,7 @@ class Match:
 
     @property
     def table(self) -> World:
-        """What it is played on."""
+        """The table."""
         return World.default() if self.world is None else self.world
 
     def ending_at(self, end: Sequence[float] | None) -> Match:
@@ -84,8 +84,8 @@ class Match:
         return replace(self, end=None if end is None else (end[0], end[1], end[2]))
 
     def values(self, seed: int) -> dict[str, float]:
-        """The drawn value of every factor: the same whatever else is varied, so that sweeps of one seed
-        compare match by match."""
+        """The drawn value of every factor. It does not depend on the other factors, so that sweeps of one
+        seed can be compared match by match."""
         import numpy as np
 
         def random(name: str) -> np.random.Generator:
@@ -115,16 +115,14 @@ def seed_of(sweep_seed: int, run: int) -> int:
 
 
 def columns(match: Match) -> tuple[str, ...]:
-    """Names of a row's values in their order."""
+    """The names of a row's values, in order."""
     fixed = ("run", "seed", "status", "reason", "seconds", "x", "y", "heading")
     return (*fixed, "position_error", "heading_error", *(factor.name for factor in match.factors))
 
 
 def nominal_end(match: Match) -> tuple[float, float, float]:
-    """Where the program ends on the robot as robot.toml describes it.
-
-    Raises ConfigError where it fails even there, as a sweep of it would say nothing.
-    """
+    """The pose at which the program ends on the robot that robot.toml describes. Raises ConfigError if it
+    fails even there, since a sweep would be meaningless."""
     values = nominal_values(match.robot, match.factors)
     factors = tuple(each for each in match.factors if each.name in values)
     row = _play(replace(match, factors=factors, end=None, model=None), values, seed=0, record=None)
@@ -134,10 +132,8 @@ def nominal_end(match: Match) -> tuple[float, float, float]:
 
 
 def play(match: Match, run: int, seed: int, record: str | Path | None = None) -> Row:
-    """Play a match. record: where its trace goes, None for nowhere. Passes on no error of the program.
-
-    Raises FileExistsError where there is such a recording.
-    """
+    """Play a match. record: where to write its trace, None for nowhere. No error of the program is passed on.
+    Raises FileExistsError if the recording exists."""
     there = None if record is None else existing_recording(record)
     if there is not None:
         raise FileExistsError(f"{there} exists: choose another name")
@@ -146,7 +142,7 @@ def play(match: Match, run: int, seed: int, record: str | Path | None = None) ->
 
 
 def crashed_row(match: Match, run: int, seed: int) -> Row:
-    """The row of a match that took its whole process down."""
+    """The row of a match that crashed its process."""
     nothing = dict.fromkeys(("seconds", "x", "y", "heading", "position_error", "heading_error"), math.nan)
     reason = {"status": CRASHED, "reason": "the process ended"}
     return {"run": run, "seed": seed, **reason, **nothing, **match.values(seed)}
@@ -177,8 +173,8 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
 
 
 def _failure_text(error: BaseException) -> str:
-    """Kind and text of an error; a program's own may fail to say its text, and the name of a file may be no
-    text, which no table holds."""
+    """Kind and text of an error. A program's own error may fail to give its text, and the name of a file may
+    not be text, which a table cannot hold."""
     kind = type(error).__name__
     try:
         return f"{kind}: {error}".rstrip().encode("utf-8", "backslashreplace").decode()
@@ -208,7 +204,7 @@ def _simulated_port(match: Match, values: dict[str, float], seed: int) -> Port:
 
 
 def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
-    """Run the mission and let the robot come to rest; why it failed, empty where it did not."""
+    """Run the mission and let the robot come to rest; returns why it failed, "" if it did not."""
     from raccoon.robot.actions.functions import NOTHING_RUN_HINT, perform
 
     with open_robot(match.robot, port=port, record=record, seed=seed) as robot:
@@ -225,7 +221,7 @@ def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path
 
 
 def _come_to_rest(robot: Robot) -> None:
-    """Let SETTLING_S pass with the motors off: at the port, as a robot runs nothing more after its match."""
+    """Let SETTLING_S pass with the motors off, at the port, since a robot runs nothing after its match."""
     with suppress(HardwareError):
         end = robot.port.read().time + SETTLING_S
         while robot.port.read().time < end:

@@ -1,4 +1,4 @@
-"""What differs between the matches of one robot, whose model.toml a diagnosis wrote."""
+"""Variation between the matches of one robot, whose model.toml a diagnosis wrote."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from raccoon.sweep.factors import Factor, default_factors, place_of
 VARIES_BY_DAY = frozenset(
     {"battery.open_circuit_voltage", "drive.slope", "imu.gyro_bias", "tophat.ambient_light"}
 )
-"""What another match has otherwise, also on the same robot: its charge, table, zero and light."""
+"""Effects that differ in another match of the same robot: charge, table, zero and light."""
 
 
 def factors_of_model(robot: RobotConfig, model: Parameters) -> tuple[Factor, ...]:
-    """The usual factors; in place of what the model found, that with the standard deviation that it gives."""
+    """The usual factors. Those that the model has found are replaced by its values with their standard
+    deviations."""
     found = {key for key in model.effects if key[0] not in VARIES_BY_DAY}
     kept = [
         each

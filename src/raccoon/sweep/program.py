@@ -24,7 +24,7 @@ Mission = Callable[[Robot], Any]
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A program file. folder: where it may import its own modules from."""
+    """A program file. folder: from where it may import its own modules."""
 
     name: str
     text: str
@@ -32,7 +32,7 @@ class Program:
 
     @classmethod
     def read(cls, path: str | Path) -> Program:
-        """Raises ConfigError where there is no such file or it is no text."""
+        """Read a program. Raises ConfigError if the file does not exist or is not text."""
         path = Path(path)
         if path.suffix != ".py":
             raise ConfigError(f"{path}: a program is a Python file, whose name ends in .py")
@@ -46,24 +46,25 @@ class Program:
 
     @property
     def digest(self) -> str:
-        """Changes with every letter of the program."""
+        """A digest of the program's text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @property
     def file(self) -> str:
-        """What tracebacks call it."""
+        """Its name in tracebacks."""
         return str(Path(self.folder) / self.name)
 
     def line_of(self, error: BaseException) -> int | None:
-        """The last line of the program that an error passed through; None where it was none."""
+        """The last line of the program that an error passed through; None if there is none."""
         lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == self.file]
         return lines[-1] if lines else None
 
     def mission(self) -> Mission:
-        """Run the program's text and give its `mission(robot)`, or a function that runs its action `mission`.
+        """Run the program's text and return its `mission(robot)`, or a function that runs its action
+        `mission`.
 
-        Whatever the text raises comes through. Raises ConfigError where it defines no mission; the library's
-        own `mission`, which `from raccoon import *` brings along, is none.
+        Errors of the text are passed on. Raises ConfigError if it defines no mission; the library's own
+        `mission`, which `from raccoon import *` imports, does not count.
         """
         module = ModuleType(self.name.removesuffix(".py"))
         module.__file__ = self.file

@@ -1,9 +1,10 @@
-"""The results of a sweep on disk: one row a match, written as they end, taken up again after any end.
+"""The results of a sweep on disk: one row a match, written as the matches end, and continued after any
+interruption.
 
 Rows are appended to a CSV file, so that a run that is killed loses at most the row it was writing. A small
-JSON file beside it says what was swept: a file is never continued by another sweep. When all matches are
-there the rows are sorted, so the finished file is the same however often it was interrupted. A `.parquet`
-is written from the same rows: from time to time while they come, and at the end.
+JSON file beside it describes the sweep: a file is never continued by another sweep. When all matches are
+there, the rows are sorted, so the finished file does not depend on interruptions. A `.parquet` is written
+from the same rows, from time to time and at the end.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ of every factor."""
 TABLE_SUFFIXES = (".csv", ".parquet")
 _WHOLE, _TEXT = ("run", "seed"), ("status", "reason")
 REWRITE_GROWTH = 1.25
-"""A .parquet is written anew when so many times as many rows are there, so that its cost stays linear."""
+"""A .parquet is rewritten when the rows have grown by this factor, so that the total cost stays linear."""
 
 
 def check_table(path: Path) -> None:
-    """Raise ConfigError for a file that no table can be written to."""
+    """Raise ConfigError for a file to which no table can be written."""
     if path.suffix not in TABLE_SUFFIXES:
         raise ConfigError(f"{path}: allowed are the endings {' and '.join(TABLE_SUFFIXES)}")
     if path.suffix == ".parquet":
@@ -40,10 +41,8 @@ def check_table(path: Path) -> None:
 
 
 class Results:
-    """Rows by run. about: what was swept, as JSON; all but `end` must be the same to go on.
-
-    Raises ConfigError where the file is not that of this very sweep, or another sweep is writing it.
-    """
+    """Rows by run. about: the sweep's description, as JSON; all of it but `end` must match to continue.
+    Raises ConfigError if the file belongs to another sweep, or another process is writing it."""
 
     def __init__(self, path: str | Path, columns: tuple[str, ...], about: Mapping[str, Any]) -> None:
         self.path = Path(path)
@@ -59,7 +58,7 @@ class Results:
         self._file = self._open_rows()
 
     def add(self, row: Row) -> None:
-        """Append a row: with this it is safe. Raises ValueError for a run that is there already."""
+        """Append a row, which is then safe on disk. Raises ValueError for a run that is there already."""
         if row["run"] in self.rows:
             raise ValueError(f"run {row['run']} is in {self.path} already")
         self.rows[row["run"]] = row
@@ -69,7 +68,7 @@ class Results:
             self._write_parquet()
 
     def finish(self) -> None:
-        """Write all rows in the order of their runs, in place of those in the order of their ends."""
+        """Rewrite the file with the rows in the order of their runs instead of their completion."""
         if self.path == self._rows_path:
             write_atomically(self.path, self._all_lines())
         else:
@@ -77,8 +76,8 @@ class Results:
             self._rows_path.unlink()
 
     def close(self) -> None:
-        """Let go of the file; what was added stays. Where nothing was there is no table: the corrected
-        command may have its name. May be called twice."""
+        """Close the file; its rows stay. An empty table is removed, so that a corrected command can use its
+        name. May be called twice."""
         try:
             if not self.rows and not self._file.closed:
                 self._rows_path.unlink(missing_ok=True)
@@ -97,7 +96,7 @@ class Results:
         return (_line(self._columns) + "".join(lines)).encode()
 
     def _matching_description(self, about: Mapping[str, Any]) -> dict[str, Any]:
-        """What the file beside the table says, or `about` where there is none."""
+        """The description beside the table, or `about` if there is none."""
         wanted: dict[str, Any] = json.loads(json.dumps(about))
         if not self._about_path.exists():
             for path in (self.path, self._rows_path):
@@ -130,12 +129,12 @@ class Results:
         return {**wanted, "end": end}
 
     def _is_empty(self) -> bool:
-        """Whether no match is in it: a sweep that was killed before its first one is none to go on with."""
+        """Whether it contains no match: a sweep that was killed before its first one is not continued."""
         tables = [path for path in {self.path, self._rows_path} if path.exists()]
         return tables in ([], [self._rows_path]) and all(_has_no_row(each.read_bytes()) for each in tables)
 
     def _open_rows(self) -> IO[str]:
-        """The file of rows, locked, with what it holds read and a torn last line cut off."""
+        """The file of rows, locked, with its rows read and an incomplete last line cut off."""
         if (
             self.path.exists() and not self._rows_path.exists()
         ):  # a finished .parquet that shall get more rows
@@ -181,7 +180,7 @@ class Results:
 
 
 def _has_no_row(data: bytes) -> bool:
-    """Whether a file of rows has its header at the most."""
+    """Whether a file of rows has at most its header."""
     return not data or (data.startswith(b"run,") and data.find(b"\n") in (-1, len(data) - 1))
 
 

@@ -31,13 +31,13 @@ def sweep(
     out: str | Path | None = None,
     progress: Progress | None = None,
 ) -> list[Row]:
-    """Play runs 0 to runs - 1 of a match and give their rows in that order.
+    """Play runs 0 to runs - 1 of a match and return their rows in that order.
 
     The seed of each run follows from `seed` and its number, so a row depends neither on the executor nor on
     the order. executor: any concurrent.futures executor (it stays open), a crew of `sweep.workers`, or None
-    for processes of this computer. workers: how many of those, or how many matches an executor of yours
-    plays at once. out: a .csv or .parquet that takes each row as its match ends; where it holds rows of this
-    sweep already they are kept and only the rest is played, else ConfigError.
+    for processes on this computer. workers: the number of these processes, or of matches that your executor
+    plays at once. out: a .csv or .parquet that gets each row as its match ends. If it has rows of this sweep
+    already, they are kept and only the others are played; rows of another sweep are a ConfigError.
     """
     check_sweep(runs, seed, out)
     crew = _open_crew(executor, workers)
@@ -52,7 +52,7 @@ def sweep(
 
 
 def check_sweep(runs: int, seed: int, out: str | Path | None) -> None:
-    """Raise ConfigError for a number of runs, a seed or a table that no sweep has, before any work."""
+    """Raise ConfigError for a number of runs, a seed or a table that is not allowed, before any work."""
     if not 1 <= runs <= MAX_RUNS:
         raise ConfigError(f"runs is {runs}: allowed are numbers from 1 to {MAX_RUNS}")
     seed_of(seed, 0)
@@ -61,7 +61,7 @@ def check_sweep(runs: int, seed: int, out: str | Path | None) -> None:
 
 
 class _RowsInMemory:
-    """Rows by run that go into no file."""
+    """Rows by run without a file."""
 
     def __init__(self) -> None:
         self.rows: dict[int, Row] = {}
@@ -106,7 +106,7 @@ def _open_crew(
 
 
 def _worker_count(executor: Executor) -> int:
-    """How many calls an executor runs at once, as far as it says so."""
+    """The number of calls that an executor runs at once, as far as it says so."""
     size = getattr(executor, "_max_workers", None)
     return size if isinstance(size, int) and size > 0 else 4
 
@@ -120,7 +120,7 @@ def _lost_run(match: Match, seed: int, run: int) -> Row:
 
 
 def description(match: Match, seed: int) -> dict[str, Any]:
-    """What a table must agree in to be continued, as JSON."""
+    """The description that a table must match to be continued, as JSON."""
     model = match.model
     return {
         "program": match.program.name,
@@ -142,10 +142,8 @@ def _digest(what: object) -> str:
 
 
 def with_nominal_end(match: Match, crew: Crew | None = None) -> Match:
-    """The match that is won where it ends near to where the robot of robot.toml ends. Raises ConfigError.
-
-    crew: who plays it there; this process where None, which a program that ends its process ends with it.
-    """
+    """The match with the nominal robot's end as its goal. Raises ConfigError. crew: where that robot plays;
+    None means this process, which a program that ends its process then ends too."""
     if crew is None:
         return match.ending_at(nominal_end(match))
     ((_, end),) = run_all(partial(_play_nominal, match), (0,), crew, partial(_nominal_crashed, match))

@@ -1,4 +1,4 @@
-"""What a sweep says: how often the program fails, and which parameters that depends on."""
+"""The result of a sweep: how often the program fails, and on which parameters that depends."""
 
 from __future__ import annotations
 
@@ -17,33 +17,34 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 GROUPS = 5
-"""Parts of equal size into which the values of a parameter are cut."""
+"""Number of groups of equal size into which the values of a parameter are divided."""
 MIN_RARE = 5
-"""Failures, or successes, below which only the distance from the goal can tell what it depends on."""
+"""Least number of failures and of successes for their dependence to be tested; with fewer the distance from
+the goal is used."""
 NORMAL_QUANTILE = 1.959964
-"""Standard deviations of a 95 % interval."""
+"""Standard deviations to the ends of a 95 % interval."""
 SIGNIFICANCE = 0.05
-"""Probability below which something is more than chance."""
+"""Level of significance."""
 SHUFFLES = 200
-"""Of the outcomes, for each parameter that was tried: their least probability, times the parameters, is then
-a tenth of `SIGNIFICANCE`."""
+"""Permutations of the outcomes per tested parameter: their least probability, times the number of parameters,
+is then a tenth of `SIGNIFICANCE`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """Failures of matches, with the 95 % interval of the true rate (Wilson's)."""
+    """Failures of matches, with the 95 % interval of the true rate (Wilson)."""
 
     failed: int
     played: int
 
     @property
     def value(self) -> float:
-        """The share that failed; NaN where nothing was played."""
+        """The share that failed; NaN if nothing was played."""
         return self.failed / self.played if self.played else math.nan
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Ends of the interval: those p at which failed is 1.96 standard deviations from played * p."""
+        """Ends of the interval: the p for which `failed` is 1.96 standard deviations from played * p."""
         n = self.played
         if not n:
             return 0.0, 1.0
@@ -57,11 +58,11 @@ class Rate:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """How much of what differs from match to match goes with one parameter.
+    """How much of the variation between matches goes with one parameter.
 
-    share: of the variance, explained by which of `GROUPS` groups its value is in, less what chance explains
-    (0 to 1; can be a little below 0). chance: probability of such a share were it without effect, for the
-    best of all the parameters tried. groups: (lowest, highest value, mean outcome) of each group.
+    share: of the variance, explained by the group of `GROUPS` that its value is in, less what chance explains
+    (0 to 1; it can be slightly below 0). chance: probability of such a share if nothing had an effect, for
+    the best of all tested parameters. groups: (lowest, highest value, mean outcome) of each group.
     """
 
     name: str
@@ -71,16 +72,14 @@ class Sensitivity:
 
     @property
     def is_clear(self) -> bool:
-        """Whether it is more than chance, at 5 %."""
+        """Whether it is significant at 5 %."""
         return self.chance < SIGNIFICANCE
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """rate: how many failed. reasons: how often each. sensitivities: all parameters, the strongest first.
-
-    of: what the sensitivities are of: "failure", or "error" (m).
-    """
+    """rate: of failures. reasons: how often each occurred. sensitivities: all parameters, the strongest
+    first. of: what the sensitivities refer to: "failure", or "error" (m)."""
 
     rate: Rate
     reasons: tuple[tuple[str, int], ...]
@@ -89,12 +88,12 @@ class Summary:
 
 
 def failure_kind(row: Row) -> str:
-    """The kind of a failure: its reason without an error's text, which may name a number."""
+    """The kind of a failure: its reason without an error's text, which may contain a number."""
     return str(row["reason"]).partition(":")[0]
 
 
 def summary(rows: Sequence[Row], factors: Sequence[str]) -> Summary:
-    """Sum up rows whose columns `factors` were varied."""
+    """Summarise rows whose columns `factors` were varied."""
     failed = [row["status"] != "ok" for row in rows]
     reasons = Counter(failure_kind(row) for row, bad in zip(rows, failed, strict=True) if bad)
     rate = Rate(sum(failed), len(rows))
@@ -115,7 +114,7 @@ def _outcome(rows: Sequence[Row], failed: list[bool]) -> tuple[str, Floats]:
 
 
 def _sensitivity(rows: Sequence[Row], name: str, outcome: Floats, tried: int) -> Sensitivity | None:
-    """None where the values or outcomes are too few or all alike."""
+    """The sensitivity to one factor; None if the values or outcomes are too few or all equal."""
     import numpy as np
 
     values = np.array([row[name] for row in rows], dtype=np.float64)
@@ -134,7 +133,7 @@ def _sensitivity(rows: Sequence[Row], name: str, outcome: Floats, tried: int) ->
 
 
 def _group_numbers(values: Floats) -> NDArray[np.int64]:
-    """Number of the group of each value: equal values share one, otherwise they are of equal size."""
+    """The group number of each value: equal values share a group, otherwise the groups are of equal size."""
     import numpy as np
 
     different, place = np.unique(values, return_inverse=True)
@@ -145,7 +144,8 @@ def _group_numbers(values: Floats) -> NDArray[np.int64]:
 
 
 def _explained_variance(group: NDArray[np.int64], count: int, outcome: Floats) -> tuple[float, float]:
-    """Share of variance between the groups without what chance gives (epsilon squared), and the F test's p.
+    """Share of the variance between the groups, corrected for chance (epsilon squared), and the p-value of
+    the F test.
 
     With S the sums of squares, n values and g groups: 1 - (S_within / (n - g)) / (S_all / (n - 1)).
     """
@@ -165,10 +165,10 @@ def _explained_variance(group: NDArray[np.int64], count: int, outcome: Floats) -
 
 
 def _permutation_p(group: NDArray[np.int64], count: int, outcome: Floats, shuffles: int) -> float:
-    """Probability that the groups explain as much of the same outcomes dealt out at random.
+    """Permutation test: the probability that the groups explain as much of randomly permuted outcomes.
 
-    The F test takes outcomes for normal numbers, and is far too sure of a fault that two of the matches have,
-    or of a few failures. The squares that groups of given sizes explain grow with S = sum of (sum of the
+    The F test assumes normal outcomes, and is far too confident for a fault that two of the matches have, or
+    for a few failures. For groups of given sizes the explained squares grow with S = sum of (sum of the
     outcomes in a group)^2 / size of the group.
     """
     import numpy as np

@@ -14,13 +14,14 @@ from raccoon.robot.deadline import MAX_CAUGHT_READINGS, can_ring, end_process, r
 
 
 class MatchOver(BaseException):
-    """The time is over. No Exception, so that a program that catches everything ends all the same."""
+    """The time is over. Not a subclass of Exception, so that a program that catches every Exception still
+    ends."""
 
 
 class WatchedPort:
-    """Wraps a port; remembers time and truth, and raises MatchOver after `seconds` of the port's time.
+    """Wraps a port; stores time and truth, and raises MatchOver after `seconds` of the port's time.
 
-    A program that always catches that would go on for ever: after a thousand times its process is ended.
+    If the program keeps catching it, its process is ended after a thousand times.
     """
 
     def __init__(self, port: Port, seconds: float) -> None:
@@ -50,11 +51,11 @@ class WatchedPort:
 
 @contextmanager
 def wall_limit(seconds: float) -> Iterator[None]:
-    """MatchOver after so many real seconds.
+    """Raise MatchOver after so many real seconds.
 
-    A signal brings it to the main thread, also out of a sleep; where the program has caught it ten times, a
-    second apart, its process is ended. To other threads (of a Dask worker) it comes
-    between two lines of Python.
+    A signal brings it to the main thread, even out of a sleep; if the program has caught it ten times, a
+    second apart, its process is ended. In other threads (of a Dask worker) it is raised between two lines of
+    Python.
     """
     if can_ring():
         with raise_after(seconds, partial(_computes_too_long, seconds), lambda: None):

@@ -1,4 +1,4 @@
-"""Where matches are played: processes of this computer, or a Dask cluster."""
+"""Workers that play matches: processes on this computer, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -22,16 +22,15 @@ from raccoon.core.extras import install
 from raccoon.sweep.execute import Crew
 
 CALLS_PER_WORKER = 2
-"""Calls handed out for each worker: one to play, one to go on with."""
+"""Calls handed out per worker: one to run, one to continue with."""
 THREADS = "OMP_NUM_THREADS"
-"""What a process reads of how many threads linear algebra may have; the simulator keeps to it."""
+"""Environment variable with the number of threads for linear algebra; the simulator keeps to it."""
 
 
 class _Processes(ProcessPoolExecutor):
-    """Workers hear no Ctrl-C from their start on: one that still loads would show its own traceback.
-
-    A process is started by a call that finds none idle, and inherits which signals are held back meanwhile.
-    """
+    """Workers ignore Ctrl-C from their start on: one that is still loading would print its own traceback. A
+    process is started by a call that finds no idle one, and inherits the signals that are blocked
+    meanwhile."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         with _without_ctrl_c():
@@ -40,7 +39,7 @@ class _Processes(ProcessPoolExecutor):
 
 @contextmanager
 def _without_ctrl_c() -> Iterator[None]:
-    """Threads and processes that begin meanwhile never hear Ctrl-C, which is for the sweep to hear."""
+    """Threads and processes that start inside the block never receive Ctrl-C, which is for the sweep."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
     try:
         yield
@@ -50,10 +49,10 @@ def _without_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def process_crew(workers: int | None) -> Iterator[Crew]:
-    """Processes of this computer, by default one for each core. Raises ConfigError.
+    """Processes on this computer, by default one per core. Raises ConfigError.
 
-    At the end of the block they end at once, whatever they are doing: a call that is under way may take
-    minutes, and a thread that a program left behind goes on for ever.
+    At the end of the block they end at once, whatever they are doing: a running call may take minutes, and a
+    thread that a program left behind may run for ever.
     """
     count = _checked_count(workers, usable_cores())
     spawn = multiprocessing.get_context("spawn")
@@ -74,8 +73,8 @@ def process_crew(workers: int | None) -> Iterator[Crew]:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """For processes that begin meanwhile: a second thread would only wait for the other workers. What the
-    user says of it stands."""
+    """Limit processes that start inside the block to one thread: a second would only wait for the other
+    workers. A user's own setting stays."""
     if THREADS in os.environ:
         yield
         return
@@ -90,8 +89,8 @@ def _one_thread_each() -> Iterator[None]:
 def dask_crew(scheduler: str | None, workers: int | None = None) -> Iterator[Crew]:
     """The workers of a Dask scheduler, by default of one that is started on this computer.
 
-    workers: how many processes to start, or on a given scheduler how many matches to keep under way for
-    (by default for the threads it has). Raises ConfigError where Dask is absent or no scheduler answers.
+    workers: number of processes to start, or with a given scheduler the number of matches to keep running (by
+    default for the threads it has). Raises ConfigError if Dask is missing or no scheduler answers.
     """
     try:
         from distributed import Client, LocalCluster
@@ -139,10 +138,8 @@ def _checked_count(workers: int | None, usual: int) -> int:
 
 
 def _begin_worker(ends: Connection) -> None:
-    """Ctrl-C is for the sweep, which ends its workers; a worker does not outlive a sweep that is killed.
-
-    ends: closed at the other side, by the sweep or by its death, where the worker is to end.
-    """
+    """Prepare a worker: it ignores Ctrl-C, which is for the sweep, and does not outlive a sweep that is
+    killed. ends: closed at the other side, by the sweep or by its death, when the worker must end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def follow() -> None:
