@@ -1,1 +1,2 @@
-"""A simulated robot as data: the catalogue of effects, which are on, and the plant's numbers for it."""
+"""A simulated robot as data: the catalogue of effects, those that are switched on, and the plant's
+numbers."""

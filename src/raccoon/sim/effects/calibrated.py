@@ -1,8 +1,9 @@
-"""What robot.toml's calibrated counters say of the robot that is to be simulated.
+"""What robot.toml's calibrated counters say about the robot to be simulated.
 
-A tick of one firmware is worth up to 181 of another's, and a team takes its calibrated robot.toml to the
-simulator. What `radians_per_tick` differs from the nominal by is the motor's K_E where that can be; where no
-motor is so far off, it is the tick of another counter, and the simulated one counts in that.
+A tick of one firmware is worth up to 181 of another's, and teams use their calibrated robot.toml in the
+simulator. A plausible difference of `radians_per_tick` from the nominal one is taken for the motor's K_E. A
+larger one, which no motor has, belongs to another firmware's counter, and the simulated controller counts in
+its ticks.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from raccoon.sim.effects.parameters import SIDES, Parameters
 
 
 def simulated_device(robot: RobotConfig) -> Device:
-    """The simulator's words, whose ticks are those of robot.toml."""
+    """The simulator's device, with the ticks of robot.toml."""
     factors = [calibrated_factor(robot, side, SIMULATOR) for side in SIDES if _calibrated(robot, side)]
     middle = math.exp(sum(map(math.log, factors)) / len(factors)) if factors else 1.0
     if is_plausible_k_e_share(middle):
@@ -26,16 +27,14 @@ def simulated_device(robot: RobotConfig) -> Device:
 
 
 def calibrated_factor(robot: RobotConfig, side: str, device: Device) -> float:
-    """K_E by the calibrated ticks of a side's motor, over that of `[model]`; 1 where it is not calibrated.
-
-    device: whose ticks they are.
-    """
+    """K_E by the calibrated ticks of a side's motor, relative to that of `[model]`; 1 if it is not
+    calibrated. device: whose ticks they are."""
     model = getattr(robot.model, side).back_emf_constant.value
     return float(device.bemf_volts / counts_scale(robot, side, device) / model)
 
 
 def calibrated_robot(robot: RobotConfig, device: Device) -> Parameters:
-    """The robot of robot.toml with the motors that it has calibrated behind this device."""
+    """The robot of robot.toml with its calibrated motors, behind this device."""
     parameters = Parameters.from_robot(robot)
     for side in SIDES:
         factor = calibrated_factor(robot, side, device)

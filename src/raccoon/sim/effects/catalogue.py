@@ -1,4 +1,4 @@
-"""The effects themselves. One entry each: id, a sentence for people, parameters with unit and bounds."""
+"""The catalogue of effects: id, a sentence, and parameters with unit and bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the controller makes words of what it measures, and how noisy that is."""
+"""How the controller samples and filters what it measures, and the noise of its sensors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, RACCOON_COASTS, STOCK_COASTS
 
 SHORTEST_CYCLE = 0.001
-"""s between two back-EMF samples, at least."""
+"""Shortest time between two back-EMF samples, s."""
 _RANGES = (
     ("coast_share", 0.0, 0.9),
     ("battery_time_constant", 0.0, 5.0),
@@ -25,30 +25,26 @@ def _is_number(value: object) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Habits of the controller that are neither the robot's nor an effect's.
+    """Properties of the controller that are neither the robot's nor an effect's.
 
-    median: back-EMF passes a median of its last three samples first. coast_share: part of the time in which
+    median: back-EMF passes a median of its last three samples first. coast_share: share of the time in which
     a motor is unpowered so that its back-EMF can be measured. slots: motors are sampled one after the other
     in each cycle, port 0 a quarter of it after the start and port 3 at its end; otherwise all at its end.
-    free_running: its cycle has a clock of its own, so that a row takes a sample from none to a cycle old.
-    What is simulated is the mean, half a cycle.
-    battery_time_constant: s, of the battery reading's filter. battery_held: V by which a voltage that rises
-    may be above its reading, as where the filter cuts fractions of a count off; one that falls is followed,
-    and a little sooner then.
-    pause: s for which a motor has coasted when it is sampled: its wheel is slower then than on average, by
-    half of what it loses in a pause.
-    together: motors coast all at once. While they are driven the battery sags under all of their current, and
-    its readings are of then.
-    cycle: s between two back-EMF samples.
-    whole: the battery carries all of each motor's current, whichever way it flows. A driver that connects a
-    motor for a share of the time, and shorts it for the rest, takes that share of its current from the
-    battery, or gives it back; whoever adds up currents alone does not know of it.
-    threshold, cut: what a command beyond the deadband does. With threshold, all that it says; with cut, what
-    it says less the deadband; with neither, what is beyond the deadband is stretched so that full power is
-    full power.
+    free_running: its cycle has a clock of its own, so that a row shows a sample that is up to a cycle old;
+    the mean age, half a cycle, is simulated. battery_time_constant: s, of the battery reading's filter.
+    battery_held: V by which a rising voltage may be above its reading, as with a filter that truncates
+    fractions of a count; a falling one is followed, a little early. pause: s for which a motor has coasted
+    when it is sampled: its wheel is then slower than its mean, by half of what it loses in a pause. together:
+    all motors coast at once; while they are driven the battery sags under all of their current, and its
+    readings are from that time. cycle: s between two back-EMF samples. whole: the battery carries all of each
+    motor's current, whichever way it flows. A real driver connects a motor for a share of the time, and
+    shorts it otherwise, so that it takes that share of the current from the battery, or returns it; a
+    simulation that adds up currents neglects that. threshold, cut: the duty of a command beyond the deadband.
+    With threshold, the whole command; with cut, the command less the deadband; with neither, the part beyond
+    the deadband is stretched so that full power is full power.
 
-    The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
-    firmware does, `Chain.stock()` what the stock one does.
+    The default is the plain filter that robot.toml describes; `Chain.firmware()` is the RaccoonOS firmware's
+    chain, `Chain.stock()` the stock firmware's.
     """
 
     median: bool = False
@@ -85,9 +81,12 @@ class Chain:
     @classmethod
     def stock(cls) -> Chain:
         """The stock firmware: all motors coast for a quarter of the time, every fourth pass of its loop,
-        which no row is in step with. Its battery filter, int(0.95 old + 0.05 new), needs 20 counts to rise by
-        one; with a count or two of noise it ends 17 counts below a voltage that rises, and 3 below one that
-        falls. So one sample in four that the coasting motors do not load does not show."""
+        which is not synchronous with any row.
+
+        Its battery filter, int(0.95 old + 0.05 new), needs 20 counts to rise by one; with a count or two of
+        noise it ends 17 counts below a rising voltage, and 3 below a falling one. So the one sample in four
+        that the coasting motors do not load has no effect.
+        """
         return cls(
             free_running=True,
             coast_share=STOCK_COASTS,
@@ -99,15 +98,15 @@ class Chain:
 
 
 FIRMWARE_IMU_HZ = 50.0
-"""How often RaccoonOS has a new IMU reading."""
+"""Rate of new IMU readings of RaccoonOS, Hz."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviations of what a recording scatters by, one robot at rest and moving.
+    """Standard deviations of the noise in a recording of one robot, at rest and moving.
 
-    bemf: counts of one sample before the filter. gyro: rad/s a reading. gyro_bias: rad/s, drawn once.
-    accel: m/s2 a reading. battery, analog: counts a reading.
+    bemf: counts, of one sample before the filter. gyro: rad/s per reading. gyro_bias: rad/s, drawn once.
+    accel: m/s2 per reading. battery, analog: counts per reading.
     """
 
     bemf: float = 6.0
@@ -125,5 +124,5 @@ class Noise:
 
     @classmethod
     def none(cls) -> Noise:
-        """A robot whose sensors scatter by nothing."""
+        """A robot whose sensors have no noise."""
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -1,6 +1,7 @@
-"""What an effect is: a way in which a robot can differ from the textbook one, as data. `catalogue` has all.
+"""The type of effects: a way in which a robot can differ from the textbook one, as data. `catalogue` lists
+them.
 
-An effect that is off sits at its neutral value, where it changes nothing, exactly. `docs/simulator.md` says
+An effect that is off has its neutral value, at which it changes nothing, exactly. `docs/simulator.md` says
 how to add one.
 """
 
@@ -21,21 +22,21 @@ class Place(StrEnum):
     """What `where` may name."""
 
     ROBOT = "robot"
-    """Nothing: the effect belongs to the whole robot."""
+    """The whole robot: `where` is not given."""
     SIDE = "side"
-    """left or right (or the motor port of that side); without it, both sides."""
+    """left or right (or the motor port of that side); both sides if not given."""
     TOPHAT = "tophat"
-    """The analog port of a tophat; without it, all of them."""
+    """The analog port of a tophat; all of them if not given."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One number of an effect.
 
-    neutral: the value at which it changes nothing; None where that is the nominal value of robot.toml, or
-    where the effect is off anyway because its first parameter is neutral. initial: where a fit starts, and
-    what is taken when the effect is switched on without naming this parameter. prior_width: the size of a
-    usual deviation from neutral.
+    neutral: the value at which it changes nothing; None if that is the nominal value of robot.toml, or if the
+    effect is off because its first parameter is neutral. initial: where a fit starts, and the value when the
+    effect is switched on without naming this parameter. prior_width: the size of a usual deviation from
+    neutral.
     """
 
     name: str
@@ -48,7 +49,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """A cause by which recordings of two robots differ."""
+    """A cause of differences between recordings of two robots."""
 
     id: str
     sentence: str
@@ -72,7 +73,7 @@ class Effect:
         )
 
     def check(self, name: str, value: object) -> float:
-        """`value` where the parameter allows it. Raises ConfigError naming all of them."""
+        """`value`, if the parameter allows it. Raises ConfigError naming parameter, value and bounds."""
         parameter = self.parameter(name)
         unit = f" {parameter.unit}" if parameter.unit else ""
         if isinstance(value, bool) or not isinstance(value, SupportsFloat):
@@ -101,7 +102,7 @@ def effect(id: str) -> Effect:  # noqa: A002
 
 
 def all_effects() -> tuple[Effect, ...]:
-    """Every effect, in the order of the energy's way from the battery to the sensors."""
+    """Every effect, in the order of the flow of energy from the battery to the sensors."""
     from raccoon.sim.effects.catalogue import CATALOGUE
 
     return tuple(CATALOGUE.values())

@@ -27,15 +27,18 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.provenance import UNKNOWN, Origin, Provenance
 
 MODEL_KEYS = ("effect", "chain", "provenance")
-"""What a model has beside the keys of a robot.toml."""
+"""Keys of a model beyond those of a robot.toml."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
-"""What no string of TOML holds as it is."""
+"""Characters that a string of TOML cannot contain unescaped."""
 
 
 def load_model(path: str | Path, robot: RobotConfig | None = None) -> Parameters:
-    """Read a `model.toml`. robot: whose numbers a file has that holds effects alone; by default the default
-    robot's. Raises ConfigError naming file, key, value and what is allowed, also for a robot.toml: what has
-    ports and wiring, and nothing that only a model has."""
+    """Read a `model.toml`.
+
+    robot: gives the numbers for a file with effects alone; by default the default robot. Raises ConfigError
+    naming file, key, value and what is allowed, also for a robot.toml, which has ports and wiring and nothing
+    that only a model has.
+    """
     path = Path(path)
     try:
         table = parse_toml(path.read_bytes())
@@ -51,7 +54,7 @@ def load_model(path: str | Path, robot: RobotConfig | None = None) -> Parameters
 
 
 def parse_model(table: Mapping[str, Any], robot: RobotConfig | None = None) -> Parameters:
-    """A simulated robot of the tables of a `model.toml`; robot as of `load_model`. Raises ConfigError."""
+    """The simulated robot of the tables of a `model.toml`; robot as for `load_model`. Raises ConfigError."""
     rest = dict(table)
     chain = rest.pop("chain", {})
     effects = rest.pop("effect", [])

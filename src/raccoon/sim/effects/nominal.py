@@ -1,4 +1,4 @@
-"""Whether the nominal values of a robot are such as robots have."""
+"""Checks whether the nominal values of a robot are plausible."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from raccoon.sim.effects.parameters import SIDES
 
 @lru_cache(maxsize=64)
 def check_nominal(model: NominalModel) -> None:
-    """Raise ConfigError for a value outside its bounds: what a program made, no file's reader has checked."""
+    """Raise ConfigError for a value outside its bounds: values made by a program were not checked by a file's
+    reader."""
     for part in fields(model):
         check_section(model, part.name)
 
 
 def check_section(model: NominalModel, part: str) -> None:
-    """The same of one section of it."""
+    """`check_nominal` for one section."""
     section = getattr(model, part)
     name = f"motor.{part}" if part in SIDES else part
     for each in fields(section):

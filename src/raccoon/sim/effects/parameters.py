@@ -15,16 +15,17 @@ from raccoon.sim.effects.provenance import UNKNOWN, Origin, Provenance
 
 SIDES = ("left", "right")
 Key = tuple[str, str | None]
-"""Effect id and where it is: left, right, a port number, or None for everywhere."""
+"""Effect id and place: left, right, a port number, or None for everywhere."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """Immutable; every change gives a new one. Can be pickled, for runs in other processes.
+    """The numbers of a simulated robot. Immutable; every change returns a new object. Can be pickled, for
+    runs in other processes.
 
-    robot: ports, wiring and the nominal model. effects: what is switched on, by id and place. chain: how
-    the controller makes words of the back-EMF. origins and provenance: where numbers come from; robots are
-    equal whose numbers are. An effect that is changed loses its origin.
+    robot: ports, wiring and the nominal model. effects: what is switched on, by id and place. chain: how the
+    controller samples and filters. origins and provenance: where numbers come from; they do not count in
+    comparisons. An effect that is changed loses its origin.
     """
 
     robot: RobotConfig = field(default_factory=RobotConfig)
@@ -40,8 +41,8 @@ class Parameters:
 
     @classmethod
     def from_model_file(cls, path: str | Path, robot: RobotConfig | None = None) -> Parameters:
-        """Read a `model.toml`. robot: whose numbers a file has that holds effects alone; by default the
-        default robot's. Raises ConfigError naming file, key, value and what is allowed."""
+        """Read a `model.toml`. robot: gives the numbers for a file with effects alone; by default the default
+        robot. Raises ConfigError naming file, key, value and what is allowed."""
         from raccoon.sim.effects.model_file import load_model
 
         return load_model(path, robot)
@@ -55,8 +56,8 @@ class Parameters:
     def with_effect(self, id: str, where: str | None = None, **values: float) -> Parameters:  # noqa: A002
         """Switch an effect on, or change it.
 
-        A parameter that is not named keeps its value, or takes the catalogue's initial one where the effect
-        was off. An effect given with `where=None` replaces what was given for single places before. Raises
+        A parameter that is not named keeps its value, or takes the catalogue's initial one if the effect was
+        off. An effect given with `where=None` replaces what was given for single places before. Raises
         ConfigError for an unknown id, parameter or place and for a value out of bounds.
         """
         entry = effect(id)
@@ -72,10 +73,8 @@ class Parameters:
         return replace(self, effects=kept, origins=origins)
 
     def with_origin(self, id: str, where: str | None, origin: Origin) -> Parameters:  # noqa: A002
-        """Say where the numbers of an effect that is on come from.
-
-        Raises ConfigError for one that is off, and for the deviation of a parameter that it does not have.
-        """
+        """Set where the numbers of an effect come from. Raises ConfigError for an effect that is off, and for
+        the standard deviation of a parameter that it does not have."""
         key = (id, self._place(effect(id), where))
         if key not in self.effects:
             raise ConfigError(
@@ -90,10 +89,11 @@ class Parameters:
         return replace(self, chain=chain)
 
     def value(self, id: str, name: str, where: str | None = None) -> float:  # noqa: A002
-        """What a parameter is now: as switched on for this place or everywhere, else neutral or nominal.
+        """The present value of a parameter: as switched on for this place or everywhere, else neutral or
+        nominal.
 
-        where: left or right for an effect of a side (it must be given where the sides may differ), the port
-        for a tophat's.
+        where: left or right for an effect of a side (required if the sides may differ), the port for a
+        tophat's.
         """
         entry = effect(id)
         parameter = entry.parameter(name)
@@ -128,7 +128,7 @@ class Parameters:
 
 
 def nominal(robot: RobotConfig, id: str, where: str | None) -> float:  # noqa: A002
-    """Value in robot.toml of a parameter whose neutral value is the nominal one."""
+    """The value in robot.toml of a parameter whose neutral value is the nominal one."""
     model = robot.model
     if id == "bemf.offset" and where in SIDES:
         port = robot.drive.left if where == "left" else robot.drive.right

@@ -1,4 +1,4 @@
-"""From parameters as people know them to the numbers of the equations."""
+"""From the effects' parameters to the numbers of the equations."""
 
 from __future__ import annotations
 
@@ -17,25 +17,26 @@ Numbers = tuple[float, ...]
 Floats = NDArray[np.float64]
 
 LOOSE_STEP = 0.00105
-"""s of a step of a robot whose gears have play: a little above 1 ms, so that a cycle of 5 ms whose time stamp
-jitters still has five."""
+"""Longest step (s) of a robot whose gears have play: slightly above 1 ms, so that a cycle of 5 ms with a
+jittering time stamp still has five."""
 MIN_COMPLIANCE = 1e-5
-"""rad/(N m) below which nothing gives: no sensor sees it, and steps would have to be below 0.2 ms."""
+"""rad/(N m) below which presliding is neglected: no sensor sees it, and steps would have to be below 0.2
+ms."""
 MIN_CREEP = 0.002
-"""rad/s below which nothing creeps: less than a count of back-EMF, and a step of 1 ms would ring."""
+"""rad/s below which creep is neglected: less than a count of back-EMF, and a step of 1 ms would oscillate."""
 MIN_LOW_PASS = 0.00125
-"""s below which a gyro filters nothing: half of the usual step."""
+"""s; time constant below which a gyro's filter is neglected, half of the usual step."""
 LOW_PASS_STEP = 2.0
-"""Longest step in time constants of the gyro's filter: beyond that its exponential's series grows."""
+"""Longest step in time constants of the gyro's filter: beyond it the series of its exponential fails."""
 BRISTLE_STEP = 0.6
-"""Longest step as a part of sqrt(compliance J), the time of the bristles' swing over 2 pi."""
+"""Longest step as a share of sqrt(compliance J), the period of the bristles' oscillation over 2 pi."""
 
 
 def plant_numbers(parameters: Parameters, checked: bool = False) -> Plant:
-    """The plant of a robot: nominal values and effects multiplied out, signs of wiring taken away.
+    """The plant of a robot: nominal values and effects multiplied, signs of wiring removed.
 
-    checked: whether the nominal values are known to be such as robots have. Raises ConfigError naming one
-    that no robot can have otherwise.
+    checked: whether the nominal values are known to be plausible. Raises ConfigError otherwise, naming one
+    that no robot can have.
     """
     if not checked:
         check_nominal(parameters.robot.model)
@@ -144,8 +145,9 @@ def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
 
 
 def _dips(parameters: Parameters) -> Numbers:
-    """Between pauses a wheel gains what it loses in them: half of that it is off its mean at their end. What
-    a pause takes away is the mean of the motor's torque."""
+    """Dip of a wheel's speed below its mean at the end of a coasting pause, rad/s per N m of mean torque of
+    its own and of the other motor. Between pauses a wheel gains what it loses in them, so it is off by half
+    of that at their ends."""
     drive, chain = parameters.robot.model.drive, parameters.chain
     factor = 0.5 * chain.pause / parameters.value("drive.inertia", "factor")
     per_sum, per_difference = 1.0 / drive.inertia_straight.value, 1.0 / drive.inertia_turn.value
@@ -159,7 +161,7 @@ def _low_pass_numbers(parameters: Parameters) -> Numbers:
 
 
 def filter_rate(time_constant: float) -> float:
-    """1/s; for a filter that passes everything, so much that it keeps nothing."""
+    """Rate of a filter, 1/s; for a filter without effect so large that it keeps nothing."""
     return 1.0 / time_constant if time_constant > 0.0 else 1e30
 
 
@@ -183,22 +185,20 @@ class _Sides:
 
 
 def gyro_lag(latency: Floats, row: float) -> Floats:
-    """s before the end of a row of commands of `row` s at which a gyro looks that is `latency` s late: what
-    is left of its latency after whole rows."""
+    """s before the end of a row of commands of `row` s at which a gyro is read that is `latency` s late: the
+    part of its latency beyond whole rows."""
     whole = np.floor(latency / row + 1e-9) * row
     return np.asarray(np.maximum(latency - whole, 0.0), float)
 
 
 SHORTEST = 1e-4
-"""s: no drive train's mechanical time constant is below it."""
+"""s; no drive train has a smaller mechanical time constant."""
 
 
 def time_constants(plants: NDArray[np.float64]) -> NDArray[np.float64]:
-    """s: each robot's mechanical time constant, (robots,), that of a stiff battery, J / (K^2 / R + B), with
-    the smaller of the two inertias; a battery's resistance only makes it longer.
-
-    plants: (robots, fields of Plant).
-    """
+    """Mechanical time constant of each robot, (robots,), s: J / (K^2 / R + B) with the smaller of the two
+    inertias and a stiff battery, since a battery's resistance only makes it longer. plants: (robots, fields
+    of Plant)."""
     damping = [
         _column(plants, f"back_emf_{side}") ** 2 / _column(plants, f"resistance_{side}")
         + _column(plants, f"viscous_{side}")
@@ -217,13 +217,12 @@ def _least_inertia(plants: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def safe_step(plants: NDArray[np.float64]) -> float:
-    """s: the longest step that resolves every robot's fastest motion, half its mechanical time constant, and
-    a millisecond where gears have play: a wheel that meets a tooth jumps, and readings are before or after.
-    Where wheels give before they slide, the swing of bristles and inertia as well; where a gyro filters,
-    its filter.
+    """The longest step (s) that resolves the fastest motion of every robot.
 
-    plants: (robots, fields of Plant). Raises ConfigError where a time constant is below 0.1 ms, which no
-    drive train has.
+    It is half the mechanical time constant; a millisecond if gears have play, as a wheel that meets a tooth
+    jumps, and readings are before or after; limited by the bristles' oscillation with the inertia for wheels
+    with presliding, and by the gyro's filter. plants: (robots, fields of Plant). Raises ConfigError for a
+    time constant below 0.1 ms, which no drive train has.
     """
     shortest = float(np.min(time_constants(plants)))
     if shortest < SHORTEST:
@@ -241,12 +240,12 @@ def safe_step(plants: NDArray[np.float64]) -> float:
 
 
 def _least_positive(values: NDArray[np.float64]) -> float:
-    """The least of those above 0, infinite where there is none."""
+    """The smallest positive number, infinity if there is none."""
     return float(np.min(values, where=values > 0.0, initial=math.inf))
 
 
 def sample_slots(parameters: Parameters) -> tuple[float, float]:
-    """Where in the controller's cycle the left and the right motor are sampled (1 is its end)."""
+    """The time in the controller's cycle at which the left and the right motor are sampled (1 is its end)."""
     if parameters.chain.free_running:
         return 0.5, 0.5
     if not parameters.chain.slots:
@@ -263,12 +262,12 @@ def wiring_signs(parameters: Parameters) -> tuple[float, float]:
 
 
 def state_at_rest(plant: Plant) -> State:
-    """Standing at the origin, winding cold, battery rested, filters settled."""
+    """A robot at rest at the origin, with cold windings, a rested battery and settled filters."""
     return State._make(states_at_rest(np.array([plant]))[0].tolist())
 
 
 def states_at_rest(plants: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same of many robots: (robots, fields of Plant) in, (robots, fields of State) out."""
+    """`state_at_rest` for many robots: (robots, fields of Plant) in, (robots, fields of State) out."""
     column = {name: index for index, name in enumerate(State._fields)}
     states = np.zeros((len(plants), len(column)))
     for name in ("heading_cos", "wheel_cos_left", "wheel_cos_right"):

@@ -1,4 +1,4 @@
-"""Where a model's numbers come from: what found them, in which recording, and how sure they are."""
+"""Provenance of a model's numbers: what found them, in which recording, and how certain they are."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from raccoon.core.schema import NOT_NEGATIVE, Bounds, named, number, word
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Of one effect. std: of its parameters, each in the parameter's unit."""
+    """Provenance of one effect. std: standard deviations of its parameters, each in the parameter's unit."""
 
     std: Mapping[str, float] = named("of the parameter", "standard deviation", NOT_NEGATIVE)
     source: str = word("", "how the numbers were found")
@@ -19,7 +19,7 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """Of a whole model; empty where it is unknown."""
+    """Provenance of a whole model; empty if unknown."""
 
     recording: str = word("", "what was diagnosed")
     by: str = word("", "program and version")
