@@ -25,11 +25,11 @@ LATE_SPEED_CHANGE_SHARE = 0.1
 """Share of the wheels' recent change of speed that the accelerometer may still have to feel: at a full
 reversal of duties it is up to 8 ms late."""
 JOLT_ACCELERATION = 3.4
-"""m/s^2 for a change of both duties by 1, half of what a full change makes. The first reading that feels it
+"""m/s2 for a change of both duties by 1, half of what a full change makes. The first reading that feels it
 counts for the whole time since the one before, while the wheels' readings do not show it yet."""
 KEPT_BIAS_S = 0.2
-"""s at rest up to which the previous bias still has weight as a robot comes to rest: it may stand on a ramp
-now."""
+"""s at rest that the previous bias counts for when the robot comes to rest (it may stand on a ramp now), and
+that a known bias needs."""
 
 
 class BumpWatch:
@@ -90,7 +90,7 @@ class BumpWatch:
     ) -> bool:
         """True while the robot is bumped.
 
-        forward: m/s^2, mean of the accelerometer over these dt s. velocity: m/s, mean of the wheels.
+        forward: m/s2, mean of the accelerometer over these dt s. velocity: m/s, mean of the wheels.
         sample_period: s between two readings. turn_rate: rad/s, by the wheels.
         pitch_rate: rad/s, mean of the gyro about the axle; positive: the nose goes down, as at the end of a
         ramp, and the robot feels less of gravity.

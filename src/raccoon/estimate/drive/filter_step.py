@@ -40,7 +40,7 @@ class StepReading:
 
     values, variances: of the left and right wheel (rad/s, nominal scale) and, if there is one, the gyro
     (rad/s).
-    turn_acceleration: rad/s^2. still: the robot stood.
+    turn_acceleration: rad/s2. still: the robot stood.
     differential_variance: (rad/s)^2, of an error that adds to one wheel's speed and subtracts from the
     other's.
     turn_timing_std: rad, of the heading, because the time at which a turn began within the step is unknown.

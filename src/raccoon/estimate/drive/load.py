@@ -54,7 +54,7 @@ BATTERY_SHARE = 0.1
 @dataclass(frozen=True, slots=True)
 class _WheelVolts:
     """Voltages of a wheel: port and sign of its motor, share of the time in which that is powered, back-EMF
-    and friction in V per rad/s, and acceleration in V per rad/s^2."""
+    and friction in V per rad/s, and acceleration in V per rad/s2."""
 
     port: int
     sign: float
@@ -124,7 +124,7 @@ class LoadWatch:
         self._reset_load()
 
     def _reset_load(self) -> None:
-        """Forget the present load: the drive forward ended.
+        """Forget the present load: the robot is no longer driven in the same direction.
 
         If the robot was held to the end, that was no heavy floor, and what was learnt meanwhile is dropped;
         otherwise the third push against a wall would count as rolling.
@@ -216,8 +216,8 @@ class LoadWatch:
         )
 
     def _learnt_rolling_load(self, rolling_load: float, load: float, learn_seconds: float) -> float:
-        """A wheel's rolling load, V, after `learn_seconds` s of a load. Held may also be a single wheel at a
-        wall."""
+        """A wheel's rolling load, V, after `learn_seconds` s of a load. A single wheel may be at a wall,
+        too."""
         held = self._suspicious_seconds > 0.0 or load - rolling_load > HEAVY_LOAD_V
         time_constant = min(self._learnt_seconds, LEARN_TIME_S)
         if held and self._learnt_seconds > LEARNT_AFTER_S:

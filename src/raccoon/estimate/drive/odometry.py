@@ -91,7 +91,7 @@ class Odometry:
 
     @property
     def held_way(self) -> float:
-        """m that both wheels turned since their load is as high as at a wall; 0 if it is not."""
+        """m that both wheels turned since their load became as high as at a wall; 0 while it is not."""
         return self._stepper.contact.held_way
 
     @property

@@ -16,13 +16,13 @@ from raccoon.estimate.drive.wiring import Wiring
 COARSE_GYRO_PERIOD_S = 0.008
 """s between gyro readings above which a turn may begin or end unseen between two of them."""
 KINK_SHARE = 0.15
-"""Standard deviation of the mean rate between two coarse gyro readings, as a share of the change of slope: a
-peak between them is cut off. While the rate rises evenly nothing is lost."""
+"""Standard deviation of the mean rate between two coarse gyro readings, as a share of the second one's
+deviation from a constant slope: a peak between them is cut off. A rate that rises evenly has none."""
 SHARP_TURN_ACCELERATION = 30.0
-"""rad/s^2; a faster change of the turn rate, as at a wall, begins or ends between two readings, and its time
+"""rad/s2; a faster change of the turn rate, as at a wall, begins or ends between two readings, and its time
 is known no better than their interval (`TURN_TIMING_SHARE` in stepper.py)."""
 MAX_ACCELERATION = 400.0
-"""m/s^2, bound on a plausible reading; the accelerometers of these robots end at 16 g or less."""
+"""m/s2, bound on a plausible reading; the accelerometers of these robots end at 16 g or less."""
 MAX_PITCH_RATE = 3.0
 """rad/s, bound on a plausible reading; no robot on its wheels pitches or rolls faster."""
 SILENT_WHEELS_WAIT_S = 0.5
@@ -47,7 +47,7 @@ class Pending:
     gyro_sharp_turn: float = 0.0
     """rad, sum of the sharp jumps of the rate times the time between the two readings."""
     forward_accel_sum: float = 0.0
-    """m/s^2 forwards by the accelerometer, summed over its readings."""
+    """m/s2 forwards by the accelerometer, summed over its readings."""
     pitch_rate_sum: float = 0.0
     """rad/s about the axle by the gyro, summed over the same readings; positive: the nose goes down."""
     left_accel_sum: float = 0.0
@@ -73,7 +73,7 @@ class DriveReadings:
         lag = robot.model.bemf.filter_time_constant.value
         self.left, self.right = WheelTrack(lag), WheelTrack(lag)
         self.gyro, self.reasons, self.wiring = GyroWatch(), Reasons(), Wiring()
-        self.gyro_rate = self._gyro_acceleration = 0.0  # rad/s, and its last slope, rad/s^2
+        self.gyro_rate = self._gyro_acceleration = 0.0  # rad/s, and its last slope, rad/s2
         self.time = 0.0
         self._has_time = False  # whether a cycle had a valid time
         self.at_fault = False

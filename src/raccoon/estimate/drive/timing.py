@@ -10,7 +10,7 @@ from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.state import State
 
 MIN_TURN_ACCELERATION = 1.0
-"""rad/s^2; a slower change may be noise."""
+"""rad/s2; a slower change may be noise."""
 SAME_TURN_SHARE = 0.6
 """Largest difference of the turn rates of wheels and gyro, as a share of the faster one, that still counts as
 the same turn."""
@@ -38,7 +38,7 @@ class TurnAcceleration:
         self._before = 0.0, 0.0
 
     def update(self, span: float, wheels: float, gyro: float) -> float:
-        """The change of the wheels' turn rate, rad/s^2, from the turn rates by wheels and gyro (rad/s),
+        """The change of the wheels' turn rate, rad/s2, from the turn rates by wheels and gyro (rad/s),
         `span` s after the last ones.
 
         0 if it may be noise, or if the gyro shows another turn: that is slip, and no sign of a delay.

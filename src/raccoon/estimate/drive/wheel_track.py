@@ -21,8 +21,8 @@ COUNTER_PULL_S = 0.25
 SPEED_SMOOTHING_S = 0.005
 """s, time constant of the speed handed to the speed loop."""
 STUCK_ANGLE = 0.15
-"""rad by which one of counter and back-EMF turned while the other stood still, after which that one counts as
-dead."""
+"""rad by which either counter or back-EMF turned while the other one stood still, after which the latter
+counts as dead."""
 STUCK_MEMORY_S = 10.0
 """s, time constant of this evidence: words are whole counts, and the start may be minutes ago."""
 MAX_WORD_PERIOD_S = 0.012

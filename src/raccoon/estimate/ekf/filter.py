@@ -126,7 +126,7 @@ class DriveFilter:
         """Move on by dt s and update with the left wheel, the right wheel (rad/s, nominal scale) and, if
         present, the gyro (rad/s): means over dt.
 
-        turn_acceleration: change of the turn rate, rad/s^2; it makes the gyro's delay observable.
+        turn_acceleration: change of the turn rate, rad/s2; it makes the gyro's delay observable.
         differential_variance: of an error that adds to one wheel's reading and subtracts from the other's.
         Returns innovation and variance of left, right and gyro in turn, each after the updates before it.
         """

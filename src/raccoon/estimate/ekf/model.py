@@ -10,7 +10,7 @@ the wheel radius::
     way in dt = way velocity dt
 
 A reading is the mean over the step that ends with it, and velocity and turn rate are constant within a step.
-The turn rate is that at the gyro's time; turn_acceleration is its change over the step, rad/s^2. The wheels
+The turn rate is that at the gyro's time; turn_acceleration is its change over the step, rad/s2. The wheels
 are ahead of the gyro by gyro_delay, so their turn rate differs by gyro_delay turn_acceleration.
 """
 
@@ -72,7 +72,7 @@ def expected_readings_jacobian(
     state: Array, geometry: DriveGeometry, turn_acceleration: float = 0.0
 ) -> Array:
     """Derivative of `expected_readings` by the state, (3, 13). turn_acceleration: change of the turn rate,
-    rad/s^2.
+    rad/s2.
 
     A velocity up to MIN_VELOCITY has no information on BALANCE, a turn rate up to MIN_TURN none on WHEEL_TURN
     and GYRO_SCALE: there these derivatives are 0.

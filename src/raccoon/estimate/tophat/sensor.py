@@ -11,7 +11,7 @@ from raccoon.model.reflectance import GENERATIONS, NEAR_HEIGHT, SensorModel, fit
 MIN_HEIGHT, MAX_HEIGHT = 0.003, 0.035  # m; where people mount them
 BLACK_MISFIT, WHITE_MISFIT = 0.10, 0.015  # allowed misfit as shares of v and u: tapes and sensors differ
 SUN_BY_BLACK_SD = 0.03  # sd of black's share of the sun's light
-DARKEST_WHITE_SHARE = 0.8  # least own light that the darkest white reflects, as a share
+DARKEST_WHITE_SHARE = 0.8  # share of the own light from white that the darkest white reflects
 MOSTLY_DARK_SHARE = 0.6  # share of a drive; more of it is seldom black
 DIM_LIGHT_SHARE = 0.3  # share of white's light; in lamps' light black seldom reflects more
 FARTHEST_LIGHT_SHARE = 0.4  # least share of the light at the greatest height: sensors differ by so much
