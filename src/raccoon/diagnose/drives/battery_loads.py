@@ -1,8 +1,9 @@
-"""What other loads than the wheels take from the battery: servos, motors on other ports, a short.
+"""Battery loads other than the wheels: servos, motors on other ports, a short circuit.
 
-No model of the drive knows their current. The battery's reading is low by their sag, and the motors get as
-much less, by 1 to 3 %. Taken for the wheels' doing, a sag at rest makes the battery stiffer than it is, and
-one that stays an emptying battery. So nothing is compared while they act.
+The simulation of the drive does not know their current. Their sag lowers the battery's reading and the
+voltage of the drive motors, by 1 to 3 %. If it were attributed to the wheels, a load at rest would make the
+battery's resistance appear too small, and a load that stays on would look like a discharging battery. So
+nothing is compared while other loads act.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 
 MAX_LISTED = 3
 MIN_PART_S = 2.0 * MIN_DRIVE_S
-"""s that a part of a drive must have that is compared instead of all of it."""
+"""Shortest part of a drive, s, that is compared in place of the whole drive."""
 LOADED_DRIVE_NOTE = (
     "something other than the wheels draws current for most of the drive, as the battery's voltage shows: "
     "what is said of the battery may be its doing"
@@ -29,12 +30,13 @@ LOADED_DRIVE_NOTE = (
 
 
 def find_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Log:
-    """The log with what the battery's reading shows of other loads than the wheels. columns: of the
-    recording, which name servos and other motors.
+    """The log with the loads other than the wheels that its battery reading shows. columns: of the recording;
+    they name servos and other motors.
 
-    Of one that stays, and leaves next to nothing of the drive before it, that is left out instead; and of one
-    that is there from the beginning what is after it, where that is as little: so looks a fuller battery that
-    was put in on the way.
+    A load that stays on may leave too little of the drive before it; then the part before it is left out
+    instead. Likewise, if a load is on from the start and leaves too little after it, the part after it is
+    left out: a fuller battery that was put in during the recording looks like this. The part that is left out
+    is a `Load` with a negative sag.
     """
     sight = SagResidual.of(log)
     found = () if sight is None else tuple(sight.loads())
@@ -60,12 +62,13 @@ def find_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Lo
 
 
 def _is_on_from_start(load: Load, log: Log) -> bool:
-    """Whether a load is there from the beginning, and its time long enough to be all that is compared."""
+    """Whether a load is on from the start of the log, for long enough to be the only part that is
+    compared."""
     return bool(load.start < log.time[0] + SETTLING_DRIVE_S and load.end > log.time[0] + MIN_PART_S)
 
 
 def load_notes(log: Log, resistance: float) -> tuple[str, ...]:
-    """What is said of a log's loads, () where there are none. resistance: ohm, of the battery."""
+    """Notes about a log's loads, () without loads. resistance: of the battery, ohm."""
     seen = [each for each in log.loads if each.start < log.time[-1] and each.end > log.time[0]]
     found = [each for each in seen if each.sag > 0.0]
     told = [_left_out_note(each, log, resistance) for each in seen if each.sag < 0.0]
@@ -80,7 +83,8 @@ def load_notes(log: Log, resistance: float) -> tuple[str, ...]:
 
 
 def _left_out_note(load: Load, log: Log, resistance: float) -> str:
-    """Of what was left out before a load that stays, or after one that was there from the beginning."""
+    """Note about the part that was left out before a load that stays on, or after one that was on from the
+    start."""
     sag = _describe_sag(load, resistance)
     if load.start > log.time[0]:
         return (
@@ -108,14 +112,14 @@ def _describe_sag(load: Load, resistance: float) -> str:
 
 
 def _active_columns(load: Load, columns: Mapping[str, Array], robot: RobotConfig) -> tuple[str, ...]:
-    """Columns of servos that move and of other motors that are powered about that time."""
+    """Columns of servos that move, and of other motors that are powered, around the time of the load."""
     time = columns["t"]
     wheels = {f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right)}
     found = []
     for name, values in columns.items():
         known = np.flatnonzero(np.isfinite(values) & (time <= load.end))
         first = np.searchsorted(time[known], load.start - SETTLING_DRIVE_S)
-        seen = values[known[max(first - 1, 0) :]]  # with what held until then
+        seen = values[known[max(first - 1, 0) :]]  # including the value in force at the start
         moves = name.startswith("servo.") and len(seen) > 0 and float(np.ptp(seen)) > 0.0
         powered = name.endswith(".duty") and name not in wheels and bool(seen.any())
         if moves or powered:

@@ -1,10 +1,10 @@
-"""A battery's reading that answers the command of its own row.
+"""Battery readings that already respond to the command of their own row.
 
-By the format a row's command comes after its readings. Whoever works out a battery's voltage from what is
-commanded has it after the command: its sag is at its largest then, where the simulation has the last of what
-was before. With commands that change often that hid a resistance of 0.13 ohm behind something unknown. When
-within a row such a reading was taken is nowhere else to be seen, so those of rows in which commands jump are
-left out.
+By the format, a row's command follows its readings. A logger that computes the battery voltage from the
+command reads it after the command: the sag is then at its largest, where the simulation still has the last
+value before the command. In a drive whose commands change often, that turned a resistance of 0.13 ohm into an
+unknown effect. Nothing else shows when within a row the reading was taken, so readings in rows in which a
+command jumps are left out.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from raccoon.diagnose.drives.log import Log
 Array = NDArray[np.float64]
 
 MIN_DUTY_JUMP = 0.3
-"""Duty by which a command must rise or turn, so that the battery sags at once."""
+"""Least change of duty, to a larger magnitude or to the other sign, that makes the battery sag at once."""
 MIN_JUMPS = 8
-"""Such rows, of which it is said."""
+"""Least number of rows with such a change for a decision."""
 MIN_IMMEDIATE_SHARE = 0.5
-"""Part of what the voltage falls by until the row after such a one that is there at its own."""
+"""Share of the voltage drop up to the next row that must already be present in the row of the command."""
 MIN_DEVIATIONS = 4.0
-"""Standard deviations by which it must fall at its own row."""
+"""Least voltage drop in the row of the command, in standard deviations."""
 MIN_DROPPED_JUMP = 0.1
-"""Duty from which a change of command is left out then."""
+"""Change of duty above which a row's battery reading is left out, if the battery is read after the
+command."""
 BATTERY_AFTER_COMMAND_NOTE = (
     "the battery's voltage sags in the very row of a command, where by the format it is read before: it is "
     "taken to be read after the command, and where commands jump it is not compared"
@@ -35,7 +36,7 @@ BATTERY_AFTER_COMMAND_NOTE = (
 
 
 def without_battery_after_commands(log: Log) -> Log:
-    """The log without readings of the battery that answer the command of their own row."""
+    """The log without battery readings that respond to the command of their own row, and with a note."""
     battery = log.channel("battery")
     if battery is None or not _sags_in_same_row(log.duty, battery.values):
         return log
@@ -46,7 +47,8 @@ def without_battery_after_commands(log: Log) -> Log:
 
 
 def _sags_in_same_row(duty: Array, volts: Array) -> bool:
-    """Whether a voltage falls at the rows at which commands ask for much more, and not after them."""
+    """Whether the voltage drops in the very rows in which commands demand much more, and not in the rows
+    after."""
     change = np.diff(duty, axis=0)
     more = np.any(np.sign(duty[1:]) * change > MIN_DUTY_JUMP, axis=1)
     rows = np.flatnonzero(more[:-1]) + 1

@@ -1,4 +1,4 @@
-"""Samples in even bins, runs of flags, and spans of time in words."""
+"""Even time bins of samples, runs of true flags, and time spans in words."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MAX_LISTED = 3
-"""Spans that are listed."""
+"""Largest number of spans that are listed."""
 
 
 def bin_means(place: NDArray[np.intp], values: Array, count: int) -> Array:
-    """The mean of the samples of each of so many bins, NaN where it has none. place: (n,), each one's bin."""
+    """Mean of the samples in each of `count` bins, NaN for empty bins. place (n,): the bin of each sample."""
     seen = np.isfinite(values)
     sizes = np.bincount(place[seen], minlength=count)
     sums = np.bincount(place[seen], weights=values[seen], minlength=count)
@@ -22,8 +22,7 @@ def bin_means(place: NDArray[np.intp], values: Array, count: int) -> Array:
 
 
 def low_pass(values: Array, step: float, seconds: float) -> Array:
-    """Samples, each `step` s after the last, behind a first-order low-pass of this time constant (s) from
-    0."""
+    """First-order low-pass of samples `step` s apart, with the time constant `seconds`, starting from 0."""
     keep = float(np.exp(-step / seconds))
     return solve_recursion(np.full(len(values), keep), (1.0 - keep) * np.asarray(values, float))
 
@@ -53,12 +52,12 @@ def values_at_bins(at: Array, values: Array, time: Array, width: float) -> Array
 
 
 def describe_spans(spans: Sequence[tuple[float, float]]) -> str:
-    """Spans of time, s from and to, in words; of many the first."""
+    """Time spans (start, end), s, in words: the first MAX_LISTED, and the number of the others."""
     shown = ", ".join(f"from {start:.1f} to {end:.1f} s" for start, end in spans[:MAX_LISTED])
     return shown + (f" and {len(spans) - MAX_LISTED} times more" if len(spans) > MAX_LISTED else "")
 
 
 def runs_of_true(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and one after the last of each run of flags."""
+    """Start and end index (exclusive) of each run of true flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def commanded_duty(columns: Mapping[str, Array], port: int) -> Array:
-    """The duty of a motor, -1 to 1, in force from each row on. Raises TraceError where none is recorded."""
+    """The duty of a motor, -1 to 1, in force from each row on. Raises TraceError if none was recorded."""
     name = f"motor.{port}.duty"
     if name not in columns:
         held = sorted(each for each in columns if each.endswith(".duty")) or ["no commands at all"]
@@ -30,15 +30,15 @@ def commanded_duty(columns: Mapping[str, Array], port: int) -> Array:
 
 
 def hold_until_next(values: Array) -> Array:
-    """Each number held until the next one, 0 before the first."""
+    """Zero-order hold of the numbers over blank rows; 0 before the first number."""
     latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     return np.where(latest < 0, 0.0, values[latest])
 
 
 def read_brakes(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bool_] | None:
-    """Whether each motor is shorted at duty 0, (n, 2), each valid until the next row, as the format has it: a
-    command without a word of it does not brake, and a row without either has that of before. None where no
-    row of one of them has any word."""
+    """Whether each motor is shorted at duty 0, (n, 2), valid until the next row. As in the format, a row with
+    a command but no brake value does not brake, and a row with neither keeps the state before it. None if a
+    motor has no brake value in any row."""
     names = [f"motor.{port}.brake" for port in ports]
     if not all(name in columns and np.isfinite(columns[name]).any() for name in names):
         return None
@@ -48,5 +48,6 @@ def read_brakes(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[n
 
 
 def brake_in_force(words: Array, duty: Array) -> Array:
-    """Whether a motor is shorted at duty 0 in each row, 0 or 1. words, duty: its columns as recorded."""
+    """Whether a motor is shorted at duty 0 in each row, 0 or 1. words, duty: its brake and duty columns as
+    recorded."""
     return hold_until_next(np.where(np.isfinite(duty), np.nan_to_num(words), words))

@@ -1,7 +1,7 @@
-"""Moments of a drive in which something happened that is nobody's fault: they are left out, as gaps are.
+"""Short disturbances of a drive that no fault of the robot causes; they are left out like gaps.
 
-A wheel that slips on a pipe for half a second turns the robot by a radian a second that no wheel reads. Taken
-for noise it hides a gyro's bias of 0.01 rad/s, which is plain to see at rest.
+A wheel that slips on a pipe for half a second turns the robot by 1 rad/s that no wheel reads. Counted as
+noise, it hides a gyro bias of 0.01 rad/s, which is plain to see at rest.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from dataclasses import replace
 from raccoon.diagnose.drives.log import Log
 
 DISTURBANCE_S = 0.6
-"""s to either side of the worst reading of a moment that are left out."""
+"""Time, s, that is left out before and after the worst reading of a disturbance."""
 
 
 def without_disturbances(log: Log, moments: Sequence[float]) -> Log:
-    """The log with what is around these times, s, among what is lost, and a note of it; the same log where
-    there are none, or too little would be left."""
+    """The log with the time around these moments (s) marked as lost, and a note; the same log if there are no
+    moments or too little would remain."""
     spans = [(each - DISTURBANCE_S, each + DISTURBANCE_S) for each in moments]
     freely = log.without_spans(spans) if spans else None
     if freely is None:
@@ -27,7 +27,7 @@ def without_disturbances(log: Log, moments: Sequence[float]) -> Log:
 
 
 def disturbance_note(moments: Sequence[float]) -> str:
-    """When it was, s, and what it may have been."""
+    """Note on the times of the disturbances (s) and what they may have been."""
     times = " and ".join(f"{each:.1f}" for each in sorted(moments))
     return (
         f"around {times} s the robot moved as no command and no cause makes it, and nowhere else: a bump, "

@@ -1,4 +1,5 @@
-"""How the commands excite a drive: whether it moves at all, and whether they swing."""
+"""Excitation of a drive by its commands: whether the robot moves at all, and whether the commands
+oscillate."""
 
 from __future__ import annotations
 
@@ -9,19 +10,21 @@ from raccoon.diagnose.drives.response_models import is_varied
 from raccoon.trace.recording import median_step
 
 MIN_SWING_HZ, MAX_SWING_HZ = 4.0, 15.0
-"""1/s. In slower ones the wheels' readings, 30 ms late, show what commands answer as in any drive."""
+"""Range of the oscillation's frequency, Hz. In slower ones the wheels' readings, 30 ms late, show the
+disturbances that the commands respond to, as in any drive."""
 SWING_BAND_FACTOR = 1.25
-"""Band of a swing: this factor to either side of its frequency."""
+"""Half-width of an oscillation's frequency band, as a factor: from frequency / factor to frequency *
+factor."""
 MIN_SWING_POWER_SHARE = 0.4
-"""Part of the commands' power that is in such a band, where they swing: 0.6 to 0.8 of robots that were
-steered by bang-bang, 0.18 at most of 250 other drives."""
+"""Least share of the commands' power in the band of an oscillation: 0.6 to 0.8 for robots under bang-bang
+control, at most 0.18 in 250 other drives."""
 CLOCK_LINES, MAX_CLOCK_SHARE = 6, 0.75
-"""So many lines of a spectrum hold so much of the band where a clock has made the swing: a program that
-wiggles on purpose, which says all about a robot."""
+"""If this number of spectral lines holds more than this share of the band's power, a clock made the
+oscillation: a program that wiggles on purpose, which is good excitation."""
 
 
 def is_driven(log: Log) -> bool:
-    """Whether the commands change and the wheels answer: without that nothing can be told."""
+    """Whether the commands change and the wheels respond; without both, nothing can be identified."""
     commanded = any(is_varied(each) and float(np.ptp(each)) > 0.05 for each in log.duty.T)
     answers = [
         float(np.nanstd(each.values)) > 5.0 * each.floor
@@ -32,8 +35,8 @@ def is_driven(log: Log) -> bool:
 
 
 def swing_period(log: Log) -> float:
-    """Period (s) of commands that do little else than swing, as where bang-bang follows a line; 0 where they
-    do not."""
+    """Period (s) of commands that do little but oscillate, as under bang-bang line following; 0 for other
+    commands."""
     row = median_step(log.time)
     even = np.arange(log.time[0], log.time[-1], row)
     duty = log.duty[np.searchsorted(log.time, even, side="right") - 1]

@@ -1,9 +1,11 @@
-"""Averages over short bins: what of a recording is compared, and the same of a simulation.
+"""Averages over short bins: the features in which a recording and a simulation are compared.
 
-Measured and simulated samples pass the same linear map, so what the map loses is lost on both sides. Where
-commands swing (`excitation.swing_period`) a bin is a whole swing: commands answer what disturbs the robot
-sooner than the wheels' filtered readings show it, and within a swing that looks like other wheels. Where a
-loop holds the wheels' speeds a bin is no longer than the loop takes to answer a reading (`bin_width`)."""
+Measured and simulated samples pass the same linear map, so information that the map loses is lost on both
+sides. If the commands oscillate (`excitation.swing_period`), a bin is one period: the commands respond to a
+disturbance sooner than the wheels' filtered readings show it, and within a period that looks like different
+wheels. If a loop controls the wheels' speeds, a bin is no longer than the loop's response time to a reading
+(`bin_width`).
+"""
 
 from __future__ import annotations
 
@@ -21,26 +23,28 @@ from raccoon.diagnose.drives.truncation import undo_truncation
 Array = NDArray[np.float64]
 
 BIN_S, MIN_BIN_S = 0.02, 0.005
-"""s over which readings are averaged before they are compared; where a loop answers its readings, down to a
-usual controller's cycle."""
+"""Default width of a bin, s, and its lower bound (a usual controller's cycle) for drives with a closed
+loop."""
 EVENT_S = 0.5
-"""s in which all that happens counts as one event: what a wheel that breaks loose late is off by is over."""
+"""Time, s, within which everything that happens counts as one event: the error of a wheel that breaks loose
+late is over by then."""
 SETTLING_S = 0.3
-"""s at the start that are not compared: what the robot did before is not known, and forgotten by then."""
+"""Time at the start, s, that is not compared: the initial state is unknown, and forgotten after this time."""
 
 
 def bins_per_event(width: float) -> int:
-    """How many bins of that width, s, are half a second, 1 or more."""
+    """Number of bins of this width (s) in an event of half a second, at least 1."""
     return max(round(EVENT_S / width), 1)
 
 
 def bin_width(log: Log) -> float:
-    """s of a bin, `BIN_S` or less, within which no command answers what a reading of the same bin is off by.
+    """Width of a bin, s, at most `BIN_S`, in which no command responds to a reading of the same bin.
 
-    Means of a bin hold such an answer and its reading's noise together, so noise looks as if it were what the
-    commands did: of sound robots that drove 1.5 m there and back with the wheel loop, all had a latency of
-    4 ms, with bins of a cycle none. It is the time between two changes of the commands in which most of the
-    driving passes, which is long where no loop is closed.
+    The mean over a bin that holds both correlates the response with the noise of its reading, so noise looks
+    like an effect of the commands: all fault-free robots that drove 1.5 m there and back under the wheel
+    speed loop were reported a latency of 4 ms, and none with bins of one cycle. The width is the median,
+    weighted by duration, of the intervals between command changes while driving, which is long in open loop;
+    at least `MIN_BIN_S`.
     """
     driven = np.asarray(log.duty.any(axis=1))
     changed = np.flatnonzero((np.diff(log.duty, axis=0) != 0.0).any(axis=1)) + 1
@@ -55,7 +59,8 @@ def bin_width(log: Log) -> float:
 
 
 def _bin_map(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array:
-    """The map of one channel, (bins, samples): means of the samples in each bin, lines over empty ones."""
+    """The linear map of one channel, (bins, samples): means of the samples in each bin, interpolated over
+    empty bins."""
     samples = np.flatnonzero(np.isfinite(channel.values) & (position >= 0) & (position < count))
     filled, row, sizes = np.unique(position[samples], return_inverse=True, return_counts=True)
     shape = len(filled), len(channel.values)
@@ -73,13 +78,13 @@ def _bin_map(channel: Channel, position: NDArray[np.intp], count: int) -> csr_ar
 
 
 def _without_truncation(channel: Channel) -> Array:
-    """A channel's samples, 0 where there is none; back-EMF as it was before it was cut off."""
+    """A channel's samples, 0 for missing ones; for back-EMF with the truncation to whole counts undone."""
     values = np.nan_to_num(channel.values)
     return undo_truncation(values) if channel.role.startswith("bemf") else values
 
 
 def _is_left_out(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
-    """Which times, s, are nearer than reach to what the log has lost, or to what other loads act in."""
+    """Which times (s) are within `reach` (s) of a lost span or of another load on the battery."""
     lost = np.zeros(len(time), bool)
     for start, end in (*log.lost, *((each.start, each.end) for each in log.loads)):
         lost |= (time > start - reach) & (time < end + reach)
@@ -87,8 +92,8 @@ def _is_left_out(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
 
 
 def _known_channels(log: Log) -> tuple[Channel, ...]:
-    """The channels without readings of what is lost: a line from the last one before a gap must not end at
-    one of a robot that has not settled yet."""
+    """The channels without readings in lost spans: interpolation over a gap must not end at a reading of a
+    robot that has not settled yet."""
     if not (log.lost or log.loads):
         return log.channels
     lost = _is_left_out(log, log.time, 0.0)
@@ -96,8 +101,8 @@ def _known_channels(log: Log) -> tuple[Channel, ...]:
 
 
 def without_empty_channels(log: Log) -> Log:
-    """The log without channels of which too few readings are left where anything is compared, and a note of
-    them; the same log where there are none."""
+    """The log without channels that have too few readings in the compared time, and a note on them; the same
+    log if there are none."""
     compared = log.time >= log.time[0] + SETTLING_S
     seen = {each.role: int(np.isfinite(each.values[compared]).sum()) for each in _known_channels(log)}
     gone = [each.name for each in log.channels if seen[each.role] < MIN_READINGS]
@@ -110,9 +115,10 @@ def without_empty_channels(log: Log) -> Log:
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres. width: s
-    of a bin. driven (bins, 2): whether each wheel was commanded to go, left before right. starts: s, of the
-    recordings after the first that are in it."""
+    """The bins of a log. roles: of the channels, in their order. floors: of the channels. time (bins,):
+    centres of the bins, s. measured (bins, channels). maps: of each channel, (bins, samples). width: of a
+    bin, s. driven (bins, 2): whether each wheel was commanded, left before right. starts: s, of the
+    recordings after the first in a joined log."""
 
     roles: tuple[str, ...]
     floors: Array
@@ -125,8 +131,8 @@ class Features:
 
     @classmethod
     def of(cls, log: Log, width: float = BIN_S) -> Features:
-        """Bins of that width, s, from the settling of the unknown start state to the end, less what is
-        lost and what other loads act in."""
+        """Bins of this width (s) from the time at which the initial state is forgotten to the end, without
+        lost spans and spans with other loads."""
         start = log.time[0] + SETTLING_S
         count = max(int((log.time[-1] - start) / width), 1)
         position = np.floor((log.time - start) / width).astype(np.intp)
@@ -153,7 +159,7 @@ class Features:
 
     @classmethod
     def cached(cls, log: Log, width: float) -> Features:
-        """The same, made once while the log lives: a diagnosis asks under each of a controller's habits."""
+        """`of`, computed once in the lifetime of the log: a diagnosis needs it for each controller habit."""
         made = _CACHE.setdefault(log, {})
         if width not in made:
             made[width] = cls.of(log, width)
@@ -161,11 +167,11 @@ class Features:
 
     @property
     def event(self) -> int:
-        """Bins of half a second."""
+        """Number of bins in half a second."""
         return bins_per_event(self.width)
 
     def simulated(self, channels: Array) -> Array:
-        """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""
+        """Bins (lanes, bins, channels) of simulated samples (lanes, channels, samples)."""
         binned = np.empty((len(channels), len(self.time), len(self.maps)))
         for index, bins in enumerate(self.maps):
             binned[..., index] = (bins @ channels[:, index].T).T
@@ -173,4 +179,4 @@ class Features:
 
 
 _CACHE: WeakKeyDictionary[Log, dict[float, Features]] = WeakKeyDictionary()
-"""By log and width; they hold nothing of the log, so they go with it."""
+"""Features by log and width (s). They hold no reference to the log, so they are freed with it."""

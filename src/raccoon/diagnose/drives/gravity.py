@@ -1,4 +1,4 @@
-"""Whether an accelerometer is in m/s2: whatever a robot does, it feels gravity."""
+"""Check of an accelerometer's unit by gravity, which it measures whatever the robot does."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ from raccoon.diagnose.drives.magnitudes import MIN_SAMPLES, nearest_unit
 Columns = Mapping[str, NDArray[np.float64]]
 
 MIN_GRAVITY, MAX_GRAVITY = 7.0, 13.0
-"""m/s2 that an accelerometer with its offsets may show of gravity."""
+"""Range of gravity, m/s2, that an accelerometer with offsets may show."""
 MAX_REMOVED_GRAVITY = 0.3
-"""m/s2 that are left of gravity where a logger takes it out."""
+"""Largest remaining gravity, m/s2, of a logger that subtracts it."""
 ACCELERATION_UNITS: Mapping[str, float] = {"g": 1.0 / GRAVITY, "thousandths of g": 1000.0 / GRAVITY}
 MIN_GRAVITY_COUNTS = 1500.0
-"""Counts of gravity at least: a sensor of 16 bits has 2048 at 16 g."""
+"""Least gravity in a sensor's raw counts: a 16-bit sensor with a range of 16 g has 2048."""
 
 
 def describe_wrong_acceleration(columns: Columns) -> str:
-    """What an accelerometer seems to be in that shows no 9.8 m/s2 of gravity; "" where it does or lacks an
-    axis."""
+    """Describes the unit that an accelerometer seems to have if it does not show 9.8 m/s2 of gravity; "" if
+    it does or an axis is missing."""
     axes = [columns.get(f"imu.accel.{axis}") for axis in "xyz"]
     known = [each[np.isfinite(each)] for each in axes if each is not None]
     if len(known) < len(axes) or min(map(len, known)) < MIN_SAMPLES:
         return ""
-    felt = math.hypot(*(float(np.mean(each)) for each in known))  # of driving, next to nothing: it ends
+    # The mean acceleration of driving is next to 0, since it ends at rest.
+    felt = math.hypot(*(float(np.mean(each)) for each in known))
     if felt < MAX_REMOVED_GRAVITY or MIN_GRAVITY < felt < MAX_GRAVITY:
         return ""
     unit = (

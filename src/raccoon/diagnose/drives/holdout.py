@@ -1,4 +1,4 @@
-"""A recording to judge on, beside the one that is fitted."""
+"""The held-out recording, on which a model that was fitted to another one is judged."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from raccoon.diagnose.drives.stops import motors_brake
 
 @contextmanager
 def naming_holdout() -> Iterator[None]:
-    """Raise a TraceError as HoldoutError, so that its reader knows which of the two recordings is meant."""
+    """Raise a TraceError as HoldoutError, which tells the reader that it concerns the held-out recording."""
     try:
         yield
     except TraceError as error:
@@ -23,12 +23,12 @@ def naming_holdout() -> Iterator[None]:
 
 
 def missing_phrase(names: Sequence[str]) -> str:
-    """That columns are not there, as a sentence begins."""
+    """The beginning of a sentence that says that columns are missing."""
     return f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} missing"
 
 
 def check_none_missing(lacking: Sequence[str]) -> None:
-    """Raise TraceError where there are columns that the other recording lacks."""
+    """Raise TraceError if the held-out recording lacks columns. lacking: their names."""
     if lacking:
         raise TraceError(
             f"{missing_phrase(lacking)} or broken in it, and not "
@@ -37,10 +37,10 @@ def check_none_missing(lacking: Sequence[str]) -> None:
 
 
 def with_channels_of(fitted: Log, other: Log) -> Log:
-    """The other log with the channels that were fitted, in their order. Where only the fitted one says when
-    motors brake, the other's stops tell whether its own do.
+    """The held-out log with the channels that were fitted, in their order. If only the fitted log records
+    when motors brake, the held-out log's stops decide whether its motors do.
 
-    Raises TraceError naming those that it does not have.
+    Raises TraceError that names missing channels.
     """
     own = {each.role: each for each in other.channels}
     check_none_missing([each.name for each in fitted.channels if each.role not in own])

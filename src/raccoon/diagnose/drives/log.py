@@ -1,4 +1,4 @@
-"""A drive as the diagnosis sees it: time, what was commanded, what was measured; left before right."""
+"""A drive as the diagnosis sees it: time, commands and measurements; left before right."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from raccoon.trace.recording import median_step
 Array = NDArray[np.float64]
 
 MIN_DRIVE_S = 2.0
-"""s of driving that a diagnosis needs at least."""
+"""Shortest drive, s, that can be diagnosed."""
 MIN_GAP_S = 0.1
-"""s between rows from which nobody knows what was commanded; what shorter losses hide is found out
-(`habits/lost_commands.py`)."""
+"""Time between rows, s, above which the commands in between are unknown; over shorter losses they are
+estimated (`habits/lost_commands.py`)."""
 SETTLING_DRIVE_S = 0.3
-"""s of driving in which a robot forgets the speeds that it had."""
+"""Driving time, s, after which a robot has forgotten its initial speeds."""
 ROLL_OUT_S = 1.0
-"""s in which a robot that is not driven has come to rest."""
+"""Time, s, after which a robot that is not driven has come to rest."""
 MAX_LISTED_GAPS = 3
-"""Gaps whose times are said."""
+"""Largest number of gaps whose times a note lists."""
 MIN_READINGS = 20
-"""Readings from which a channel is one."""
+"""Least number of readings of a channel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One sensor's samples. name: the recording's column. role: what the model calls it. values: NaN where
-    nothing is new. floor: the smallest noise that is believed (its quantisation)."""
+    """One sensor's samples. name: the recording's column. role: its name in the model. values: NaN where
+    there is no new reading. floor: lower bound of its noise (the quantisation)."""
 
     name: str
     role: str
@@ -49,8 +49,9 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What draws current beside the wheels. start, end: s, from and to. sag: V that the battery's reading is
-    low by, most of the time. by: columns that tell what it may be."""
+    """A load on the battery other than the wheels. start, end: s. sag: V, usual drop of the battery's
+    reading; negative if the span was left out of the drive because of the load. by: columns of devices that
+    may be the load."""
 
     start: float
     end: float
@@ -60,7 +61,7 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class StepChange:
-    """A change at one moment of a drive. at: s. of: what changed, "gyro" (its zero) or the side of a
+    """A step change during a drive. at: its time, s. of: what changed, "gyro" (its zero) or the side of a
     wheel."""
 
     at: float
@@ -72,7 +73,7 @@ Clocks = tuple[SampleClock | None, SampleClock | None]
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One of several recordings in a log. start: s of its first row. clocks: as `Log` has them."""
+    """One of several recordings joined in a log. start: time of its first row, s. clocks: as in `Log`."""
 
     start: float
     clocks: Clocks
@@ -80,18 +81,18 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Log:
-    """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
+    """A drive. time (n,): s. duty (n, 2): each valid until the next row. channels: those with data. missing:
+    columns without data.
 
-    lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
-    there. Nothing is compared in them. held: s, from and to, what of it has rows, but was not driven freely
-    (`obstructions.py`). clocks: of the samples of the left and the right wheel, where they are known; the
-    wheels' readings are then as if each were half a cycle old, and commands wait for them. brake: (n, 2),
-    whether each motor is shorted where its duty is 0; None where the recording does not say. loads: other
-    ones than the wheels on the battery; nothing is compared while they act either. stood: wheels that did not
-    turn although they were driven (`stalls.py`), a column and a sentence each. runs: the recordings that it
-    was joined of (`log_joining.py`), none where it is one. friction_may_change: whether friction may be
-    another from some moment on. change: what is known to have changed in it. separate_batteries: whether each
-    of `runs` has a battery of its own.
+    lost: spans (start, end), s, without rows or not driven freely, extended until the robot has settled;
+    nothing is compared in them. held: spans, s, with rows, in which the robot was not driven freely
+    (`obstructions.py`). clocks: sample clocks of the left and the right wheel, if known; the wheels' readings
+    then all have an age of half a cycle, and commands wait for the clock. brake (n, 2): whether each motor is
+    shorted at duty 0; None if not recorded. loads: on the battery, other than the wheels; nothing is compared
+    while they act. stalls: a column and a sentence for each kind of wheel stall (`stalls.py`). runs: the
+    recordings of a joined log (`log_joining.py`), empty for a single one. friction_may_change: whether
+    friction may have changed during the drive. change: a step change that is known. separate_batteries:
+    whether each of `runs` has its own battery.
     """
 
     time: Array
@@ -112,15 +113,15 @@ class Log:
 
     @property
     def seconds(self) -> float:
-        """Length in s."""
+        """Duration, s."""
         return float(self.time[-1] - self.time[0])
 
     def channel(self, role: str) -> Channel | None:
-        """The channel with that role, or None."""
+        """The channel with this role, or None."""
         return next((each for each in self.channels if each.role == role), None)
 
     def wheel(self, side: str) -> Channel | None:
-        """What measures the wheel of a side: its back-EMF, an encoder where there is none, or None."""
+        """The channel that measures the wheel of a side: back-EMF, else an encoder, else None."""
         return self.channel(f"bemf_{side}") or self.channel(f"speed_{side}")
 
     def between(self, start: float, end: float) -> Log:
@@ -131,8 +132,9 @@ class Log:
         return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts, brake=brake)
 
     def without_spans(self, spans: Sequence[tuple[float, float]]) -> Log | None:
-        """The log with spans of time, s from and to, that were not driven freely: nothing is compared in
-        them, nor until the robot has settled after each. None where less than `MIN_DRIVE_S` would be left."""
+        """The log with further spans (start, end), s, in which the robot was not driven freely: nothing is
+        compared in them and until the robot has settled after each. None if less than `MIN_DRIVE_S` would
+        remain."""
         rows = np.minimum(np.searchsorted(self.time, [end for _, end in spans]), len(self.time) - 1)
         until = [settled_time(self.time, self.duty, int(row)) for row in rows]
         gone = ((start, end) for (start, _), end in zip(spans, until, strict=True))
@@ -142,7 +144,7 @@ class Log:
         return replace(self, lost=lost, held=tuple(sorted((*self.held, *spans))))
 
     def split_recordings(self) -> list[Log]:
-        """Its recordings, each as a log of its own; itself where it is one."""
+        """The recordings of a joined log, each as a log of its own; a single recording as itself."""
         if not self.runs:
             return [self]
         starts = [each.start for each in self.runs]
@@ -152,7 +154,7 @@ class Log:
         ]
 
     def longest_part(self) -> Log:
-        """The longest part without a gap, all of it where there is none."""
+        """The longest part without a gap; the whole log if it has no gap."""
         cuts = [start for start, _ in self.lost] + [end for _, end in self.held]
         after = np.searchsorted(self.time, sorted(cuts), side="right")
         edges = [0, *(int(each) for each in after), len(self.time)]
@@ -175,24 +177,24 @@ ROLES = {
     "gyro": ("imu.gyro.z", "rad/s", 0.001),
     "battery": ("battery.voltage", "V", 0.004),
 }
-"""What the model can predict: column, unit, smallest believable noise."""
+"""Channels that the model can predict: column, unit, lower bound of the noise in that unit."""
 BEMF = ("bemf_left", "bemf_right")
 WHEELS = (*BEMF, "speed_left", "speed_right")
 
 
 def column_names(robot: RobotConfig) -> dict[str, str]:
-    """The column of each role, for this robot's ports."""
+    """The column of each role at this robot's ports."""
     ports = {"left": robot.drive.left, "right": robot.drive.right}
     return {role: pattern.format(**ports) for role, (pattern, _, _) in ROLES.items()}
 
 
 def has_readings(columns: Mapping[str, Array], name: str) -> bool:
-    """Whether a column is there, with enough readings for a channel."""
+    """Whether a column exists and has enough readings for a channel."""
     return name in columns and int(np.isfinite(columns[name]).sum()) >= MIN_READINGS
 
 
 def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
-    """Arrange the columns of a recording (names of the CSV format) for this robot.
+    """The log of a recording's columns (names as in the CSV format) for this robot.
 
     Raises TraceError for a recording without time or commands, with time that does not advance, with rows too
     far apart, or too short.
@@ -209,7 +211,7 @@ def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
 
 
 def arrange_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
-    """The same without a check of the time, so with no gaps: for whoever compares sizes alone.
+    """The log without checks of the time and so without gaps, for comparisons of magnitudes alone.
 
     Raises TraceError for a recording without commands.
     """
@@ -243,12 +245,12 @@ def _checked_time(columns: Mapping[str, Array]) -> Array:
 
 
 def _rounded_down(seconds: float) -> float:
-    """Seconds rounded down to ms, so that what is too short does not read as if it were long enough."""
+    """Seconds rounded down to ms, so that a duration that is too short is not printed as the required one."""
     return math.floor(1000.0 * seconds + 1e-6) / 1000.0
 
 
 def _find_gaps(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tuple[str, ...]]:
-    """The spans (s, from and to) that are not compared because rows are missing, and notes on them."""
+    """The spans (start, end), s, that are not compared because rows are missing, and notes on them."""
     steps = np.diff(time)
     usual = float(np.median(steps))
     ends = np.flatnonzero(steps > max(MIN_GAP_S, 2.0 * MAX_ROW_CYCLES * usual)) + 1
@@ -266,8 +268,8 @@ def _find_gaps(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...
 
 
 def settled_time(time: Array, duty: Array, row: int) -> float:
-    """s at which what a robot did before a row no longer matters: soon for wheels that are driven, for those
-    that roll out when they stand."""
+    """Time, s, from which the motion before a row no longer matters: after `SETTLING_DRIVE_S` of driving both
+    wheels, at the latest after `ROLL_OUT_S`."""
     steps = np.diff(time[row:], append=time[-1])
     driven = np.cumsum(np.where(np.all(duty[row:] != 0.0, axis=1), steps, 0.0))
     enough = np.flatnonzero(driven >= SETTLING_DRIVE_S)
@@ -276,7 +278,7 @@ def settled_time(time: Array, duty: Array, row: int) -> float:
 
 
 def lengths_without_overlap(lost: Sequence[tuple[float, float]]) -> list[float]:
-    """The length (s) of each span, less what an earlier one covers. lost: in the order of their starts."""
+    """Length (s) of each span without what earlier spans cover. lost: sorted by start."""
     found, reached = [], -math.inf
     for start, end in lost:
         found.append(max(end - max(start, reached), 0.0))

@@ -1,4 +1,4 @@
-"""Several recordings of one robot as one log: short ones tell together what none of them does alone."""
+"""Joins several recordings of one robot into one log: together, short ones show what none shows alone."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from raccoon.diagnose.drives.log import Channel, Clocks, Log, Run
 from raccoon.diagnose.drives.stops import motors_brake
 
 PAUSE_S = 5.0
-"""s that are put between two recordings, in which nothing is commanded and nothing compared."""
+"""Pause between two recordings, s, without commands, in which nothing is compared."""
 
 
 @contextmanager
 def naming_recording(number: int) -> Iterator[None]:
-    """Say in a TraceError which of several recordings cannot be used. number: from 0."""
+    """Add to a TraceError which of several recordings it concerns. number: its index, from 0."""
     try:
         yield
     except TraceError as error:
@@ -29,13 +29,14 @@ def naming_recording(number: int) -> Iterator[None]:
 
 
 MAX_TOTAL_S = 600.0
-"""Of all recordings: 24 of 25 s take 3 GB, and 20 times as long as 40 s."""
+"""Longest total duration, s: 24 recordings of 25 s take 3 GB of memory, and 20 times as long as one of 40
+s."""
 
 
 def join_logs(logs: Sequence[Log]) -> Log:
-    """The logs one after the other as one, in the channels that all have. What was known of each is kept.
+    """One log of several logs in sequence, with the channels that all have. What was known of each is kept.
 
-    Raises TraceError where they have no channel in common, or are longer than `MAX_TOTAL_S`.
+    Raises TraceError if they have no channel in common or are longer than `MAX_TOTAL_S`.
     """
     if len(logs) == 1:
         return logs[0]
@@ -75,7 +76,7 @@ def join_logs(logs: Sequence[Log]) -> Log:
 
 
 def _start_times_note(parts: Sequence[Log]) -> str:
-    """Where each is in the time of all."""
+    """Note on the start of each recording on the common time axis."""
     starts = ", ".join(f"{number} at {each.time[0]:.1f} s" for number, each in enumerate(parts[1:], 2))
     return (
         f"times are those of all recordings one after the other; number {starts} (but where one recording is "
@@ -84,7 +85,7 @@ def _start_times_note(parts: Sequence[Log]) -> str:
 
 
 def _numbered_notes(logs: Sequence[Log]) -> list[str]:
-    """Each note once, with the numbers of the recordings that it is of."""
+    """Each distinct note with the numbers of its recordings."""
     numbers: dict[str, list[str]] = {}
     for number, log in enumerate(logs, 1):
         for note in log.notes:
@@ -93,7 +94,8 @@ def _numbered_notes(logs: Sequence[Log]) -> list[str]:
 
 
 def _dropped_channel_notes(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
-    """What some have and others lack, by the numbers of those: one of five must not cost the gyro unseen."""
+    """Notes on channels that are dropped because some recordings lack them, with the numbers of these
+    recordings: otherwise one recording of five could silently cost the gyro."""
     names = {each.role: each.name for log in logs for each in log.channels if each.role not in roles}
     told = []
     for role, name in names.items():
@@ -104,7 +106,7 @@ def _dropped_channel_notes(logs: Sequence[Log], roles: Sequence[str]) -> list[st
 
 
 def _missing_names(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
-    """Names of what some of them lack, and so all."""
+    """Names of channels that one of the recordings lacks, which are missing in the joined log."""
     dropped = [each.name for log in logs for each in log.channels if each.role not in roles]
     return [name for log in logs for name in log.missing] + dropped
 
@@ -118,8 +120,8 @@ def _joined_channel(channels: Sequence[Channel]) -> Channel:
 
 
 def _joined_brakes(logs: Sequence[Log]) -> NDArray[np.bool_] | None:
-    """What is known of one is no habit of another, which has no word of it where it never braked: of such a
-    one its stops tell."""
+    """The joined `brake` of logs; None if none records it. The brake values of one log say nothing about
+    another log, which has none if its robot never braked; there the stops decide."""
     if all(each.brake is None for each in logs):
         return None
     own = [
@@ -129,7 +131,8 @@ def _joined_brakes(logs: Sequence[Log]) -> NDArray[np.bool_] | None:
 
 
 def _with_stop(log: Log) -> Log:
-    """With a last row from which on nothing is commanded: one that ends while it drives does not drive on."""
+    """The log with a final row of duty 0, so that a recording that ends while it drives does not drive on in
+    the pause."""
     end = 2.0 * log.time[-1] - log.time[-2]
     brake = None if log.brake is None else np.concatenate([log.brake, log.brake[-1:]])
     return replace(
@@ -142,7 +145,7 @@ def _with_stop(log: Log) -> Log:
 
 
 def _shifted(log: Log, by: float) -> Log:
-    """As if it had been recorded so many s later."""
+    """The log on a time axis on which it is `by` s later."""
 
     def later(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         return tuple((start + by, end + by) for start, end in spans)
