@@ -8,9 +8,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from drive_traces import Errors, Segment, drive
+from drive_traces import LAG, Errors, Segment, drive
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import Truth
+from raccoon.core.readings import SIMULATOR, Truth
 from raccoon.estimate.drive.observations import (
     WheelTravel,
     heading_measurement,
@@ -323,3 +323,15 @@ def test_a_start_that_is_not_sure_stays_so_when_the_controller_is_known() -> Non
     assert (estimate.x, estimate.y, estimate.heading) == pytest.approx((1.0, 0.5, 0.3), abs=1e-6)
     assert (estimate.x_std, estimate.y_std) == pytest.approx((0.02, 0.02), rel=0.01)
     assert estimate.heading_std == pytest.approx(math.radians(3.0), rel=0.01)
+
+
+def test_counters_are_as_late_as_the_controller_is_known_to_be_by_its_first_cycle() -> None:
+    """Those of one whose counters are not late are taken for where the robot is now."""
+    late, at_once = Odometry(RobotConfig()), Odometry(RobotConfig())
+    unfiltered = replace(SIMULATOR, name="unfiltered", bemf_lag=0.0)
+    for inputs, command in drive([(0.5, 0.2, 0.0)], Errors(bemf_noise_counts=0.0, slip_noise=0.0)):
+        late.update(inputs, command)
+        at_once.update(replace(inputs, device=unfiltered), command)
+    assert inputs.truth is not None
+    assert late.estimate.x == pytest.approx(inputs.truth.x, abs=0.001)
+    assert inputs.truth.x - at_once.estimate.x == pytest.approx(0.2 * LAG, abs=0.001)
