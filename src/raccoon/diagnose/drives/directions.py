@@ -1,4 +1,4 @@
-"""Checks of the directions in which a robot turns: reversed motors, gyros that turn otherwise or not."""
+"""Checks of a drive's turning directions: reversed motors, and a gyro that does not match the wheels."""
 
 from __future__ import annotations
 
@@ -13,25 +13,26 @@ from raccoon.diagnose.drives.magnitudes import MIN_SAMPLES, wheel_rates, wheel_t
 Array = NDArray[np.float64]
 
 MIN_TURN_RATE, MAX_STILL_SHARE = 0.3, 0.1
-"""rad/s that the wheels must make where they turn the robot, and the share of it below which a gyro says that
-it does not turn."""
+"""RMS turn rate by the wheels, rad/s, above which the gyro must show a turn, and least share of it that the
+gyro must show. The former is also the least gyro offset, and least rate by each wheel, that are checked."""
 TURN_TOLERANCE, FREQUENT_SHARE, CHANCE_SHARE = 0.25, 0.03, 0.01
-"""Part by which a turn may differ from what wheels make that go against each other; share of the rows in
-which a robot surely turns so, and that are chance."""
+"""Relative tolerance of the gyro on the turn rate of wheels that run against each other; share of the rows in
+which it must match to be an error; and share of rows that counts as chance."""
 MAX_ZERO_SCATTER = 0.3
-"""Scatter of a gyro around its distance from the wheels, over that distance, up to which it is the zero."""
+"""Largest scatter of the difference of gyro and wheels, relative to its median, for it to be a zero
+offset."""
 MAX_WHEEL_CORRELATION = 0.9
-"""Correlation of the wheels from which each one's own share in the turns is not known."""
+"""Correlation of the wheels above which their separate contributions to the turns are not identifiable."""
 MIN_CLEAR_SHARE = 0.5
-"""Part of the gyro's power that the wheels must explain, and of a wheel's usual share of it: a wheel of the
-other sign is wrong by twice of that."""
+"""Least share of the gyro's power that the wheels must explain, and least magnitude of a wheel's coefficient,
+which is 1 for a right wheel and -1 for a reversed one."""
 MAX_SHARE = 2.0
-"""The most of it that is no chance."""
+"""Largest plausible coefficient."""
 
 
 def check_motor_directions(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where one motor turns the other way, with its reading as well: its own command and
-    reading agree, but what it does to the gyro does not."""
+    """Raise TraceError if one motor and its reading are both reversed: its command and reading agree, but the
+    gyro shows the opposite effect on the robot."""
     gyro, wheels, both = log.channel("gyro"), _wheels(log), wheel_rates(log, robot)
     if gyro is None or wheels is None or both is None:
         return
@@ -50,8 +51,8 @@ def check_motor_directions(log: Log, robot: RobotConfig) -> None:
 
 
 def check_wheel_directions(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where no command and no wheel's reading is ever below 0, but the gyro says that the
-    wheels turned the robot against each other."""
+    """Raise TraceError if no command and no wheel reading is ever negative, but the gyro shows that the
+    wheels ran against each other."""
     gyro, wheels, rates = log.channel("gyro"), _wheels(log), wheel_rates(log, robot)
     if gyro is None or wheels is None or rates is None or float(log.duty.min()) < 0.0:
         return
@@ -63,7 +64,7 @@ def check_wheel_directions(log: Log, robot: RobotConfig) -> None:
     against = turns & (np.abs(np.abs(gyro.values) - most) < TURN_TOLERANCE * most)
     straight = turns & (np.abs(gyro.values) < TURN_TOLERANCE * most)
     ways = [(against & (way * gyro.values > 0.0)).sum() for way in (-1.0, 1.0)]
-    # Of one motor that turns the other way they go against each other one way, and all the time.
+    # If one motor is reversed, the wheels run against each other in one direction only, and all the time.
     several = max(straight.sum(), min(ways)) > MIN_SAMPLES
     if against.sum() > max(FREQUENT_SHARE * known.sum(), MIN_SAMPLES) and several:
         names = ", ".join(each.name for each in wheels)
@@ -75,8 +76,8 @@ def check_wheel_directions(log: Log, robot: RobotConfig) -> None:
 
 
 def check_gyro_zero(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where the gyro differs from the wheels by the same all the time: of a robot that is
-    turned by a hand it does not."""
+    """Raise TraceError if the gyro differs from the wheels by a constant. (The difference is not constant
+    when a hand turns the robot.)"""
     gyro, rates = log.channel("gyro"), wheel_rates(log, robot)
     if gyro is None or rates is None:
         return
@@ -95,8 +96,8 @@ def check_gyro_zero(log: Log, robot: RobotConfig) -> None:
 
 
 def _find_reversed_wheel(both: Array, rate: Array) -> int | None:
-    """Which wheel turns the robot the other way than it reads, None where neither surely does. both (n, 2),
-    rate (n,): rad/s by the left and the right wheel, and by the gyro."""
+    """Index of the wheel that turns the robot opposite to its reading, None if neither clearly does. both (n,
+    2), rate (n,): turn rate by the left and the right wheel, and by the gyro, rad/s."""
     power = max(float(rate @ rate), 1e-300)
     alike = abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > MAX_WHEEL_CORRELATION
     if not alike:
@@ -108,7 +109,7 @@ def _find_reversed_wheel(both: Array, rate: Array) -> int | None:
             and shares.min() < -MIN_CLEAR_SHARE
         )
         return int(np.argmin(shares)) if clear else None
-    # Where both turn alike all the time only their sum and difference tell.
+    # If both wheels are always proportional, only their sum and difference are identifiable.
     explained = {way: _explained_power(both @ np.array(way), rate) / power for way in SIGNS}
     best = max(explained, key=lambda way: explained[way])
     if explained[best] < MIN_CLEAR_SHARE or explained[AS_WRITTEN] > 0.5 * explained[best]:
@@ -122,20 +123,21 @@ SIGNS = (AS_WRITTEN, (-1.0, 1.0), (1.0, -1.0))
 
 
 def _explained_power(expected: Array, rate: Array) -> float:
-    """Power of the gyro that a turn rate explains, with a factor that a robot may have."""
+    """Power of the gyro that a turn rate explains with a plausible factor; 0 if the factor is not
+    plausible."""
     square = float(expected @ expected)
     factor = float(expected @ rate) / square if square > 0.0 else 0.0
     return factor**2 * square if MIN_CLEAR_SHARE < factor < MAX_SHARE else 0.0
 
 
 def _describe_inversion(robot: RobotConfig, port: int) -> str:
-    """What to write into robot.toml."""
+    """Advice on the key `inverted` of a motor in robot.toml."""
     wanted = "false" if robot.motor(port).inverted else "true"
     return f"write inverted = {wanted} under [motor.{port}] in robot.toml"
 
 
 def check_gyro_turns(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where the gyro hardly turns although the wheels turn the robot."""
+    """Raise TraceError if the gyro hardly turns although the wheels turn the robot."""
     gyro, expected = log.channel("gyro"), wheel_turn_rate(log, robot)
     if gyro is None or expected is None:
         return
@@ -158,7 +160,8 @@ def check_gyro_turns(log: Log, robot: RobotConfig) -> None:
 
 
 def _against_each_other(log: Log) -> bool:
-    """Whether one wheel goes backwards whenever the other goes forwards: nobody spins on the spot only."""
+    """Whether one wheel always runs backwards when the other runs forwards: a drive of nothing but spins on
+    the spot is implausible."""
     wheels = _wheels(log)
     if wheels is None:
         return False

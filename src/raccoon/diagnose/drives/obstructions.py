@@ -1,12 +1,13 @@
-"""Stretches in which a robot did not drive freely: a wall or a hand held it, or it was lifted.
+"""Detects stretches in which a robot did not drive freely: held by a wall or a hand, or lifted.
 
-The simulated robot drives on a free floor. Where the real one pushed against a wall, what the wall did would
-be taken for friction, a deadband or a late reading, and where it was picked up its gyro says nothing of its
-wheels. Both are found from commands and readings alone, before anything is fitted, and left out.
+The simulated robot drives on a free floor. If the real one pushes against a wall, the effect would be taken
+for friction, a deadband or a late reading; if it is lifted, its gyro does not match its wheels. Both are
+detected from commands and readings alone, before anything is fitted, and left out.
 
-What a fault does must stay in. So each sign is one that no fault has: a load that comes to both wheels within
-a moment in which the command says nothing new, is as large as tyres that rub, and goes with the command; and
-a robot that turns, for half a second, as no wheel does, though its gyro and its wheels agree elsewhere.
+Effects of faults must stay in, so each criterion is one that no fault meets: a load that comes to both wheels
+almost at once while the command does not change, as large as that of rubbing tyres, and that ends with the
+command; or a turn of the robot for half a second that its wheels do not show, though gyro and wheels agree
+elsewhere.
 """
 
 from __future__ import annotations
@@ -30,45 +31,45 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 BIN_S = 0.02
-"""s over which commands and readings are averaged."""
-MAX_BINNED_ROW_S = 1.25 * BIN_S  # in which a hand is seen; when a load came, rows up to `MAX_ROW_S` tell
+"""Width of the bins of commands and readings, s."""
+MAX_BINNED_ROW_S = 1.25 * BIN_S  # to detect a hand; the onset of a load needs `MAX_ROW_S`
 RESPONSE_TIME_CONSTANT_S = 0.055
-"""s by which a usual wheel and its reading's filter follow a command, together."""
+"""Time constant, s, of a usual wheel together with its reading's filter."""
 FREE_BEFORE_S, LOADED_AFTER_S = ((0.3, 0.06), (0.9, 0.6)), (0.2, 0.44)
-"""s before a load comes and after it, in which it is not there yet, and all of it. At an angle to a wall a
-robot turns first, and its wheels carry the load one after the other."""
+"""Time before the onset of a load, s, (from, to) without it, for each way of contact; time after it with all
+of it. At an angle to a wall a robot turns first, and its wheels get the load one by one."""
 MIN_LOAD_SHARE = 0.06
-"""Of the battery's voltage, which a load must take of both wheels: a robot that spins its wheels at a wall
-loses 0.11 to 0.13 of it, one that drives up a steep ramp 0.04."""
+"""Least load on both wheels, over the battery's voltage: 0.11 to 0.13 for a robot that spins its wheels at a
+wall, 0.04 on a steep ramp."""
 DRIVEN_SHARE = 0.2
-"""Of the battery's voltage that drives a wheel: one that creeps with less may stick by itself."""
+"""Share of the battery's voltage above which a wheel is driven: below it, it may stick by itself."""
 MAX_DUTY_CHANGE = 0.1
-"""Of duty, by which a command may change before a load comes."""
+"""Largest change of duty before the onset of a load."""
 REMAINING_LOAD_SHARE = 0.4
-"""Part of a load with which it is still there."""
+"""Share of the least load above which the load still acts."""
 FIRST_LOAD_SHARE, READING_DELAY_S = 0.2, 0.1
-"""Part of a load from which one wheel has it, as where a corner touches a wall first and turns the robot; and
-s before, since readings are behind."""
+"""Share of the least load above which a single wheel has it (a corner may touch a wall first and turn the
+robot); and delay of the readings, s, by which the stretch begins earlier."""
 MIN_TURN_MISMATCH = 0.5
-"""rad/s and more by which a robot turns that turns as no wheel does, and as none does by more than half."""
+"""Least difference of gyro and wheels, rad/s, of a lifted robot; also more than half of the larger rate."""
 MIN_TURN_S = 0.4
-"""s for which it does, at least. In less a filter may be behind."""
+"""Shortest such difference, s; a shorter one may be due to a filter's delay."""
 AGREEMENT_RATE = 0.2
-"""rad/s within which gyro and wheels agree, and from which their scale is seen."""
+"""Difference, rad/s, within which gyro and wheels agree; and turn rate above which their scale shows."""
 AGREEMENT_SHARE, CHANCE_S = 0.15, 0.2
-"""Of a turn, by which two readings of it may differ that agree; and s for which they do so by chance."""
+"""Relative difference within which two turn rates agree; and longest agreement by chance, s."""
 MAX_UNREAD_S = 0.15
-"""s without a sample of a gyro or a wheel in which nobody knows how it turned."""
+"""Time without a sample of gyro or wheel, s, above which the turn is unknown."""
 AGREEMENT_S = 0.3
-"""s for which gyro and wheels agree where a robot is on its wheels again; and before and after it, in which
-it may be in the hand that turns it already, or still."""
+"""Least time, s, for which gyro and wheels agree if the robot is on its wheels; so much of it next to a
+stretch is left out too, since a hand may hold the robot already, or still."""
 MERGE_GAP_S = 2.0
-"""s between two such stretches that are one: a robot in a hand is turned to and fro."""
+"""Time, s, between two stretches up to which they are merged: a robot in a hand is turned to and fro."""
 
 
 @dataclass(frozen=True, slots=True)
 class ObstructedStretch:
-    """From when to when, in s, a robot did not drive freely, and what that was."""
+    """A stretch from `start` to `end`, s, in which a robot did not drive freely. why: HELD or LIFTED."""
 
     start: float
     end: float
@@ -83,11 +84,8 @@ _SENTENCES = {
 
 
 def leave_out_obstructed(log: Log, found: Sequence[ObstructedStretch]) -> Log:
-    """The log without what `find_obstructed_stretches` found: it is among what is lost, with a note. The same
-    log where nothing was found.
-
-    Raises TraceError where too little is left.
-    """
+    """The log with these stretches marked as lost, and notes on them; the same log without any. Raises
+    TraceError if too little remains."""
     if not found:
         return log
     by_reason = ([each for each in found if each.why == why] for why in (HELD, LIFTED))
@@ -99,13 +97,13 @@ def leave_out_obstructed(log: Log, found: Sequence[ObstructedStretch]) -> Log:
 
 
 def _describe_stretches(stretches: Sequence[ObstructedStretch]) -> str:
-    """In words, of stretches for one reason."""
+    """Note on stretches that have the same reason."""
     spans, sentence = describe_spans(spans_of(stretches)), _SENTENCES[stretches[0].why]
     return f"{spans} {sentence} Left out, since the simulated robot drives freely"
 
 
 def without_held_readings(log: Log) -> Log:
-    """The log without the readings of a robot that did not drive freely."""
+    """The log without readings from the spans in which the robot did not drive freely."""
     if not log.held:
         return log
     out = np.zeros(len(log.time), bool)
@@ -116,19 +114,19 @@ def without_held_readings(log: Log) -> Log:
 
 
 def find_held_spans(log: Log, robot: RobotConfig) -> tuple[tuple[float, float], ...]:
-    """s, from and to, in which a robot did not drive freely; none where the time does not advance."""
+    """Spans (start, end), s, in which the robot did not drive freely; none if time does not advance."""
     if len(log.time) < 2 or not bool((np.diff(log.time) > 0.0).all()):
         return ()
     return spans_of(find_obstructed_stretches(log, robot))
 
 
 def spans_of(found: Sequence[ObstructedStretch]) -> tuple[tuple[float, float], ...]:
-    """s, from and to, of each."""
+    """Span (start, end) of each stretch, s."""
     return tuple((each.start, each.end) for each in found)
 
 
 def find_obstructed_stretches(log: Log, robot: RobotConfig) -> tuple[ObstructedStretch, ...]:
-    """The stretches in which a robot did not drive freely, in the order of time."""
+    """The stretches in which the robot did not drive freely, in time order."""
     seen = _BinnedDrive.of(log, robot)
     if seen is None:
         return ()
@@ -139,9 +137,9 @@ def find_obstructed_stretches(log: Log, robot: RobotConfig) -> tuple[ObstructedS
 
 @dataclass(frozen=True, slots=True)
 class _BinnedDrive:
-    """A log in even bins. time (n,) s: their starts. duty (2, n): each wheel's command; volts (2, n): as far
-    as it has come through to the reading; speed (2, n): V of its back-EMF. gyro, wheels (n,) rad/s: what each
-    says of turning; NaN without one. full: V of the battery."""
+    """A log in even bins. time (n,): their starts, s. duty (2, n): each wheel's command. volts (2, n): the
+    command's voltage behind a usual wheel's response, V. speed (2, n): each wheel's back-EMF, V. gyro, wheels
+    (n,): turn rate by each, rad/s, NaN without it. full: the battery's voltage, V."""
 
     time: Array
     duty: Array
@@ -153,7 +151,8 @@ class _BinnedDrive:
 
     @classmethod
     def of(cls, log: Log, robot: RobotConfig) -> _BinnedDrive | None:
-        """The bins of a log, None without both wheels or where nothing was commanded."""
+        """The bins of a log; None without both wheels or without commands, if too short or with rows too
+        long."""
         left, right = (log.wheel(side) for side in ("left", "right"))
         short = log.seconds < MIN_DRIVE_S or median_step(log.time) > MAX_BINNED_ROW_S
         if left is None or right is None or short or not log.duty.any():
@@ -167,7 +166,7 @@ class _BinnedDrive:
         duty = np.stack([values_at_bins(log.time, each, time, BIN_S) for each in log.duty.T])
         supply = np.full(len(time), full)
         if battery is not None:
-            # Where a plug is loose wheels slow down with the battery.
+            # With a loose plug the wheels slow down with the battery's voltage.
             supply = _smooth(_bin_means(log.time, battery.values, time))
         volts = np.stack([np.convolve(each, keep / keep.sum())[: len(time)] for each in supply * duty])
         motors = (model.left, model.right)
@@ -188,28 +187,28 @@ class _BinnedDrive:
 
 
 def _bin_means(at: Array, values: Array, time: Array) -> Array:
-    """Means of the samples in each bin, lines over empty ones; NaN where there are no samples at all."""
+    """Means of the samples in each bin, interpolated over empty bins; NaN if there are no samples at all."""
     means = bin_means(bin_indices(at, time), values, len(time))
     filled = np.isfinite(means)
     return np.interp(time, time[filled], means[filled]) if filled.any() else means
 
 
 def _unread_bins(at: Array, values: Array, time: Array) -> Flags:
-    """The bins in stretches without samples, in which a robot may have turned: an interpolated rate says
-    nothing of it."""
+    """The bins in stretches without samples: an interpolated rate does not show how the robot turned in
+    them."""
     known = np.concatenate([[time[0]], at[np.isfinite(values)], [time[-1] + BIN_S]])
     after = np.clip(np.searchsorted(known, time + 0.5 * BIN_S), 1, len(known) - 1)
     return np.asarray(known[after] - known[after - 1] > MAX_UNREAD_S)
 
 
 def _smooth(values: Array) -> Array:
-    """Means over 0.1 s."""
+    """Moving average over 0.1 s."""
     return np.asarray(np.convolve(np.pad(values, 2, mode="edge"), np.full(5, 0.2), mode="valid"), float)
 
 
 def _lifted_bins(seen: _BinnedDrive) -> Flags:
-    """The bins in which the robot turned as no wheel did. None where gyro and wheels never agree: then
-    something else is wrong, another axis or a wheel without a plug."""
+    """The bins in which the robot turned as its wheels did not; none if gyro and wheels never agree, which is
+    another fault (another gyro axis, an unplugged wheel)."""
     nothing = np.zeros(len(seen.time), bool)
     if not np.isfinite(seen.gyro + seen.wheels).all():
         return nothing
@@ -235,8 +234,8 @@ def _lifted_bins(seen: _BinnedDrive) -> Flags:
 
 
 def _gyro_scale(seen: _BinnedDrive) -> tuple[float, int]:
-    """The factor of what the wheels say of turning with which the gyro agrees for longest, and for how long,
-    in bins, while they turn the robot. A moment is chance."""
+    """The factor on the turn rate by the wheels with which the gyro agrees for longest while they turn the
+    robot, and that time in bins. Agreement of less than CHANCE_S does not count."""
     best = (1.0, 0)
     for factor in np.linspace(0.6, 1.6, 51):
         expected = factor * seen.wheels
@@ -250,7 +249,7 @@ def _gyro_scale(seen: _BinnedDrive) -> tuple[float, int]:
 
 
 def _loaded_bins(seen: _BinnedDrive, free_for: tuple[float, float]) -> Flags:
-    """The bins in which both wheels carry a load that came without a command. free_for: s before it, free."""
+    """The bins in which both wheels carry a load without a new command. free_for: as in FREE_BEFORE_S."""
     found = np.zeros(len(seen.time), bool)
     way = np.sign(seen.volts)
     load = way * (seen.volts - seen.speed)
@@ -288,7 +287,7 @@ def _as_stretches(seen: _BinnedDrive, flags: Flags, why: str) -> list[Obstructed
 
 
 def _merged(stretches: Sequence[ObstructedStretch]) -> tuple[ObstructedStretch, ...]:
-    """In the order of time; those that overlap or are near to each other as one, named after the longer."""
+    """The stretches in time order; overlapping or near ones merged, with the reason of the longer one."""
     found: list[ObstructedStretch] = []
     for each in sorted(stretches, key=lambda one: one.start):
         if not found or each.start - found[-1].end > MERGE_GAP_S:

@@ -1,4 +1,4 @@
-"""A limit of how fast a command may change, between what a program asks for and what its motors get."""
+"""A slew limit between the commands of a program and what its motors get."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from raccoon.trace.recording import median_step
 Array = NDArray[np.float64]
 
 TRIED_RAMPS = (2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 8.0, 12.0)
-"""Duty a second."""
+"""Slew rates that are tried, duty per second."""
 MAX_RAMP_ERROR_RATIO, MIN_UNEXPLAINED = 0.1, 0.005
-"""Part of the error that a ramp leaves where there is one, and part of a reading's power that it is without.
-It was 0.01 to 0.03 of drives behind a ramp. A motor whose current is limited speeds up by a ramp as well, but
-brakes by a steeper one, since friction helps it then: of one with a fifth of the current that it draws when
-it stalls, on a heavy robot, 0.2 of the error was left by a ramp of 5."""
+"""Largest ratio of the error with a slew limit to that without one, and least unexplained share of a
+reading's power without one. The ratio was 0.01 to 0.03 for drives behind a slew limit. A motor with limited
+current also speeds up along a ramp, but brakes along a steeper one, since friction helps then: for a motor
+with a fifth of its stall current on a heavy robot, a slew limit of 5 left a ratio of 0.2."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """rate: duty a second by which what motors get changes at most. soft: whether only in what drives them
-    more, as a driver that starts softly; what drives them less acts at once."""
+    """A slew limit. rate: largest rate of the motors' duty, 1/s. soft: whether it only limits increases of
+    the magnitude, as a soft-starting driver does; decreases act at once."""
 
     rate: float
     soft: bool = False
 
     def given(self, time: Array, duty: Array) -> Array:
-        """What motors get of commands (n, wheels)."""
+        """The duty that the motors get, (n, wheels), for commands (n, wheels) at `time` (s)."""
         most = (self.rate * np.diff(time, prepend=time[0])).tolist()
         return np.stack([self._followed(each.tolist(), most) for each in duty.T], axis=1)
 
@@ -56,10 +56,11 @@ class Ramp:
 
 
 def estimate_ramp(time: Array, duty: Array, channel: Channel) -> float | None:
-    """The ramp, duty a second, behind which a wheel follows its command far better; None without one."""
+    """The slew rate, duty per second, with which a wheel follows its command far better; None if there is
+    none."""
     step = median_step(time)
     reach = round(MAX_DELAY_S / step)
-    # A wheel that coasts to its rest, and one that breaks loose from it, is slower than a command as well.
+    # A wheel that coasts to rest, or breaks loose from rest, also lags its command: such rows are left out.
     since = np.arange(len(duty)) - np.maximum.accumulate(np.where(duty == 0.0, np.arange(len(duty)), 0))
     known = np.flatnonzero(np.isfinite(channel.values) & (since > reach))
     if len(known) < MIN_READINGS or float(np.ptp(duty[known])) == 0.0:
@@ -81,7 +82,7 @@ def estimate_ramp(time: Array, duty: Array, channel: Channel) -> float | None:
 
 
 def _slew_limited(duty: Array, most: float) -> Array:
-    """A command that changes by that much a row, at most."""
+    """The command with its change per row limited to `most`."""
     now, found = float(duty[0]), []
     for each in duty.tolist():
         change = each - now

@@ -1,9 +1,9 @@
-"""Checks that wheels and gyro respond to the commands of their rows: signs that are lost, other times.
+"""Checks that wheels and gyro respond to the commands of their rows: lost signs, and mismatched times.
 
-Fits explain much: commands that are late became slip and a filter, rounded ones a reading's scale. So the
-simplest of wheels, which follows its command by a low-pass, a friction and an offset, is asked first, at
-every delay, and a family of better ones where it does not follow. Nothing in the catalogue makes one answer
-early, or lets a fifth of what it does be without a command.
+Fits can absorb such errors: late commands became slip and a filter, rounded ones a scale of the readings. So
+the simplest wheel model, which follows its command by a low-pass, dry friction and an offset, is tried first,
+at every delay, and a family of better models if it does not fit. No cause in the catalogue makes a wheel
+respond early, or leaves a fifth of its motion unexplained by the command.
 """
 
 from __future__ import annotations
@@ -27,33 +27,36 @@ from raccoon.diagnose.drives.response_models import (
 Array = NDArray[np.float64]
 
 EARLIEST_RESPONSE_S, EARLIEST_GYRO_RESPONSE_S = -0.015, -0.035
-"""s before which an answer is early, of a wheel and of a gyro, which no filter holds back. Where the command
-is one row late both still come after it."""
+"""Delay, s, below which a response is early: of a wheel, and of a gyro, which has no filter that delays it.
+If commands are logged one row late, both are still above it."""
 MAX_GYRO_LEAD_S = -0.055
-"""s by which a gyro may be ahead of what wheels read behind their filters: it was 0.03 of 120 drives."""
+"""Delay of the gyro relative to the wheels' filtered readings, s, below which it is early; it led by 0.03 s
+at most in 120 drives."""
 MAX_UNEXPLAINED = 0.25
-"""Part of a reading's power that commands leave from which they do not explain it: it was 0.05 at most of 67
+"""Unexplained share of a reading's power above which the commands do not explain it: 0.05 at most in 67
 drives with each cause in turn, up to twice its usual size."""
 MAX_UNEXPLAINED_GYRO, MIN_TURN_DUTY_STD = 0.5, 0.1
-"""The same of a gyro, of which it was 0.06 at most; and how much commands must turn a robot to say so."""
+"""The same for a gyro, for which it was 0.06 at most; and least standard deviation of the turning duty for
+this check."""
 DIRECTIONS = ((1.0, "below"), (-1.0, "above"))
 MAX_SLOW_RAMP = 5.0
-"""Duty a second up to which it is a ramp: a limit of the current may look like a ramp of 8."""
+"""Largest slew rate that is an error, duty per second: a current limit may look like a slew limit of 8."""
 MAX_UNDRIVEN_RANGE = 0.5
-"""Part of the other wheel's range that no wheel has which is not driven."""
+"""Range of an undriven wheel's reading, relative to the other wheel's, above which it must have been
+driven."""
 DRIVEN_DUTY, TURNING_SHARE, FREQUENT_SHARE = 0.2, 0.3, 0.05
-"""Duty that surely drives a wheel; part of the largest reading that surely turns; and share of the rows that
-are no chance."""
+"""Duty that clearly drives a wheel; share of the largest reading that is clearly a turn; and share of the
+rows above which something is no chance."""
 MIN_SPEED_CORRELATION = 0.67
-"""Correlation with the size of the commands from which a reading without a sign is one of speed: it was 0.83
-and more of speeds, and 0.51 at most of angles, on 18 blind drives."""
+"""Correlation with the magnitude of the commands above which an unsigned reading is a speed: at least 0.83
+for speeds and at most 0.51 for angles on 18 blind drives."""
 MIN_TURN_RATE, MIN_SAME_SHARE, MIN_TURNING_ROWS = 0.5, 0.9, 100
-"""rad/s at which wheels must differ; share of such rows in which they read the very same where one column was
-written twice (of noise few are), and how many of them tell."""
+"""Turn rate, rad/s, at which the wheels must differ; share of equal readings in such rows above which one
+column was written twice (noise makes few equal); and least number of such rows."""
 
 
 def check_signs(log: Log) -> None:
-    """Raise TraceError where a command or a reading has lost its sign, or one wheel's stands for both."""
+    """Raise TraceError if a command or a reading has lost its sign, or both wheels have the same column."""
     _check_different_columns(log)
     for index, wheel, command in _measured_wheels(log):
         _check_command_sign(log.duty[:, index], wheel, command)
@@ -65,7 +68,8 @@ def check_signs(log: Log) -> None:
 
 
 def _check_different_columns(log: Log) -> None:
-    """Raise TraceError where both wheels read the same, though their commands differ or the gyro turns."""
+    """Raise TraceError if both wheels have equal readings although their commands differ or the gyro
+    turns."""
     left, right, gyro = log.wheel("left"), log.wheel("right"), log.channel("gyro")
     if left is None or right is None:
         return
@@ -105,7 +109,7 @@ def _check_reading_sign(duty: Array, channel: Channel, said: tuple[str, str]) ->
     for way, to in DIRECTIONS:
         against = way * duty < -DRIVEN_DUTY
         both = _is_frequent(way * duty > DRIVEN_DUTY) and _is_frequent(against)
-        both = both and bool(np.ptp(reading[against]) > 0.0)  # one that repeats itself holds no size either
+        both = both and bool(np.ptp(reading[against]) > 0.0)  # a constant holds no magnitude either
         if both and not (way * reading < -least).any() and _is_frequent(way * reading[against] > least):
             was_driven, who = said
             raise TraceError(
@@ -115,7 +119,8 @@ def _check_reading_sign(duty: Array, channel: Channel, said: tuple[str, str]) ->
 
 
 def _describe_unsigned(duty: Array, size: Array, way: float, who: str) -> str:
-    """What a reading holds that never changes its sign. size: the reading, taken for positive."""
+    """Describes a reading that never changes its sign: an offset, an absolute speed or an angle. size: the
+    reading with a positive sign."""
     as_signed, as_fast = (float(np.corrcoef(each, size)[0, 1]) for each in (way * duty, np.abs(duty)))
     if as_signed > max(MIN_SPEED_CORRELATION, as_fast):
         return "its zero is off; take off what it says at rest"
@@ -125,8 +130,8 @@ def _describe_unsigned(duty: Array, size: Array, way: float, who: str) -> str:
 
 
 def _check_word_overflow(wheel: Channel) -> None:
-    """Raise TraceError where numbers below 0 were written as words without a sign: they are the largest
-    then."""
+    """Raise TraceError if negative numbers were written as unsigned words, which makes them the largest
+    ones."""
     known = wheel.values[np.isfinite(wheel.values)]
     for bits in (16, 32):
         beyond = np.abs(known) > 0.75 * 2.0**bits
@@ -138,12 +143,12 @@ def _check_word_overflow(wheel: Channel) -> None:
 
 
 def _surely_turning_size(reading: Array, channel: Channel) -> float:
-    """The size of a reading from which on something surely turns, in its unit."""
+    """Magnitude of a reading above which something clearly turns, in the reading's unit."""
     return max(TURNING_SHARE * float(np.percentile(np.abs(reading), 99.0)), 5.0 * channel.floor)
 
 
 def _turn_command(log: Log) -> Array:
-    """Duty by which the commands turn the robot, to the left where positive, as a gyro reads it."""
+    """The turning part of the commands, duty, positive to the left as for a gyro."""
     return np.asarray(0.5 * (log.duty[:, 1] - log.duty[:, 0]), float)
 
 
@@ -152,7 +157,7 @@ def _is_frequent(flags: NDArray[np.bool_]) -> bool:
 
 
 def check_responses(log: Log) -> None:
-    """Raise TraceError where a wheel or the gyro answers before its command, or does not follow it at all."""
+    """Raise TraceError if a wheel or the gyro responds before its command, or does not follow it at all."""
     for index, wheel, command in _measured_wheels(log):
         _check_undriven_wheel(log, index, wheel, command)
         response = estimate_response(
@@ -184,7 +189,7 @@ def check_responses(log: Log) -> None:
 
 def _check_gyro(log: Log) -> None:
     gyro, turn = log.channel("gyro"), _turn_command(log)
-    # What unequal wheels do to a robot that drives straight is no command's.
+    # While the robot drives straight, its turns come from unequal wheels and not from commands.
     if gyro is None or not float(np.std(turn)) > MIN_TURN_DUTY_STD:
         return
     response = estimate_response(
@@ -211,7 +216,7 @@ def _check_gyro(log: Log) -> None:
 
 
 def _response_to_wheels(log: Log, gyro: Channel) -> Response | None:
-    """The response of a gyro to the readings of both wheels; None where one of them is not read."""
+    """The response of a gyro to the readings of both wheels; None if one of them has too few readings."""
     left, right = log.wheel("left"), log.wheel("right")
     if left is None or right is None:
         return None
@@ -225,7 +230,7 @@ def _response_to_wheels(log: Log, gyro: Channel) -> Response | None:
 
 
 def _check_undriven_wheel(log: Log, index: int, wheel: Channel, command: str) -> None:
-    """Raise TraceError where a wheel moves although its command never changes, while the other's does."""
+    """Raise TraceError if a wheel moves although its command is constant and only the other's changes."""
     duty, other = log.duty[:, index], log.duty[:, 1 - index]
     if np.ptp(duty) > 0.0 or not np.ptp(other) > DRIVEN_DUTY:
         return
@@ -241,7 +246,7 @@ def _check_undriven_wheel(log: Log, index: int, wheel: Channel, command: str) ->
 
 
 def _measured_wheels(log: Log) -> Iterator[tuple[int, Channel, str]]:
-    """Of each wheel that is measured: its place in the commands, its channel, the name of its command."""
+    """Index in the commands, channel, and name of the command of each measured wheel."""
     for index, side in enumerate(("left", "right")):
         wheel = log.wheel(side)
         if wheel is not None:
@@ -253,8 +258,8 @@ def _reading_range(wheel: Channel) -> float:
 
 
 def _find_slow_ramp(log: Log) -> float | None:
-    """Duty a second of the first wheel's ramp where all wheels are behind a slow one; else None, in a sound
-    drive after the first wheel."""
+    """Slew rate of the first wheel, duty per second, if all wheels are behind a slow slew limit; else None.
+    For a drive without one, only the first wheel is evaluated."""
     ramps: list[float | None] = []
     for index, wheel, _ in _measured_wheels(log):
         ramps.append(estimate_ramp(log.time, log.duty[:, index], wheel))

@@ -1,4 +1,4 @@
-"""Rows that are no drive from beginning to end: turned round, or two recordings one after the other."""
+"""Checks that the rows are one drive in time order: not reversed, and not two recordings in sequence."""
 
 from __future__ import annotations
 
@@ -23,28 +23,29 @@ from raccoon.trace.recording import median_step
 Array = NDArray[np.float64]
 
 MAX_REVERSED_ERROR_RATIO = 0.5
-"""Part of the error that is left where commands are taken to follow the readings, from which they do. Where
-they do not it is at least 1."""
+"""Largest ratio of the error in reversed order (commands after their readings) to that in the given order,
+for rows that are reversed. For other rows it is at least 1."""
 MIN_REVERSED_ERROR_FACTOR = 1.08
-"""Times the error of late commands that the opposite order has where they are late. It was 1.17 at least
-there, and 0.98 at most of drives that were turned round."""
+"""Factor on the error of delayed commands up to which the reversed order counts as better. The ratio of the
+errors (reversed to delayed) was at least 1.17 for late commands, and at most 0.98 for reversed drives."""
 MAX_READING_STEP_S = 0.0125
-"""s between readings up to which a wheel that stops takes several of them: the fastest answer in 20 ms."""
+"""Longest time between readings, s, for the search of jumps: with it a wheel that stops takes several
+readings, as the fastest response takes 20 ms."""
 ROW_TOLERANCE = 0.3
-"""Part of the usual row by which one may be longer, where nothing is lost."""
+"""Relative tolerance on the usual row duration, beyond which rows are lost."""
 BOTH_JUMP_SHARE, SINGLE_JUMP_SHARE = 0.08, 0.25
-"""Parts of the largest reading by which both wheels jump, or one by itself."""
+"""Least jump, as a share of the largest reading: of both wheels at once, and of a single one."""
 MAX_MOVE_AROUND_JUMP = 0.3
-"""Part of a jump that the reading moves by just before and after it, together. A wheel that stops at once
+"""Largest movement just before and after a jump together, as a share of the jump. A wheel that stops at once
 goes on with 0.6 of it and more, and a spike goes back by all of it."""
 READINGS_AROUND, MAX_SINGLE_MOVE = 3, 0.6
-"""Readings around a jump, and the part of it by which none of them may move: where a reading is now and then
-a row late, a wheel that is turned round goes through 0 in steps of a tenth of the largest reading, and stands
-in between."""
+"""Number of readings on either side of a jump, and largest step between them as a share of the jump. If
+readings are now and then a row late, a reversing wheel passes 0 in steps of a tenth of the largest reading
+with stops in between, which is no jump."""
 
 
 def check_row_order(log: Log) -> None:
-    """Raise TraceError where readings come before their commands, or jump as none does."""
+    """Raise TraceError if readings come before their commands, or jump as no wheel does."""
     wheels = [log.wheel(side) for side in ("left", "right")]
     measured = [each for each in wheels if each is not None and each.unit == "counts"]
     if len(measured) < len(wheels):
@@ -73,7 +74,7 @@ def check_row_order(log: Log) -> None:
 
 
 def _is_reversed(log: Log, index: int, wheel: Channel) -> bool:
-    """Whether commands follow a wheel's readings, and not the other way round."""
+    """Whether the commands follow a wheel's readings rather than precede them."""
     known = np.isfinite(wheel.values)
     if known.sum() < MIN_READINGS:
         return False
@@ -88,7 +89,7 @@ def _is_reversed(log: Log, index: int, wheel: Channel) -> bool:
 
 
 def _is_late_instead(log: Log, wheels: Sequence[Channel]) -> bool:
-    """Whether a delay of the commands explains the readings better than the opposite order does."""
+    """Whether a delay of the commands explains the readings better than the reversed order does."""
     left = []
     for index, each in enumerate(wheels):
         turned = replace(each, values=each.values[::-1])
@@ -102,7 +103,8 @@ def _is_late_instead(log: Log, wheels: Sequence[Channel]) -> bool:
 
 
 def _find_jumps(time: Array, values: Array, share: float) -> NDArray[np.bool_]:
-    """Rows (rows,) at which a reading is at once where it stays, that part of the largest reading away."""
+    """Flags (rows,) of rows at which a reading jumps by at least `share` of the largest reading and stays
+    there."""
     found = np.zeros(len(values), bool)
     known = np.flatnonzero(np.isfinite(values))
     fresh = known[np.concatenate([[True], np.diff(values[known]) != 0.0])] if len(known) else known
@@ -114,7 +116,7 @@ def _find_jumps(time: Array, values: Array, share: float) -> NDArray[np.bool_]:
     around = size[:-2] + size[2:]
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(size, READINGS_AROUND), 2 * READINGS_AROUND + 1)
     beside = np.delete(windows, READINGS_AROUND, axis=1).max(axis=1)[1:-1]
-    # A wheel that was too fast to be read for a while has no readings then, and may be anywhere after it.
+    # A wheel that is too fast for its sensor has no readings for a while, and may have any speed after that.
     known_until = np.diff(time[fresh])[1:-1] <= MAX_READING_STEP_S
     jump = size[1:-1]
     rows = fresh[2:-1][
