@@ -1,4 +1,4 @@
-"""The simulated robot behind a port: commands down, raw words up, one controller cycle a read."""
+"""The simulated robot as a Port: takes commands, gives raw words, one controller cycle per read."""
 
 from __future__ import annotations
 
@@ -37,16 +37,18 @@ from raccoon.sim.world.table import World
 
 
 class SimPort:
-    """A Port whose robot is the plant; its counters count in the ticks of `robot` (`effects.calibrated`).
+    """A Port whose robot is simulated by the plant. Its position counters count in the ticks for which
+    `robot` is calibrated (`effects.calibrated`).
 
-    A read lets one period pass under the last written command; the first one shows the robot at time 0, at
-    rest. `write` and `read` after `close` raise HardwareError.
+    Each read advances the simulation by one period (1 / rate_hz) under the last written command; the first
+    read gives the robot at time 0, at rest. `write` and `read` after `close` raise HardwareError.
 
-    parameters: the plant. world: by default the Botball-size table. robot: whose ports, wiring and sensors
-    the words are for, by default that of the parameters. start: pose in the world (m, m, rad). truth: whether
-    Inputs.truth says where the robot is. noise: False for sensors that scatter by nothing, or how much.
-    imu_rate_hz: how often a new IMU reading comes. physics_step: s, no step of the plant is longer.
-    The same seed gives the same run.
+    parameters: the simulated robot. world: its table, by default the one of Botball size. robot: the
+    robot.toml whose ports, wiring and sensors the words are made for, by default that of the parameters.
+    start: pose in the world (m, m, rad). truth: whether Inputs.truth contains the true pose. noise: False for
+    sensors without noise, or a `Noise` with its standard deviations. imu_rate_hz: rate of new IMU readings.
+    physics_step: longest step of the plant, s. The same seed gives the same run. Raises ConfigError for rates
+    and steps out of range and a start that is not finite.
     """
 
     def __init__(
@@ -92,7 +94,7 @@ class SimPort:
             each.motor: FreeMotor(config, each.motor, each.inertia, device, each.stops)
             for each in config.mechanisms.values()
         }
-        """The motors of the mechanisms by port."""
+        """The motors of the mechanisms, by motor port."""
         self._bumpers = Bumpers(config.bumpers.values(), self._world, parameters.robot.body)
         self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz, lag)
         tophats = [Tophat(each, parameters) for each in config.tophats.values()]
@@ -107,10 +109,11 @@ class SimPort:
         self._cycle = -1
         self._closed = False
         self.button: bool | None = None
-        """Whether the controller's button is pressed, whoever stands by; None where that is as they do."""
+        """Whether the controller's button is pressed, overriding the simulated bystander; None: the bystander
+        decides."""
 
     def read(self) -> Inputs:
-        """The next cycle. Raises HardwareError after close."""
+        """Advance by one period and return the readings. Raises HardwareError after close."""
         if self._closed:
             raise HardwareError("the simulated robot is closed")
         if self._cycle >= 0:
@@ -124,13 +127,13 @@ class SimPort:
         return self._inputs()
 
     def write(self, outputs: Outputs) -> None:
-        """Command motors until the next write. Raises HardwareError after close."""
+        """Command the motors until the next write. Raises HardwareError after close."""
         if self._closed:
             raise HardwareError("the simulated robot is closed: it takes no commands")
         self._outputs = outputs
 
     def close(self) -> None:
-        """Motors off."""
+        """Turn the motors off and end the simulation."""
         self._outputs = STOP
         self._closed = True
 
@@ -162,7 +165,7 @@ class SimPort:
         )
 
     def _motor_words(self, state: State) -> tuple[Words, Words]:
-        """Back-EMF counts and counter ticks of every port."""
+        """Back-EMF, counts, and position, ticks, of every motor port."""
         left, right = self._ports
         bemf: list[float | None] = [0] * MOTOR_PORTS
         position: list[float | None] = [0] * MOTOR_PORTS
@@ -188,9 +191,10 @@ def open_simulated(
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
     robot: Parameters | None = None,
 ) -> SimPort:
-    """The simulated robot of a robot.toml.
+    """The simulated robot of a robot.toml, as a port.
 
-    robot: the plant, by default that with the motors that `config` has calibrated; the rest as of `SimPort`.
+    robot: the parameters of the plant, by default those with the K_E that the calibration in `config`
+    implies. The other arguments are as in `SimPort`. Raises ConfigError as `SimPort` does.
     """
     if robot is None:
         robot = calibrated_robot(config, simulated_device(config))
@@ -198,7 +202,8 @@ def open_simulated(
 
 
 def _wired(parameters: Parameters, config: RobotConfig) -> Parameters:
-    """The robot of these parameters on the ports of `config`, with its wiring and its sensors."""
+    """These parameters with the ports, wiring and sensors of `config`; the motors' constants, body and model
+    stay their own."""
     own = parameters.robot
     wheels = {
         getattr(config.drive, side): replace(
@@ -211,8 +216,8 @@ def _wired(parameters: Parameters, config: RobotConfig) -> Parameters:
 
 
 def _with_chain(device: Device, config: RobotConfig, chain: Chain, period: float) -> Device:
-    """The words as this chain makes them in rows of `period` s: how late back-EMF is, by its filter, and how
-    long its samples take."""
+    """The device with the properties of this chain in rows of `period` s: the lag of back-EMF in its filter,
+    s, and the share of the time in which the motors are driven."""
     cycle = period / cycle_count(period, chain.cycle)
     counted = period_of(cycle, chain.cycle)
     return replace(

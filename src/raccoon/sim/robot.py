@@ -1,4 +1,4 @@
-"""The plant as a robot in a world: one controller cycle at a time."""
+"""The plant as a robot in a world, advanced by one period at a time."""
 
 from __future__ import annotations
 
@@ -19,13 +19,17 @@ from raccoon.sim.world.table import World
 
 Noise = Sequence[Sequence[float]]
 MIN_SLIP_RATE = 1e-6
-"""rad/s that no gyro sees."""
+"""Turn rate of a slip in the gyro's low-pass, rad/s, below which it is set to 0: too small for any gyro to
+measure."""
 
 
 class SimulatedRobot:
-    """Steps the plant by one period a call, remembers commands for their latency, minds walls and ramps.
+    """The plant with its command history, in contact with the walls and ramps of a world. A call of `step`
+    advances it by one period.
 
-    start: pose in the world. body: the box that bumps into things.
+    period, cycle (of the controller) and longest_step: s. slots: where in a cycle the left and the right
+    motor are sampled, 1 is its end. start: pose in the world (m, m, rad). body: the outline that touches
+    obstacles.
     """
 
     def __init__(
@@ -48,8 +52,8 @@ class SimulatedRobot:
         self._contact = Contact(world, body, plant, period, start)
         self._plant = self._contact.with_loads(plant, start[0], start[1])
         self.tilt = self._contact.tilt(start, 0.0)
-        """See `Contact.tilt`: in the last step."""
-        self._slipped = 0.0  # rad/s, slip as the gyro's low-pass follows it
+        """Tilt in the last step, as `Contact.tilt` returns it."""
+        self._slipped = 0.0  # rad/s, turn rate of the slip after the gyro's low-pass
         low_pass = plant.low_pass
         self._follows = 1.0 if low_pass == 0.0 else -math.expm1(-period / low_pass)
         self._start_x, self._start_y, self._start_heading = start
@@ -65,7 +69,7 @@ class SimulatedRobot:
 
     @property
     def state(self) -> State:
-        """Of the plant, with the speeds of the robot itself where tyres slip at a wall."""
+        """State of the plant; while tyres slip at a wall, its robot speeds and gyro rate include the slip."""
         slip, seen = self._contact.slip, self._rolled
         if slip is NO_SLIP and self._slipped == 0.0:
             return seen
@@ -86,7 +90,11 @@ class SimulatedRobot:
         )
 
     def step(self, duty: tuple[float, float], closed: tuple[bool, bool], noise: Noise) -> None:
-        """One period under a command. closed: whether a motor is connected. noise: counts, left and right."""
+        """Advance by one period under a command.
+
+        duty: left and right, forward positive. closed: whether each motor is connected. noise: counts on each
+        back-EMF sample of the period, left and right.
+        """
         for past, value in zip(self._past, (*duty, *closed), strict=True):
             if self._rows > 1:
                 past[:-1] = past[1:]
@@ -121,9 +129,11 @@ class SimulatedRobot:
 def bridge_commands(
     outputs: Outputs, ports: tuple[int, int], signs: tuple[float, float]
 ) -> tuple[tuple[float, float], tuple[bool, bool]]:
-    """Duties that turn the wheels forward, and whether each motor is connected, from the board's outputs.
+    """The duties of the wheels, left and right, forward positive, and whether each motor is connected, from
+    the board's outputs.
 
-    A motor is connected while it has a duty or brakes (then its winding is shorted); otherwise it coasts.
+    ports: motor ports, left and right. signs: of the wiring. A motor is connected while its duty is not 0 or
+    it brakes (at duty 0 its winding is then shorted); otherwise it coasts.
     """
     left, right = ports
     duty = (signs[0] * outputs.duty[left], signs[1] * outputs.duty[right])

@@ -1,4 +1,4 @@
-"""What the simulated tophats read over a world."""
+"""The readings of simulated tophats over a world."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ SENSOR_GENERATION = "new"
 
 
 class Tophat:
-    """One sensor with its effects.
+    """One simulated tophat with its effects.
 
-    The reading is factor * counts + offset, where counts follow the reflectance model at the sensor's height.
+    Its reading is factor * counts + offset, with the counts of the reflectance model at the sensor's height.
     """
 
     def __init__(self, config: TophatConfig, parameters: Parameters) -> None:
@@ -29,7 +29,8 @@ class Tophat:
         self._factor = parameters.value("tophat.gain", "factor", where)
         self._offset = parameters.value("tophat.ambient_light", "offset", where)
         self._floor = (self._counts(0.0, 0.0), self._counts(1.0, 0.0))
-        # Where the distance to a line was last measured, and how much of it is certain not to be used up.
+        # Where the distance to a line was last computed, and how far the sensor may move from there before
+        # its spot can reach an edge.
         self._x = self._y = 0.0
         self._slack = -1.0
         self._black = False
@@ -37,15 +38,18 @@ class Tophat:
     def read(
         self, world: World, x: float, y: float, cosine: float, sine: float, time: float
     ) -> tuple[float, bool]:
-        """Counts (not rounded, not limited) and whether the floor under it is black, for a robot's pose."""
+        """The reading, counts (not rounded, not limited), and whether the floor under the sensor is black,
+        for a robot at (x, y), m, with this cosine and sine of its heading."""
         at_x = x + self._forward * cosine - self._left * sine
         at_y = y + self._forward * sine + self._left * cosine
-        # A distance changes by no more than the way driven, so far from an edge it need not be measured.
+        # The distance to an edge changes by no more than the sensor moves, so far from edges the last result
+        # still holds.
         if math.hypot(at_x - self._x, at_y - self._y) < self._slack:
             dark = 1.0 if self._black else 0.0
         else:
             distance, width = world.nearest_line(at_x, at_y)
-            # Beyond its near edge, but not beyond the far one, where a line is thinner than the spot.
+            # The part beyond the line's near edge, less that beyond its far edge: a line may be narrower than
+            # the spot.
             dark = darkness(distance, self._spot) - darkness(distance + width, self._spot)
             self._x, self._y = at_x, at_y
             self._slack, self._black = abs(distance) - self._spot, distance < 0.0
@@ -54,7 +58,7 @@ class Tophat:
         return self._counts(dark, world.ambient(at_x, at_y, time)), self._black
 
     def over(self, black: bool, ambient: float = 0.0) -> float:
-        """Counts over black or white paper. ambient: as of a table's lights."""
+        """Counts over black or white paper. ambient: level of light, 0 indoors, 1 direct sun."""
         return self._counts(1.0 if black else 0.0, ambient)
 
     def _counts(self, dark: float, ambient: float) -> float:
@@ -62,7 +66,8 @@ class Tophat:
 
 
 def darkness(distance: float, radius: float) -> float:
-    """Share of a spot that lies beyond a straight edge `distance` m from its middle (negative: past it)."""
+    """Share, 0..1, of a round spot that lies beyond a straight edge. distance: from the spot's centre to the
+    edge, m, negative if the centre is beyond it. radius: of the spot, m."""
     t = distance / radius
     if t >= 1.0:
         return 0.0

@@ -1,4 +1,4 @@
-"""From true quantities to the words of a controller: the analog converter and the IMU."""
+"""The words of a simulated controller from true quantities: analog converter and IMU."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from raccoon.sim.world.table import World
 
 
 class NormalNumbers:
-    """Normal random numbers from one generator, drawn many at a time."""
+    """Normal random numbers from one generator, drawn in batches."""
 
     def __init__(self, random: np.random.Generator) -> None:
         self._random = random
         self._stock: list[float] = []
 
     def next(self) -> float:
-        """The next number, of standard deviation 1."""
+        """The next number, with mean 0 and standard deviation 1."""
         try:
             return self._stock.pop()
         except IndexError:
@@ -34,13 +34,14 @@ class NormalNumbers:
 
 
 TIME_TOLERANCE_S = 1e-6
-"""s by which a time that is the sum of a million steps may be off, with room to spare."""
+"""Tolerance when simulated times are compared, s: a bound, with room to spare, on the rounding error of a
+time that is the sum of a million steps."""
 
 
 class Imu:
     """Gyro and accelerometer with their effects, at their own rate.
 
-    lag: s before the end of each period at which the plant's gyro looks.
+    rate_hz: rate of new readings. lag: how long before the end of each period the plant's gyro is sampled, s.
     """
 
     def __init__(
@@ -58,7 +59,8 @@ class Imu:
         self._speed = self._speed_time = 0.0
 
     def read(self, state: State, tilt: tuple[float, float]) -> tuple[Vector, Vector] | None:
-        """Words of gyro and accelerometer, or None where there is nothing new. tilt: see `Contact.tilt`."""
+        """Words of gyro and accelerometer; None if no new reading is due. tilt: as `Contact.tilt` returns
+        it."""
         rate = self._delayed(state.time, state.gyro_rate)
         if state.time < self._due - TIME_TOLERANCE_S:
             return None
@@ -81,8 +83,8 @@ class Imu:
         return word(x, scale), word(y, scale), word(z, scale)
 
     def _delayed(self, time: float, rate: float) -> float:
-        """The latest rate that is as old as the latency: the plant's gyro looks when within a period that is
-        (see `physical.gyro_lag`)."""
+        """The latest turn rate, rad/s, that is at least as old as the latency. The plant's gyro is sampled
+        where within a period that moment lies (`physical.gyro_lag`)."""
         past = self._past
         past.append((time - self._lag, rate))
         while len(past) > 1 and past[1][0] <= time - self._latency + 1e-9:
@@ -94,7 +96,7 @@ FULL_SCALE = SIMULATOR.analog_full_scale
 
 
 class AnalogConverter:
-    """The 12-bit converter: battery and analog ports."""
+    """The 12-bit analog-to-digital converter: battery and analog ports."""
 
     def __init__(
         self, tophats: list[Tophat], noise: Noise, scatter: NormalNumbers, bystander: SimulatedBystander
@@ -102,7 +104,7 @@ class AnalogConverter:
         self._tophats = tophats
         self._bystander = bystander
         self._noise, self._scatter = noise, scatter
-        # An analog port with nothing plugged in floats somewhere in its range, and one a cycle moves.
+        # An unconnected analog port floats somewhere in its range; one of them changes in each cycle.
         wired = {each.port for each in tophats}
         self._floating = [port for port in range(ANALOG_PORTS) if port not in wired]
         spread = 400.0 if noise.analog else 0.0
@@ -113,13 +115,17 @@ class AnalogConverter:
         self._cycle = 0
 
     def battery(self, voltage: float) -> int:
-        """Counts for the reported battery voltage."""
+        """Counts of the battery. voltage: as the controller reports it, V."""
         return self._word(voltage / SIMULATOR.battery_volts, self._noise.battery)
 
     def analog(
         self, world: World, pose: tuple[float, float, float], heading: tuple[float, float], time: float
     ) -> tuple[Words, Flags]:
-        """Counts of every port, and whether the floor under each tophat is black (None: no tophat)."""
+        """Counts of every analog port, and whether the floor under each tophat is black (None: no tophat at
+        this port).
+
+        pose: m, m, rad. heading: its cosine and sine. time: s.
+        """
         words = self._words
         if self._floating:
             port = self._floating[self._cycle % len(self._floating)]

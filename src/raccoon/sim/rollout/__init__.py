@@ -1,1 +1,1 @@
-"""Open-loop runs along recorded commands, of one robot or of many side by side."""
+"""Open-loop simulation along recorded commands, of one robot or of many side by side."""

@@ -1,4 +1,4 @@
-"""Recorded commands, as the plant takes them."""
+"""Recorded motor commands in the form the plant takes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Commands:
-    """One command a row: given at time[i], in force until time[i + 1]. Arrays of one length n.
+    """Motor commands, one per row: command i is given at time[i] and in force until time[i + 1]. All arrays
+    have the same length n.
 
-    Raises ConfigError naming the row of a number that is not finite, a duty outside -1..1, or a time that
-    does not rise.
+    time: s, increasing. left, right: duty -1..1, positive drives the wheel forward. closed_left,
+    closed_right: 1 where the motor is connected (driven, or braked at duty 0), 0 where it coasts.
 
-    time: s, rising. left, right: duty -1..1, positive drives the wheel forward. closed_left, closed_right: 1
-    where the motor is connected (driven, or braked at duty 0), 0 where it coasts.
+    Raises ConfigError, which names the row, for a number that is not finite, a duty outside -1..1, or a time
+    that does not increase.
     """
 
     time: Floats
@@ -42,10 +43,11 @@ class Commands:
     def of_wheels(
         cls, time: ArrayLike, left: ArrayLike, right: ArrayLike, brake: ArrayLike = True
     ) -> Commands:
-        """Commands from duties of the wheels, forward positive.
+        """Commands from the duties of the wheels, -1..1, forward positive, at these times, s.
 
-        brake: whether a motor is shorted where its duty is 0 (one value, or one a row, or (n, 2)). True is
-        the textbook motor, whose voltage is 0 then; the controller's default is to coast (False).
+        brake: whether a motor is shorted where its duty is 0: one value, one per row, or an array (n, 2).
+        True is the textbook motor, at 0 V then; the controller's default is to coast (False). Raises
+        ConfigError as `Commands` does, and for another value of brake.
         """
         moments = np.asarray(time, dtype=np.float64)
         duties = [np.asarray(each, dtype=np.float64) for each in (left, right)]
@@ -66,13 +68,13 @@ class Commands:
 
     @property
     def rows(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """What the equations take."""
+        """The four arrays of duties and closed bridges, as the equations take them."""
         return self.left, self.right, self.closed_left, self.closed_right
 
 
 def _as_compiled(values: ArrayLike) -> Floats:
-    """Of the one kind of array that the plant is compiled for. Others, such as read-only ones of pandas, took
-    it 40 s each to be compiled anew."""
+    """The values as the kind of array for which the plant is compiled. Any other kind, such as read-only
+    arrays from pandas, caused another compilation, of 40 s each."""
     return np.require(values, np.float64, ["C", "W"])
 
 

@@ -1,4 +1,4 @@
-"""What robots do as a rollout begins: at rest, or moving as the caller says."""
+"""The initial states of a rollout: robots at rest, or with values that the caller gives."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ Initial = State | Mapping[str, ArrayLike]
 
 
 def initial_states(plant: Floats, initial: Initial | None) -> Floats:
-    """One state a robot, (robots, fields of State): at rest, with what `initial` says."""
+    """The initial states, (robots, fields of State): at rest, with the values in `initial` replaced.
+
+    Where a wheel's speed is given, the fields that follow from it (rolling speed, filtered back-EMF, speeds
+    of the robot) are set to match unless they are given. Raises ConfigError for unknown fields, wrong shapes
+    and numbers that are not finite.
+    """
     states = states_at_rest(plant)
     if isinstance(initial, State):
         initial = initial._asdict()
@@ -63,7 +68,8 @@ def _settle(given: dict[str, ArrayLike], side: str, plant: Floats) -> None:
 
 
 def _move_on(given: dict[str, ArrayLike], plant: Floats) -> None:
-    """The robot's own speeds, of those of its wheels."""
+    """Set the robot's forward speed and yaw rate, and those of its gyro, from the rolling speeds of its
+    wheels, unless they are given."""
     left, right = (
         plant[:, Plant._fields.index(f"radius_{side}")] * np.asarray(given.get(f"rolling_{side}", 0.0))
         for side in SIDES

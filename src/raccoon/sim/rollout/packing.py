@@ -1,4 +1,4 @@
-"""Robots as rows of numbers, ready to run side by side."""
+"""Robots packed as rows of numbers, to be run side by side."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lanes:
-    """Robots packed for the equations: make it once where the same robots run more than once.
+    """Robots packed for the equations. Make one object if the same robots run more than once.
 
-    plant: (robots, fields of Plant). gyro: (robots, 4): scale, bias, drift, latency. signs: of the wiring.
+    plant: (robots, fields of Plant). gyro: (robots, 4): scale, bias (rad/s), drift (rad/s per s), latency
+    (s). signs: of the wiring, left and right. ports: of the left and the right motor. slots: where in a cycle
+    each motor is sampled, 1 is its end. cycle: of the controller, s.
     """
 
     plant: Floats
@@ -31,7 +33,8 @@ class Lanes:
 
     @classmethod
     def of(cls, robots: Iterable[Parameters]) -> Lanes:
-        """Pack robots; they may differ in all but wiring and chain. Raises ConfigError where they do."""
+        """Pack robots, which may differ in everything but wiring and chain. Raises ConfigError if they differ
+        in those, or if there is none."""
         robots = list(robots)
         if not robots:
             raise ConfigError("rollout: there is no robot to run")

@@ -1,4 +1,4 @@
-"""Open-loop runs along recorded commands, of one robot or of many at once."""
+"""Open-loop simulation along recorded commands, of one robot or of many at once."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ _LATENCY = 3  # column of `Lanes.gyro`
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rollout:
-    """Channels by trace name, each of shape (robots, rows); row i is at time[i].
+    """The result of a rollout: channels by trace name, each of shape (robots, rows), and the final states.
 
-    final: state of each robot at the last row (array (robots, fields of State)), to go on from; NaN in fields
-    that were not followed.
+    time: of each row, s. final: state of each robot at the last row, (robots, fields of State), from which
+    another rollout can continue; NaN in fields that were not computed.
     """
 
     time: Floats
@@ -60,33 +60,33 @@ def rollout(
     noise: Noise | None = None,
     seed: int = 0,
 ) -> Rollout:
-    """What robots do under recorded commands, without rounding.
+    """Simulate robots under recorded commands, without rounding of the readings.
 
     robots: one, several (they run side by side, one lane each) or packed `Lanes`. commands: n rows; the
-    robots start at row `begin` and run to row `end` (the last one by default); earlier rows still count for
-    the latency. channels: trace names to return, by default all of `channel_names`:
+    robots run from row `begin` to row `end` (by default the last one); earlier rows still count for the
+    latency. channels: trace names to return, by default all of `channel_names`:
 
     - motor.N.bemf (counts) and motor.N.position (counts * s since the start), with the board's sign
     - motor.N.current (A) and motor.N.speed (rad/s), with the board's sign
     - imu.gyro.z (rad/s, with the IMU's effects; drift counts from commands.time[0])
     - battery.voltage (V)
-    - truth.x, truth.y (m), truth.heading (rad): from the start pose
+    - truth.x, truth.y (m), truth.heading (rad): relative to the start pose
 
-    initial: a State, or fields of it by name (a number, or one a robot) over a robot at rest; where a speed
-    is given, wheel and robot go with it and the back-EMF filter has settled on it, unless their fields are
-    given too. longest_step: s of one
-    physics step; a row is cut into equal steps no longer than it, and shorter ones where a robot's time
-    constant or its gyro's filter asks for that. readings_only: what no reading depends on (place, angles of
-    the wheels, heat) is not followed, which is faster for robots whose wheels give; truth.x and truth.y
-    cannot be asked for then, and `final` is nothing to go on from. noise: how much the readings scatter,
-    other numbers for each robot, from one seed; by default not at all.
+    initial: a State, or fields of it by name (one number, or one per robot) that replace those of a robot at
+    rest; from a given wheel speed follow the speeds of wheel and robot and a settled back-EMF filter, unless
+    their fields are given too. longest_step: s; each row is divided into equal steps no longer than this, and
+    into shorter ones if a robot's time constants or its gyro's filter require them. readings_only: omit what
+    no reading depends on (position, angles of the wheels, heat), which is faster for robots with presliding
+    friction; truth.x and truth.y are then not available, and no other rollout can continue from `final`.
+    noise: standard deviations of the readings' noise, drawn for each robot on its own from one seed; by
+    default there is none.
 
     Row i of a channel is at commands.time[begin + i]: row 0 is the initial state, and the command of row i
-    acts between rows i and i + 1. The equations are `sim.plant.equations`; the result is the same, bit for
-    bit, for a robot alone and in a lane, with and without numba.
+    acts between rows i and i + 1. The equations are those of `sim.plant.equations`; the result is the same,
+    bit for bit, for a robot alone and in a lane, with and without numba.
 
-    Raises ConfigError for unknown channels or fields, channels that are not followed, rows out of range and
-    steps that are not above 0.
+    Raises ConfigError for unknown channels or fields, channels that are not computed, rows out of range and a
+    longest_step that is not above 0 or is longer than 0.02 s.
     """
     lanes = _looking(_packed(robots), commands)
     end = len(commands) - 1 if end is None else end
@@ -142,7 +142,8 @@ def _bemf_noise(noise: Noise, random: np.random.Generator, cycles: int, robots: 
 
 
 def _scattered(channels: dict[str, Floats], noise: Noise, random: np.random.Generator) -> dict[str, Floats]:
-    """Channels with the scatter of readings that does not pass the back-EMF filter."""
+    """The channels with noise added to gyro and battery; noise of back-EMF is added before its filter, not
+    here."""
     if "imu.gyro.z" in channels:
         shape = channels["imu.gyro.z"].shape
         bias = random.normal(0.0, noise.gyro_bias, (shape[0], 1))
@@ -155,7 +156,7 @@ def _scattered(channels: dict[str, Floats], noise: Noise, random: np.random.Gene
 
 
 def channel_names(ports: tuple[int, int]) -> tuple[str, ...]:
-    """The channels of a rollout of a robot whose left and right motors are at `ports`."""
+    """Names of all channels of a rollout of a robot whose left and right motors are at `ports`."""
     motors = [f"motor.{port}.{kind}" for kind in _MOTOR_FIELDS for port in ports]
     return (*motors, "imu.gyro.z", *_PLAIN_FIELDS)
 
@@ -176,7 +177,8 @@ def _packed(robots: Parameters | Sequence[Parameters] | Lanes) -> Lanes:
 
 
 def _looking(lanes: Lanes, commands: Commands) -> Lanes:
-    """The robots with gyros that look when, in rows like these, their latency asks for it."""
+    """The robots with the time at which their gyros are sampled set for rows as long as these and their
+    latency."""
     latency = lanes.gyro[:, _LATENCY]
     if not latency.any():
         return lanes
@@ -186,7 +188,7 @@ def _looking(lanes: Lanes, commands: Commands) -> Lanes:
 
 
 def _fields_of(names: Sequence[str], ports: tuple[int, int]) -> tuple[str, ...]:
-    """Fields of the state that the channels are made of."""
+    """Fields of the state from which the channels are computed. Raises ConfigError for an unknown channel."""
     known = channel_names(ports)
     fields: dict[str, None] = {}
     for name in names:
@@ -222,10 +224,15 @@ def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Float
 
 
 def _gyro(rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floats) -> Floats:
-    """What the gyro reads, in place: no other channel is made of the rate that it follows."""
+    """The gyro's readings, (robots, rows), from the filtered yaw rate `rate`, which is overwritten: no other
+    channel uses it.
+
+    looked: rate when the gyro was sampled in each row. numbers: `Lanes.gyro`. lags: s before the end of a row
+    at which it was sampled. age: time of each row since the first command, s.
+    """
     scale, bias, drift, latency = (each[:, None] for each in numbers.T)
     late = dict.fromkeys(zip(latency[:, 0].tolist(), lags.tolist(), strict=True))
-    for seconds, lag in late:  # nearly all of a fit's robots are alike
+    for seconds, lag in late:  # in a fit nearly all robots have the same latency
         if seconds != 0.0:
             robots = np.flatnonzero((latency[:, 0] == seconds) & (lags == lag))
             _make_earlier(rate, looked, robots, age, seconds, lag)
@@ -241,16 +248,18 @@ def _gyro(rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floa
 def _make_earlier(
     rate: Floats, looked: Floats, robots: Indices, age: Floats, latency: float, lag: float
 ) -> None:
-    """Make the rates of some robots those `latency` s before each row; before the first, that of the first.
+    """Replace the yaw rates of some robots by those `latency` s before each row; before the first row, its
+    rate holds.
 
-    looked: the rate `lag` s before the end of each row, where a row is as long as that. Time stamps jitter,
-    so those are the moments but for some tenths of a millisecond. Any curve through the rows' ends alone
-    would miss where within a row a command changes or a tooth meets its wheel.
+    looked: the rate `lag` s before the end of each row, in rows that are longer than that. Between these
+    samples and the ends of rows the rate is interpolated. Time stamps jitter, so the moments are right but
+    for some tenths of a millisecond. A curve through the ends of rows alone would miss where within a row a
+    command changes or a tooth meets its wheel.
     """
     inside = np.flatnonzero(np.diff(age) > lag) + 1
     ends: slice | Indices = slice(0, None, 2)
     looks: slice | Indices = slice(1, None, 2)
-    if len(inside) < len(age) - 1:  # seldom not one look in every row
+    if len(inside) < len(age) - 1:  # seldom: some rows have no sample
         place = np.argsort(np.argsort(np.concatenate([age, age[inside] - lag]), kind="stable"))
         ends, looks = place[: len(age)], place[len(age) :]
     times, rates = (np.empty(len(age) + len(inside)) for _ in range(2))
@@ -258,8 +267,8 @@ def _make_earlier(
     at = age - latency
     before = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     since, gaps = np.maximum(at - times[before], 0.0), np.diff(times)[before]
-    gaps[gaps == 0.0] = 1.0  # of a latency of next to nothing the last look is at the row's end
-    for robot in robots:  # one by one: what they have together fits into no cache
+    gaps[gaps == 0.0] = 1.0  # with a tiny latency the last sample is at the row's end
+    for robot in robots:  # one by one: the arrays of all together would not fit into the cache
         rates[ends], rates[looks] = rate[robot], looked[robot, inside]
         here = rates[before]
         rate[robot] = (rates[before + 1] - here) / gaps * since + here

@@ -1,4 +1,4 @@
-"""Packed robots through the equations: one after the other, or block by block in lanes."""
+"""Running packed robots through the equations: one after the other, or block by block in lanes."""
 
 from __future__ import annotations
 
@@ -35,18 +35,19 @@ from raccoon.sim.rollout.packing import Lanes
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-FEW = 1  # robots up to which one after the other is faster where more than readings is asked
-SHORT = 500  # rows up to which a second thread costs more than it gains
+FEW = 1  # robots; up to so many, one after the other is faster unless only readings are needed
+SHORT = 500  # rows; up to so many, a second thread costs more time than it saves
 _SELDOM = {name: value for fields in SELDOM.values() for name, value in fields.items()}
 _LOOSE = {name: value for each in LOOSE for name, value in SELDOM[each].items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """What robots run along: rows begin to end of commands, in steps no longer than `step` s.
+    """What the robots run along: the rows from begin to end of the commands, in steps no longer than `step`
+    s.
 
-    noise: counts on each raw back-EMF sample, (2, cycles, robots). readings_only: fields of the state on
-    which no reading depends (`lanes.NO_READING`) need not be followed.
+    noise: counts added to each raw back-EMF sample, (2, cycles, robots). readings_only: fields of the state
+    on which no reading depends (`lanes.NO_READING`) need not be computed.
     """
 
     commands: Commands
@@ -58,13 +59,16 @@ class Course:
 
 
 def cycles_of(commands: Commands, begin: int, end: int, cycle: float) -> int:
-    """How many controller cycles there are between two rows: the sum of `driver.cycle_count`."""
+    """Number of controller cycles between two rows: the sum of `driver.cycle_count`. cycle: s."""
     lengths = np.diff(commands.time[begin : end + 1])
     return int(np.sum(np.maximum(1, (lengths / cycle + 0.5).astype(np.int64))))
 
 
 def run(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
-    """States at the end. out: (fields, rows + 1, robots), filled from row 1 on with the fields `kept`."""
+    """Run the robots along a course; returns their final states, (robots, fields of State).
+
+    kept: indices of the fields to record. out: (kept fields, rows + 1, robots), filled from row 1 on.
+    """
     one_by_one = len(states) <= FEW and not course.readings_only
     if one_by_one or not has_numba():
         return _run_few(lanes, states, course, kept, out)
@@ -76,7 +80,7 @@ def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: F
     rows = tuple(map(given, course.commands.rows))
     times, fields = given(course.commands.time), given(kept)
     final = np.empty_like(states)
-    recorded = np.empty((len(kept), course.end - course.begin))  # not a part of `out`: that is compiled anew
+    recorded = np.empty((len(kept), course.end - course.begin))  # not a view of `out`: another kind of array is compiled anew
     for robot, (state, plant) in enumerate(zip(states.tolist(), lanes.plant.tolist(), strict=True)):
         column = min(robot, course.noise.shape[2] - 1)
         noise = tuple(given(side[:, column]) for side in course.noise)
@@ -104,7 +108,7 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
         block = _block()
         block[:STATE_ROWS, :count] = states[places].T
         block[STATE_ROWS:OLDER_ROW, :count] = lanes.plant[places].T
-        block[:OLDER_ROW, count:] = block[:OLDER_ROW, :1]  # idle lanes repeat the first robot
+        block[:OLDER_ROW, count:] = block[:OLDER_ROW, :1]  # idle lanes compute the first robot again
         noise = np.zeros((2, course.noise.shape[1], BLOCK))
         noise[:, :, :count] = course.noise[:, :, places]
         flat = block.reshape(-1)
@@ -118,36 +122,39 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
         for job in jobs:
             advance(job)
     else:
-        with ThreadPoolExecutor(threads) as pool:  # the equations run without the interpreter's lock
+        with ThreadPoolExecutor(threads) as pool:  # the equations release the interpreter's lock
             list(pool.map(advance, jobs))
     return final
 
 
 def _block() -> Floats:
-    """Room for the numbers of a block of robots, whose rows begin with lines of the cache."""
+    """An array for the numbers of a block of robots, (ROWS, STRIDE), whose rows are aligned to cache
+    lines."""
     room = np.zeros(ROWS * STRIDE + LINE)
     begin = -room.ctypes.data % (LINE * room.itemsize) // room.itemsize
     return room[begin : begin + ROWS * STRIDE].reshape(ROWS, STRIDE)
 
 
 def _threads() -> int:
-    """How many blocks may run at once: one on each core, and no more than the threads that linear algebra may
-    have. Whoever starts a process for each core says 1."""
+    """Number of blocks that may run at once: one per core, but no more than the thread limits of linear
+    algebra (OMP_NUM_THREADS, OPENBLAS_NUM_THREADS). A program that starts one process per core sets these to
+    1."""
     limits = [os.environ.get(name, "") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")]
     return max(1, min([usable_cores(), *(int(each) for each in limits if each.isdecimal())]))
 
 
 def _parts(places: Indices, threads: int) -> list[Indices]:
-    """The robots of a block as so many threads share them, whole vectors each."""
+    """The robots of a block divided among so many threads, each part in whole vectors."""
     size = -(-_vectors(len(places)) // (threads * vector())) * vector()
     return [places[start : start + size] for start in range(0, len(places), size)]
 
 
 def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]]:
-    """Which robots run side by side, and of which kind of `KINDS` all of them are.
+    """The blocks of robots that run side by side, each with the kind of `KINDS` to which all its robots
+    belong.
 
-    Each goes where least is computed for it; where that leaves lanes of a vector idle, others that the same
-    text can run fill them.
+    Each robot goes to the kind that computes least for it. Where this leaves lanes of a vector idle, other
+    robots that the same code can run fill them.
     """
     giving, whole = _differ(plants, GIVING), _differ(plants, {"whole": 0.0})
     seldom = _differ(plants, _SELDOM) | whole
@@ -171,11 +178,11 @@ def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]
 
 
 def _differ(plants: Floats, neutral: Mapping[str, float]) -> NDArray[np.bool_]:
-    """Which robots have other numbers than these."""
+    """Mask of the robots, (robots,), that differ from these values in at least one field of Plant."""
     columns = [PLANT_COLUMNS[name] for name in neutral]
     return np.asarray((plants[:, columns] != list(neutral.values())).any(axis=1))
 
 
 def _vectors(robots: int) -> int:
-    """Lanes of the vectors that hold so many robots."""
+    """Number of robots rounded up to whole vectors."""
     return -(-robots // vector()) * vector()

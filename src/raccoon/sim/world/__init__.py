@@ -1,1 +1,2 @@
-"""What a robot drives on: tables, where it overlaps what stands there, and what that does to its wheels."""
+"""The world of a simulated robot: tables, its overlap with obstacles, and the resulting loads on its
+wheels."""

@@ -1,4 +1,4 @@
-"""Which bumpers of a robot are pressed: switches behind parts of the box that bumps into things."""
+"""The bumpers of a simulated robot: switches behind parts of the sides of its box-shaped outline."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from raccoon.sim.world.collision import Obstacles, Pose, Touch
 from raccoon.sim.world.table import World
 
 MIN_PRESS_COSINE = 0.5
-"""Cosine of the angle between a push and straight in, up to which a switch gives way to it."""
+"""Cosine of the largest angle between a push and the switch's inward direction at which the switch still
+closes: 60 degrees."""
 CLOSING_GAP = 1e-4
-"""m before the box touches, at which a switch closes: one that is set against a wall is closed, and does not
-hang on the last digit of where it was set."""
+"""Distance from an obstacle at which a switch closes, m. So a switch of a robot that starts against a wall is
+closed and does not depend on the last digit of the start pose."""
 ALL_OPEN = (False,) * DIGITAL_PORTS
 _INWARD = {"front": (-1.0, 0.0), "back": (1.0, 0.0), "left": (0.0, -1.0), "right": (0.0, 1.0)}
 
 
 class _Switch(NamedTuple):
-    """A digital port, the way in which it gives in the robot's frame, and where along its side it lies, m."""
+    """One switch: its digital port, the unit vector in which it gives way (robot's frame), and the part of
+    its side behind which it lies, from low to high, m."""
 
     port: int
     inward_x: float
@@ -30,8 +32,8 @@ class _Switch(NamedTuple):
     high: float
 
     def is_pressed(self, touches: Sequence[Touch]) -> bool:
-        """Whether one obstacle with these touches presses it. What is straight touches all that is between
-        two points of a flat side."""
+        """Whether one obstacle, given all touches with it, presses the switch. A straight obstacle touches
+        everything between two points of a flat side."""
         places = [
             each.x if self.inward_x == 0.0 else each.y
             for each in touches
@@ -41,7 +43,7 @@ class _Switch(NamedTuple):
 
 
 class Bumpers:
-    """The switches of a robot with this outline among the walls and objects of a table."""
+    """The switches of a robot with this outline, among the walls and objects of a table."""
 
     def __init__(self, bumpers: Iterable[BumperConfig], world: World, body: BodyConfig) -> None:
         self._switches = []
@@ -58,7 +60,7 @@ class Bumpers:
         self._obstacles = Obstacles(world, outline)
 
     def digital(self, pose: Pose) -> tuple[bool, ...]:
-        """Every digital port of a robot that stands there: True is pressed."""
+        """State of every digital port for a robot at this pose: True is pressed."""
         if not self._switches or self._obstacles.is_far(pose[0], pose[1]):
             return ALL_OPEN
         touched = self._obstacles.touches_by_obstacle(pose)

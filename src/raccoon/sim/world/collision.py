@@ -1,4 +1,4 @@
-"""Where a robot, which is a box, overlaps the walls and objects of its table."""
+"""The points at which a robot, a rectangle, overlaps the walls and objects of its table."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from raccoon.core.sections import BodyConfig
 from raccoon.sim.world.table import Point, World
 
 MIN_SAME_TOUCH_COSINE = 0.7
-"""Cosine of the angle up to which two touches of one wall push the same way."""
+"""Cosine of the largest angle (about 45 degrees) between the push of a touch and the shortest separation of
+robot and wall, at which the touch counts."""
 Segment = tuple[float, float, float, float]
 Pose = tuple[float, float, float]
 """x, y in m and heading in rad, in the world."""
 
 
 TOUCH_TOLERANCE = 1e-3
-"""m by which a robot that is set against a wall may seem to stand in it."""
+"""Depth of overlap, m, that is accepted at a start pose: a robot placed against a wall may overlap it by
+rounding."""
 
 
 class Touch(NamedTuple):
-    """A point at which the robot overlaps something. In the robot's frame, m: x forward, y left.
+    """A point at which the robot overlaps an obstacle, in the robot's frame.
 
-    normal_x, normal_y: the direction, of length 1, in which the robot is pushed. depth: m.
+    x (forward), y (left): m. normal_x, normal_y: unit vector of the direction in which the robot is pushed.
+    depth: of the overlap, m.
     """
 
     x: float
@@ -35,9 +38,8 @@ class Touch(NamedTuple):
 
 
 class Obstacles:
-    """What stands on a table, for a robot of this outline. Remembers how far it is from everything, so that
-    it need not look again before it has driven that far.
-    """
+    """The walls and objects of a table, for a robot with this outline. Remembers its clearance to the nearest
+    obstacle: until the robot has driven that far, no obstacle is examined again."""
 
     def __init__(self, world: World, body: BodyConfig) -> None:
         self._front, self._back, self._side = body.front, -body.back, 0.5 * body.width
@@ -49,15 +51,16 @@ class Obstacles:
         self._clearance = -1.0 if self._walls or self._objects else math.inf
 
     def is_far(self, x: float, y: float) -> bool:
-        """Whether nothing can be touched with the robot's middle at (x, y), as it was seen before."""
+        """Whether, by the clearance found last, a robot centred at (x, y), m, certainly touches nothing."""
         return math.hypot(x - self._x, y - self._y) < self._clearance
 
     def touches(self, pose: Pose) -> list[Touch]:
-        """Every point at which a robot that stands there overlaps something."""
+        """All touches of a robot at this pose."""
         return [touch for touches in self.touches_by_obstacle(pose) for touch in touches]
 
     def touches_by_obstacle(self, pose: Pose) -> list[list[Touch]]:
-        """The same points, of each wall and each object that it overlaps."""
+        """All touches of a robot at this pose, one list per wall or object near it (empty if they do not
+        overlap)."""
         x, y, heading = pose
         if self.is_far(x, y):
             return []
@@ -81,17 +84,18 @@ class Obstacles:
         return found
 
     def _against_wall(self, start: Point, end: Point) -> Iterator[Touch]:
-        """Corners that are through a wall, and ends of the wall that are through a side.
+        """Touches with a wall: corners of the robot that are through it, and ends of the wall that are inside
+        the robot.
 
-        Of the directions in which box and wall could be parted, the wall's normal and the box's own, the
-        shortest way out says which of these touches are meant: a robot that meets the end of a wall with its
-        side has corners on either side of that wall's line.
+        Which of them count is decided by the shortest separation of robot and wall, along the wall's normal
+        or one of the robot's axes: if a robot meets the end of a wall with its side, it has corners on both
+        sides of that wall's line, although they do not touch the wall.
         """
         length = math.dist(start, end)
         along_x, along_y = (end[0] - start[0]) / length, (end[1] - start[1]) / length
         normal_x, normal_y = -along_y, along_x
         away = -(normal_x * start[0] + normal_y * start[1])
-        if away < 0.0:  # the normal is to point to the robot's middle
+        if away < 0.0:  # the normal has to point towards the robot's centre
             normal_x, normal_y, away = -normal_x, -normal_y, -away
         corners = []
         for x, y in self._corners:
@@ -126,7 +130,8 @@ class Obstacles:
             yield Touch(x, y, (x - centre[0]) / distance, (y - centre[1]) / distance, radius - distance)
 
     def _way_out(self, point: Point) -> tuple[float, float, float]:
-        """How deep a point is in the box (below 0: outside), and where the robot must go to lose it."""
+        """Depth of a point inside the robot, m (negative: outside), and the direction (unit vector) in which
+        the robot leaves the point over the shortest distance."""
         x, y = point
         return min(
             (self._front - x, -1.0, 0.0),
@@ -137,12 +142,13 @@ class Obstacles:
 
 
 def _seen(dx: float, dy: float, cosine: float, sine: float) -> Point:
-    """A point that far from the robot's middle, in the robot's frame."""
+    """The displacement (dx, dy) from the robot's centre, turned from the world's frame to the robot's.
+    cosine, sine: of its heading."""
     return cosine * dx + sine * dy, cosine * dy - sine * dx
 
 
 def _distance(wall: Segment, x: float, y: float) -> float:
-    """m from a point to a wall."""
+    """Distance from the point (x, y) to a wall, m."""
     along_x, along_y = wall[2] - wall[0], wall[3] - wall[1]
     share = ((x - wall[0]) * along_x + (y - wall[1]) * along_y) / (along_x**2 + along_y**2)
     share = min(max(share, 0.0), 1.0)
@@ -150,7 +156,8 @@ def _distance(wall: Segment, x: float, y: float) -> float:
 
 
 def check_standing(start: Pose, table: World, body: BodyConfig) -> None:
-    """Raise ConfigError for a start at which no robot stands: off the table, or in what is on it."""
+    """Check a start pose. Raises ConfigError if it is not finite, off the table, or overlaps an obstacle by
+    more than TOUCH_TOLERANCE."""
     x, y, heading = start
     if not all(map(math.isfinite, start)):
         raise ConfigError(f"start is {start}: allowed are finite numbers")

@@ -1,10 +1,10 @@
-"""Contact with walls and objects: what it puts on the wheels, and where tyres slip because of it.
+"""Contact with walls and objects: the loads it puts on the wheels, and the slip of the tyres.
 
-Each touch is a spring and a damper along its normal, with Coulomb friction across. By the no-slip relation of
-the wheels its force is a load on both of them, which the plant carries in its next step as it does a ramp's.
-No tyre carries more than its grip: where more would be on it, the robot is moved back out of the wall under
-the turning wheel until the springs ask for no more (the return map of elastic-plastic solids, with slip for
-plastic flow). docs/simulator.md derives it.
+Each touch is a spring and a damper along its normal, with Coulomb friction along the surface. The no-slip
+relation of the wheels turns its force into a load on both of them, which the plant applies in its next step
+like that of a ramp. No tyre carries more than its grip: beyond it the robot is moved back out of the wall
+while its wheels turn, until the springs require no more than the grip (the return map of elastic-plastic
+solids, with slip for plastic flow). docs/simulator.md derives it.
 """
 
 from __future__ import annotations
@@ -19,22 +19,24 @@ from raccoon.sim.world.collision import Obstacles, Pose, Touch
 from raccoon.sim.world.table import World
 
 STIFFNESS, DAMPING = 0.08, 0.25
-"""Of one touch, over m / period^2 and m / period, with the mass m that it feels. The plant takes a force one
-period late, which is stable up to five touches at once (0.2 and 0.6 would do for two), and swings nowhere."""
+"""Stiffness and damping of one touch, relative to m / period^2 and m / period, with m the mass that the touch
+feels. The plant applies a force one period late; with these values that is stable with up to five
+simultaneous touches (0.2 and 0.6 would be for two only), and nothing oscillates."""
 WALL_FRICTION = 0.2
-"""Coulomb's coefficient of plastic or metal along a plastic pipe."""
+"""Coefficient of Coulomb friction of plastic or metal along a plastic pipe."""
 MIN_SLIDING_SPEED = 1e-4
-"""m/s of sliding at which this friction has 0.7 of its full size."""
+"""Sliding speed, m/s, at which wall friction has 0.7 of its full force. Below it friction fades to 0 at
+rest."""
 MAX_ITERATIONS, STIFFNESS_MARGIN = 20, 0.02
-"""Iterations of the search for the slip, and the share that is added to the stiffness in it."""
+"""Most iterations of the search for the slip, and the share by which the stiffness is raised in it."""
 GRIP_TOLERANCE_N = 1e-3
-"""N by which a tyre may be beyond its grip."""
+"""Tolerance of that search: force, N, by which a tyre may exceed its grip."""
 Pair = tuple[float, float]
-"""Of the left and of the right wheel, or of x and y."""
+"""Values of the left and the right wheel, or x and y."""
 
 
 class Slip(NamedTuple):
-    """How much faster the robot moves than its wheels roll: m/s ahead and rad/s."""
+    """Motion of the robot beyond the rolling of its wheels: forward, m/s, and turning, rad/s."""
 
     forward: float
     turning: float
@@ -44,18 +46,20 @@ NO_SLIP, NO_LOADS, NO_TILT = Slip(0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
 
 
 def with_pose(state: State, x: float, y: float, heading: float) -> State:
-    """The same robot at another pose of its plant."""
+    """The state with another pose, in the frame of the plant's start pose: m, m, rad."""
     return state._replace(
         x=x, y=y, heading=heading, heading_cos=math.cos(heading), heading_sin=math.sin(heading)
     )
 
 
 class _WheelPush(NamedTuple):
-    """A touch as the wheels feel it, before any slip.
+    """A touch in terms of the wheels, before any slip.
 
-    way: m that the robot is parted from the wall for a m on each wheel, and N on each tyre for a N of the
-    normal force. across: the same along the wall. force: N. stiffness: N that each m of parting takes off.
-    sliding: m/s along the wall. gradual: m/s of it at which friction has 0.7 of its size.
+    way: displacement of the touching point along the normal per m of travel of the left and the right wheel;
+    equally the force on each tyre per N of normal force. across: the same along the wall. force: normal
+    force, N. stiffness: decrease of this force per m by which the robot is moved out of the wall, N/m.
+    sliding: speed along the wall, m/s. gradual: sliding speed at which friction has 0.7 of its full force,
+    m/s.
     """
 
     way: Pair
@@ -67,9 +71,10 @@ class _WheelPush(NamedTuple):
 
 
 class Contact:
-    """A robot among the ramps and obstacles of its table. Call `resolve` and `with_loads` after every step.
+    """A robot in contact with the ramps and obstacles of its table. Call `resolve` and `with_loads` after
+    every step.
 
-    plant: the robot on the level. period: s, no step is longer. pose: where it stands at the start.
+    plant: the robot on level ground. period: s, no step is longer. pose: at the start, in the world.
     """
 
     def __init__(self, world: World, body: BodyConfig, plant: Plant, period: float, pose: Pose) -> None:
@@ -81,28 +86,29 @@ class Contact:
         self._period = period
         self._before = pose
         self.loads: Pair = NO_LOADS
-        """N m on each wheel, forward positive: for the next step of the plant."""
+        """Loads on the left and the right wheel in the plant's next step, N m, forward positive."""
         self.slip = NO_SLIP
-        """In the last step."""
+        """The slip in the last step."""
         self.set_robot(plant)
         self.tilt(pose, 0.0)
 
     def set_robot(self, plant: Plant) -> None:
-        """Go on with this robot on the level: other inertias, radii, track."""
+        """Replace the robot, e.g. by one with other inertias, radii or track. plant: the robot on level
+        ground."""
         self._level = plant
         self._radii = plant.radius_left, plant.radius_right
         self._per_track = plant.per_track
         spare = plant.inertia_own**2 - plant.inertia_other**2
         own, other = plant.inertia_own / spare, -plant.inertia_other / spare
         left, right = self._radii
-        # 1/kg: acceleration of the rims for a force on the left, on both, on the right tyre
+        # 1/kg, acceleration of the rims per force: left by left, each by the other, right by right tyre.
         self._mobility = own * left * left, other * left * right, own * right * right
-        # A force that turns no wheel (a wall abeam of the axis) feels the whole robot at most.
+        # A force that turns no wheel (of a wall beside the axis) feels at most the mass of the robot.
         self._least = 0.25 * (self._mobility[0] + 2.0 * self._mobility[1] + self._mobility[2])
 
     def resolve(self, pose: Pose, seconds: float) -> Pose:
-        """Resolve contacts of the robot that rolled to `pose` in a step of `seconds`: its pose then. Sets
-        `loads` and `slip`."""
+        """Resolve the contacts of a robot that has rolled to `pose` in a step of `seconds`. Returns its pose
+        after any slip; sets `loads` and `slip`."""
         before, self._before = self._before, pose
         self.slip, self.loads = NO_SLIP, NO_LOADS
         if self._obstacles.is_far(pose[0], pose[1]) or seconds <= 0.0:
@@ -126,7 +132,7 @@ class Contact:
         return self._before
 
     def with_loads(self, plant: Plant, x: float, y: float) -> Plant:
-        """`plant`, the robot of the last step, with the slope at x, y and the last loads on its wheels."""
+        """The plant of the last step with the slope at (x, y), m, and the present loads on its wheels."""
         touching = self.loads != NO_LOADS
         if touching or self._touching or self._world.ramps:
             along_x, along_y = self._world.slope(x, y)
@@ -144,9 +150,9 @@ class Contact:
         return plant
 
     def tilt(self, pose: Pose, seconds: float) -> tuple[float, float]:
-        """m/s2 of gravity that an accelerometer feels ahead, above 0 where the nose is up, and rad/s at which
-        it came down in the last `seconds`. A chassis leans by the floor from its axis to its front.
-        """
+        """Tilt of the chassis at a pose: the share of gravity that an accelerometer measures ahead, m/s2,
+        positive if the nose is up, and the rate, rad/s, at which the nose has come down in the last
+        `seconds`. The chassis leans by the mean slope of the floor from its axis to its front."""
         level = self._level
         if not self._world.ramps and level.slope_x == level.slope_y == 0.0:
             return NO_TILT
@@ -155,7 +161,7 @@ class Contact:
         along_x, along_y = self._world.slope_along(x, y, self._length * cosine, self._length * sine)
         along_x += self._cosine * level.slope_x - self._sine * level.slope_y
         along_y += self._sine * level.slope_x + self._cosine * level.slope_y
-        # A slope is what pulls at each wheel, of half of the robot's weight.
+        # A slope is given as the torque at each wheel, which carries half of the robot's weight.
         per_torque = -4.0 / (self._mass * sum(self._radii))
         before, self._felt = self._felt, (along_x * per_torque, along_y * per_torque)
         felt = cosine * self._felt[0] + sine * self._felt[1]
@@ -170,27 +176,29 @@ class Contact:
         damper = DAMPING * mass / (self._period * seconds)
         ahead, aside = moved[0] - moved[2] * y, moved[1] + moved[2] * x
         force = max(0.0, spring * depth - damper * (normal_x * ahead + normal_y * aside))
-        # Friction that would turn the sliding round within a period only ends it.
+        # Friction that would reverse the sliding within a period only stops it.
         across = self._tyre_shares(x, y, -normal_y, normal_x)
         ends = WALL_FRICTION * force * self._inverse_mass(across) * self._period
         sliding = (normal_x * aside - normal_y * ahead) / seconds
         return _WheelPush(way, across, force, spring + damper, sliding, ends + MIN_SLIDING_SPEED)
 
     def _tyre_shares(self, x: float, y: float, force_x: float, force_y: float) -> Pair:
-        """What a force at a point puts on each tyre; and how far the point goes along it for a m on each."""
+        """Force on the left and the right tyre from a force at the point (x, y); equally, the displacement of
+        the point along that force per m of travel of each wheel."""
         moment = (x * force_y - y * force_x) * self._per_track
         return 0.5 * force_x - moment, 0.5 * force_x + moment
 
     def _inverse_mass(self, shares: Pair) -> float:
-        """Inverse of the mass, 1/kg, that a force on a point feels where the wheels roll."""
+        """Inverse of the mass that a force on a point feels if the wheels roll without slip, 1/kg. shares:
+        `_tyre_shares` of a unit force."""
         left, right = shares
         own_left, other, own_right = self._mobility
         return own_left * left * left + 2.0 * other * left * right + own_right * right * right
 
     def _limit_to_grip(self, pushes: list[_WheelPush], seconds: float) -> tuple[Pair, Pair]:
-        """N on each tyre, no more than its grip, and m that the robot slips on each for that.
+        """The force on each tyre, N, limited to its grip, and the slip of each tyre that this requires, m.
 
-        Newton's method: forces that are linear in the slip, as they are here, are solved exactly.
+        Newton's method, which is exact for forces that are linear in the slip, as they are here.
         """
         grip = self._grip
         slips = (0.0, 0.0)
@@ -207,8 +215,9 @@ class Contact:
 
 
 class _TyreForces(NamedTuple):
-    """N on the left and on the right tyre, and what each m of slip takes off: own and that of the other
-    (from_right: off the left tyre's). soft: a little of it."""
+    """Forces on the left and the right tyre, N, and their decrease per m of slip, N/m: by a tyre's own slip
+    (own), and by that of the other one (from_right: on the left tyre by slip of the right one). soft: a small
+    part of these stiffnesses, N/m, their lower bound."""
 
     left: float
     right: float
@@ -220,7 +229,7 @@ class _TyreForces(NamedTuple):
 
 
 def _tyre_forces(pushes: list[_WheelPush], slips: Pair, seconds: float) -> _TyreForces:
-    """What all touches together do at these slips."""
+    """The forces of all touches together at these slips (left, right; m)."""
     left, right = slips
     tyre_left = tyre_right = own_left = own_right = from_right = from_left = soft = 0.0
     for way, across, force, stiffness, sliding, gradual in pushes:
@@ -234,7 +243,7 @@ def _tyre_forces(pushes: list[_WheelPush], slips: Pair, seconds: float) -> _Tyre
         pull_left, pull_right = way[0] - drag * across[0], way[1] - drag * across[1]
         tyre_left += force * pull_left
         tyre_right += force * pull_right
-        rubs = WALL_FRICTION * force * share / seconds  # the slope of a chord, which never overshoots
+        rubs = WALL_FRICTION * force * share / seconds  # a secant, with which the search never overshoots
         own_left += stiffness * pull_left * way[0] + rubs * across[0] * across[0]
         own_right += stiffness * pull_right * way[1] + rubs * across[1] * across[1]
         from_right += stiffness * pull_left * way[1] + rubs * across[0] * across[1]
@@ -244,10 +253,12 @@ def _tyre_forces(pushes: list[_WheelPush], slips: Pair, seconds: float) -> _Tyre
 
 
 def _solve_slips(felt: _TyreForces, slips: Pair, grip: float) -> Pair:
-    """Slips at which no tyre carries more than its grip, one that slips all of it, the way it slips.
+    """The slips, m, at which no tyre carries more than its grip, and each tyre that slips carries all of it,
+    in the direction of its slip.
 
-    Both slip, or the left one, or the right one: what fits is taken. Both come first, with a little added to
-    their stiffness, as one push ahead can be taken by either and left is to be like right.
+    Three cases are tried: both tyres slip, only the left one, only the right one; the consistent one is
+    taken. The case of both is tried first, with a little added to their stiffness: a push straight ahead
+    could be relieved by the slip of either tyre, and left and right must be treated alike.
     """
     left, right = slips
     rolls_left = felt.left + felt.own_left * left + felt.from_right * right  # without any slip
@@ -272,7 +283,7 @@ def _solve_slips(felt: _TyreForces, slips: Pair, grip: float) -> Pair:
 
 
 def _force_beyond_grip(tyre: float, slip: float, grip: float) -> float:
-    """How far the force on a tyre is beyond what it carries; one that slips carries all of its grip."""
+    """Force on a tyre beyond what it carries, N; a tyre that slips carries all of its grip."""
     return tyre - math.copysign(grip, slip) if slip != 0.0 else tyre - _clip_to_grip(tyre, grip)
 
 

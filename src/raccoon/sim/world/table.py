@@ -1,6 +1,6 @@
-"""What a robot drives on: a table with walls, black lines, a start box, objects, ramps and light.
+"""The table a robot drives on: walls, black lines, a start box, objects, ramps and light.
 
-Coordinates in m, x ahead of the usual start pose and y to its left, so that a robot that starts at (0, 0, 0)
+Coordinates are in m, x ahead of the usual start pose and y to its left, so a robot that starts at (0, 0, 0)
 stands in the start box.
 """
 
@@ -29,7 +29,8 @@ def _check_above_0(what: str, number: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A black line along points; width in m."""
+    """A black line through two or more points, with its width, in m. Raises ConfigError for other points and
+    widths."""
 
     points: tuple[Point, ...]
     width: float = 0.05
@@ -43,7 +44,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """A straight wall."""
+    """A straight wall without thickness. Raises ConfigError if its ends coincide."""
 
     start: Point
     end: Point
@@ -56,7 +57,7 @@ class Wall:
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """An object that does not give way: a disc."""
+    """A rigid, fixed object: a disc with centre and radius in m."""
 
     centre: Point
     radius: float
@@ -68,7 +69,8 @@ class Thing:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A rectangle along the axes."""
+    """A rectangle parallel to the axes, with the corners low and high, in m. Raises ConfigError unless low is
+    below high."""
 
     low: Point
     high: Point
@@ -78,11 +80,11 @@ class Box:
             raise ConfigError(f"box: low {self.low} must be below high {self.high} in both x and y")
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a point lies inside."""
+        """Whether the point (x, y), m, lies inside or on the edge."""
         return self.low[0] <= x <= self.high[0] and self.low[1] <= y <= self.high[1]
 
     def share(self, x: float, y: float, along_x: float, along_y: float) -> float:
-        """Share of the way from a point by along_x, along_y that lies inside."""
+        """Share, 0..1, of the straight way from (x, y) by (along_x, along_y), m, that lies inside."""
         begin, end = 0.0, 1.0
         for at, way, low, high in zip((x, y), (along_x, along_y), self.low, self.high, strict=True):
             if way != 0.0:
@@ -95,7 +97,8 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """A region with more light. ambient: 0 indoors, 1 direct sun; begin, end: s in which it shines."""
+    """A region with additional light. ambient: level, 0 indoors, 1 direct sun, at most 2. begin, end: times
+    at which the light goes on and off, s."""
 
     region: Box
     ambient: float
@@ -111,7 +114,7 @@ class Light:
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """A region that slopes: N m at each wheel that pull along x and y."""
+    """A sloping region. along_x, along_y: torque at each wheel that pulls along +x and +y, N m."""
 
     region: Box
     along_x: float = 0.0
@@ -123,7 +126,7 @@ class Ramp:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A table. `area` is None where it has no edge."""
+    """A table with everything on it. `area` is its surface, None if it has no edge."""
 
     name: str = "empty"
     area: Box | None = None
@@ -145,7 +148,7 @@ class World:
 
     @classmethod
     def empty(cls) -> World:
-        """White and endless."""
+        """A white table without edge, lines or obstacles."""
         return cls()
 
     @classmethod
@@ -161,13 +164,14 @@ class World:
 
     @classmethod
     def from_file(cls, path: str | Path) -> World:
-        """Read a table file (see `sim.world.table_file`). Raises ConfigError, FileNotFoundError."""
+        """Read a table file (`sim.world.table_file`). Raises ConfigError, FileNotFoundError."""
         from raccoon.sim.world.table_file import load_world
 
         return load_world(path)
 
     def nearest_line(self, x: float, y: float) -> tuple[float, float]:
-        """m to the nearest edge of a black line, negative inside one, and m that this line is wide."""
+        """Distance from a point to the nearest edge of a black line, negative inside the line, and the width
+        of this line, m. Both are infinite on a table without lines."""
         nearest, width = math.inf, math.inf
         for start_x, start_y, along_x, along_y, half in self._strips:
             dx, dy = x - start_x, y - start_y
@@ -182,7 +186,7 @@ class World:
         return nearest, width
 
     def ambient(self, x: float, y: float, time: float) -> float:
-        """How much light falls there: 0 indoors, 1 direct sun."""
+        """Level of light at a point (m) and time (s): 0 indoors, 1 direct sun."""
         if not self.lights:
             return 0.0
         shining = [
@@ -191,12 +195,12 @@ class World:
         return max(shining, default=0.0)
 
     def slope(self, x: float, y: float) -> Point:
-        """N m at each wheel, along x and along y."""
+        """Slope at a point: torque at each wheel along x and along y, N m."""
         there = [each for each in self.ramps if each.region.holds(x, y)]
         return sum(each.along_x for each in there), sum(each.along_y for each in there)
 
     def slope_along(self, x: float, y: float, along_x: float, along_y: float) -> Point:
-        """The same, on the average of the way from a point by along_x, along_y."""
+        """Mean slope, as of `slope`, over the straight way from (x, y) by (along_x, along_y), m."""
         mean_x = mean_y = 0.0
         for ramp in self.ramps:
             share = ramp.region.share(x, y, along_x, along_y)
@@ -206,7 +210,7 @@ class World:
 
 
 def walls_around(box: Box) -> tuple[Wall, ...]:
-    """The four walls of a box."""
+    """The four walls around a box."""
     (left, low), (right, high) = box.low, box.high
     corners = ((left, low), (right, low), (right, high), (left, high))
     return tuple(Wall(start, end) for start, end in zip(corners, (*corners[1:], corners[0]), strict=True))

@@ -1,4 +1,4 @@
-"""A table from a TOML file. Lengths in m, x ahead of the usual start pose, y to its left.
+"""Reading a table from a TOML file. Lengths in m, x ahead of the usual start pose, y to its left.
 
 name = "practice"
 area = { low = [-0.3, -0.6], high = [2.06, 0.57] }       # walls around it, unless walls = false
@@ -46,14 +46,14 @@ from raccoon.core.schema import finite_or_none, format_value, refuse_unknown
 from raccoon.sim.world.table import Box, Light, Line, Point, Ramp, Thing, Wall, World, walls_around
 
 ARC_STEPS = 48
-"""Straight pieces of a full circle, at least."""
+"""Straight pieces that a full circle is divided into, at least."""
 SAGITTA = 0.0005
-"""m by which a piece may be beside the arc."""
+"""Largest distance between a straight piece and its arc, m."""
 _KEYS = ("name", "area", "walls", "start_box", "line", "wall", "object", "light", "ramp")
 
 
 def load_world(path: str | Path) -> World:
-    """Read a table file. Raises ConfigError naming file, key and value; FileNotFoundError."""
+    """Read a table file. Raises ConfigError, which names file, key and value, and FileNotFoundError."""
     path = Path(path)
     try:
         return parse_world(parse_toml(path.read_bytes()))
@@ -62,7 +62,7 @@ def load_world(path: str | Path) -> World:
 
 
 def parse_world(table: Mapping[str, Any]) -> World:
-    """Make a table from what the file says. Raises ConfigError."""
+    """Make a table from the parsed content of a file. Raises ConfigError."""
     refuse_unknown(table, _KEYS, "")
     area = _box(table["area"], "area") if "area" in table else None
     walls = [
@@ -183,7 +183,7 @@ def _as_point(value: object, where: str) -> Point:
 
 
 def _is_coordinate(value: object) -> bool:
-    """Infinite ones too: light and ramps may reach everywhere."""
+    """Whether a value is a number; infinite ones count, since light and ramps may reach everywhere."""
     return isinstance(value, float) or finite_or_none(value) is not None
 
 
