@@ -80,7 +80,7 @@ def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: F
     rows = tuple(map(given, course.commands.rows))
     times, fields = given(course.commands.time), given(kept)
     final = np.empty_like(states)
-    recorded = np.empty((len(kept), course.end - course.begin))  # not a view of `out`: another kind of array is compiled anew
+    recorded = np.empty((len(kept), course.end - course.begin))  # a view of `out` would be compiled anew
     for robot, (state, plant) in enumerate(zip(states.tolist(), lanes.plant.tolist(), strict=True)):
         column = min(robot, course.noise.shape[2] - 1)
         noise = tuple(given(side[:, column]) for side in course.noise)
