@@ -35,7 +35,8 @@ MIN_CHANGED_ROWS = 10
 MIN_READINGS, MAX_READINGS = 200, 3000
 """Least number of readings for an estimate of the response, and the most that are used."""
 MAX_ERROR_RATIO = 0.8
-"""Largest ratio of the error at an early delay to that without one for a response that is clearly early."""
+"""Largest ratio of the error at an early delay to the least error at other delays, for a response that is
+clearly early."""
 MAX_FOLLOWED_UNEXPLAINED = 0.3
 """Largest unexplained share of a reading's power if the commands explain it at all."""
 

@@ -1,8 +1,8 @@
-"""Wheels that stand although they are driven: a plug that fell out, motors that were switched off, a jam.
+"""Detects wheels that stand still although they are driven: unplugged or switched-off motors, or a jam.
 
-No number of a robot makes a wheel stand at nearly a fifth of the battery's voltage. What is found so is left
-out as a stretch that was not driven freely, and said, with what the battery's voltage tells of it: a motor
-that stands draws the most current that it ever draws, and one without a plug none.
+No parameter of a robot makes a wheel stand still at nearly a fifth of the battery's voltage. Such stalls are
+left out as stretches that were not driven freely, and reported with the current that the battery's voltage
+shows: a stalled motor draws its largest current, an unplugged one none.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ Array = NDArray[np.float64]
 SIDES = ("left", "right")
 
 BIN_S = 0.02
-"""s over which commands and readings are averaged."""
+"""Width of the bins of commands and readings, s."""
 DRIVEN_SHARE = 0.18
-"""Of the battery's voltage that surely drives a wheel."""
+"""Share of the battery's voltage above which a wheel is clearly driven."""
 MAX_STALLED_SHARE, MIN_FOLLOWING_SHARE = 0.1, 0.5
-"""Part of its command's voltage up to which a wheel's back-EMF stands, and from which it follows."""
+"""Back-EMF of a wheel over its command's voltage, up to which it stands still and above which it follows."""
 MIN_STALL_S, MIN_FOLLOWING_S = 0.4, 0.1
-"""s for which a wheel stands at least, and for which it follows where it does again."""
+"""Shortest stall, s, and shortest time of following the command that ends it, s."""
 BEFORE_STALL_S, MAX_SLOWED_SHARE = 1.0, 0.9
-"""s before, whose median part is what it has while it follows; and part of that below which it has begun to
-roll out."""
+"""Time before a stall, s, whose median ratio of back-EMF to command is the wheel's usual one; and share of
+that ratio below which the wheel is already slowing down."""
 MIN_STALL_SAG_V = 0.015
-"""V by which standing motors must take the battery down before its reading is asked."""
+"""Least sag that stalled motors would cause, V, for a decision on their current by the battery's reading."""
 MAX_NO_CURRENT_SHARE, MIN_CURRENT_SHARE = 0.25, 0.5
-"""Part of that up to which there is no current, and from which there is."""
+"""Share of this sag up to which the motors draw no current, and above which they do."""
 BATTERY_DELAY_S = 0.3
-"""s that a battery's reading is behind."""
+"""Delay of a battery's reading, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stall:
-    """From when to when, s, which wheels stood. current: whether they drew any, None where that is not
-    known."""
+    """A stall. start, end: s. sides: the wheels that stood still. current: whether they drew current, None if
+    unknown."""
 
     start: float
     end: float
@@ -53,16 +53,15 @@ class Stall:
 
 
 def leave_out_stalls(log: Log, robot: RobotConfig) -> Log:
-    """The log without stretches in which wheels stood although they were driven: they are among what is lost,
-    and in `stalls`. The same log where there are none.
+    """The log with stalls marked as lost and described in `stalls`; the same log if there are none.
 
-    Raises TraceError where too little is left.
+    Raises TraceError if too little remains.
     """
     known, seen = log.held, find_stalls(log, robot)
     if not seen:
         return log
     found = [each for each in seen if not any(_covers(span, each) for span in known)]
-    # Of what is left out already only what the battery tells is news.
+    # Spans that are left out already are only reported if the battery shows something about the current.
     news = [each for each in seen if each in found or each.current is not None]
     told = describe_stalls(news, robot)
     log = replace(log, stalls=told)
@@ -83,7 +82,8 @@ def _covers(span: tuple[float, float], found: Stall) -> bool:
 
 
 def describe_stalls(found: Sequence[Stall], robot: RobotConfig) -> tuple[tuple[str, str], ...]:
-    """For each kind of it a column and a sentence, without the point at the end."""
+    """A column and a sentence, without a full stop, for each kind of stall (its wheels, and whether they drew
+    current)."""
     kinds: dict[tuple[tuple[str, ...], bool | None], list[Stall]] = {}
     for each in found:
         kinds.setdefault((each.sides, each.current), []).append(each)
@@ -116,7 +116,7 @@ def _describe_stall(
 
 
 def find_stalls(log: Log, robot: RobotConfig) -> tuple[Stall, ...]:
-    """Where wheels stood although they were driven, in the order of time."""
+    """The stalls of a log, in time order."""
     if log.seconds < MIN_DRIVE_S or not log.duty.any():
         return ()
     time = np.arange(log.time[0], log.time[-1], BIN_S)
@@ -132,7 +132,7 @@ def find_stalls(log: Log, robot: RobotConfig) -> tuple[Stall, ...]:
 
 
 def _bemf_volts(log: Log, robot: RobotConfig, side: str, time: Array) -> Array | None:
-    """V of back-EMF in each bin, NaN where nothing was read."""
+    """Back-EMF of a wheel in each bin, V, NaN without a reading; None without a channel of the wheel."""
     wheel = log.wheel(side)
     if wheel is None:
         return None
@@ -141,8 +141,8 @@ def _bemf_volts(log: Log, robot: RobotConfig, side: str, time: Array) -> Array |
 
 
 def _stalled_bins(volts: Array, speed: Array, full: float) -> list[tuple[int, int]]:
-    """First and one after the last bin of each stretch in which one wheel stood: from where it fell behind
-    its command until it follows one again."""
+    """First bin and end bin (exclusive) of each stall of one wheel: from falling behind its command until it
+    follows one again. volts: the command's voltage, V. speed: back-EMF, V. full: the battery's voltage, V."""
     driven = np.abs(volts) > DRIVEN_SHARE * full
     share = np.where(driven, speed / np.where(driven, volts, 1.0), np.nan)
     follows = np.zeros(len(volts), bool)
@@ -165,7 +165,8 @@ def _stalled_bins(volts: Array, speed: Array, full: float) -> list[tuple[int, in
 
 
 def _merged(found: Sequence[tuple[int, int, str]], time: Array) -> tuple[Stall, ...]:
-    """Stretches of both wheels that are mostly the same as one; the others apart."""
+    """Stalls of both wheels that mostly coincide as one, the others by themselves. time: starts of the bins,
+    s."""
     edges = np.append(time, time[-1] + BIN_S)
     left = [each for each in found if each[2] == SIDES[0]]
     right = [each for each in found if each[2] == SIDES[1]]
@@ -184,8 +185,8 @@ def _merged(found: Sequence[tuple[int, int, str]], time: Array) -> tuple[Stall, 
 
 
 def _with_current(found: Stall, log: Log, robot: RobotConfig, time: Array, full: float) -> Stall:
-    """The stretch with whether its wheels drew current: by how far the battery's reading went down, the other
-    wheel's doing left out."""
+    """The stall with whether its wheels drew current, by the drop of the battery's reading without the other
+    wheel's sag."""
     battery = log.channel("battery")
     if battery is None:
         return found

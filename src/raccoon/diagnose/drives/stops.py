@@ -1,4 +1,4 @@
-"""What a motor does at duty 0: it is shorted and brakes, or it coasts; or now one and now the other."""
+"""Whether motors at duty 0 brake (are shorted) or coast, or sometimes one and sometimes the other."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ import numpy as np
 from raccoon.diagnose.drives.log import Log
 
 BRAKING_SECONDS = 0.1
-"""s after a release at which it is asked how much of the speed is left."""
+"""Time after a release, s, at which the remaining speed is evaluated."""
 MAX_BRAKED_SPEED = 0.4
-"""Part of its speed that a motor has left after that, below which it brakes."""
+"""Remaining share of the speed after that time, below which a motor brakes."""
 MAX_SURELY_BRAKED, MIN_SURELY_COASTED = 0.25, 0.5
-"""The same of a stop that surely braked, and of one that surely coasted, where a robot does both."""
+"""The same for a stop that clearly braked, and for one that clearly coasted, if a robot does both."""
 MIN_BRAKING_RATIO = 1.6
-"""Times what coasting takes of a speed, which is the same of any, that braking takes at least: friction alone
-stops a wheel that is slow."""
+"""Least ratio of the speed that a braking motor loses to the speed that a coasting one loses, which does not
+depend on its speed: friction alone stops a slow wheel."""
 MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.9, 1.5
-"""Parts of a usual wheel's speed for its command between which it was before: at a wall it stops by that, and
-at the end of a ramp the command has slowed it down already, which its reading is late to show."""
+"""Range of the wheel's speed over its command before a stop, relative to the usual ratio: below it a wall
+stops the wheel; above it, at the end of a ramp, the command has already slowed the wheel, which its reading
+shows late."""
 MIN_MOMENTS = 2
-"""Moments of either kind from which a robot does both."""
+"""Least number of stops of either kind for a robot that does both."""
 SAME_MOMENT_S = 0.05
-"""s within which both wheels are released at once."""
+"""Time, s, within which the releases of both wheels count as one."""
 MIN_SPEED_SHARE = 0.15
-"""Part of a wheel's largest speed from which it has to stop from."""
+"""Least speed at a release, as a share of the wheel's largest speed."""
 MIXED_STOPS_NOTE = (
     "at duty 0 the motors sometimes brake and sometimes coast, and the recording has no motor.N.brake: each "
     "stop is taken for what the wheels show it to be"
@@ -35,9 +36,9 @@ MIXED_STOPS_NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A release of one wheel (0 left, 1 right). row: its first at duty 0. speed_left: part of its speed after
-    `BRAKING_SECONDS`. speed_lost: the rest, in the unit of its reading. speed_ratio: its speed over the
-    command before."""
+    """A release of one wheel. wheel: 0 left, 1 right. row: first one at duty 0. speed_left: share of the
+    speed after `BRAKING_SECONDS`. speed_lost: the lost speed, in the reading's unit. speed_ratio: speed over
+    the duty before."""
 
     wheel: int
     row: int
@@ -47,13 +48,14 @@ class Stop:
 
 
 def motors_brake(log: Log) -> bool:
-    """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
+    """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, a coasting one rolls on."""
     left = [each.speed_left for each in find_stops(log)]
     return bool(left) and float(np.median(left)) < MAX_BRAKED_SPEED
 
 
 def with_brake_by_stop(log: Log) -> Log:
-    """The log with what each stop was, where it does not say so itself and there were both kinds."""
+    """The log with `brake` by the kind of each stop, if the recording does not give it and has stops of both
+    kinds; else the same log."""
     if log.brake is not None:
         return log
     moments = _group_stops(log, sorted(find_stops(log), key=lambda each: each.row))
@@ -83,7 +85,7 @@ def with_brake_by_stop(log: Log) -> Log:
 
 
 def _group_stops(log: Log, found: Sequence[Stop]) -> list[list[Stop]]:
-    """Stops of both wheels at once together."""
+    """The stops, grouped by release: those of both wheels at the same time together."""
     moments: list[list[Stop]] = []
     for each in found:
         if moments and log.time[each.row] - log.time[moments[-1][0].row] < SAME_MOMENT_S:
@@ -94,7 +96,7 @@ def _group_stops(log: Log, found: Sequence[Stop]) -> list[list[Stop]]:
 
 
 def find_stops(log: Log) -> Iterator[Stop]:
-    """Each release of a turning motor that is long enough."""
+    """The releases of a turning motor that last long enough."""
     for index, side in enumerate(("left", "right")):
         wheel = log.wheel(side)
         if wheel is None:

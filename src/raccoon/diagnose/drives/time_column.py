@@ -1,4 +1,4 @@
-"""Checks of a recording's time: it advances, in seconds, and by small enough steps."""
+"""Checks of a recording's time column: it advances, is in seconds, and has small enough steps."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from raccoon.trace.recording import median_step, time_unit_hint
 Array = NDArray[np.float64]
 
 MAX_STEP_S = 0.2
-"""s between samples; a wheel settles in less."""
+"""Longest time between samples, s; a wheel settles in less."""
 MAX_GAP_S = 1e5
-"""s that no drive pauses for."""
+"""Longest pause of a drive, s; a longer one is an error of the time."""
 MIN_STILL_SHARE = 0.1
-"""Share of the rows in which a time stands still that is rounded."""
+"""Share of rows without an advance of the time above which the time is rounded."""
 
 
 def check_time(time: Array, slowest: float = MAX_STEP_S) -> None:
-    """Raise TraceError where a time is no number, does not advance, or by more than `slowest` s a sample."""
+    """Raise TraceError if a time is not a number, does not advance, or its usual step is above `slowest`
+    (s)."""
     if not np.isfinite(time).all():
         raise TraceError(
             f"t is not a number in {int((~np.isfinite(time)).sum())} samples: repair the recording"
@@ -38,7 +39,7 @@ def check_time(time: Array, slowest: float = MAX_STEP_S) -> None:
 
 
 def check_step(time: Array, slowest: float = MAX_STEP_S) -> None:
-    """Raise TraceError where a time advances by more than `slowest` s a sample, as in another unit."""
+    """Raise TraceError if the median step of the time is above `slowest` (s), as in another unit."""
     step = median_step(time)
     if step > slowest:
         told = (
@@ -48,7 +49,7 @@ def check_step(time: Array, slowest: float = MAX_STEP_S) -> None:
 
 
 def _describe_rounding(steps: Array) -> str:
-    """That a time is written too coarsely, where it stands still so often."""
+    """Text that says that the time is rounded too coarsely, if it stands still often enough; "" otherwise."""
     still, moved = float((steps == 0.0).mean()), steps[steps > 0.0]
     if still == 1.0:
         return ", and never does: it seems to be written with too few digits"

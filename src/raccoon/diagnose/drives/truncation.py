@@ -1,4 +1,4 @@
-"""Back-EMF as it was on average before the controller cut off its fraction of a count."""
+"""Undoes, on average, the controller's truncation of back-EMF to whole counts."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ HALF_A_COUNT = 0.5
 
 
 def undo_truncation(bemf: Array) -> Array:
-    """Readings in whole counts with the half that they lack; others as they are, and NaN where it is NaN.
+    """Back-EMF (counts) with half a count added to its magnitude if it is in whole counts; otherwise
+    unchanged. NaN stays NaN.
 
-    Such a reading is half a count nearer to 0 than what was read, on the average. That is 0.3 % of a usual
-    speed, and what the voltage and the battery say of a reading's scale is surer than that: of 160 robots
-    two were told a scale 0.5 % too small.
+    Truncation moves a reading towards 0 by half a count on average, which is 0.3 % of a usual speed. Voltage
+    and battery determine a reading's scale better than that: without the correction, 2 of 160 robots were
+    reported a scale 0.5 % too small.
     """
     if np.any(np.nan_to_num(bemf) % 1.0):
         return bemf

@@ -1,1 +1,1 @@
-"""Many recordings side by side."""
+"""The comparison of many recordings of one or several robots (a fleet)."""

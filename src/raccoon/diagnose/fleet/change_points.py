@@ -1,7 +1,8 @@
-"""A number over many recordings in their order: did it stay, jump (a new part) or creep (an ageing one)?
+"""Change points of a parameter over recordings in their order: constant, jumping (a new part) or drifting
+(ageing).
 
-It is taken to be steady in pieces, or to creep at one rate in all of them. Pieces and rate are added while
-they are far clearer than chance among all that were tried.
+The model is piecewise constant, or piecewise linear with one common slope. Jumps and the slope are added
+while they are significant, corrected for the number of alternatives that were tried.
 """
 
 from __future__ import annotations
@@ -18,38 +19,39 @@ from scipy.special import fdtri, stdtrit
 Array = NDArray[np.float64]
 
 MIN_NUMBERS = 5
-"""Numbers in which a change is looked for: a jump leaves `MIN_DEGREES_OF_FREEDOM` of them over."""
+"""Least length of a series that is searched for a change: a jump then leaves `MIN_DEGREES_OF_FREEDOM`."""
 MIN_PIECE_LENGTH = 2
-"""Least numbers in a piece."""
+"""Shortest piece, in values."""
 MAX_JUMPS = 3
-"""Jumps that are looked for in one series."""
+"""Largest number of jumps in one series."""
 MIN_DEGREES_OF_FREEDOM = 3
-"""Numbers that must be left over, from which the scatter is learnt."""
+"""Least number of degrees of freedom, from which the scatter is estimated."""
 MIN_JUMP_STDS = 6.0
-"""Standard deviations of the difference of the two means. The best of all places is taken, so it must be more
-than the usual 3."""
+"""Least jump, in standard deviations of the difference of the two means. The best of all places is chosen, so
+it must be more than the usual 3."""
 MIN_TREND_STDS = 5.0
-"""Standard deviations of the rate at which a number creeps."""
+"""Least slope of a drift, in standard deviations of the slope."""
 FALSE_ALARM_SHARE = 0.005
-"""Share of steady series that may seem to jump, and as many to creep, or to do two things at once. A standard
-deviation that is learnt from five numbers is often far too small, so they must be further apart than the
-deviations above."""
+"""Share of constant series that may be reported to jump (false alarms); the same for a drift, and for two
+changes at once. A standard deviation estimated from five values is often far too small, so this can require
+more than the thresholds above."""
 MIN_NUMBERS_WITH_OUTLIER = 7
-"""Numbers from which one that is far from all others may be left out."""
+"""Least length of a series of which one outlier may be left out."""
 MIN_JUMP_STDS_WITH_OUTLIER = 10.0
-"""Standard deviations by which the others must then jump. Of 11 kinds of steady series, 1000 each, none was
-said to change that was not before."""
+"""Least jump of the other values, in standard deviations of the difference of the two means. With it, none of
+11 kinds of constant series, 1000 each, was reported to change in addition to those that were before."""
 MIN_OUTLIER_STDS = 6.0
-"""Standard deviations that such a number is at least away from both sides."""
+"""Least distance of the outlier from the values on both sides of the jump, in standard deviations of a single
+value."""
 MIN_RELATIVE_STD = 1e-6
-"""Least deviation of a number that counts, of the largest of its series: numbers that are alike to the last
-digit differ by how sums of them are rounded, which is no jump."""
+"""Lower bound of a value's standard deviation, relative to the largest value of its series: values that agree
+to the last digit differ by rounding errors, which is no jump."""
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A part of a series between two jumps. first, last: rows of the series; start, end: what the number is
-    at these, the same where it is steady."""
+    """A part of a series between two jumps. first, last: rows of the series. start, end: fitted values at
+    these rows, equal if it is constant."""
 
     first: int
     last: int
@@ -58,13 +60,13 @@ class Piece:
 
     @property
     def creeps(self) -> bool:
-        """Whether it changes from recording to recording."""
+        """Whether the value drifts from recording to recording."""
         return self.start != self.end
 
 
 def fit_pieces(values: Sequence[float], stds: Sequence[float]) -> tuple[Piece, ...]:
-    """Fit the pieces of a series, none where it stays within its scatter. NaN values are left out, and a std
-    that is NaN is not known."""
+    """Fit the pieces of a series; () if it is constant within its scatter. NaN values are left out; a NaN std
+    is unknown and counts as 0."""
     series, known_stds = np.asarray(values, float), np.asarray(stds, float)
     known = np.flatnonzero(np.isfinite(series))
     if len(known) < MIN_NUMBERS:
@@ -80,8 +82,8 @@ def fit_pieces(values: Sequence[float], stds: Sequence[float]) -> tuple[Piece, .
 def typical_values(
     rows: NDArray[np.intp], values: Array, known: NDArray[np.intp], course: Sequence[Piece]
 ) -> Array:
-    """What each value (of a row of the series) would be without its scatter: the median of its piece, or
-    where that creeps its line. known: rows of the series that have a value."""
+    """The typical value at each of these rows of the series, without scatter: the median of its piece, or its
+    line if it drifts. known: rows of the series that have a value."""
     found = np.full(len(values), np.median(values))
     for piece in course:
         inside = (rows >= piece.first) & (rows <= piece.last)
@@ -96,29 +98,30 @@ def typical_values(
 
 @dataclass(frozen=True, slots=True)
 class _Form:
-    """How a series goes: whether it creeps, and the places of the first numbers after each jump."""
+    """The form of a series: whether it drifts, and the index of the first value after each jump."""
 
     creeps: bool = False
     jumps: tuple[int, ...] = ()
 
     @property
     def numbers(self) -> int:
-        """How many parameters it has beside the level."""
+        """Number of parameters in addition to the level."""
         return self.creeps + len(self.jumps)
 
     def bounds(self, count: int) -> Iterator[tuple[int, int]]:
-        """Begin and end of each piece of a series of so many."""
+        """Begin and end (exclusive) of each piece of a series of this length."""
         return pairwise((0, *self.jumps, count))
 
     def simpler_forms(self) -> Iterator[tuple[_Form, float]]:
-        """Each form with one parameter less, and by how many standard deviations that one must be clear."""
+        """Each form with one parameter less, and the least significance of that parameter in standard
+        deviations."""
         if self.creeps:
             yield _Form(False, self.jumps), MIN_TREND_STDS
         for each in self.jumps:
             yield _Form(self.creeps, tuple(it for it in self.jumps if it != each)), MIN_JUMP_STDS
 
     def larger_forms(self, count: int, add: int) -> Iterator[_Form]:
-        """The forms with so many parameters more, in a series of `count`."""
+        """The forms with `add` more parameters for a series of length `count`."""
         free = [at for at in range(1, count) if at not in self.jumps]
         for creeps in {self.creeps, True}:
             jumps = add - (creeps and not self.creeps)
@@ -132,8 +135,8 @@ STEADY = _Form()
 
 
 def _select_form(y: Array, s: Array) -> _Form:
-    """Forward selection of the form of a series: one parameter after the other, two together where none is
-    clear alone."""
+    """Forward selection of a series' form: one parameter at a time, or two together if no single one is
+    significant."""
     form, sums = STEADY, _cumulative_sums(y)
     while True:
         for add in (1, 2):
@@ -146,8 +149,9 @@ def _select_form(y: Array, s: Array) -> _Form:
 
 
 def _find_better_form(form: _Form, add: int, sums: Array, s: Array) -> _Form | None:
-    """The form with so many parameters more that leaves least, each of them clear beside all others; None
-    where chance would give it as well."""
+    """The form with `add` more parameters and the least residual among those whose parameters are all
+    significant; None if chance explains its gain. sums: from `_cumulative_sums`. s: standard deviations of
+    the values."""
     if len(s) - 1 - form.numbers - add < MIN_DEGREES_OF_FREEDOM:
         return None
     before = _residual_squares(form, sums)
@@ -171,20 +175,20 @@ def _is_clear(form: _Form, left: float, sums: Array, s: Array) -> bool:
 
 
 def _cumulative_sums(y: Array) -> Array:
-    """Sums of 1, x, y, x x, x y and y y before each place, to fit any piece at once. Shape (6, count + 1)."""
+    """Cumulative sums (6, count + 1) of 1, x, y, x x, x y and y y, from which any piece is fitted at once."""
     x, z = np.arange(len(y)) - 0.5 * (len(y) - 1), y - y.mean()
     rows = np.array([np.ones(len(y)), x, z, x * x, x * z, z * z])
     return np.concatenate((np.zeros((6, 1)), np.cumsum(rows, axis=1)), axis=1)
 
 
 def _residual_squares(form: _Form, sums: Array) -> float:
-    """The sum of squares that a form leaves of a series."""
+    """Residual sum of squares of a form."""
     _, rest, drop = _fit_trend(form, sums)
     return max(rest - drop, 0.0)
 
 
 def _fit_trend(form: _Form, sums: Array) -> tuple[float, float, float]:
-    """(rate, squares that the levels leave, what the rate takes of them): least squares, levels first."""
+    """(slope, residual sum of squares with levels only, its drop by the slope), by least squares."""
     xx = xy = yy = 0.0
     for begin, end in form.bounds(sums.shape[1] - 1):
         n, x, y, x2, xy2, y2 = (sums[:, end] - sums[:, begin]).tolist()
@@ -202,8 +206,8 @@ def _make_pieces(form: _Form, known: NDArray[np.intp], y: Array) -> tuple[Piece,
 
 
 def _find_jump_beside_outlier(known: NDArray[np.intp], y: Array, s: Array) -> tuple[Piece, ...]:
-    """A jump that one number hides which is far from both of its sides, as a run with something else wrong
-    is."""
+    """A jump that is hidden by one outlier, far from the values on both sides, as from a run with another
+    fault."""
     best: tuple[float, tuple[Piece, ...]] = 0.0, ()
     for odd in range(len(y) if len(y) >= MIN_NUMBERS_WITH_OUTLIER else 0):
         others = np.delete(np.arange(len(y)), odd)
@@ -221,9 +225,9 @@ def _find_jump_beside_outlier(known: NDArray[np.intp], y: Array, s: Array) -> tu
 
 
 def _residual_std(left: float, s: Array, numbers: int) -> tuple[float, float]:
-    """The deviation of one number by the squares that a level and so many fitted numbers leave and by its
-    own, and the degrees of freedom with which it is known: what a diagnosis says of its numbers counts as
-    known (Satterthwaite 1946)."""
+    """Standard deviation of a single value, and its degrees of freedom. It combines the scatter, from the
+    residual sum of squares `left` of a level and `numbers` more parameters, and the values' own standard
+    deviations s, which count as known exactly (Satterthwaite 1946)."""
     more = len(s) - 1 - numbers
     scatter, own = left / more, float((s**2).mean())
     whole = scatter + own
@@ -231,8 +235,9 @@ def _residual_std(left: float, s: Array, numbers: int) -> tuple[float, float]:
 
 
 def _gain_by_chance(freedom: float, numbers: int, ways: int) -> float:
-    """The gain for each of so many numbers, in squared deviations, that the best of so many ways has in a
-    steady series with `FALSE_ALARM_SHARE`: Student's t squared of one, Fisher's F of two."""
+    """Gain per parameter, in squared standard deviations, that the best of `ways` alternatives reaches by
+    chance in `FALSE_ALARM_SHARE` of constant series: Student's t squared for one parameter, Fisher's F for
+    two."""
     chance = FALSE_ALARM_SHARE / (ways * numbers)
     if numbers == 1:
         return float(stdtrit(min(freedom, 1e6), 1.0 - 0.5 * chance)) ** 2

@@ -1,4 +1,4 @@
-"""The model that many recordings of a robot have in common, and its cross check on a recording left out."""
+"""The common model of a fleet's robot, and the leave-one-out check of it."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from raccoon.sim.effects.provenance import Origin
 Array = NDArray[np.float64]
 
 RELATIVE_TO_START = ("drive.slope", "drive.wheel_eccentricity")
-"""Effects whose direction is relative to where a run began, which is another place in each."""
+"""Effects whose direction is relative to the start pose, which differs between recordings."""
 REFITTED_NOTE = "refitted inside robot.toml's standard deviation, the median of {} recordings"
 NAMED_NOTE = "named in {} of {} recordings"
 
 
 @dataclass(frozen=True, slots=True)
 class CrossCheck:
-    """Leave-one-out check of a recording with the model of the others. before, after: error of robot.toml's
-    simulation and of that model on data that no fit had seen, root mean square over the channels in units of
-    their noise. own: the same with the model of this recording itself. still: what is wrong with the others'
-    model there."""
+    """Leave-one-out check of a recording with the model of the other recordings. before, after: error of
+    robot.toml's simulation and of that model on held-out data, root mean square over the channels in units of
+    their noise. own: the same with the recording's own model. still: causes that remain with the others'
+    model."""
 
     before: float
     after: float
@@ -43,8 +43,8 @@ class CrossCheck:
 
 
 def make_cross_check(with_own_robot: Diagnosis, with_common_model: Diagnosis) -> CrossCheck:
-    """Compare two diagnoses of a recording: with_own_robot from robot.toml, with_common_model from the model
-    of the others."""
+    """Compare two diagnoses of a recording: with_own_robot starts from robot.toml, with_common_model from the
+    model of the others."""
     floors = {each.name: each.noise_floor for each in with_own_robot.channels if each.noise_floor > 0.0}
 
     def size(errors: Mapping[str, float]) -> float:
@@ -61,11 +61,13 @@ def make_cross_check(with_own_robot: Diagnosis, with_common_model: Diagnosis) ->
 
 
 def common_model(fleet: Fleet, held_out: str | None = None) -> Parameters | None:
-    """The simulation of a fleet's one robot: causes that most of its recordings name, and all else as they
-    refitted it; of a number that changed, as it was in the end. None where no recording gives a model.
+    """The simulation parameters of a fleet's single robot: the causes that most of its recordings name, and
+    all other parameters as refitted. A parameter that changed has its latest value. None if no recording
+    has a model.
 
-    held_out: a recording to predict. The model is then made from the others alone, and of a number that
-    changed, as it was between the same jumps."""
+    held_out: a recording to predict. The model then comes from the other recordings only, and a parameter
+    that changed comes from those between the same jumps.
+    """
     every = list(fleet.results)
     models = {name: fleet.results[name].model for name in every if name != held_out}
     made = {name: each for name, each in models.items() if each is not None}
@@ -84,8 +86,8 @@ def common_model(fleet: Fleet, held_out: str | None = None) -> Parameters | None
 
 @dataclass(frozen=True, slots=True)
 class _ModelPool:
-    """What a model is made from. models: by recording; rows: of all recordings; at: the recording that the
-    model is of, as it is then."""
+    """The material of a common model. models: by recording. rows: index of each recording. at: the recording
+    at whose place in the order the model applies."""
 
     models: Mapping[str, Parameters]
     rows: Mapping[str, int]
@@ -94,9 +96,9 @@ class _ModelPool:
     def with_median_effect(
         self, common: Parameters, key: Key, having: Sequence[str], origin: Origin, creeps: bool = False
     ) -> Parameters:
-        """With an effect as these recordings have it: the median of each number, the first on their line
-        where it creeps. Its deviation is how far the next recording's may be from it: as these scatter, and
-        the median itself may be off."""
+        """The model with an effect as these recordings have it: the median of each parameter; if it drifts,
+        the first parameter has its value on the line. Its standard deviation is that of the prediction for
+        the next recording: the scatter of these recordings and the uncertainty of the median."""
         values, stds = {}, {}
         for number, each in enumerate(effect(key[0]).parameters):
             found = np.array([self.models[name].value(key[0], each.name, key[1]) for name in having])
@@ -104,7 +106,7 @@ class _ModelPool:
             values[each.name], stds[each.name] = _median_with_std(found, own)
             if creeps and number == 0 and len(having) > 1:
                 values[each.name], stds[each.name] = self._value_on_trend(each, having, found, own)
-            if key[0] == HEIGHT:  # what is not known of the law of its light is the same in all of them
+            if key[0] == HEIGHT:  # the uncertainty of the law of light is common to all of them
                 stds[each.name] = max(stds[each.name], float(np.median(own)))
         std = {name: each for name, each in stds.items() if each > 0.0}
         return common.with_effect(key[0], key[1], **values).with_origin(*key, replace(origin, std=std))
@@ -116,7 +118,8 @@ class _ModelPool:
     def _value_on_trend(
         self, parameter: Parameter, having: Sequence[str], values: Array, stds: Sequence[float]
     ) -> tuple[float, float]:
-        """At an end a line is less sure than in its middle, and two of its numbers are fitted."""
+        """Value of a drifting parameter at `at` by a linear fit, and its standard deviation there, which is
+        larger at the ends of the line than in the middle, with two fitted coefficients."""
         rows = np.array([self.rows[name] for name in having], float) - self.rows[self.at]
         rate, start = np.polyfit(rows, values, 1)
         left = values - start - rate * rows
@@ -128,7 +131,7 @@ class _ModelPool:
 
 
 def _with_common_refits(common: Parameters, pool: _ModelPool, fleet: Fleet) -> Parameters:
-    """With what most drives have without its being a cause there."""
+    """The model with the effects that most drives refitted without naming them as a cause."""
     named = {name: _named_effects(fleet.results[name]) for name in pool.models}
     refitted = {name: each.effects.keys() - named[name] for name, each in pool.models.items()}
     drives = [name for name, each in refitted.items() if each]
@@ -151,8 +154,8 @@ def _effect_places(id_: str, where: str | None) -> tuple[str | None, ...]:
 
 
 def _with_common_cause(common: Parameters, cause: FleetCause, pool: _ModelPool, fleet: Fleet) -> Parameters:
-    """With a cause that most recordings name which can tell, between the same jumps as the one to foresee; of
-    two that they do not tell apart with one."""
+    """The model with a cause if most recordings that can tell name it, among those between the same jumps as
+    the recording to predict. Of two causes that they cannot distinguish only one is included."""
     id_, _, where = cause.name.partition("@")
     piece, creeps = _recordings_between_jumps(cause, [*fleet.results], pool.at)
     able = [name for name in piece if name in pool.models and not is_silent(cause.name, fleet.results[name])]
@@ -168,8 +171,7 @@ def _with_common_cause(common: Parameters, cause: FleetCause, pool: _ModelPool, 
 
 
 def _recordings_between_jumps(cause: FleetCause, every: Sequence[str], at: str) -> tuple[list[str], bool]:
-    """The recordings between the same jumps as one, without those that are far from the others, and whether
-    the number creeps there."""
+    """The recordings between the same jumps as `at`, without outliers, and whether the value drifts there."""
     names, creeps = list(every), False
     for course in cause.series.courses:
         starts = [0, *(each.first for each in course.pieces[1:]), len(every)]
@@ -180,14 +182,14 @@ def _recordings_between_jumps(cause: FleetCause, every: Sequence[str], at: str) 
 
 def _median_with_std(values: Array, stds: Sequence[float]) -> tuple[float, float]:
     middle = float(np.median(values))
-    if not np.isfinite(values).all():  # no limit of the current
+    if not np.isfinite(values).all():  # infinite: no current limit
         return middle, 0.0
     scatter = STD_PER_MAD * float(np.median(np.abs(values - middle)))
     return middle, math.hypot(scatter, float(np.median(stds)) / math.sqrt(len(values)))
 
 
 def _with_median_inertia(models: Sequence[Parameters]) -> RobotConfig:
-    """The first robot with everyone's inertias, which are numbers of robot.toml itself."""
+    """The first model's robot with the median of all inertias, which are values of robot.toml itself."""
     robot = models[0].robot
 
     def middle(numbers: Sequence[Measured]) -> Measured:

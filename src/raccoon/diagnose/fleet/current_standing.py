@@ -1,4 +1,4 @@
-"""How a cause stands since its number last changed: who has it now, and whether too small or too large."""
+"""The current standing of a cause since its parameter last changed: where it is present, and its sign."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from raccoon.diagnose.fleet.series import Series
 from raccoon.diagnose.result import ParameterResult
 
 COMMON_SHARE = 0.6
-"""Of the recordings that can tell, from which a cause is said to be common to them."""
+"""Share of the recordings that can tell above which a cause is common to them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """lower, higher: the recordings since the last change whose number is below and above what was assumed;
-    where none of these names it any more, all such. since: the recording from which on most have it of a
-    robot of which most before had not. until: the last one of which most had it that now have not."""
+    """lower, higher: recordings since the last change in which the parameter is below and above the assumed
+    value; if none of these names the cause any more, all such recordings. since: the recording from which
+    most recordings of a robot name the cause, if most earlier ones did not. until: the last recording up to
+    which most named it, if most later ones do not."""
 
     lower: tuple[str, ...]
     higher: tuple[str, ...]
@@ -27,8 +28,9 @@ class Standing:
 def current_standing(
     found: Mapping[str, ParameterResult], robots: Mapping[str, str], silent: frozenset[str], series: Series
 ) -> Standing:
-    """found: the number in the recordings that name the cause. robots: whose each recording is. silent: those
-    that cannot tell. When it came or went is said of one robot alone."""
+    """The current standing of a cause. found: the parameter in the recordings that name it. robots: robot of
+    each recording. silent: recordings that cannot tell. `since` and `until` are only given for a single
+    robot."""
     now = [each for each in _recordings_since_change(robots, series) if each in found] or [*found]
     since = until = ""
     if len({*robots.values()}) == 1 and series.courses and len(series.courses[0].pieces) > 1:
@@ -50,9 +52,9 @@ def current_standing(
 def deviation_sides(
     found: Mapping[str, ParameterResult], robots: Mapping[str, str], silent: frozenset[str], series: Series
 ) -> dict[str, bool]:
-    """For each robot with a cause, whether its number is above what was assumed: robots of which most
-    recordings that can tell name it, of all and since it last changed, and then on the same side. What
-    differs from run to run, as a battery's charge, is no robot's."""
+    """For each robot that has the cause, whether the parameter is above the assumed value. A robot has it if
+    most of its recordings that can tell name it, both of all and of those since the last change, the latter
+    with the same sign. What differs between runs, such as a battery's charge, is no property of a robot."""
     now, sides = _recordings_since_change(robots, series), {}
     for robot in dict.fromkeys(robots[each] for each in found):
         own = [each for each in robots if robots[each] == robot]
@@ -65,7 +67,8 @@ def deviation_sides(
 
 
 def _recordings_since_change(robots: Mapping[str, str], series: Series) -> list[str]:
-    """The recordings of each robot since its number last changed, all of a robot whose does not."""
+    """The recordings of each robot since its parameter last changed; all of a robot whose parameter did
+    not."""
     gone = [each.recordings[: each.pieces[-1].first] for each in series.courses]
     before = {name for names in gone for name in names}
     return [each for each in robots if each not in before]

@@ -1,4 +1,4 @@
-"""Recordings of another robot than their robot.toml and the rest of its recordings are of."""
+"""Detects recordings of another robot than that of robot.toml and of the other recordings."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ from collections.abc import Mapping
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MAX_LOG_FACTOR = 0.25
-"""Logarithm of a factor beyond which robot.toml is probably not this robot's."""
+"""Magnitude of the logarithm of a factor above which robot.toml is probably not this robot's."""
 ROBOT_CONSTANTS = (
     "motor.back_emf_constant", "motor.armature_resistance", "drive.inertia", "drive.wheel_radius",
     "drive.track_width",
 )  # fmt: skip
 MIN_FAR_CONSTANTS = 2
-"""Constants beyond it that make a recording another robot's: a replaced pair of motors changes no track."""
+"""Least number of such constants in a recording of another robot: a replaced pair of motors does not change
+the track width."""
 
 
 def is_far_off(cause: CauseResult) -> bool:
-    """Whether the factor of a cause is beyond what differs between a robot and its robot.toml."""
+    """Whether a cause's factor is larger than usual differences between a robot and its robot.toml."""
     return abs(math.log(max(cause.parameters["factor"].value, 1e-9))) > MAX_LOG_FACTOR
 
 
 def recordings_of_others(results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> dict[str, str]:
-    """The recordings that seem to be of another robot, and why: several constants of the whole robot are far
-    off, and those of most recordings of the robot are not. robots: whose each recording is said to be."""
+    """The recordings that seem to be of another robot, with the reason: several constants of the whole robot
+    are far off in them, but not in most recordings of the same robot. robots: the nominal robot of each
+    recording."""
     reasons = {}
     for name, diagnosis in results.items():
         far = [

@@ -1,4 +1,4 @@
-"""The value of a cause's number in recordings that do not name the cause: as it was refitted there."""
+"""Refitted values of a cause's parameter in recordings that do not name the cause."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ ValueWithStd = tuple[float, float]
 
 
 def refitted_values(name: str, results: Mapping[str, Diagnosis]) -> dict[str, ValueWithStd]:
-    """The first number of a cause, id or id@where, by recording: of those whose model has it. Inside
-    robot.toml's deviations it is fitted silently, and is not what robot.toml says."""
+    """First parameter of a cause (id or id@where) by recording, for recordings whose model has it. Within
+    robot.toml's standard deviation it is refitted without being named, and then differs from robot.toml's
+    value."""
     named = (each for it in results.values() for each in it.causes if each.name == name)
     parameter = next(iter(next(named).parameters))
     found = {recording: _refitted_value(name, parameter, each) for recording, each in results.items()}
@@ -23,7 +24,8 @@ def refitted_values(name: str, results: Mapping[str, Diagnosis]) -> dict[str, Va
 
 
 def _refitted_value(name: str, parameter: str, diagnosis: Diagnosis) -> ValueWithStd | None:
-    """Of a cause of both sides the mean of them."""
+    """The refitted value in one recording, None if its model has none; for a cause of both sides their
+    mean."""
     model = diagnosis.model
     if model is None:
         return None

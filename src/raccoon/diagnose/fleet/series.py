@@ -1,4 +1,4 @@
-"""One number over the recordings of one or many robots: how each one's goes, what is far from the others."""
+"""A parameter over the recordings of one or several robots: its changes per robot, and outliers."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from raccoon.diagnose.result import ParameterResult
 Array = NDArray[np.float64]
 
 OUTLIER_STDS = 4.0
-"""Standard deviations beyond which a number is an outlier."""
+"""Distance, in standard deviations, above which a value is an outlier."""
 STD_PER_MAD = 1.4826
-"""Standard deviation of normal numbers over their median absolute deviation."""
+"""Ratio of standard deviation and median absolute deviation of a normal distribution."""
 MIN_FOR_OUTLIERS = 4
-"""Numbers, or robots, from which one may be an outlier."""
+"""Least number of values, or of robots, for a search of outliers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """How a number goes over the recordings of a robot. pieces: their rows count `recordings`, all of the
-    robot's."""
+    """The course of a parameter over a robot's recordings. pieces: their rows index `recordings`, which are
+    all of the robot's."""
 
     robot: str
     recordings: tuple[str, ...]
@@ -35,9 +35,9 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A number in the recordings that have it. courses: of the robots whose number changes. levels: the
-    middle of each robot's. spread: of one number around what is usual where it is. outliers: recordings, and
-    robots ("robot NAME"), whose number is far from the others'."""
+    """A parameter in the recordings that have it. courses: of robots whose value changes. levels: median of
+    each robot. spread: standard deviation of a single value around its typical value. outliers: recordings,
+    and robots ("robot NAME"), whose value is an outlier."""
 
     courses: tuple[Course, ...]
     levels: Mapping[str, float]
@@ -51,9 +51,10 @@ def make_series(
     silent: frozenset[str] | None = None,
     refits: Mapping[str, ValueWithStd] | None = None,
 ) -> Series:
-    """found: the number, by recording. robots: the robot of each recording of the fleet, in their order.
-    silent: recordings that cannot tell the number; any other without it has the one that it refitted, or
-    else the nominal one of its robot. None where no recording without it says anything."""
+    """The series of a parameter. found: its values by recording. robots: the robot of each recording of the
+    fleet, in order. silent: recordings that cannot tell; any other recording without a value has the refitted
+    one (refits), or else its robot's nominal one. silent is None if recordings without a value show
+    nothing."""
     courses, levels = [], {}
     off: dict[str, float] = {}
     for robot in dict.fromkeys(robots[each] for each in found):
@@ -68,7 +69,7 @@ def make_series(
         off |= {own[row]: float(each) for row, each in zip(rows, left, strict=True)}
         levels[robot] = float(np.median(values))
     odd_robots = []
-    if len(levels) == len(found):  # as many robots: each is compared with the others
+    if len(levels) == len(found):  # one value per robot: robots are compared with each other
         middle = float(np.median([*levels.values()]))
         off = {each: found[each].value - middle for each in off}
     else:
@@ -78,7 +79,7 @@ def make_series(
     odd = [each for each, far in zip(off, _are_outliers([*off.values()], spread, stds), strict=True) if far]
     if (
         spread == 0.0 and np.isfinite(stds).any()
-    ):  # most are equal to the last digit, which says nothing of one
+    ):  # most values are equal to the last digit, so the scatter is unknown
         spread = float(np.nanmedian(stds))
     return Series(
         tuple(courses), levels, spread, (*(odd if len(found) >= MIN_FOR_OUTLIERS else ()), *odd_robots)
@@ -86,7 +87,7 @@ def make_series(
 
 
 def _are_outliers(left: Sequence[float], spread: float, stds: Array) -> list[bool]:
-    """Which residuals are larger than the spread and their own standard deviation explain."""
+    """Flags of residuals that are larger than the spread and their own standard deviation explain."""
     return list(np.abs(left) > OUTLIER_STDS * np.hypot(spread, np.nan_to_num(stds)))
 
 
@@ -96,8 +97,8 @@ def _values_and_stds(
     silent: frozenset[str] | None,
     refits: Mapping[str, ValueWithStd],
 ) -> tuple[Array, Array]:
-    """Value and deviation in each of a robot's recordings, NaN where it is not known. One that names nothing
-    does not know it better than those that do."""
+    """Value and standard deviation in each of a robot's recordings, NaN if unknown. A recording that does not
+    name the cause has the median standard deviation of those that do."""
     having = [found[each] for each in own if each in found]
     nominal = having[0].nominal
     usual = float(np.median(np.nan_to_num(np.array([each.std for each in having]))))
@@ -115,7 +116,7 @@ def _values_and_stds(
 def _outlier_robots(
     found: Mapping[str, ParameterResult], robots: Mapping[str, str], levels: Mapping[str, float]
 ) -> list[str]:
-    """Robots whose number is an outlier among the robots; none of fewer than four."""
+    """Robots whose median is an outlier among the robots; none if there are too few."""
     if len(levels) < MIN_FOR_OUTLIERS:
         return []
     left = np.array([*levels.values()]) - np.median([*levels.values()])
@@ -125,7 +126,8 @@ def _outlier_robots(
 
 
 def _median_std(numbers: Sequence[ParameterResult]) -> float:
-    """Standard deviation of a robot's median: as its recordings say, and not less than they scatter."""
+    """Standard deviation of a robot's median, by the larger of the recordings' own standard deviations and
+    their scatter."""
     values = np.array([each.value for each in numbers])
     said = float(np.nan_to_num(np.array([each.std for each in numbers])).mean())
     scatter = float(values.std(ddof=1)) if len(values) > 1 else 0.0

@@ -1,4 +1,4 @@
-"""Which recordings are silent about a cause: they speak neither for it nor against it."""
+"""Recordings that are silent about a cause: they are evidence neither for nor against it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ CANNOT_TELL_PREFIXES = (
     "not judged",
     "the recorded motion does not follow",
 )
-"""How a reason begins for which a recording is silent about a cause."""
+"""Beginnings of the reasons for which a recording is silent about a cause."""
 
 
 def is_silent(name: str, diagnosis: Diagnosis) -> bool:
-    """Whether a recording that does not name a cause does not speak against it either: it cannot tell, as
-    where a channel is missing, it is of another kind, as a tophat's of a battery, or it names another cause
-    that may be this one."""
+    """Whether a recording that does not name a cause is no evidence against it either: it cannot tell (a
+    missing channel), is of another kind (of tophats, for a cause of the battery), or names a rival of the
+    cause."""
     id_, _, where = name.partition("@")
     judged = [*(each.name for each in diagnosis.causes), *(each.id for each in diagnosis.rejected)]
     if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE or _judged_group(name) not in map(_judged_group, judged):
@@ -36,13 +36,13 @@ def is_silent(name: str, diagnosis: Diagnosis) -> bool:
 
 
 def _judged_group(name: str) -> str:
-    """The group of causes that is judged together: battery, motor, drive, each tophat."""
+    """Group of causes that are judged together: battery, motor, drive, or one tophat."""
     id_, _, where = name.partition("@")
     group = id_.partition(".")[0]
     return f"{group}@{where}" if where.isdecimal() else group
 
 
 def _holds_at_place(reason: str, where: str) -> bool:
-    """Whether a reason holds at a place: one may say that it is of one side alone."""
+    """Whether a reason applies at a place; it may be restricted to one side."""
     begin = "not identifiable at the "
     return not reason.startswith(begin) or reason.startswith(f"{begin}{where}:")

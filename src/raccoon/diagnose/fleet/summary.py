@@ -1,4 +1,4 @@
-"""Many recordings side by side: what is common, what is one robot's or recording's, what changed and when."""
+"""Summary of many recordings: common causes, those of single robots or recordings, and changes over time."""
 
 from __future__ import annotations
 
@@ -21,15 +21,18 @@ HEIGHT = "tophat.height"
 
 @dataclass(frozen=True, slots=True)
 class FleetCause:
-    """A cause over many recordings. share: of the recordings that can tell, those that name it. values,
-    stds: its first parameter in each, in the order of `recordings`, which name it in `unit`. series: how it
-    goes over all of them, one that does not name the cause counting as it refitted the number, one that
-    cannot tell not at all. rivals: what at least half of the recordings that name it do not tell it from.
-    telling: how many can tell. robots: those of which most recordings that can tell name it, also since it
-    last changed, and as much too small or too large. alike: how many of these robots agree in that.
-    of_robots: how many have one that can tell. standing: how it stands since it last changed. refitted: the
-    number in recordings that can tell and do not name it (for pictures; not part of the JSON). instead: the
-    cause of at least as many recordings in the place of which it is named: they do not tell it from that."""
+    """A cause over many recordings.
+
+    share: of the recordings that can tell, those that name it. recordings: those that name it with its
+    parameter in `unit`; values, stds: the cause's first parameter in each of them. series: over all
+    recordings; one that does not name the cause has the refitted value, one that cannot tell has none.
+    rivals: causes that at least half of the recordings that name it do not distinguish from it. telling:
+    number of recordings that can tell. robots: those that have it: most of their recordings that can tell
+    name it, also since the last change, with the same sign. alike: number of these robots that agree in the
+    sign. of_robots: number of robots with a recording that can tell. standing: since the last change.
+    refitted: the parameter in recordings that can tell and do not name it (for figures; not in the JSON).
+    instead: a rival, named in at least as many recordings, for which this cause is named in others.
+    """
 
     name: str
     share: float
@@ -50,7 +53,8 @@ class FleetCause:
 
     @property
     def common(self) -> bool:
-        """Whether most robots have it, or of one robot most recordings, and more than one."""
+        """Whether it is common: most robots have it, or, with a single robot, most recordings and more than
+        one."""
         if self.instead:
             return False
         if self.of_robots > 1:
@@ -60,8 +64,8 @@ class FleetCause:
 
 @dataclass(frozen=True, slots=True)
 class FleetNumber:
-    """A number that was identified in many recordings without being a cause, such as each motor's K_E.
-    recordings: those that have it. median: of all."""
+    """A quantity that many recordings identified without naming it as a cause, such as each motor's K_E.
+    recordings: those that have it. median: over all of them."""
 
     name: str
     unit: str
@@ -72,8 +76,8 @@ class FleetNumber:
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """Diagnoses by recording, and what they say together. robots: whose each recording is; all of them are of
-    one where nothing else is known. causes: most widespread first."""
+    """Diagnoses by recording, and their summary. robots: robot of each recording, a single one by default.
+    causes: most widespread first."""
 
     results: Mapping[str, Diagnosis]
     robots: Mapping[str, str]
@@ -82,17 +86,17 @@ class Fleet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its robots, in the order in which they come."""
+        """The robots in order of their first recording."""
         return tuple(dict.fromkeys(self.robots.values()))
 
     @property
     def courses(self) -> list[tuple[FleetCause | FleetNumber, Course]]:
-        """What changes, and how, robot by robot."""
+        """Every cause or number that changes, with its course for each robot."""
         every: list[FleetCause | FleetNumber] = [*self.causes, *self.numbers]
         return [(each, course) for each in every for course in each.series.courses]
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain types for JSON: every diagnosis, then what is common, odd and changed."""
+        """Plain types for JSON: every diagnosis, then causes and numbers with outliers and changes."""
         return {
             "recordings": {name: each.to_dict() for name, each in self.results.items()},
             "robots": {each: [it for it, own in self.robots.items() if own == each] for each in self.names},
@@ -102,7 +106,7 @@ class Fleet:
 
 
 def fleet_of(results: Mapping[str, Diagnosis], robots: Mapping[str, str] | None = None) -> Fleet:
-    """All recordings together, in their order. robots: the name of each one's robot, where there are
+    """The fleet of all recordings, in their order. robots: name of each recording's robot, if there are
     several."""
     whose = {name: "" if robots is None else robots[name] for name in results}
     names = dict.fromkeys(cause.name for each in results.values() for cause in each.causes)
@@ -112,8 +116,8 @@ def fleet_of(results: Mapping[str, Diagnosis], robots: Mapping[str, str] | None 
 
 
 def _more_common_rival(cause: FleetCause, causes: Sequence[FleetCause]) -> str:
-    """The more common cause in the place of which this one is named, "" where there is none: of two that no
-    recording tells apart some name the one and some the other, and a robot has one of them."""
+    """The more common cause in place of which this one is named, "" if there is none: if recordings cannot
+    distinguish two causes, some name one and some the other, but a robot has only one of them."""
     own, where = {*cause.recordings}, cause.name.partition("@")[2]
     rivals = {*cause.rivals, *(f"{each}@{where}" for each in cause.rivals if where and "@" not in each)}
     ahead = sorted(causes, key=lambda each: -len(each.recordings))
@@ -131,7 +135,7 @@ def _make_cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str
                 found[recording] = next(iter(cause.parameters.values()))
     silent = frozenset(key for key, each in results.items() if is_silent(name, each)) - found.keys()
     able = [robots[each] for each in results if each not in silent]
-    # Where a current is missing a friction is in volts: it counts, and is not compared.
+    # Without a measured current a friction is in volts: it counts as named, but its value is not compared.
     alike = _of_most_common_unit(found)
     first = next(iter(alike.values()))
     refits, unsaid = refitted_values(name, results), silent | (found.keys() - alike.keys())
@@ -157,8 +161,8 @@ def _make_cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str
 
 
 def _with_comparable_stds(name: str, found: Mapping[str, ParameterResult]) -> Mapping[str, ParameterResult]:
-    """Numbers with standard deviations relative to each other: the law of a tophat's light is the same in
-    all, so what is not known of it moves no height against another."""
+    """The values with standard deviations relative to each other: the uncertainty of the law of a tophat's
+    light is common to all, and does not shift one height against another."""
     if name.partition("@")[0] != HEIGHT:
         return found
 
@@ -176,14 +180,14 @@ def _of_most_common_unit(found: Mapping[str, ParameterResult]) -> dict[str, Para
 
 
 def _common_rivals(name: str, results: Mapping[str, Diagnosis]) -> tuple[str, ...]:
-    """What at least half of the recordings that name a cause do not tell it from."""
+    """Causes that at least half of the recordings that name this one do not distinguish from it."""
     own = [each.confounded_with for found in results.values() for each in found.causes if each.name == name]
     every = dict.fromkeys(rival for each in own for rival in each)
     return tuple(rival for rival in every if 2 * sum(rival in each for each in own) >= len(own))
 
 
 def _make_numbers(results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> list[FleetNumber]:
-    """What was identified in at least `MIN_FOR_OUTLIERS` recordings."""
+    """Numbers that were identified in at least `MIN_FOR_OUTLIERS` recordings."""
     names = dict.fromkeys(name for each in results.values() for name in each.identified)
     numbers = []
     for name in names:
@@ -199,7 +203,7 @@ def _make_numbers(results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -
 
 
 def _to_plain_dict(each: FleetCause | FleetNumber) -> dict[str, Any]:
-    """With the parts of its series as its own, and the names of recordings for their rows."""
+    """A dict with the fields of the series merged in, and names of recordings in place of rows."""
     table = asdict(each)
     series, _ = table.pop("series"), table.pop("refitted", None)
     courses = [_course_to_dict(course) for course in each.series.courses]
