@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     if robot.controller.port == "create" and not args.simulate:
         print(
-            "look here: a Create has encoders, no back-EMF and no gyro: its drive shows less than is said "
+            "note: a Create has encoders, but no back-EMF and no gyro: its drive shows less than predicted "
             "here, and nothing of imu.* and bemf.*"
         )
     if args.model is not None and not args.simulate:
@@ -124,7 +124,7 @@ def _check_and_describe(robot: RobotConfig, name: str, args: argparse.Namespace)
             f"--within {args.within:g}: {name} needs {reach:.2f} m of free space around the robot"
         )
     if args.record is None and duty.any():
-        check_numba("what it would show is found by simulating it with every cause")
+        check_numba("to predict what it would show, it is simulated with every cause")
         print("would show, on this robot, if nothing else is wrong:")
         with show_progress():
             report("what each cause would change in it")
@@ -159,11 +159,11 @@ def _choose_best(args: argparse.Namespace, robot: RobotConfig) -> str:
         )
     elif advice[0].evidence < DECISIVE_EVIDENCE:
         print(
-            f"None of them decides (from an evidence of {DECISIVE_EVIDENCE:.0f} on a drive does): drive it "
-            "several times into one recording, or give a reference such as counted turns."
+            f"None of them decides (that takes an evidence of {DECISIVE_EVIDENCE:.0f}): drive it several "
+            "times into one recording, or give a reference such as counted turns."
         )
     else:
-        print(f"From an evidence of {DECISIVE_EVIDENCE:.0f} on a drive decides.")
+        print(f"A drive with an evidence of {DECISIVE_EVIDENCE:.0f} or more decides.")
     return advice[0].manoeuvre
 
 

@@ -64,7 +64,8 @@ def test_workers_that_one_recording_leaves_idle_are_told_of(
     path = write_csv_file(tmp_path / "dark.csv", dark(1))
     assert main(["diagnose", str(path), *asked]) == 0
     told = capsys.readouterr().err
-    assert told == (f"{' '.join(asked)}: not used, since this is one diagnosis, made here\n" if asked else "")
+    said = f"{' '.join(asked)}: not used: a single diagnosis runs in this process\n"
+    assert told == (said if asked else "")
 
 
 def test_the_model_says_what_it_was_made_from(
@@ -143,7 +144,7 @@ def test_a_number_that_robot_toml_has_is_not_to_be_put_there(
     assert known.explanation.endswith("(--save-model writes a new one). More of it.")
     assert describe_cause(known).what == describe_cause(cause).what
     assert describe_cause(known).todo.startswith(
-        f"robot.toml has {key} = {value:g} in [model.{group}] already, and"
+        f"robot.toml has {key} = {value:g} in [model.{group}] already; "
     )
     one_wheel = replace(found, causes=(replace(cause, where="left"),))
     assert without_known_values(one_wheel, has) == one_wheel

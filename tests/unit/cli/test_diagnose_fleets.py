@@ -33,7 +33,7 @@ from raccoon.trace.replay import ReplayPort
 from unit.diagnose.axes import motor
 from unit.trace.recordings import record
 
-NOT_SAID = "the recording does not say its robot: compared with"
+NOT_SAID = "the recording does not contain its robot: compared with"
 
 
 def test_recordings_of_one_name_are_told_apart_by_their_folders(
@@ -64,7 +64,7 @@ def test_a_file_that_is_named_twice_counts_once(tmp_path: Path, caplog: pytest.L
     link.symlink_to(one)
     with caplog.at_level("INFO", logger="raccoon"):
         assert recordings([one, tmp_path]) == [one, two]
-    assert f"{link}: it is named twice, and taken once" in caplog.text
+    assert f"{link}: it is named twice, and used once" in caplog.text
     caplog.clear()
     assert recordings([tmp_path]) == [one, two]
 
@@ -140,7 +140,7 @@ def test_a_robot_toml_that_was_changed_is_no_motor_that_was_replaced() -> None:
     }
     found = with_robot_toml_notes(answers, dict.fromkeys(answers, "red"))
     note, other = found["run0"].diagnosis.notes
-    assert note.startswith("robot.toml is another one from run2 on (model.drive.track_width)")
+    assert note.startswith("robot.toml changed from run2 on (model.drive.track_width)")
     assert other == "so"
     assert found["run3"].diagnosis.notes[0] == note
     apart = {name: "red" if run < 2 else "blue" for run, name in enumerate(answers)}
@@ -262,7 +262,10 @@ def test_a_robot_is_called_by_its_name_or_by_its_folder(caplog: pytest.LogCaptur
     assert not caplog.text
     with caplog.at_level("INFO", logger="raccoon"):
         assert robot_names([("one", red), ("one", blue)]) == ["one", "one"]
-    assert "red/robot.toml and blue/robot.toml: the robots of one name, one, are taken for one" in caplog.text
+    assert (
+        "red/robot.toml and blue/robot.toml: the robots have the same name, one, and are treated as one"
+        in caplog.text
+    )
 
 
 def test_robots_are_told_apart_by_their_robot_toml(
@@ -286,7 +289,7 @@ def test_one_robot_toml_is_not_that_of_two_robots(capsys: pytest.CaptureFixture[
     with pytest.raises(SystemExit) as error:
         main(["diagnose", "a.csv", "--robot", "red.toml", "--robot", "blue.toml"])
     assert error.value.code == 2
-    assert "--robot blue.toml: it is given twice; recordings of several robots are a folder each" in (
+    assert "--robot blue.toml: it is given twice; for several robots, put the recordings" in (
         capsys.readouterr().err
     )
 

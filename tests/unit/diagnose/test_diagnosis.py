@@ -302,7 +302,7 @@ def test_a_lag_is_said_as_far_as_it_is_known(std: float, said: str) -> None:
 def test_a_slip_says_that_a_gyro_which_a_program_smooths_looks_the_same() -> None:
     """Of a sound robot whose log smooths it the wheels slipped by 47 ms, with a probability of 1."""
     said = explanation_sentence("drive.wheel_slip", None, {"time": ParameterResult(0.047, 0.001, "s", 0.0)})
-    assert "readings the program or its log smooths by as much looks the same, and is no slip" in said
+    assert "smooths the gyro's readings by as much, that looks the same and is no slip" in said
 
 
 def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:

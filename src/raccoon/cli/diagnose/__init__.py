@@ -46,13 +46,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port",
         choices=("wombat", "wombat-raccoon"),
-        help="what made a recording that does not say so, such as a CSV of a logger of your own; without it "
-        "robot.toml's controller.port, where that line is written",
+        help="the controller of a recording that does not name it, such as a CSV of your own logger "
+        "(default: controller.port, if robot.toml has that line)",
     )
     parser.add_argument(
         "--together",
         action="store_true",
-        help="fit all drives of one robot as one: short ones tell together what none does alone",
+        help="fit all drives of one robot as one: together, short ones show what none shows alone",
     )
     parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
     add_crew_options(parser, DEFAULT_WORKERS)
@@ -61,7 +61,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--save-model",
         type=Path,
-        help="write the extended simulation model; of many recordings what they have in common",
+        help="write the extended simulation model; of several recordings, what they have in common",
     )
 
 
@@ -77,8 +77,8 @@ class OnceOnly(argparse.Action):
     ) -> None:
         if getattr(namespace, self.dest) is not None:
             parser.error(
-                f"{option_string} {values}: it is given twice; recordings of several robots are a folder "
-                "each, with the robot.toml beside them"
+                f"{option_string} {values}: it is given twice; for several robots, put the recordings of "
+                "each in a folder with its robot.toml"
             )
         setattr(namespace, self.dest, values)
 
@@ -129,7 +129,7 @@ def _warn_of_unused_workers(args: argparse.Namespace) -> None:
     named = [f"--executor {args.executor}"] if args.executor != "processes" else []
     named += [f"--workers {args.workers}"] if args.workers != DEFAULT_WORKERS else []
     if named:
-        print(f"{' '.join(named)}: not used, since this is one diagnosis, made here", file=sys.stderr)
+        print(f"{' '.join(named)}: not used: a single diagnosis runs in this process", file=sys.stderr)
 
 
 def _holdout_files(named: Sequence[Path]) -> list[Path]:

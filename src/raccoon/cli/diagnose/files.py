@@ -34,7 +34,7 @@ def _without_repeats(paths: Sequence[Path]) -> list[Path]:
     for path in paths:
         before = first.setdefault(os.path.realpath(path), path)
         if before is not path:
-            logging.getLogger(__name__).info("%s: it is named twice, and taken once", path)
+            logging.getLogger(__name__).info("%s: it is named twice, and used once", path)
     return list(first.values())
 
 
@@ -65,6 +65,6 @@ def robot_names(robots: Sequence[tuple[str, Path | None]]) -> list[str]:
         if len(each) > 1:
             said = " and ".join(map(str, each.values()))
             logging.getLogger(__name__).info(
-                "%s: the robots of one name, %s, are taken for one", said, called
+                "%s: the robots have the same name, %s, and are treated as one", said, called
             )
     return found

@@ -224,7 +224,7 @@ class JobRunner:
                 self._run(jobs, done)
         except KeyboardInterrupt:
             self.stopped = True
-            print("\ninterrupted: only what is done is reported", file=sys.stderr)
+            print("\ninterrupted: the report has only the finished recordings", file=sys.stderr)
         return [done.get(number, "interrupted before it was done") for number in range(len(jobs))]
 
     def _run(self, jobs: list[Job], done: dict[int, Answer | str]) -> None:

@@ -174,7 +174,7 @@ def resolve_robot(run: Run, named: Path | None) -> ResolvedRobot:
     kind = kind_of(run.recording.columns, robot)
     if kind is Kind.STEP or (near is None and kind not in (Kind.DRIVE, Kind.GEOMETRY)):
         return robot, None, ()  # what one step says of a reading takes no robot
-    said = f"the recording does not say its robot: compared with {which} (--robot names another)"
+    said = f"the recording does not contain its robot: compared with {which} (--robot names another)"
     return robot, near, (said,)
 
 

@@ -29,9 +29,9 @@ def with_robot_toml_notes(answers: Mapping[str, Answer], called: Mapping[str, st
     for name, each in answers.items():
         if called[name] in told:
             note = (
-                f"robot.toml is another one {shorten_names(told[called[name]])}: each recording is compared "
-                "with its own, so what changes there may be what was written into it; --robot robot.toml "
-                "compares all of them with one"
+                f"robot.toml changed {shorten_names(told[called[name]])}: each recording is compared with "
+                "its own, so a change in the results may come from that file; --robot robot.toml compares "
+                "all recordings with one"
             )
             diagnosis = replace(each.diagnosis, notes=(note, *each.diagnosis.notes))
             found[name] = replace(each, diagnosis=diagnosis)

@@ -18,7 +18,7 @@ CHECK_PLAY_TEXT = (
     "and turn each wheel by hand, since play in the gears of a wheel that rolls on freely looks the same"
 )
 SMOOTHED_GYRO_TEXT = (
-    "A gyro whose readings the program or its log smooths by as much looks the same, and is no slip"
+    "If the program or its log smooths the gyro's readings by as much, that looks the same and is no slip"
 )
 INTO_ROBOT_TOML = "put this value into robot.toml"
 
@@ -155,7 +155,7 @@ SENTENCES: Mapping[str, TextMaker] = {
         "do not push against walls, and let the motors cool between runs",
     ),
     "motor.current_limit": _number_maker(
-        "the driver lets no more than {value:.2f} A through ({place})", "accelerate more gently"
+        "the motor driver limits the current to {value:.2f} A ({place})", "accelerate more gently"
     ),
     "friction.coulomb": _above_or_below_maker(
         "dry friction at {place} is {value:.3f} N m instead of {nominal:.3f}",
@@ -180,7 +180,7 @@ SENTENCES: Mapping[str, TextMaker] = {
     "friction.direction_dependent": _direction_text,
     "friction.quadratic": _number_maker(
         "drag grows with the square of the speed ({value:.4f} N m s2/rad2, {place})",
-        "drive slower, or feed it forward",
+        "drive slower, or compensate for it with feedforward",
     ),
     "drive.backlash": _number_maker(
         "the gears have {degrees:.1f} degrees of play ({place}), so after a reversal the wheel waits",
@@ -228,7 +228,7 @@ SENTENCES: Mapping[str, TextMaker] = {
         "the back-EMF reading of {place}",
         "larger",
         "smaller",
-        f"calibrate its radians a tick {CALIBRATE_COMMAND}",
+        f"calibrate its radians per tick {CALIBRATE_COMMAND}",
     ),
     "bemf.dead_zone": _number_maker(
         "back-EMF below {value:.0f} counts is reported as 0 ({place}), so slow creeping goes unseen",
@@ -240,7 +240,7 @@ SENTENCES: Mapping[str, TextMaker] = {
     ),
     "imu.gyro_bias": _number_maker(
         "the gyro reads {value:+.4f} rad/s at rest, not {nominal:+.4f}",
-        "begin every run with a second at rest, wait(1.0), in which it is learnt",
+        "begin every run with a second at rest, wait(1.0), during which it is measured",
     ),
     "imu.gyro_scale": _factor_maker(
         "the gyro's reading",

@@ -43,8 +43,8 @@ def with_robot_toml_value(cause: CauseResult, robot_toml_value: float) -> CauseR
     diagnosis began, is behind it, and nothing is to be done on the robot."""
     group, key = cause.id.partition(".")[0], ROBOT_TOML_KEYS[cause.id]
     todo = (
-        f"robot.toml has {key} = {robot_toml_value:.4g} in [model.{group}] already, and the model.toml of "
-        "--model is behind it (--save-model writes a new one)"
+        f"robot.toml has {key} = {robot_toml_value:.4g} in [model.{group}] already; the model.toml of "
+        "--model is out of date (--save-model writes a new one)"
     )
     found = replace(describe_cause(cause), todo=todo)
     return replace(cause, explanation=f"{found} {found.more}".rstrip())

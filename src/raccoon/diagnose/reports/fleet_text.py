@@ -18,7 +18,7 @@ from raccoon.diagnose.result import Diagnosis, Verdict
 CREEP_REASONS: Mapping[str, str] = {
     "battery.internal_resistance": "a battery ages",
     "battery.open_circuit_voltage": "a battery runs down",
-    "motor.back_emf_constant": "its magnets suffer",
+    "motor.back_emf_constant": "its magnets weaken",
     "motor.armature_resistance": "its brushes wear",
     "friction.coulomb": "bearings, gears or the floor",
     "drive.wheel_radius": "its tyre wears",
@@ -68,14 +68,14 @@ def fleet_report(fleet: Fleet, seen: Mapping[str, CrossCheck] | None = None) -> 
     ]
     lines += ["", *(_cause_line(each, fleet) for each in fleet.causes)] if fleet.causes else []
     if fleet.numbers:
-        lines += ["", "Measured on the way (median +- spread of the recordings):"]
+        lines += ["", "Also measured (median +- spread of the recordings):"]
         lines += [_number_line(each, len(results)) for each in fleet.numbers]
     changes = change_lines(fleet)
     if changes:
         lines += ["", f"{CHANGES_TITLE}:", *(f"  {each}" for each in changes)]
     elif len(results) > 1 and fleet.causes and most_recordings_of_a_robot(fleet) < MIN_NUMBERS:
         of_one = " of one robot" if len(fleet.names) > 1 else ""
-        lines += ["", f"To see what changed and when takes {MIN_NUMBERS} recordings{of_one} at least."]
+        lines += ["", f"To see what changed and when, at least {MIN_NUMBERS} recordings{of_one} are needed."]
     if seen:
         lines += [
             "",
@@ -85,13 +85,13 @@ def fleet_report(fleet: Fleet, seen: Mapping[str, CrossCheck] | None = None) -> 
     notes = note_lines(results)
     lines += ["", *(f"Note: {each}" for each in notes[:MAX_NOTES])] if notes else []
     if len(notes) > MAX_NOTES:
-        lines.append(f"and {len(notes) - MAX_NOTES} notes more: --json writes them all")
+        lines.append(f"and {len(notes) - MAX_NOTES} more notes: --json writes all of them")
     return "\n".join(lines)
 
 
 CROSS_CHECK_TITLE = (
-    "With the model that the other recordings have in common (error on unseen data in units of the noise: "
-    "robot.toml's -> that model's, that of its own; and what is still wrong):"
+    "With the common model of the other recordings. Error on unseen data in units of the noise: robot.toml's "
+    "model -> common model (own model): what is still wrong"
 )
 
 

@@ -13,7 +13,7 @@ from raccoon.diagnose.result import STOOD, Diagnosis, Verdict
 
 VERDICTS: Mapping[Verdict, str] = {
     Verdict.EXPLAINED: "The simulation is wrong, and this is why:",
-    Verdict.PARTLY: "The simulation is wrong; a part of it has a name:",
+    Verdict.PARTLY: "The simulation is wrong; these causes explain a part of the error:",
     Verdict.UNKNOWN: "The simulation is wrong in a way that no known cause describes.",
     Verdict.ADEQUATE: "The simulation fits this recording: nothing that matters is wrong.",
     Verdict.NOT_IDENTIFIABLE: "This recording cannot tell.",

@@ -126,7 +126,7 @@ def _held_out_text(cause: CauseResult) -> str:
     """What data that was not fitted says of a cause, and how much of all that could be gained is lost without
     it: those of several may add up to more."""
     share = round(100.0 * cause.gain.share)
-    lost = f"; leaving it out loses {share} % of what could be gained"
+    lost = f"; without it, {share} % of the possible improvement is lost"
     return f"{evidence_text(cause)}{lost if share else ''}"
 
 

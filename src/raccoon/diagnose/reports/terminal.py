@@ -37,8 +37,8 @@ MAX_ABSORBED_CHANGE = 0.02
 MAX_NO_GAIN_RATIO = 1.005
 """Error without a cause over the error with it, up to which held-out data does not show it."""
 NO_GAIN_TEXT = (
-    "what was kept for judging (the last 30 %, or --holdout) is foreseen as well without it: see it in a "
-    "second recording before you change the robot for it"
+    "without it, the held-out data (the last 30 %, or --holdout) are predicted as well: confirm it in a "
+    "second recording before you change the robot"
 )
 """Of such a cause. Its probability is that of the whole recording."""
 RECORD_AGAIN_ADVICE = (
@@ -110,8 +110,8 @@ def unexplained_share_text(unexplained: Unexplained) -> str:
     """How much no cause describes, where that is much on data that was not fitted."""
     share = round(100 * unexplained.share)
     if share == 0:
-        return "What is left depends on"
-    return f"{share} % of the error's power is left; it depends on"
+        return "The remaining error depends on"
+    return f"{share} % of the error's power remains; it depends on"
 
 
 def channel_residual_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
@@ -129,7 +129,7 @@ def _worst_time_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
     curve = _curve_of(diagnosis, channel)
     if curve is None or channel.rmse_after < MIN_FAR_OFF_RATIO * channel.noise_floor:
         return ""
-    return f", furthest off around {curve.worst:.1f} s"
+    return f", largest error around {curve.worst:.1f} s"
 
 
 def _curve_of(diagnosis: Diagnosis, channel: ChannelResult) -> Curve | None:
@@ -163,7 +163,7 @@ def _is_nothing_known(diagnosis: Diagnosis) -> bool:
 def _identified_lines(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:
     if numbers:
         yield ""
-        yield "Measured on the way:"
+        yield "Also measured:"
     for name, each in numbers.items():
         known = each.nominal == each.nominal and each.nominal != 0.0
         assumed = f" (assumed {each.nominal:.4g})" if known else ""
@@ -177,11 +177,11 @@ def compensation_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
     referred = any(name.endswith(" by the reference") for name in diagnosis.identified)
     if referred and cause.id in TURN_SCALE_CAUSES and without < MAX_COMPENSATED_RATIO * after:
-        return "the reference of the pose shows it (measured on the way); the sensors' errors hardly do"
+        return "the reference of the pose shows it (see 'Also measured'); the sensors' errors hardly do"
     alike = (
         without != after and without < MAX_COMPENSATED_RATIO * after
     )  # noise that is a cause lowers no error at all
-    return "without it the others would make up for it" if first and alike else ""
+    return "without it, the other causes would compensate for it" if first and alike else ""
 
 
 def change_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
@@ -191,11 +191,12 @@ def change_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
         return ""
     why = f", {cause.negligible_reason}" if cause.negligible_reason else ""
     little = f"real, but too small to matter{why}: it " if cause.is_negligible else ""
-    most = f"moves the reading that shows it most by {_factor_text(cause.change)} its noise"
+    most = f"changes the most affected reading by {_factor_text(cause.change)} its noise"
     if cause.unabsorbed < MAX_ABSORBED_CHANGE:
-        return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
+        return f"{little}{most}; {TOLERANCES} could explain nearly all of that"
     alike = similar_size_text(cause, diagnosis.causes)
-    beyond = f"and all readings by {_factor_text(cause.unabsorbed)} beyond {TOLERANCES}"
+    size = _factor_text(cause.unabsorbed)
+    beyond = f"and all readings by {size} the noise beyond what {TOLERANCES} explain"
     return ", ".join([f"{little}{most}", beyond, *([alike] if alike else [])])
 
 
@@ -208,7 +209,7 @@ def evidence_text(cause: CauseResult) -> str:
     """What data that was not fitted says of a cause."""
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
     if cause.id.endswith(".noise"):
-        return f"no simulation foresees it: the error on unseen data is {after:.2f} times the noise"
+        return f"no simulation can predict it: the error on unseen data is {after:.2f} times the noise"
     if without < MAX_NO_GAIN_RATIO * after:
         return NO_GAIN_TEXT
     return f"error on unseen data {without:.2f} times the noise without it, {after:.2f} with it"

@@ -17,14 +17,14 @@ _WHEEL_ALONE = re.compile(r"^(left|right) wheel alone$")
 FRICTION_SUFFIX, TIME_PREFIX = " (friction)", "time ("
 QUESTIONS = {
     "position": "is the floor rough, dirty or taped there?",
-    "heading": "is the table level, and does no cable pull?",
+    "heading": "is the table not level, or does a cable pull at the robot?",
     "speed": "does something begin to rub or to shake at that speed?",
     "time (gyro)": "did the robot hit something then, or was the gyro set to zero while it moved?",
-    "time (left wheel)": "did the wheel lose its tyre then, or wind something up?",
-    "time (right wheel)": "did the wheel lose its tyre then, or wind something up?",
+    "time (left wheel)": "did the wheel lose its tyre then, or did something wind around it?",
+    "time (right wheel)": "did the wheel lose its tyre then, or did something wind around it?",
     "time": "was something picked up, put down or lost then?",
     "gyro over speed": "does the controller shake: is it screwed down?",
-    "gyro over turn rate": "does the gyro count a full turn to the left and one to the right alike?",
+    "gyro over turn rate": "does the gyro read the same for a full turn to the left and one to the right?",
     "gyro over time": "does the gyro warm up: is it calibrated at rest just before a run?",
     "battery over time": "is a plug loose, or does something else draw from the battery?",
 }

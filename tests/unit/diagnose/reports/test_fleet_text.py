@@ -114,7 +114,7 @@ def test_a_recording_that_cannot_tell_says_why(drive: Diagnosis) -> None:
 
 def test_few_recordings_say_that_no_change_is_looked_for(changed: dict[str, Diagnosis]) -> None:
     few = {name: changed[name] for name in ("t1.csv", "t5.csv", "t6.csv")}
-    assert "what changed and when takes 5 recordings" in fleet_report(fleet_of(few))
+    assert "what changed and when, at least 5 recordings" in fleet_report(fleet_of(few))
     assert "looked for in" not in fleet_report(fleet_of(changed))
 
 
@@ -125,7 +125,7 @@ def test_a_note_of_many_recordings_is_said_once(drive: Diagnosis) -> None:
         "from 0.5 s on (run0; with other numbers: run1, run2, run3, run4 and 2 more)",
     ]
     many = {"one": replace(drive, notes=tuple(f"note {chr(97 + i)}" for i in range(12)))}
-    assert "and 4 notes more: --json writes them all" in fleet_report(fleet_of(many))
+    assert "and 4 more notes: --json writes all of them" in fleet_report(fleet_of(many))
 
 
 def test_many_recordings_are_not_all_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

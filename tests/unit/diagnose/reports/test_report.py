@@ -78,7 +78,7 @@ def test_no_number_of_a_page_is_a_power_of_ten_that_need_not_be(words_only: None
     for text in (terminal_report(found), render_page(found, "a.csv")):
         assert "e+0" not in text
     assert "-970 +- 600 counts" in terminal_report(found)
-    assert "shows it most by 100 times its noise" in terminal_report(found)
+    assert "most affected reading by 100 times its noise" in terminal_report(found)
 
 
 def test_the_dot_of_the_largest_error_is_whole() -> None:
@@ -109,14 +109,14 @@ def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white
     assert curve.worst == 1.75
     channel = replace(FOUND.channels[0], rmse_after=20.0, whiteness_p=1e-5)
     found = replace(FOUND, channels=(channel,), curves=(curve,))
-    assert "furthest off around 1.8 s" in terminal_report(found)
-    assert "not white (p 1e-05), furthest off around 1.8 s" in render_page(found, "run")
-    assert "furthest off" not in terminal_report(FOUND)  # noise is not worth a word
+    assert "largest error around 1.8 s" in terminal_report(found)
+    assert "not white (p 1e-05), largest error around 1.8 s" in render_page(found, "run")
+    assert "largest error" not in terminal_report(FOUND)  # noise is not worth a word
     assert "white (p 0.4)" in render_page(FOUND, "run")
     # Of a tophat it was never asked, and said to be 0.
     found = replace(found, channels=(replace(channel, whiteness_p=np.nan),))
     assert "white (p" not in render_page(found, "run").partition("As text")[0]
-    assert ">furthest off around 1.8 s" in render_page(found, "run")
+    assert ">largest error around 1.8 s" in render_page(found, "run")
     assert found.to_dict()["channels"][0]["whiteness_p"] is None
 
 
@@ -161,7 +161,9 @@ def test_what_a_recording_cannot_show_is_said_once() -> None:
         assert "another thing" in said
 
 
-@pytest.mark.parametrize(("share", "said"), [(0.12, "12 % of"), (0.001, "What is left depends on: heading")])
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.12, "12 % of"), (0.001, "The remaining error depends on: heading")]
+)
 def test_a_share_of_nothing_is_not_said_to_be_left(share: float, said: str) -> None:
     assert said in terminal_report(replace(FOUND, unexplained=Unexplained(share, ("heading",))))
 
@@ -174,7 +176,7 @@ def test_the_terminal_says_cause_number_evidence_refusals_and_what_to_do() -> No
         "1. One of these, which cannot be told apart here: motor.back_emf_constant@left or bemf.scale@left.",
         "If it is motor.back_emf_constant@left, the K_E (volts",
         "0.99 that it is motor.back_emf_constant@left and",
-        "12 % of the error's power is left; it depends on: heading",
+        "12 % of the error's power remains; it depends on: heading",
         "Sensor: motor.1.current shows", "imu.gyro_scale: not identifiable: imu.gyro.z is missing",
         "To learn more: ten counted full turns.", "0.120 +- 0.010 ohm", "Note: a note.",
     ):  # fmt: skip
@@ -202,7 +204,7 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
 @pytest.mark.usefixtures("words_only")
 def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
     lag, other = replace(CAUSE, gain=Gain(1.11, 1.1, 0.01)), replace(CAUSE, where="right", rank=2)
-    said = "without it the others would make up for it"
+    said = "without it, the other causes would compensate for it"
     for report in (terminal_report, lambda found: render_page(found, "run")):
         assert said in report(replace(FOUND, causes=(lag, other)))
         assert said not in report(replace(FOUND, causes=(lag,)))
@@ -217,7 +219,7 @@ def test_of_a_cause_that_the_reference_shows_it_is_said_that_the_errors_do_not()
     seen = {
         "left wheel's radius by the reference": ParameterResult(1.03, 0.005, "times robot.toml's", math.nan)
     }
-    said = "the reference of the pose shows it (measured on the way)"
+    said = "the reference of the pose shows it (see"
     for report in (terminal_report, lambda found: render_page(found, "run")):
         assert said in report(replace(FOUND, causes=(radius,), identified=seen))
         assert said not in report(replace(FOUND, causes=(radius,)))
@@ -270,11 +272,12 @@ def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) 
     assert headline.startswith("The simulation fits" if said else "The K_E (volts per speed) of")
     assert ("<b>To do" in shown) is not said  # nobody at the table has time for it
     sizes = (
-        "oves the reading that shows it most by 0.04 times its noise, and all readings by 0.024 times "
-        "beyond the tolerances in robot.toml"
+        "hanges the most affected reading by 0.04 times its noise, and all readings by 0.024 times "
+        "the noise beyond what the tolerances in robot.toml explain"
     )
     assert (sizes in text) is (sizes in shown) is said
-    assert ("oves the reading" in text) is bool(np.isfinite(change))  # nothing where no drive was recorded
+    was_driven = bool(np.isfinite(change))  # without a recorded drive nothing is said
+    assert ("hanges the most affected" in text) is was_driven
 
 
 @pytest.mark.usefixtures("words_only")
@@ -352,7 +355,7 @@ def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
     assert shown.count("nothing that matters is wrong") == 1
     assert "nothing that matters is wrong" in as_text
     assert "data:image" not in text
-    assert "The simulation is wrong; a part of it has a name." in render_page(FOUND, "run")
+    assert "The simulation is wrong; these causes explain a part of the error." in render_page(FOUND, "run")
 
 
 @pytest.mark.usefixtures("words_only")
@@ -364,11 +367,11 @@ def test_data_that_does_not_show_a_cause_is_said_not_to(errors: tuple[float, flo
         render_page(replace(FOUND, causes=(cause,)), "run"),
     ):
         shown = text.partition("<pre")[0]
-        assert "is foreseen as well without it: see it in a second" in shown
+        assert "are predicted as well: confirm it in a second" in shown
         assert "times the noise without it" not in shown
     small = replace(cause, change=0.04)
-    assert "kept for judging" not in terminal_report(replace(FOUND, causes=(small,)))
-    assert "leaving it out loses 93 % of what could be gained" in render_page(FOUND, "run")
+    assert "held-out data" not in terminal_report(replace(FOUND, causes=(small,)))
+    assert "without it, 93 % of the possible improvement is lost" in render_page(FOUND, "run")
 
 
 def test_a_cause_without_rivals_is_not_one_of_several() -> None:
@@ -381,7 +384,7 @@ def test_a_cause_without_rivals_is_not_one_of_several() -> None:
 def test_what_robot_toml_could_do_as_well_is_said_so() -> None:
     cause = replace(CAUSE, change=3.3, unabsorbed=0.005)
     text = terminal_report(replace(FOUND, causes=(cause,)))
-    assert "3.3 times its noise; the tolerances in robot.toml could do nearly all of that as well" in text
+    assert "3.3 times its noise; the tolerances in robot.toml could explain nearly all of that" in text
 
 
 def test_a_large_change_is_no_power_of_ten() -> None:

@@ -68,8 +68,6 @@ def test_nothing_is_as_much_as_none_or_one() -> None:
 def test_a_report_says_it_of_the_first_alone() -> None:
     text = terminal_report(make_diagnosis(*_two(0.95, 0.92)))
     assert text.count("about as much as") == 1
-    assert (
-        "all readings by 0.95 times beyond the tolerances in robot.toml, about as much as motor.back_emf"
-        in text
-    )
+    explained = "the noise beyond what the tolerances in robot.toml explain"
+    assert f"all readings by 0.95 times {explained}, about as much as motor.back_emf" in text
     assert "about as much" not in terminal_report(make_diagnosis(*_two(0.95, 0.5)))

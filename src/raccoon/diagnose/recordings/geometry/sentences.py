@@ -84,5 +84,5 @@ def _advice(candidate: Candidate, robot: RobotConfig) -> str:
         return f"put wheel_radius = {radius:.5f} (m) into [model.drive] of robot.toml"
     ticks, port = robot.wheel_motor(candidate.where).radians_per_tick, getattr(robot.drive, candidate.where)
     if ticks is None:
-        return "calibrate its radians a tick (raccoon calibrate drive)"
+        return "calibrate its radians per tick (raccoon calibrate drive)"
     return f"put radians_per_tick = {ticks.value * candidate.factor:.6g} into [motor.{port}] of robot.toml"

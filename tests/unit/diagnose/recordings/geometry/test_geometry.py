@@ -101,7 +101,7 @@ def test_a_counter_that_goes_by_k_e_tells_no_wheel_from_its_motor(calibrated: bo
         assert "put radians_per_tick = 0.00212" in text
     else:
         assert (cause.confounded_with, cause.probability) == (("motor.back_emf_constant@left",), 0.5)
-        assert "calibrate its radians a tick" in text
+        assert "calibrate its radians per tick" in text
         assert "measure the wheels with a ruler" in text
 
 
