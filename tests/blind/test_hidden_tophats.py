@@ -133,9 +133,9 @@ def test_readings_of_fewer_bits_are_said_to_be_that(bits: int) -> None:
 @pytest.mark.parametrize(
     ("factor", "said"),
     [
-        (3.3 / 4095.0, "it reaches 3.08, in parts: it looks like volts or shares"),
+        (3.3 / 4095.0, "it reaches 3.08, with fractions: it looks like volts or shares"),
         (1.0 / 4095.0, "it looks like volts or shares of the largest reading"),
-        (100.0 / 4095.0, "are the usual counts over 40.96: it looks like percent"),
+        (100.0 / 4095.0, "are the usual counts divided by 40.96: it looks like percent"),
     ],
 )
 def test_readings_in_another_unit_are_no_cause(factor: float, said: str) -> None:

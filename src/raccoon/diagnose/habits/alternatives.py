@@ -40,7 +40,7 @@ MIN_LOG_EVIDENCE_LEAD = 10.0
 """Log evidence, gates included, by which another filter than the firmware's must lead in the end."""
 ROUGH_STEPS = 8
 """Linearisations of a fit that determines which of several starts is the most likely."""
-SEARCHING_AGAIN = "searching again as another controller or gear would have it"
+SEARCHING_AGAIN = "searching again with another controller or gear"
 HOPELESS_DEFICIT, PREDICTED_GAIN_FACTOR = 150.0, 4.0
 """A fit is stopped if it is behind by so much log evidence even with this multiple of the gain that is
 predicted for its next step; at most a hundred is accepted of a habit in the end."""

@@ -57,11 +57,11 @@ MEAN_OFFSET_RANGE = (0.2, 0.5)
 """Bounds in rows on the mean offset of commands before their rows: half a row, less the age of the readings.
 Within them it is the one that fits best with the filter in robot.toml."""
 CHANGES_WITHIN_ROWS_NOTE = (
-    "commands change within the row before the one that holds them, as the wheels answer: a logger with a "
-    "clock of its own writes so, beside the program that commands (controller.rate_hz is that program's). "
+    "the wheels show that commands change within the row before the one that holds them, as if a logger with "
+    "a clock of its own wrote the rows (controller.rate_hz is that of the driving program). "
 )
-TAKEN_AS_ANSWERED_NOTE = "Each is taken to begin when the wheels say"
-ADVICE = "write rows from the program that commands, each with what it has just read, or every 5 ms"
+TAKEN_AS_ANSWERED_NOTE = "Each is simulated from the moment that the wheels show"
+ADVICE = "write rows from the driving program, each with what it has just read, or every 5 ms"
 
 
 @dataclass(frozen=True, slots=True)

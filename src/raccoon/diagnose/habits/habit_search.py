@@ -138,7 +138,7 @@ def search_with_habits(
     trials = trials_of(restored)
     search, habits = _begin(first, trials)
     if len(search.named) > 1 and (seconds := swing_period(log)):
-        report("comparing over whole swings of the commands")
+        report("comparing averages over whole oscillations of the commands")
         search, habits = _begin(replace(first, swing_period=seconds), trials)
     search, habits = _grow(search, habits, trials)
     search = refine_selection(search)

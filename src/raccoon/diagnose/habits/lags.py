@@ -95,7 +95,7 @@ def try_lagging_readings(search: Search, habits: Habits, trials: HabitTrials) ->
         elif completely:
             trials.reject(search, habits, [other])
     for other, problem, start in reversed(ahead):
-        report("going on as another gyro or clock would have it")
+        report("continuing with another gyro or clock")
         second = trials.run_search(
             linearise_search(problem, make_probe_function(problem), start, search.whitener)
         )
@@ -126,7 +126,7 @@ def try_lags_as_causes(search: Search, habits: Habits, trials: HabitTrials) -> S
     fit = fit_best_start(search, problem, _starts_with_lags_as_causes(search, problem))
     settled = fit_point(search.problem, search.whitener, search.fit)  # converged, as the other fit is
     if log_evidence_lead(problem, settled, fit) < max_lead:
-        report("going on with lags of the robot instead of its gyro's filter or its controller's clock")
+        report("continuing with lags of the robot instead of its gyro's filter or its controller's clock")
         second = look_from(search, problem, fit.point)
         second = resume_search(second) if trials.run_search is run_search else trials.run_search(second)
         if _named_gyro_lags(second) or clock:
@@ -211,7 +211,7 @@ def drop_lags_of_firmware(search: Search, habits: Habits, _: HabitTrials) -> Sea
             continue
         fit = fit_point(search.problem, search.whitener, start)
         if log_evidence_lead(search.problem, search.fit, fit) < gate(name):
-            search.rejections[name] = "no later than the firmware itself may be"
+            search.rejections[name] = "not later than the firmware itself may be"
             second = look_from(search, search.problem, fit.point)
             second.rejections.update(search.rejections)
             return resume_search(second), habits
@@ -248,7 +248,7 @@ def try_low_pass_for_gyro_lag(search: Search, habits: Habits, trials: HabitTrial
         deficit = log_evidence_lead(problem, settled, fit)
         clear = -(MIN_LOG_EVIDENCE_LEAD if few else CLEAR_LOG_EVIDENCE_LEAD)
         if deficit < clear and habits.firmware is None:
-            report("going on with a gyro that smooths")
+            report("continuing with a gyro that smooths")
             second = resume_search(look_from(search, problem, fit.point))
             if lead_over_search(second, search) > -MIN_LOW_PASS_LEAD:
                 return second, smooth

@@ -113,7 +113,7 @@ def _describe_moments(moments: Sequence[float]) -> str:
         ", ..." if len(moments) > MAX_LISTED else ""
     )
     rows = "a row in which a command" if len(moments) == 1 else "rows in which commands"
-    return f"the recording lost {rows} changed: taken for changed at {told} s, as the wheels answer"
+    return f"the recording lost {rows} changed: simulated as changed at {told} s, as the wheels show"
 
 
 def in_bins_like(usual: Problem, problem: Problem, log: Log) -> Problem:

@@ -31,11 +31,12 @@ motor's pauses, a reading was taken. The sag of a reversal decays with the wheel
 from the beginning of a row of 5 ms a resistance was 16 % larger than by those from its end, where the
 simulated ones are; by readings that see no pause it is a ninth larger."""
 MAY_BE_READ_TIME = (
-    "But when in a row its reading is taken is not known so exactly, and may make all of it: change nothing "
-    "for it alone."
+    "But it is not known exactly when in a row its reading is taken, which may explain all of it: change "
+    "nothing because of this alone."
 )
 COMMAND_IN_FORCE_BEFORE = (
-    "each row's command is taken for what was in force until then, not from then on, as the readings answer"
+    "the readings show that each row holds the command in force until then, not from then on: each is "
+    "simulated so"
 )
 
 
@@ -89,11 +90,11 @@ def _with_wider_std(cause: CauseResult, share: float, extra: float) -> CauseResu
 def _firmware_note(firmware: Firmware) -> str:
     """Note on the controller's known firmware."""
     if not firmware.wombat:
-        return f"the recording is of {firmware.name}, whose filter is known; a row is taken for a cycle"
+        return f"the recording is of {firmware.name}, whose filter is known; each row is treated as one cycle"
     zone = f", its dead zone of {firmware.dead_zone:g} counts" if firmware.dead_zone else ""
     return (
-        f"the recording is of a Wombat with {firmware.name}: its filters, its clock, its pauses of "
-        f"{100.0 * firmware.chain.coast_share:.0f} % for samples{zone} are taken as they are in its source"
+        f"the recording is of a Wombat with {firmware.name}: its filters, its clock, its sampling pauses of "
+        f"{100.0 * firmware.chain.coast_share:.0f} % of the time{zone} are simulated as in its source code"
     )
 
 
@@ -106,16 +107,17 @@ def _controller_notes(habits: Habits, causes: Sequence[CauseResult]) -> tuple[st
         notes.append(_ramp_note(habits.ramp))
     if habits.swing_period:
         notes.append(
-            f"the commands swing {1.0 / habits.swing_period:.1f} times a second, as where bang-bang follows "
-            "a line, and answer what disturbs the robot before its wheels' readings show it: compared over "
-            "whole swings, which hide what only fast changes show, as lags, filters and inertia; a drive of "
-            "`raccoon excite` shows them"
+            f"the commands oscillate {1.0 / habits.swing_period:.1f} times a second, as in bang-bang line "
+            "following, and react to disturbances before the wheels' readings show these: averages over "
+            "whole oscillations are compared, which hide lags, filters and inertia; a drive of `raccoon "
+            "excite` shows them"
         )
     if chain.battery_time_constant in SLOW_BATTERY_FILTERS_S:
         seconds = chain.battery_time_constant
         notes.append(
-            f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so; when "
-            f"in a row it is taken leaves {100 * RESISTANCE_SHARE_BY_READ_TIME:.0f} % of a resistance open"
+            f"the battery's reading has a filter of {seconds:g} s, as its sags show, and is simulated so; "
+            "when in a row it is read is unknown, so a resistance is uncertain by "
+            f"{100 * RESISTANCE_SHARE_BY_READ_TIME:.0f} %"
         )
     found_out = habits.firmware is None
     return (
@@ -128,13 +130,13 @@ def _controller_notes(habits: Habits, causes: Sequence[CauseResult]) -> tuple[st
 
 def _ramp_note(ramp: Ramp) -> str:
     """Note on a ramp between commands and motors, and its possible origin."""
-    when, who = "", "a limit of how fast power changes, in a program or a firmware"
+    when, who = "", "a limit on how fast the power changes, in a program or a firmware"
     if ramp.soft:
-        when, who = ", wherever they are driven more", "a driver that starts softly"
+        when, who = ", when the power increases", "a driver that starts softly"
     behind = f"as if a ramp of {ramp.rate:.3g} a second were between them{when}"
     return (
-        f"the wheels follow the commands {behind}: taken so, and not in the model that is written; "
-        f"is it {who}? Log what the motors are given"
+        f"the wheels follow the commands {behind}: this ramp is simulated, but is not in the "
+        f"model that is written; is it {who}? Log what the motors are given"
     )
 
 
@@ -143,18 +145,18 @@ def _sampling_notes(chain: Chain) -> tuple[str, ...]:
     notes = []
     if chain.cycle == CONTINUOUS_CYCLE_S:
         notes.append(
-            "wheels are taken to be filtered all the time, as their readings lag: a filter that takes in a "
-            "sample each 5 ms is 2 ms sooner with the same time constant"
+            "the wheels' readings lag as with a continuous filter and are simulated so: a filter with a step "
+            "each 5 ms is 2 ms faster with the same time constant"
         )
     elif chain.cycle != Chain().cycle:
         notes.append(
-            f"wheels are taken to be read, and filtered, once in {1000.0 * chain.cycle:.3g} ms, as rows are: "
-            "at the usual 5 ms a filter of the same time constant is slower"
+            f"the wheels are simulated as read and filtered once in {1000.0 * chain.cycle:.3g} ms, as often "
+            "as rows: at the usual 5 ms a filter of the same time constant is slower"
         )
     if chain.free_running:
         notes.append(
-            "wheels are taken to be read by a controller whose cycle has a clock of its own: readings are up "
-            "to a cycle old when a row reads them, as commands are when it takes them up"
+            "the controller is simulated with a clock of its own: readings are up to a cycle old in their "
+            "row, and commands are up to a cycle old when it applies them"
         )
     return tuple(notes)
 
@@ -163,12 +165,12 @@ def _motor_driver_notes(chain: Chain, causes: Sequence[CauseResult]) -> tuple[st
     """Notes on the motor driver's deadband and its current from the battery."""
     notes = []
     if DEADBAND in {each.name.partition("@")[0] for each in causes} and (chain.threshold or chain.cut):
-        beyond = "all that they say" if chain.threshold else "so much less than they say"
-        notes.append(f"commands beyond the deadband are taken to do {beyond}, as the wheels answer")
+        beyond = "act in full" if chain.threshold else "act reduced by the deadband"
+        notes.append(f"commands beyond the deadband {beyond}, as the wheels show")
     if chain.whole:
         notes.append(
-            "the battery is taken to carry all of both motors' currents, as its sags show: from a driver by "
-            "PWM it would be the share of the time in which that connects them"
+            "the battery is simulated as supplying the full current of both motors, as its sags show; with a "
+            "PWM driver it would supply each current only while the PWM is on"
         )
     return tuple(notes)
 
@@ -179,21 +181,21 @@ def _pause_notes(chain: Chain, causes: Sequence[CauseResult], told: bool) -> tup
     notes = []
     if chain.pause and told:
         notes.append(
-            f"wheels are taken to be slower when they are read than on average, by half of what they lose "
+            "wheels are simulated as slower when they are read than on average, by half of what they lose "
             f"while their motor coasts for {1000.0 * chain.pause:.2g} ms before"
         )
     if pauses_at_cycle_end(chain):
         notes.append(
-            f"motors are taken to coast for {100.0 * chain.coast_share:.0f} % of the time, in which their "
-            "back-EMF is read: without that their resistance would be as much higher than robot.toml's, "
-            "which is the same drive"
+            f"motors are simulated as coasting for {100.0 * chain.coast_share:.0f} % of the time, during "
+            "which their back-EMF is read; without that, a resistance that much higher than robot.toml's "
+            "would give the same drive"
         )
     unpaused = 1.0 - chain.coast_share
     factors = [each.parameters["factor"] for each in causes if each.name == "motor.armature_resistance"]
     if chain.coast_share and any(abs(each.value - unpaused) < 2.0 * each.std for each in factors):
         notes.append(
-            f"a resistance of {unpaused:g} times robot.toml's is also what a controller looks like that does "
-            "not pause for its samples, or a robot.toml whose value has the pause in it"
+            f"a resistance of {unpaused:g} times robot.toml's may also mean that the controller does not "
+            "pause for its samples, or that robot.toml's value includes the pause already"
         )
     return tuple(notes)
 
@@ -204,8 +206,8 @@ def _encoder_notes(uncertainty: FitUncertainty) -> tuple[str, ...]:
     if window < MIN_NOTED_WINDOW_S:
         return ()
     return (
-        f"the encoders' speeds are taken for means over {1000.0 * window:.2g} ms, so half of that late; "
-        "where no gyro and no battery's reading tells, late commands look the same",
+        f"the encoders' speeds are simulated as means over {1000.0 * window:.2g} ms, so half of that late; "
+        "without a gyro or a battery's reading, late commands look the same",
     )
 
 
@@ -219,7 +221,7 @@ def _gyro_notes(
     if GYRO_LATENCY not in {each.name for each in causes}:
         late += uncertainty.value_of((GYRO_LATENCY, None, "seconds"))
     return (
-        f"the gyro follows {1000.0 * late:.2g} ms late: taken for its chip's filter, which the Wombat's "
-        "firmware sets to 41 Hz, and for readings that wait for their row; without a reference of the pose, "
+        f"the gyro lags by {1000.0 * late:.2g} ms: attributed to its chip's filter, which the Wombat's "
+        "firmware sets to 41 Hz, and to readings that wait for their row; without a reference of the pose, "
         "wheels that slip by as much look the same",
     )

@@ -33,7 +33,8 @@ def check_holdout(columns: Columns, holdout: Columns, kind: Kind, holdout_kind: 
     """
     if kind not in KINDS_WITH_HOLDOUT:
         return (
-            f"the other recording was not used: one that holds {KIND_DESCRIPTIONS[kind]} is judged by itself"
+            f"the holdout was not used: a recording that holds {KIND_DESCRIPTIONS[kind]} is validated on its "
+            "own data"
         )
     if holdout_kind != kind:
         raise TraceError(
@@ -43,8 +44,8 @@ def check_holdout(columns: Columns, holdout: Columns, kind: Kind, holdout_kind: 
     clocks = (columns["t"], holdout["t"]), (_from_zero(columns["t"]), _from_zero(holdout["t"]))
     if max(_shared_sample_share(columns, holdout, *each) for each in clocks) > MAX_SHARED_SHARE:
         raise TraceError(
-            "its samples are those of the recording that is diagnosed, which would agree with itself: name "
-            "another recording, or none: then the part that no fit has seen is the judge"
+            "its samples are those of the recording that is diagnosed, so it validates nothing: name another "
+            "recording, or none (then a part of the recording itself is held out)"
         )
     return ""
 

@@ -23,8 +23,8 @@ def diagnose_without_comparison(columns: Columns, robot: RobotConfig) -> Diagnos
     if "truth.x" not in columns:
         missing.append("truth.x")
     reason = (
-        f"not identifiable: {missing_phrase(missing)}: without commands the simulation cannot drive "
-        "along, and without a reference wheels have nothing to be compared with"
+        f"not identifiable: {missing_phrase(missing)}: without commands the drive cannot be simulated, and "
+        "without a reference there is nothing to compare the wheels with"
     )
     groups = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*")
     return Diagnosis(

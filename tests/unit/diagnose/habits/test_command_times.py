@@ -64,7 +64,7 @@ def test_commands_begin_when_the_wheels_answer() -> None:
     assert error(better) < 0.3 * error(log)
     assert found is not None
     (note,) = better.notes
-    assert "Each is taken to begin when the wheels say; write rows from the program that commands" in note
+    assert "Each is simulated from the moment that the wheels show; write rows from the driving" in note
 
 
 def test_a_controller_as_slow_as_its_rows_is_left_alone() -> None:
@@ -87,8 +87,8 @@ def test_where_readings_are_of_other_moments_too_it_is_only_said() -> None:
     said, _ = place_commands(log, ROBOT, CAUSES, None)
     np.testing.assert_array_equal(said.duty, log.duty)
     (note,) = said.notes
-    assert "a logger with a clock of its own writes so" in note
-    assert "taken" not in note
+    assert "as if a logger with a clock of its own wrote the rows" in note
+    assert "simulated" not in note
 
 
 def test_a_command_may_begin_before_its_row_or_after_it() -> None:

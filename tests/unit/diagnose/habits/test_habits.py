@@ -570,7 +570,7 @@ def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | No
     assert list(search.fit.point.active) == [each.name for each in hidden]
     assert habits.chain.battery_time_constant == 0.2  # of readings every 10 ms
     (said,) = habit_notes(habits, (), NOTHING_FITTED)
-    assert said.startswith("the battery's reading follows with a filter of 0.2 s")
+    assert said.startswith("the battery's reading has a filter of 0.2 s")
 
 
 @pytest.mark.parametrize("itself", [True, False])

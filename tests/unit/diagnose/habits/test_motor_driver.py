@@ -65,4 +65,4 @@ def test_it_stays_with_another_filter_and_is_said() -> None:
     (note,) = habit_notes(
         replace(USUAL, chain=chain), (), FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
     )
-    assert note.startswith("the battery is taken to carry all of both motors' currents")
+    assert note.startswith("the battery is simulated as supplying the full current of both motors")

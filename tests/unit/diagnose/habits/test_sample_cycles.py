@@ -47,7 +47,7 @@ def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
     search, habits = try_continuous_filter(search, PLAIN, trials.running(start_selection))
     assert found_nothing(search)
     assert habits.chain.cycle == CONTINUOUS_CYCLE_S
-    assert "filtered all the time" in habit_notes(habits, (), NOTHING_FITTED)[0]
+    assert "with a continuous filter" in habit_notes(habits, (), NOTHING_FITTED)[0]
 
 
 def test_a_later_command_is_no_filter_that_runs_all_the_time() -> None:

@@ -87,7 +87,7 @@ def test_one_of_another_kind_is_refused(kind: str, drive: Columns) -> None:
 
 def test_tophats_say_that_they_are_judged_by_themselves() -> None:
     found = diagnose_recording(tophat(3, seconds=4.0), ROBOT, holdout=tophat(4, seconds=4.0))
-    assert any(each.startswith("the other recording was not used: one that holds") for each in found.notes)
+    assert any(each.startswith("the holdout was not used: a recording that holds") for each in found.notes)
     assert not diagnose_recording(tophat(3, seconds=4.0), ROBOT).notes
 
 

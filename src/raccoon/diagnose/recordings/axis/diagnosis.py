@@ -56,7 +56,7 @@ EQUIVALENT_CAUSES = {
 """Causes that are the same term of the equations while the axis moves, as long as there is dry friction."""
 INVISIBLE_CAUSES = {
     "battery.internal_resistance": "not visible: battery.voltage is missing, or a current",
-    "motor.heating": "not visible: it takes minutes of load and a current",
+    "motor.heating": "not visible: that takes minutes of load and a current",
     "drive.backlash": "not visible: one sensor before or after the gear sees no play",
 }
 
@@ -206,7 +206,7 @@ def _rejected(judged: JudgedAxis, axis_name: AxisName) -> tuple[Rejected, ...]:
     suffix = "" if axis_name.where is None else f"@{axis_name.where}"
     named = {each.cause.id for each in judged.causes}
     found = [
-        Rejected(each.cause.id + suffix, "it improves the fit but not the data that the fit has not seen")
+        Rejected(each.cause.id + suffix, "it improves the fit but not the prediction of held-out data")
         for each in judged.unhelpful
     ]
     judged_ids = named | {each.cause.id for each in judged.unhelpful}
@@ -222,7 +222,7 @@ def _rejected(judged: JudgedAxis, axis_name: AxisName) -> tuple[Rejected, ...]:
 
 def _rejection_reason(tried: TriedCause) -> str:
     if tried.evidence <= 0.0:
-        return f"the data do not ask for it (evidence {tried.evidence:.1f}; 10 is needed)"
+        return f"the data do not support it (evidence {tried.evidence:.1f}; 10 is needed)"
     if tried.left_out_gain <= 0.0:
         return f"it makes the blocks left out of the fit worse (evidence {tried.evidence:.1f})"
     return (
@@ -265,7 +265,7 @@ def _notes(judged: JudgedAxis) -> tuple[str, ...]:
     notes += [
         f"{_contract_name(each.name, log)} ends at {value:.2g} {unit_of(each.name, log)}, the "
         f"{'smallest' if value <= BOUND_TOLERANCE * each.low else 'largest'} that is tried: this recording "
-        "does not show it"
+        "does not determine it"
         for each, value in (
             (each, judged.final_fit.values[each.name]) for each in judged.final_fit.parameters
         )

@@ -182,8 +182,8 @@ def _check_finite(residual: Array) -> None:
     """Raise TraceError where the simulation diverges from the motion beyond what can be fitted."""
     if len(residual) and float(np.abs(residual).max()) >= MAX_RESIDUAL:
         raise TraceError(
-            "no numbers of a motor or an axis give such a motion: are its effort, its motion and its current "
-            "in the right columns and units, and of one time?"
+            "no motor or axis moves like this: are its effort, motion and current in the right columns and "
+            "units, and recorded at the same time?"
         )
 
 

@@ -17,8 +17,8 @@ def axis_sentence(id: str, place: str, values: Values, parameter: str) -> str:  
     first = next(iter(values.values()))
     number = f"{first.value:.3g} {first.unit}".strip()
     text = {
-        "friction.coulomb": f"dry friction of {number} brakes {place}; the textbook motor has none: feed it "
-        "forward, and check gears and axle if it is more than its neighbour's",
+        "friction.coulomb": f"dry friction of {number} brakes {place}; the textbook motor has none: "
+        "compensate for it with feedforward, and check gears and axle if the other motor has less",
         "friction.viscous": f"friction that grows with speed, {number}, brakes {place} beyond its "
         "back-EMF: check bearings and grease",
         "friction.stiction": f"breaking loose takes {number} more than keeping {place} moving: small "
@@ -26,13 +26,13 @@ def axis_sentence(id: str, place: str, values: Values, parameter: str) -> str:  
         "friction.load_dependent": f"the gear of {place} loses {100 * first.value:.0f} % of the force it "
         "transmits: check mesh and alignment",
         "friction.quadratic": f"a drag of {number} that grows with the square of the speed brakes "
-        f"{place}: drive slower or feed it forward",
+        f"{place}: drive slower or compensate for it with feedforward",
         "actuation.latency": f"commands reach {place} {1000 * first.value:.1f} ms late: plan ahead by "
         "that much",
         "actuation.deadband": f"the first {number} of a command do nothing at {place}: add that much to "
         "small commands"
         if parameter != "dead_below"
-        else f"commands below {number} do nothing at {place}, larger ones act in full: command none that is "
+        else f"commands below {number} do nothing at {place}, larger ones act in full: command nothing "
         "smaller",
         "drive.slope": f"a constant force of {number} pulls at {place}: gravity, a slope or a spring",
     }[id]
@@ -51,6 +51,6 @@ def _direction_sentence(place: str, values: Values) -> str:
             )
     what = " and ".join(parts) or "friction differs by direction"
     return (
-        f"The {what} ({place}): something rubs one way, such as a worn screw or gear flank; look there "
-        "before tuning."
+        f"The {what} ({place}): something rubs in one direction, such as a worn screw or gear flank; look "
+        "there before tuning."
     )

@@ -64,7 +64,8 @@ def missing_sag_fault(columns: Columns, robot: RobotConfig) -> SensorFault | Non
         return None
     text = (
         f"{BATTERY} does not sag while the motors draw current (as of {1e3 * max(sag.resistance, 0.0):.1f} "
-        f"mohm; no battery has less than {1e3 * MIN_BATTERY_OHM:g}): it is no reading of this one"
+        f"mohm; no battery has less than {1e3 * MIN_BATTERY_OHM:g}): it is not the reading of this robot's "
+        "battery"
     )
     return SensorFault(BATTERY, "steady", text)
 

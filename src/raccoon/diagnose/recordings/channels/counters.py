@@ -52,8 +52,8 @@ class CounterBemf:
             return found
         readings = " and ".join(_bemf_name(each) for each in self.counters)
         note = (
-            f"{readings} {'is' if len(self.counters) == 1 else 'are'} missing: taken from how "
-            f"{' and '.join(self.counters)} advance{'s' if len(self.counters) == 1 else ''}"
+            f"{readings} {'is' if len(self.counters) == 1 else 'are'} missing: derived from "
+            f"{' and '.join(self.counters)}"
         )
         zones = {each.name: each.parameters["counts"] for each in found.causes if each.id == ZONE}
         hidden_zones = [
@@ -119,8 +119,8 @@ def counter_reset_notes(columns: Columns, robot: RobotConfig) -> tuple[str, ...]
         return ()
     row = int(rows[0])
     return (
-        f"{' and '.join(names)} begin anew at {columns['t'][row]:.1f} s, row {row}: a program that clears "
-        "them, or two recordings that were put together? Then diagnose each by itself",
+        f"{' and '.join(names)} restart at {columns['t'][row]:.1f} s, row {row}: does a program clear them, "
+        "or were two recordings put together? Then diagnose each by itself",
     )
 
 

@@ -184,5 +184,5 @@ def _row_rate_notes(time: Array, rate_hz: float) -> tuple[str, ...]:
         advice = f"if t is right, write controller.rate_hz = {rate:.3g}; if it is not"
     return (
         f"t advances by {1000.0 / rate:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
-        f"{advice}, filters, latencies and inertia are found wrong",
+        f"{advice}, filters, latencies and inertia will be wrong",
     )

@@ -34,7 +34,7 @@ def without_held_voltages(name: str, time: Array, values: Array) -> tuple[Array,
     period = float(np.median(between))
     if len(new) < MIN_READINGS or period > MAX_READING_PERIOD_S:
         return values, SensorFault(
-            name, "rare", f"{name} is new every {period:.2g} s only: read it in every cycle"
+            name, "rare", f"{name} changes every {period:.2g} s only: read it in every cycle"
         )
     readings = np.full(len(values), np.nan)
     readings[new] = values[new]

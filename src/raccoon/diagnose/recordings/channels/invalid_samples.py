@@ -68,7 +68,7 @@ def without_invalid_samples(
             worst = float(values[empty[0]]) if len(empty) else 0.0
             share = _format_share(empty, known)
             leave_out(
-                empty, "impossible", f"is {worst:g} V in {share}, which no battery is: {_BLANK_CELL_ADVICE}"
+                empty, "impossible", f"is {worst:g} V in {share}, which no battery has: {_BLANK_CELL_ADVICE}"
             )
     else:
         filler, rows = _find_filler(values[known], MIN_DISTANCE_IN_NOISE * ROLES[role][2])
@@ -76,7 +76,7 @@ def without_invalid_samples(
         leave_out(
             known[rows],
             "impossible",
-            f"is {filler:g} in {share}, between others far from it: {_BLANK_CELL_ADVICE}",
+            f"is {filler:g} in {share}, far from the values beside it: {_BLANK_CELL_ADVICE}",
         )
         known = np.flatnonzero(np.isfinite(values))
         if command is not None:
@@ -91,7 +91,7 @@ def without_invalid_samples(
     known = np.flatnonzero(np.isfinite(values))
     spikes = known[_find_spikes(values[known], MIN_SPIKES[role.partition("_")[0]])]
     worst = float(values[spikes[0]]) if len(spikes) else 0.0
-    text = f"has {len(spikes)} values such as {worst:.4g} that their neighbours know nothing of: left out"
+    text = f"has {len(spikes)} outliers such as {worst:.4g}, far from the values beside them: left out"
     leave_out(spikes, "impossible", text)
     return values, tuple(faults)
 

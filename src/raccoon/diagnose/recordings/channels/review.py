@@ -49,7 +49,7 @@ def with_channel_faults(
     if not unfollowed:
         robot_causes = [each for each in found.causes if each.id in ROBOT_CONSTANTS and each.where is None]
         return replace(found, notes=(*found.notes, *unchecked_notes, *wrong_robot_notes(robot_causes)))
-    reason = f"the recorded motion does not follow the commands ({', '.join(unfollowed)}): nothing is named"
+    reason = f"the recorded motion does not follow the commands ({', '.join(unfollowed)}): no cause is named"
     dropped = tuple(Rejected(each.name, reason) for each in found.causes)
     question = f"{reason}; are commands and readings of the same drive?"
     return replace(
@@ -64,7 +64,7 @@ def _without_causes_of_uneven_time(found: Diagnosis) -> Diagnosis:
     if not dropped:
         return found
     kept = tuple(each for each in found.causes if each not in dropped)
-    reason = "not judged: t is uneven, which may look like as much of it as was found"
+    reason = "not judged: t is uneven, which may look like a cause of this size"
     verdict = found.verdict
     if not any(not each.is_negligible for each in kept):
         verdict = Verdict.NOT_IDENTIFIABLE
@@ -131,7 +131,7 @@ def _unmeasured_wheel_notes(checked: CheckedColumns, robot: RobotConfig) -> tupl
     name = next(
         (each for each in checked.left_out if each.startswith(f"motor.{port}.")), f"motor.{port}.bemf"
     )
-    return (f"{describe_absence(name, checked.left_out)}: what only that wheel shows is not checked",)
+    return (f"{describe_absence(name, checked.left_out)}: causes that only this wheel shows are not checked",)
 
 
 def wrong_robot_notes(causes: Sequence[CauseResult]) -> tuple[str, ...]:

@@ -28,8 +28,8 @@ MAX_COMMAND_V = 30.0
 MIN_READINGS = 20
 """Readings of a battery that are needed."""
 BY_READING_NOTE = (
-    "motor.N.voltage is recorded instead of motor.N.duty: taken for the duties that a driver makes of it by "
-    "battery.voltage as it was read last"
+    "motor.N.voltage is recorded instead of motor.N.duty: converted to the duties that a driver makes of it "
+    "with the last reading of battery.voltage"
 )
 CLEARLY_SMALLER_ERROR = 0.85
 """Ratio of two diagnoses' errors below which the first explains a drive better: 0.4 to 0.5 where a driver

@@ -97,10 +97,11 @@ def identify_firmware(
     }
     if zone not in zones_by_port[port]:
         expected = DeadZone.STOCK if port == STOCK_PORT else DeadZone.RACCOON_21
-        evidence = "there are smaller readings" if zone is DeadZone.NONE else f"0 is all below {zone.value}"
+        smaller = "there are smaller readings"
+        evidence = smaller if zone is DeadZone.NONE else f"all readings below {zone.value} are 0"
         unused = (
             f'controller.port = "{port}" is not used: that firmware reads back-EMF below {expected.value} as '
-            f"0, and here {evidence}"
+            f"0, but here {evidence}"
         )
         return FirmwareIdentity(device, notes=(unused,))
     firmware = STOCK if port == STOCK_PORT else RACCOON_21 if zone is DeadZone.RACCOON_21 else RACCOON_17
@@ -127,7 +128,7 @@ def _contradiction_notes(device: Device, port: str | None) -> tuple[str, ...]:
     wombat = device.name.startswith((STOCK.name, f"{RACCOON_PORT}-"))
     if port not in FIRMWARE_PORTS or not wombat or own == port:
         return ()
-    return (f'controller.port = "{port}" is not used: the recording names {device.name} as what made it',)
+    return (f'controller.port = "{port}" is not used: the recording says that {device.name} made it',)
 
 
 def _identity_with_candidate(device: Device, zone: DeadZone) -> FirmwareIdentity:
@@ -139,14 +140,16 @@ def _identity_with_candidate(device: Device, zone: DeadZone) -> FirmwareIdentity
         return FirmwareIdentity(device)
     port, firmware, name, share = ports[zone]
     observation = (
-        f"no back-EMF is between 0 and {zone.value}, as of a Wombat with {name}, which lets its motors coast"
+        f"no back-EMF is between 0 and {zone.value}, as on a Wombat with {name}, which lets its motors coast"
     )
     advice_note = (
         f"{observation} for {share} % of the time: if it made this recording, say so (--port {port}, or "
-        f'controller.port = "{port}" in robot.toml), or its habits are taken for causes such as a higher '
-        "resistance"
+        f'controller.port = "{port}" in robot.toml); otherwise its properties are taken for causes such as a '
+        "higher resistance"
     )
-    taken_note = f"{observation} for {share} % of the time, and the wheels answer as behind it: taken for one"
+    taken_note = (
+        f"{observation} for {share} % of the time, and the wheels respond accordingly: treated as one"
+    )
     return FirmwareIdentity(
         device,
         notes=(advice_note,),

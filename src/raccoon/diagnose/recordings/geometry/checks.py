@@ -64,7 +64,7 @@ def without_spikes(
         values, spikes = _without_jumps(np.asarray(columns["t"], float), columns[name], name, metres[name])
         faults += _spike_faults(name, spikes)
         if float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) * metres[name] > MAX_DISTANCE_M:
-            raise CalibrationError(f"{name} reaches {np.nanmax(np.abs(values)):.3g}, as no robot's does")
+            raise CalibrationError(f"{name} reaches {np.nanmax(np.abs(values)):.3g}, which no robot reaches")
         cleaned[name] = values
     return cleaned, tuple(faults)
 
@@ -124,8 +124,8 @@ def _find_spike_rows(jumps: NDArray[np.intp], count: int) -> slice | None:
 def _jump_text(name: str, step: float, when: float) -> str:
     if name.startswith("truth"):
         return (
-            f"{name} jumps by {step:.3g} m at {when:.4g} s: the reference was moved or took something else "
-            "for the robot; use the part before or after it"
+            f"{name} jumps by {step:.3g} m at {when:.4g} s: the reference was moved or tracked something "
+            "else; use the part before or after it"
         )
     return (
         f"{name} jumps by {step:.3g} at {when:.4g} s: it was reset or wraps, as a counter of 16 bits does; "

@@ -131,9 +131,9 @@ def describe_impossible_factor(factors: Array) -> str:
         return ""
     name = ("the left wheel", "the right wheel", "the track")[worst]
     return (
-        f"by the reference {name} is {factors[worst]:.2g} times as large as in robot.toml, or more: a ruler "
-        "would show that. Look at radians_per_tick, at the columns of the wheels, at whether truth.x and "
-        "truth.y are metres that moved with the robot, and whether robot.toml is this robot's"
+        f"by the reference {name} is {factors[worst]:.2g} times as large as in robot.toml, or more, which a "
+        "ruler would show. Check radians_per_tick, the columns of the wheels, whether truth.x and truth.y "
+        "are in metres and follow the robot, and whether robot.toml is this robot's"
     )
 
 
@@ -220,10 +220,10 @@ def _verdict(has_causes: bool, is_unexplained: bool) -> Verdict:
 def _split_note(fit: GeometryFit) -> str:
     fitted_count, heldout_count = len(fit.fitted), len(fit.heldout)
     if fitted_count == heldout_count == 1 and fit.fitted[0].t[-1] < fit.heldout[0].t[0]:
-        return f"the first {100 * FITTED_SHARE:.0f} % of the run was fitted, the rest is there to judge on"
+        return f"the first {100 * FITTED_SHARE:.0f} % of the run was fitted, the rest was held out"
     fitted = f"{fitted_count} run{'' if fitted_count == 1 else 's'}"
     heldout = f"{heldout_count} other{'' if heldout_count == 1 else 's'}"
-    return f"{fitted} fitted, {heldout} to judge on"
+    return f"{fitted} fitted, {heldout} held out"
 
 
 def _channels(before: PoseErrors, after: PoseErrors, floor: PoseErrors) -> tuple[ChannelResult, ...]:

@@ -71,9 +71,9 @@ def describe_departure(fit: GeometryFit, factors: Array) -> str:
         if departures[worst] > largest:
             largest, when = float(departures[worst]), float(time[ends[worst]])
     return (
-        f"from {when:.1f} s on the robot and its wheels part by {1000 * largest:.0f} mm within "
-        f"{DEPARTURE_WINDOW_S:.0f} s, which no size of wheels explains: was it held or pushed, or did "
-        "it slip?"
+        f"from {when:.1f} s on the robot deviates from the path of its wheels by {1000 * largest:.0f} mm "
+        f"within {DEPARTURE_WINDOW_S:.0f} s, which no wheel size explains: was it held or pushed, or did it "
+        "slip?"
     )
 
 

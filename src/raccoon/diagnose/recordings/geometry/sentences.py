@@ -11,8 +11,9 @@ from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
 from raccoon.sim.effects.parameters import SIDES
 
 MEASURE_WITH_RULER = (
-    "measure the wheels with a ruler: where they are as in robot.toml, it is the K_E that their counters go "
-    "by, which raccoon calibrate drive takes into account and a recording with commands (motor.N.duty) shows"
+    "measure the wheels with a ruler: if they are as in robot.toml, the K_E that scales their counters is "
+    "wrong, which raccoon calibrate drive takes into account and a recording with commands (motor.N.duty) "
+    "shows"
 )
 
 

@@ -141,9 +141,7 @@ def _check_motor(columns: dict[str, Array], port: int) -> _CheckedMotor:
         if current is not None and float(np.nansum(voltage * current)) > 0.0:  # it flows as commanded
             columns[names[1]] = current = -current
         columns[names[0]] = voltage = -voltage
-        notes.append(
-            f"motor {port} turns against its command: its wires are swapped; the sign was taken away"
-        )
+        notes.append(f"motor {port} turns against its command: its wires are swapped; the sign was corrected")
     if speed is not None and (saturated := speed_saturation_fault(names[2], speed)):
         faults.append(saturated)
         columns = {**columns, names[2]: np.full_like(speed, np.nan)}

@@ -34,8 +34,8 @@ MIN_REPEATED_SHARE = 0.02
 MIN_STALE_SPEED = 0.4
 """rad/s; a smaller stale value is less than one count per sample."""
 SHARED_CONSTANTS = (
-    "not identifiable: one step of one size has one steady speed, which K_E, friction and the reading's "
-    "scale share"
+    "not identifiable: one step gives one steady speed, which cannot tell K_E, friction and the reading's "
+    "scale apart"
 )
 UNIDENTIFIABLE_CAUSES = (
     "motor.back_emf_constant", "motor.armature_resistance", "friction.coulomb", "friction.viscous",
@@ -92,7 +92,7 @@ def diagnose_step_response(columns: Columns, port: int) -> Diagnosis:
         (MANOEUVRES["steps"], MANOEUVRES["creep"]),
         time.perf_counter() - begin,
         None,
-        ("a single step tells the habits of the reading and the dead time, and no motor constants",),
+        ("a single step shows the properties of the reading and the dead time, but no motor constants",),
         _identified(columns, faults, repeats, latency),
         (*_sensor_faults(name, faults, repeats), *_inverted_faults(columns, port, name, duty)),
         (Curve(name, unit, columns["t"], columns[name], _empty_curve(columns), _empty_curve(columns)),),
@@ -107,7 +107,7 @@ def _rejection_reason(id_: str, faults: ReadingFaults) -> str:
     if id_ == "actuation.latency" and faults.dead_time is not None:
         return (
             f"not identifiable: the motor begins to move {1000 * faults.dead_time:.0f} ms after the command, "
-            "which latency, dead band and breaking loose share"
+            "which may be latency, deadband or stiction"
         )
     return SHARED_CONSTANTS
 
@@ -127,11 +127,11 @@ def _identified(
 def _sensor_faults(name: str, faults: ReadingFaults, repeats: float) -> list[SensorFault]:
     found = []
     if faults.stale is not None and abs(faults.stale) > MIN_STALE_SPEED:
-        text = f"the first sample of {name}, {faults.stale:.1f}, is a leftover: drop all until it has decayed"
-        found.append(SensorFault(name, "stale", text))
+        first = f"the first sample of {name}, {faults.stale:.1f}, is left over from before"
+        found.append(SensorFault(name, "stale", f"{first}: drop all samples until it has decayed"))
     if faults.decay is not None:
         mixed = 2.0 / (1.0 - faults.decay)
-        text = f"a filter keeps {faults.decay:.2f} of the sample before: a value mixes {mixed:.1f} samples"
+        text = f"a filter keeps {faults.decay:.2f} of the value before: each value mixes {mixed:.1f} samples"
         found.append(SensorFault(name, "filtered", text))
     if repeats == 1.0:
         text = f"{name} never changes: the motor did not turn, or nothing was read; check plug and wires"
@@ -157,7 +157,7 @@ def _inverted_faults(columns: Columns, port: int, name: str, duty: float) -> lis
     if not mean * duty < -0.2 * size * abs(duty):
         return []
     text = (
-        f"{name} goes against its command (robot.toml's inverted turns both): write one of the two with the "
-        "other sign, or look at the wires by which the motor is read"
+        f"{name} goes against its command (robot.toml's inverted flips both): write one of the two with the "
+        "other sign, or check the wires by which the motor is read"
     )
     return [SensorFault(name, "inverted", text)]

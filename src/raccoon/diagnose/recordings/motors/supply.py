@@ -126,7 +126,7 @@ def _cause(channel: ChannelResult, found: ParameterResult) -> CauseResult:
     )
     sentence = (
         f"The battery's resistance is {found.value:.3f} ohm instead of {found.nominal:.3f}: its voltage sags "
-        "under load; command volts, not shares of the battery, or use a fresher battery."
+        "under load; command volts instead of duty, or use a fresher battery."
     )
     return CauseResult(BATTERY_RESISTANCE, None, 1, {"resistance": found}, gain, 0.99, (), sentence)
 

@@ -32,7 +32,7 @@ KIPR_VOLTS_PER_COUNT = 0.009175
 KIPR_TOLERANCE = 0.01
 """Relative difference from that curve within which a scale is attributed to it."""
 SEE_BATTERY = (
-    f"It is of the size that a wrong scale of the battery's reading makes: see {BATTERY_VOLTAGE} first."
+    f"A wrong scale of the battery's reading would cause an error of this size: see {BATTERY_VOLTAGE} first."
 )
 
 
@@ -78,7 +78,7 @@ def _describe_battery_scale(voltage: CauseResult, log_scale: float, std: float, 
     direction = "high" if log_scale > 0.0 else "low"
     kipr_scale = KIPR_VOLTS_PER_COUNT / BATTERY_VOLTS_PER_COUNT
     kipr_hint = (
-        f" KIPR's library takes {KIPR_VOLTS_PER_COUNT:g} V a count, the controller's divider makes "
+        f" KIPR's library assumes {KIPR_VOLTS_PER_COUNT:g} V a count, the controller's divider gives "
         f"{BATTERY_VOLTS_PER_COUNT:.6f}."
         if abs(scale / kipr_scale - 1.0) < KIPR_TOLERANCE
         else ""
@@ -87,8 +87,8 @@ def _describe_battery_scale(voltage: CauseResult, log_scale: float, std: float, 
     number = voltage.parameters["voltage"]
     size = f"{100.0 * abs(scale - 1.0):.1f} +- {100.0 * std:.1f} % too {direction}"
     return (
-        f"The battery's reading is {size}, which alone makes {', '.join(most)} and {last}: compare it with a "
-        f"multimeter and mend its scale before anything else.{kipr_hint} If the multimeter agrees with it, "
-        f"the battery has {number.value:.2f} V without load, not {number.nominal:.2f}, and the others are "
-        "causes of their own."
+        f"The battery's reading is {size}, which alone explains {', '.join(most)} and {last}: compare it "
+        f"with a multimeter and correct its scale before anything else.{kipr_hint} If the multimeter agrees "
+        f"with it, the battery has {number.value:.2f} V without load, not {number.nominal:.2f}, and the "
+        "others are causes of their own."
     )

@@ -32,7 +32,7 @@ SCALE_POWERS = {
 """Power of the back-EMF's scale that each of them seems to have."""
 MIN_EXPLAINED_CAUSES = 2
 """Causes that it must explain: a single one may fit by chance, or by another fault."""
-SEE_BEMF_SCALE = f"It is of the size that commands of another scale make: see {BEMF_SCALE} first."
+SEE_BEMF_SCALE = f"Commands of another scale would cause an error of this size: see {BEMF_SCALE} first."
 
 
 def explain_by_command_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
@@ -76,7 +76,7 @@ def _describe_command_scale(scale: CauseResult, names: list[str], robot: RobotCo
     *most, last = (BEMF_SCALE, *names)
     commands = " and ".join(f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right))
     return (
-        f"The commands {commands} are {size} too {direction}, which alone makes {', '.join(most)} and "
-        f"{last}: look whether all that a driver can give is 1 in them before anything else. If it is, these "
-        "are causes of their own."
+        f"The commands {commands} are {size} too {direction}, which alone explains {', '.join(most)} and "
+        f"{last}: before anything else, check that full power is 1 in them. If it is, these are causes of "
+        "their own."
     )

@@ -57,7 +57,7 @@ def _is_explained(cause: CauseResult, constant: CauseResult) -> bool:
 
 
 def _see_constant(name: str) -> str:
-    return f"It is of the size that a wrong number of the encoder's ticks makes: see {name} first."
+    return f"A wrong number of encoder ticks would cause an error of this size: see {name} first."
 
 
 def _describe_encoder_scale(constant: CauseResult, others: list[CauseResult], columns: str) -> str:
@@ -66,6 +66,6 @@ def _describe_encoder_scale(constant: CauseResult, others: list[CauseResult], co
     causes = " and ".join(each.name for each in (constant, *others))
     verb = "read" if constant.where is None else "reads"
     return (
-        f"{columns} {verb} {size} too {direction}, which alone makes {causes}: check the encoder's ticks per "
-        "turn before anything else. If they are right, these are causes of their own."
+        f"{columns} {verb} {size} too {direction}, which alone explains {causes}: check the encoder's ticks "
+        "per turn before anything else. If they are right, these are causes of their own."
     )

@@ -44,9 +44,7 @@ class PlausibleRange:
     parameter: str = "factor"
 
 
-_CHECK_UNITS = (
-    "look at units, at robot.toml (is it this robot's?) and at what the column of the commands holds"
-)
+_CHECK_UNITS = "check the units, robot.toml (is it this robot's?) and what the commands' columns hold"
 PLAUSIBLE_RANGES: Mapping[str, PlausibleRange] = {
     "motor.armature_resistance": PlausibleRange(
         0.5, 2.5, f"No motor's winding is that far off: {_CHECK_UNITS}."
@@ -57,19 +55,21 @@ PLAUSIBLE_RANGES: Mapping[str, PlausibleRange] = {
     "bemf.scale": PlausibleRange(0.75, 1.35, f"No controller reads that far off: {_CHECK_UNITS}."),
     "imu.gyro_scale": PlausibleRange(0.75, 1.35, f"No gyro reads that far off: {_CHECK_UNITS}."),
     "drive.wheel_radius": PlausibleRange(
-        0.4, 2.5, "That shows to the eye: measure it with a ruler before all else."
+        0.4, 2.5, "So much would be visible: measure it with a ruler before anything else."
     ),
     "drive.track_width": PlausibleRange(
-        0.4, 2.5, "That shows to the eye: measure it with a ruler before all else."
+        0.4, 2.5, "So much would be visible: measure it with a ruler before anything else."
     ),
     "drive.inertia": PlausibleRange(0.15, 5.0, f"No load makes that much of a difference: {_CHECK_UNITS}."),
     "friction.coulomb": PlausibleRange(
-        0.2, 4.0, f"No gears and tyres rub that differently: {_CHECK_UNITS}.", "torque"
+        0.2, 4.0, f"No gears and tyres have a friction that different: {_CHECK_UNITS}.", "torque"
     ),
     "friction.quadratic": PlausibleRange(
         0.0, 0.01, f"No wheel is braked that much: {_CHECK_UNITS}.", "coefficient"
     ),
-    "actuation.deadband": PlausibleRange(0.0, 0.3, f"No driver swallows that much: {_CHECK_UNITS}.", "duty"),
+    "actuation.deadband": PlausibleRange(
+        0.0, 0.3, f"No motor driver has a deadband that large: {_CHECK_UNITS}.", "duty"
+    ),
 }
 """By id of the cause. Unmeasured robots, with wheels from 21 to 50 mm and inertias from 4 to 60 g m2, are all
 inside these ranges of the default robot.toml."""
@@ -144,8 +144,8 @@ def _stretched_time_notes(found: Diagnosis) -> tuple[str, ...]:
         return ()
     names = " and ".join(TIME_PARAMETERS)
     return (
-        f"{names} are both about {math.exp(log_stretch):.2g} times what robot.toml says, as they are where t "
-        "advances by as much too far: compare the length of the recording with a watch before anything else",
+        f"{names} are both about {math.exp(log_stretch):.2g} times what robot.toml says, as if t advanced "
+        "too fast by that factor: compare the length of the recording with a watch before anything else",
     )
 
 
@@ -169,9 +169,9 @@ def _with_wrong_time_hint(cause: CauseResult, row_error: float) -> CauseResult:
     longer = "longer" if row_error > 0.0 else "shorter"
     return replace(
         cause,
-        explanation=f"{cause.explanation} By t a row is {percent:.0f} % {longer} than the controller's cycle "
-        "as well, so more likely t is wrong by that, or the controller has another rate than "
-        "controller.rate_hz, and this is right: compare the recording's length with a watch.",
+        explanation=f"{cause.explanation} By t a row is also {percent:.0f} % {longer} than the controller's "
+        "cycle, so more likely t is wrong by that much, or the controller's rate is not controller.rate_hz, "
+        "and this number is right: compare the recording's length with a watch.",
     )
 
 
@@ -194,11 +194,10 @@ def _with_speed_commands(
     left, right = (f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right))
     holds = "hold a speed, not a duty" if is_certain else "seem to hold a speed, not a duty"
     text = (
-        f"the columns {left} and {right} {holds}: the wheels keep {loop.counts:.0f} counts of back-EMF for "
-        f"a command of 1, and friction takes {abs(loop.taken):.2f} V of that, not the {loop.usual:.2f} V "
-        "that it takes of a motor under a duty; so does a controller that keeps a speed (mav, "
-        "move_at_velocity). Record the duty that it gives its motors, or drive by power (motor) for a "
-        "diagnosis"
+        f"the columns {left} and {right} {holds}: a command of 1 keeps the wheels at {loop.counts:.0f} "
+        f"counts of back-EMF, and friction takes {abs(loop.taken):.2f} V of that, not the {loop.usual:.2f} V "
+        "that it takes under a duty. A controller that holds a speed does that (mav, move_at_velocity). "
+        "Record the duty that it gives its motors, or drive by power (motor) for a diagnosis"
     )
     fault = SensorFault(left, NO_DUTY, text)
     if not is_certain:

@@ -24,6 +24,6 @@ def overridden_model_notes(causes: Sequence[CauseResult], robot: RobotConfig) ->
         return ()
     calibrations, model_keys = (", ".join(dict.fromkeys(each)) for each in zip(*keys, strict=True))
     return (
-        f"robot.toml has {calibrations}, by which programs go before {model_keys}: a new value there changes "
-        "the simulation alone; calibrate again where the robot has changed",
+        f"robot.toml has {calibrations}, which programs use instead of {model_keys}: a new value there "
+        "changes the simulation alone; calibrate again if the robot has changed",
     )

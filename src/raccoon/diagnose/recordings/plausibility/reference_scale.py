@@ -30,8 +30,8 @@ def explain_by_reference_scale(found: Diagnosis) -> Diagnosis:
     direction = "long" if log_scale > 0.0 else "short"
     size = f"{100.0 * abs(math.expm1(log_scale)):.1f} % too {direction}"
     hint = (
-        f"If truth.x and truth.y are {size}, that alone makes {TRACK_WIDTH} and {WHEEL_RADIUS}: measure a "
-        "way with a tape first."
+        f"If truth.x and truth.y are {size}, that alone explains {TRACK_WIDTH} and {WHEEL_RADIUS}: measure a "
+        "distance with a tape first."
     )
     causes = tuple(
         replace(each, explanation=f"{each.explanation} {hint}") if each.name in lengths else each

@@ -38,9 +38,9 @@ def with_rounding_doubt(found: Diagnosis, columns: Columns) -> Diagnosis:
     if not steps:
         return _with_percent_note(found, columns)
     note = (
-        f"{' and '.join(steps)} hold whole multiples of {min(steps.values()):g} and go from one to the next, "
-        "as commands that were rounded for the log do: what was found may be no more than that. Log them "
-        "with four digits (if the program itself sends them so, they are right)"
+        f"{' and '.join(steps)} hold whole multiples of {min(steps.values()):g} and step from one to the "
+        "next, like commands that were rounded for the log: that alone may explain what was found. Log them "
+        "with four digits (if the program itself sends them rounded, they are right)"
     )
     verdict = Verdict.PARTLY if found.verdict is Verdict.EXPLAINED else found.verdict
     return replace(found, verdict=verdict, notes=(note, *found.notes))
@@ -61,10 +61,10 @@ def _with_percent_note(found: Diagnosis, columns: Columns) -> Diagnosis:
     if not doubtful:
         return found
     note = (
-        f"{' and '.join(names)} hold whole percent, and what is between them moves the wheels' readings by "
-        f"{rounding_counts:.0f} counts, more than {' and '.join(doubtful)}: that may be no more than "
-        "commands that were rounded for the log. Log them with four digits (if the program itself "
-        "sends percent, they are right)"
+        f"{' and '.join(names)} hold whole percent, and rounding to these changes the wheels' readings by "
+        f"{rounding_counts:.0f} counts, more than {' and '.join(doubtful)}: commands that were rounded for "
+        "the log alone may explain that. Log them with four digits (if the program itself sends percent, "
+        "they are right)"
     )
     return replace(found, notes=(note, *found.notes))
 

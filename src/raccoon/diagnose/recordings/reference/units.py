@@ -133,7 +133,7 @@ def _check_turns(turn: Array, others: Mapping[str, Array], allowed: tuple[float,
         otherwise = "" if len(others) > 1 else f", or {SENSOR_EXPLANATIONS[names]}"
         raise TraceError(
             f"truth.heading turns against {names} ({factor:.3g} times as much): it is mirrored{otherwise}. "
-            "It counts counter-clockwise, seen from above"
+            "It must count counter-clockwise, seen from above"
         )
     if len(others) > 1 and not 1.0 / MIN_UNIT_FACTOR < factor < MIN_UNIT_FACTOR:
         raise TraceError(
@@ -187,16 +187,16 @@ def _check_position(columns: Columns, robot: RobotConfig, device: Device) -> Non
     along, mirrored, size = motion.along, motion.mirrored, motion.size
     if abs(mirrored) > MIN_CORRELATION * size and abs(along) < MAX_MIRROR_RATIO * abs(mirrored):
         raise TraceError(
-            "truth.x or truth.y is mirrored: they move where truth.heading points only with the sign of one "
-            "of them changed. x and y are to each other as forward is to left"
+            "truth.x or truth.y is mirrored: they follow truth.heading only if the sign of one of them is "
+            "changed. If x points forward, y must point left"
         )
     if abs(along) < MIN_CORRELATION * size:
         return
     askew = cmath.phase(along)
     if abs(askew) > MAX_MISALIGNMENT:
         raise TraceError(
-            f"truth.x and truth.y move at {math.degrees(askew):.0f} degrees to truth.heading: it is 0 where "
-            "the robot points along x"
+            f"truth.x and truth.y move at {math.degrees(askew):.0f} degrees to truth.heading: it must be 0 "
+            "where the robot points along x"
         )
     factor = abs(along) / motion.way
     if not 1.0 / MIN_UNIT_FACTOR < factor < MIN_UNIT_FACTOR:

@@ -70,8 +70,8 @@ def _shorten_pauses(time: Array) -> tuple[Array, tuple[str, ...]]:
     more = f" and {len(long) - MAX_LISTED_PAUSES} more" if len(long) > MAX_LISTED_PAUSES else ""
     which = "it" if len(long) == 1 else "each"
     note = (
-        f"no rows from {gaps}{more}: as if {which} were {MAX_PAUSE_S:g} s; all other times that are said "
-        "here are shorter by as much from there on"
+        f"no rows from {gaps}{more}: {which} is shortened to {MAX_PAUSE_S:g} s, so all times after it in "
+        "this report are earlier by the difference"
     )
     return time - np.cumsum(excess), (note,)
 
@@ -92,12 +92,10 @@ def _select_driven_rows(time: Array, driven: NDArray[np.bool_]) -> tuple[slice, 
         ends = np.searchsorted(time[:end], time + MAX_DURATION_S, side="right")
         begin = begin + int(np.argmax((driven_time[np.maximum(ends, 1) - 1] - driven_time)[begin:end]))
         end = ends[begin]
-        why = f"at most {MAX_DURATION_S:g} s are diagnosed, and in these it drives most"
+        why = f"at most {MAX_DURATION_S:g} s are diagnosed, and these have the most driving"
     elif (time[begin] - time[0]) + (time[-1] - time[end - 1]) > MARGIN_S:
         why = "nothing is commanded before and after that"
     else:
         return whole, ()
-    note = (
-        f"of {time[-1] - time[0]:.0f} s only {time[begin]:.1f} to {time[end - 1]:.1f} s are looked at: {why}"
-    )
+    note = f"of {time[-1] - time[0]:.0f} s only {time[begin]:.1f} to {time[end - 1]:.1f} s are used: {why}"
     return slice(int(begin), int(end)), (note,)

@@ -30,8 +30,8 @@ MAX_DEVICE_LEVELS = 20_000
 """A reading's largest value over its finest step up to which it counts as quantised by a device, in whatever
 unit: among whole counts many steps are equal. Interpolated values have as many levels as digits."""
 INTERPOLATED_MESSAGE = (
-    "the recording was brought to another rate by interpolation, and when a command changed between two "
-    "samples is no longer known. Export the rows as they were recorded, or with the last value held"
+    "the recording was interpolated to another rate, so it is no longer known when commands changed. Export "
+    "the rows as they were recorded, or with the last value held"
 )
 MIN_STILL_ROWS, MIN_STEP_SIZE, MAX_STEP_ROWS = 3, 0.05, 8
 """Rows for which a command stays before and after a step, size of a step that is checked, and most rows that
@@ -58,7 +58,7 @@ def check_not_interpolated(columns: Columns) -> None:
     straight lines, or commands step through rows in between."""
     for name, each in columns.items():
         if name.endswith(".duty") and _has_interpolated_steps(each[np.isfinite(each)]):
-            text = f"{name} has rows between two commands that are a part of either"
+            text = f"{name} has rows with values between two commands"
             raise TraceError(f"{text}: {INTERPOLATED_MESSAGE}")
     wheels = {name: each for name, each in columns.items() if name.endswith((".bemf", ".speed"))}
     shares = {name: _interpolated_share(each) for name, each in wheels.items()}

@@ -95,7 +95,7 @@ def without_held_rows(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     if keep.all():  # coarse readings of a robot that drives evenly
         return columns, ()
     note = (
-        f"{int((~keep).sum())} of {len(time)} rows hold what the row before held: the logger is faster than "
-        f"what it reads, which is new every {1000.0 * period:.3g} ms; they are left out"
+        f"{int((~keep).sum())} of {len(time)} rows repeat the row before: the logger is faster than what it "
+        f"reads, which changes every {1000.0 * period:.3g} ms; they are left out"
     )
     return {name: each[keep] for name, each in columns.items()}, (note,)

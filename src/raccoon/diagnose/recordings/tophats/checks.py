@@ -61,8 +61,8 @@ def describe_wrong_labels(time: Array, counts: Array, surface: Array | None, por
         return ""
     white, dark = by_readings.medians
     return (
-        f"its own readings go from white ({white:.0f}) to black ({dark:.0f} counts) and back, and "
-        f"truth.surface.{port} is of something else or of another time, since by it"
+        f"its own readings go from white ({white:.0f}) to black ({dark:.0f} counts) and back, but "
+        f"truth.surface.{port} is of something else or of another time: by it"
     )
 
 
@@ -74,8 +74,8 @@ def describe_other_unit(counts: Array, levels: SurfaceLevels | str, nominal: Nom
     known = counts[np.isfinite(counts)]
     if len(known) and float(known.max()) <= MAX_VOLTS and not np.all(known == np.rint(known)):
         return (
-            f"it reaches {float(known.max()):.3g}, in parts: it looks like volts or shares of the largest "
-            "reading, not counts of 12 bits (0..4095)"
+            f"it reaches {float(known.max()):.3g}, with fractions: it looks like volts or shares of the "
+            "largest reading, not counts of 12 bits (0..4095)"
         )
     if isinstance(levels, str):
         return ""
@@ -84,8 +84,8 @@ def describe_other_unit(counts: Array, levels: SurfaceLevels | str, nominal: Nom
     if scale is None:
         return ""
     return (
-        f"white ({levels.medians[0]:.0f}) and black ({levels.medians[1]:.0f}) are the usual counts over "
-        f"{scale.counts_per_step:g}: it looks like {scale.words}, not counts of 12 bits (0..4095)"
+        f"white ({levels.medians[0]:.0f}) and black ({levels.medians[1]:.0f}) are the usual counts divided "
+        f"by {scale.counts_per_step:g}: it looks like {scale.words}, not counts of 12 bits (0..4095)"
     )
 
 

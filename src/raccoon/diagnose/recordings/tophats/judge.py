@@ -125,8 +125,8 @@ def _judge_both_sides(
     words = f"From {when:.1f} s on" if is_later_shown else f"Until {when:.1f} s"
     note = (
         f"analog.{port} jumps at {when:.1f} s: white from {before.medians[0]:.0f} to {after.medians[0]:.0f}, "
-        f"black from {before.medians[1]:.0f} to {after.medians[1]:.0f} counts; before and after were "
-        "judged apart"
+        f"black from {before.medians[1]:.0f} to {after.medians[1]:.0f} counts; before and after were judged "
+        "separately"
     )
     meanwhile = "; ".join(each.explanation for each in other.causes) or "as assumed"
     note += f"; {'until then' if is_later_shown else 'from then on'}: {meanwhile.rstrip('.')}"

@@ -142,7 +142,7 @@ def sort_levels(time: Array, counts: Array, surface: Array | None) -> SurfaceLev
     if medians[1] < medians[0]:
         return (
             f"black ({medians[1]:.0f}) reads lower than white ({medians[0]:.0f} counts), which no light, "
-            "gain or height does: the labels of black and white look swapped"
+            "gain or height causes: the labels of black and white look swapped"
         )
     if 0 not in clipped:
         return f"white ({medians[0]:.0f}) and black ({medians[1]:.0f} counts) are both cut off"
@@ -215,8 +215,9 @@ def _describe_lower_limit(counts: Array, black: Flags, clipped: tuple[int, int])
     if clipped[1] != 0 or at_end < MIN_CLIPPED_SHARE or at_end < MIN_LIMIT_RATIO * most_common_share:
         return ""
     return (
-        f"it never reads more than {counts.max():g} counts, as in {100.0 * at_end:.0f} % of what it reads "
-        "over black: it is cut off there, before the converter's end; look at its supply and what writes it"
+        f"it never reads more than {counts.max():g} counts, and exactly that in {100.0 * at_end:.0f} % of "
+        "its readings over black: it is cut off there, below the converter's maximum; check its supply and "
+        "what writes it"
     )
 
 

@@ -54,17 +54,17 @@ def describe_light_offset(port: int, number: ParameterResult) -> str:
     moved = number.value - number.nominal
     return (
         f"analog.{port}: light lowers black more than white, and the offset of {moved:+.0f} counts is only "
-        f"the mean of both, off by {number.std:.0f} on either: the better model needs its light from the "
-        "world, and gain and height together would read the same"
+        f"the mean of both, off by {number.std:.0f} on each: for the better model, set this light in the "
+        "world; gain and height together would read the same"
     )
 
 
 def describe_older_sensor(port: int) -> str:
     """A sensor of the older make where the simulation has the newer."""
     return (
-        f"Tophat {port} reads as the older make of the sensor does, which is darker over both surfaces, and "
-        "white far more: calibrate it on white and black (raccoon calibrate tophats), and expect it "
-        "to differ from newer ones."
+        f"Tophat {port} reads like the older make of the sensor, which is darker over both surfaces, and "
+        "most over white: calibrate it on white and black (raccoon calibrate tophats), and expect it to "
+        "differ from newer ones."
     )
 
 
@@ -72,8 +72,8 @@ def describe_older_factor(port: int, number: ParameterResult) -> str:
     """How a factor approximates a sensor of the older make."""
     return (
         f"analog.{port}: the simulated sensor is of the newer make, and the factor of {number.value:.2f} is "
-        f"only the one that is least wrong, off by {number.std:.2f} on either surface; gain and height "
-        "together, or light, would read the same"
+        f"only the best fit, off by {number.std:.2f} on each surface; gain and height together, or light, "
+        "would read the same"
     )
 
 
@@ -88,16 +88,16 @@ def describe_older_alternative(port: int, height: float) -> str:
 def describe_fewer_bits(port: int, words: str, counts: float) -> str:
     """Readings that may be counts of fewer bits than the recording should have."""
     return (
-        f"analog.{port}: it may hold {words} instead of counts of 12 bits (0..4095), which a smaller fault "
-        f"would explain: look at what writes it; if so, multiply by {counts:g} and diagnose again"
+        f"analog.{port}: it may hold {words} instead of counts of 12 bits (0..4095); then a smaller fault "
+        f"would explain it: check what writes it and, if so, multiply by {counts:g} and diagnose again"
     )
 
 
 def describe_unsure_surfaces(port: int, levels: tuple[float, float]) -> str:
     """Two levels without labels that no single cause gives, and that may not be white and black."""
     return (
-        f"analog.{port}: no single cause gives {levels[0]:.0f} and {levels[1]:.0f} counts, which were not "
-        "seen in turns: it may be one surface in changing light; cross several lines, or record "
+        f"analog.{port}: no single cause gives {levels[0]:.0f} and {levels[1]:.0f} counts, between which the "
+        "readings do not alternate: it may be one surface in changing light; cross several lines, or record "
         f"truth.surface.{port}"
     )
 
@@ -106,8 +106,8 @@ def describe_saturation(port: int, clipped: tuple[int, int], causes: tuple[str, 
     """A clipped level, and what cannot be told then. causes: those that fit the other level."""
     side, other = ("white", "black") if clipped[0] else ("black", "white")
     end = "4095, the largest value" if 1 in clipped else "0"
-    ambiguity = f"; what is left, {other}, cannot tell {' from '.join(causes)}" if len(causes) > 1 else ""
-    return f"analog.{port} is saturated: {side} reads {end}, so how far it is beyond is not known{ambiguity}"
+    ambiguity = f"; {other} alone cannot tell {' from '.join(causes)}" if len(causes) > 1 else ""
+    return f"analog.{port} is saturated: {side} reads {end}, so its true value is unknown{ambiguity}"
 
 
 def noise_cause(port: int, number: ParameterResult, error: float) -> CauseResult:
@@ -124,5 +124,5 @@ def noise_cause(port: int, number: ParameterResult, error: float) -> CauseResult
 def rejection_reason(is_rival: bool) -> str:
     """Why a cause was not named. is_rival: whether it is listed beside one that was."""
     if is_rival:
-        return "it explains the levels as well as what is named; it is listed there"
+        return "it explains the levels as well as the named cause and is listed with it"
     return "another cause explains the levels better, or they are as assumed"

@@ -33,7 +33,7 @@ def cleared(columns: Columns, rows: list[int], names: tuple[str, ...] = COUNTERS
 
 def test_counters_that_jump_once_may_be_two_recordings(good: Columns) -> None:
     (said,) = counter_reset_notes(cleared(good, [700]), ROBOT)
-    assert f"motor.0.position and motor.1.position begin anew at {good['t'][700]:.1f} s, row 700" in said
+    assert f"motor.0.position and motor.1.position restart at {good['t'][700]:.1f} s, row 700" in said
 
 
 def test_a_drive_and_a_program_that_clears_its_counters_for_each_motion_are_one(good: Columns) -> None:

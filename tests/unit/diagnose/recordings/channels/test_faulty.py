@@ -183,7 +183,8 @@ def test_a_side_that_was_left_out_is_not_called_missing() -> None:
         {**GOOD, "motor.0.bemf": np.clip(GOOD["motor.0.bemf"], -900.0, 900.0)}, ROBOT
     )
     note = with_channel_faults(found(12.0, 0.9), GOOD, sound, ROBOT).notes[0]
-    assert note == "motor.0.bemf was left out (it is cut off): what only that wheel shows is not checked"
+    reason = "motor.0.bemf was left out (it is cut off)"
+    assert note == f"{reason}: causes that only this wheel shows are not checked"
 
 
 def test_what_a_missing_channel_leaves_open_is_said_where_nothing_is_named() -> None:

@@ -56,7 +56,7 @@ def test_zeros_between_readings_are_none(good: Columns, name: str) -> None:
     kept = sound.columns[name]
     assert np.isnan(kept[blank]).all()
     assert np.isfinite(kept[~blank]).mean() > 0.9
-    assert "between others far from it" in sound.faults[0].text
+    assert "far from the values beside it" in sound.faults[0].text
 
 
 def test_spikes_are_left_out(good: Columns) -> None:

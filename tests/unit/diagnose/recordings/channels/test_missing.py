@@ -76,7 +76,7 @@ def test_counters_stand_in_for_the_reading_that_they_sum(weak_right: Columns, re
     factor = read.causes[0].parameters["factor"]
     counted = found.causes[0].parameters["factor"]
     assert counted.value == pytest.approx(factor.value, abs=0.01)
-    said = "motor.0.bemf and motor.1.bemf are missing: taken from how motor.0.position and motor.1.position"
+    said = "motor.0.bemf and motor.1.bemf are missing: derived from motor.0.position and motor.1.position"
     assert any(each.startswith(said) for each in found.notes)
 
 
@@ -153,7 +153,7 @@ def test_the_reading_of_one_side_is_not_known_where_only_the_other_is_recorded(w
     reasons = {each.id: each.reason for each in found.rejected}
     start = "not identifiable at the left: motor.0.bemf is missing"
     assert reasons["bemf.scale"].startswith(f"{start}; at the right: ")
-    assert "motor.0.bemf is missing: what only that wheel shows is not checked" in found.notes
+    assert "motor.0.bemf is missing: causes that only this wheel shows are not checked" in found.notes
 
 
 def test_numbers_without_std_are_as_well_known_as_by_default() -> None:

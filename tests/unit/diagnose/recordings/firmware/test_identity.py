@@ -75,7 +75,7 @@ def test_the_stock_firmware_is_recognised_where_nobody_names_it(stock: Recording
         identify_firmware(SI_WORDS, stock.columns, ROBOT, None), stock.columns, ROBOT
     )
     assert (made_by.device.name, made_by.is_external) == (STOCK.name, True)
-    assert "taken for one" in made_by.notes[0]
+    assert "treated as one" in made_by.notes[0]
 
 
 def test_without_counters_it_is_recognised_by_how_its_wheels_answer(stock: Recording) -> None:
@@ -108,11 +108,11 @@ def test_what_the_readings_say_goes_before_robot_toml() -> None:
     assert identify_firmware(SI_WORDS, resting(0), ROBOT, "wombat-raccoon").device.name == "wombat-raccoon-17"
     assert identify_firmware(STOCK, resting(25), ROBOT, "wombat-raccoon").device is STOCK  # it names itself
     (said,) = identify_firmware(STOCK, resting(25), ROBOT, "wombat-raccoon").notes
-    assert said.startswith('controller.port = "wombat-raccoon" is not used: the recording names wombat-stock')
+    assert said.startswith('controller.port = "wombat-raccoon" is not used: the recording says that wombat-')
     assert identify_firmware(STOCK, resting(25), ROBOT, "wombat").notes == ()
     assert identify_firmware(replace(STOCK, name="sim"), resting(25), ROBOT, "wombat").notes == ()
     (said,) = identify_firmware(SI_WORDS, resting(10), ROBOT, None).notes
-    assert said.startswith("no back-EMF is between 0 and 10 counts, as of a Wombat with the stock firmware")
+    assert said.startswith("no back-EMF is between 0 and 10 counts, as on a Wombat with the stock firmware")
     assert identify_firmware(SI_WORDS, resting(0), ROBOT, "sim").notes == ()
 
 

@@ -205,7 +205,7 @@ def test_a_path_that_leaves_its_wheels_is_not_adequate() -> None:
     found = diagnose_recording(columns, ROBOT)
     assert found.channels[0].rmse_after > 10.0 * found.channels[0].noise_floor
     assert (found.verdict, found.causes) == (Verdict.UNKNOWN, ())
-    (note,) = (each for each in found.notes if "part by" in each)
+    (note,) = (each for each in found.notes if "deviates from the path of its wheels by" in each)
     assert 20.0 < float(note.split()[1]) < 22.0
     off = [driven(seed, radius=0.98) for seed in range(4)]
     found = diagnose_geometry([*off, off[0], held(off[1], after=15.0)], ROBOT)
@@ -224,11 +224,11 @@ def test_wheels_of_another_robot_are_a_diagnosis_and_a_question() -> None:
 
 def test_runs_are_counted_as_they_are() -> None:
     (note,) = diagnose_recording(driven(3), ROBOT).notes
-    assert note == "the first 70 % of the run was fitted, the rest is there to judge on"
+    assert note == "the first 70 % of the run was fitted, the rest was held out"
     (note,) = diagnose_recording(driven(3), ROBOT, holdout=driven(4)).notes
-    assert note == "1 run fitted, 1 other to judge on"
+    assert note == "1 run fitted, 1 other held out"
     (note,) = diagnose_geometry([driven(seed) for seed in range(4)], ROBOT).notes
-    assert note == "2 runs fitted, 2 others to judge on"
+    assert note == "2 runs fitted, 2 others held out"
 
 
 def odd(run: Run) -> bool:
@@ -378,7 +378,7 @@ def test_a_run_that_cannot_be_used_does_not_stop_the_pool(
     )
     assert main(["diagnose", str(tmp_path)]) == 0
     said = capsys.readouterr().out
-    assert "2 runs fitted, 1 other to judge on" in said
+    assert "2 runs fitted, 1 other held out" in said
     assert "2.00 % smaller" in said
     assert "Note: empty.csv is left out: the file is empty." in said
     assert "Note: run3.csv is left out: truth.heading turns " in said

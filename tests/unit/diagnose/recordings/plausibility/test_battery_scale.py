@@ -29,11 +29,11 @@ def test_three_names_of_one_fault_are_one_sentence() -> None:
     found = explain_by_battery_scale(three(7.01, 0.9645), ROBOT)
     first, second, third = found.causes
     assert first.explanation.startswith(
-        "The battery's reading is 3.7 +- 0.2 % too high, which alone makes battery.open_circuit_voltage, "
+        "The battery's reading is 3.7 +- 0.2 % too high, which alone explains battery.open_circuit_voltage, "
         "bemf.scale and imu.gyro_scale: compare it with a multimeter"
     )
     assert (
-        "KIPR's library takes 0.009175 V a count, the controller's divider makes 0.008862."
+        "KIPR's library assumes 0.009175 V a count, the controller's divider gives 0.008862."
         in first.explanation
     )
     assert describe_cause(first).todo == ""  # not to put a voltage into robot.toml that is none
@@ -45,7 +45,7 @@ def test_three_names_of_one_fault_are_one_sentence() -> None:
 def test_what_goes_the_other_way_is_too_low() -> None:
     (first, *_) = explain_by_battery_scale(three(FULL / 1.1, 1.1, gyro=1.0), ROBOT).causes
     assert (
-        "9.1 +- 0.2 % too low, which alone makes battery.open_circuit_voltage and bemf.scale:"
+        "9.1 +- 0.2 % too low, which alone explains battery.open_circuit_voltage and bemf.scale:"
         in first.explanation
     )
     assert "KIPR" not in first.explanation

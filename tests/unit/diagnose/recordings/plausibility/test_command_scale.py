@@ -28,8 +28,8 @@ BATTERY = make_cause(
 def test_four_names_of_one_scale_are_one_sentence() -> None:
     first, *others = told(SCALE, TRACK, FRICTION, BATTERY)
     assert first.startswith(
-        "The commands motor.0.duty and motor.1.duty are 21.3 +- 0.4 % too small, which alone makes "
-        "bemf.scale, drive.track_width, friction.coulomb and battery.internal_resistance: look whether"
+        "The commands motor.0.duty and motor.1.duty are 21.3 +- 0.4 % too small, which alone explains "
+        "bemf.scale, drive.track_width, friction.coulomb and battery.internal_resistance: before"
     )
     for each, said in zip((TRACK, FRICTION, BATTERY), others, strict=True):
         assert said.startswith(each.explanation)

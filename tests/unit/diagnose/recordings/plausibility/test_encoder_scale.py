@@ -25,7 +25,7 @@ RADIUS = make_cause("drive.wheel_radius@left", factor_parameters(0.940, 0.006))
 def test_two_names_of_one_encoder_are_one_sentence() -> None:
     first, second = told(CONSTANT, RADIUS)
     assert first.startswith(
-        "motor.0.speed reads 5.9 +- 0.2 % too much, which alone makes motor.back_emf_constant@left and "
+        "motor.0.speed reads 5.9 +- 0.2 % too much, which alone explains motor.back_emf_constant@left and "
         "drive.wheel_radius@left: check the encoder's ticks per turn"
     )
     assert second.startswith(RADIUS.explanation)

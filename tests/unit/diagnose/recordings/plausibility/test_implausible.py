@@ -133,9 +133,9 @@ def test_where_nothing_is_named_a_loop_is_a_guess() -> None:
 @pytest.mark.parametrize(
     ("id_", "parameter", "nominal", "usual", "strange", "said"),
     [
-        ("actuation.deadband", "duty", 0.0, 0.25, 0.38, "No driver swallows that much"),
+        ("actuation.deadband", "duty", 0.0, 0.25, 0.38, "No motor driver has a deadband that large"),
         ("friction.quadratic", "coefficient", 0.0, 0.007, 0.0145, "No wheel is braked that much"),
-        ("friction.coulomb", "torque", 0.18, 0.1, 0.004, "No gears and tyres rub that differently"),
+        ("friction.coulomb", "torque", 0.18, 0.1, 0.004, "No gears and tyres have a friction that different"),
     ],
 )
 def test_numbers_that_a_bent_command_makes_are_doubted(

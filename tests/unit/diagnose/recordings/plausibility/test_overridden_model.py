@@ -25,9 +25,9 @@ ROBOT = RobotConfig(
     ("name", "said"),
     [
         ("motor.back_emf_constant@left", ""),
-        ("motor.back_emf_constant@right", "has motor.1.radians_per_tick, by which programs go before"),
-        ("motor.back_emf_constant", "before model.motor.back_emf_constant: a new value there"),
-        ("bemf.offset@right", "has motor.1.bemf_offset, by which programs go before model.bemf.offset:"),
+        ("motor.back_emf_constant@right", "has motor.1.radians_per_tick, which programs use instead of"),
+        ("motor.back_emf_constant", "instead of model.motor.back_emf_constant: a new value there"),
+        ("bemf.offset@right", "has motor.1.bemf_offset, which programs use instead of model.bemf.offset:"),
         ("friction.coulomb", ""),
         ("drive.wheel_radius@right", ""),
     ],
@@ -51,6 +51,6 @@ def test_a_diagnosis_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drive_diagnosis, "diagnose", lambda *_, **__: named)
     robot = RobotConfig(motors={0: MotorConfig(static_voltage=Measured(0.3, 0.01))})
     found = diagnose_recording(dict(make(3, seconds=4.0).columns), robot)
-    assert any("motor.0.static_voltage, by which programs go" in note for note in found.notes)
+    assert any("motor.0.static_voltage, which programs use" in note for note in found.notes)
     plain = replace(robot, motors={})
-    assert not any("by which programs go" in note for note in overridden_model_notes(found.causes, plain))
+    assert not any("which programs use" in note for note in overridden_model_notes(found.causes, plain))

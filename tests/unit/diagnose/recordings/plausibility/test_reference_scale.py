@@ -27,7 +27,7 @@ def test_both_lengths_that_are_off_alike_are_asked_after() -> None:
     """Each was sure, and to be written into robot.toml, of a camera that saw 11 cm in 10."""
     for said, given in zip(told(TRACK, RADIUS), (TRACK, RADIUS), strict=True):
         assert said.startswith(given.explanation)
-        assert "truth.x and truth.y are 10.0 % too long, that alone makes drive.track_width and" in said
+        assert "truth.x and truth.y are 10.0 % too long, that alone explains drive.track_width and" in said
 
 
 @pytest.mark.parametrize(

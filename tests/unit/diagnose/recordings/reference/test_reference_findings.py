@@ -224,7 +224,7 @@ def test_one_sensor_that_turns_against_a_reference_may_be_wrong_itself() -> None
     gyro = {name: each for name, each in columns.items() if ".bemf" not in name}
     with pytest.raises(TraceError, match=r"it is mirrored, or the gyro's axis points down"):
         said(gyro | {"imu.gyro.z": -columns["imu.gyro.z"]})
-    with pytest.raises(TraceError, match=r"it is mirrored\. It counts"):
+    with pytest.raises(TraceError, match=r"it is mirrored\. It must count"):
         said(columns | {"truth.heading": -columns["truth.heading"]})
 
 

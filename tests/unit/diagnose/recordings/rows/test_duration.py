@@ -49,13 +49,13 @@ def test_of_an_hour_that_part_is_taken_in_which_it_drives_most() -> None:
     assert found["t"][-1] - found["t"][0] <= MAX_DURATION_S + ROW
     assert 1700.0 <= found["t"][0] < found["t"][-1] <= 1990.0
     assert found["motor.0.duty"][0] == 0.5  # which was commanded before
-    assert said.startswith("of 3600 s only 1700.0 to 1940.0 s are looked at: at most 240 s are diagnosed")
+    assert said.startswith("of 3600 s only 1700.0 to 1940.0 s are used: at most 240 s are diagnosed")
 
 
 def test_of_minutes_before_the_start_and_after_the_end_some_seconds_are_looked_at() -> None:
     found, (said,) = limit_duration(drive(230.0, ((95.0, 130.0),)))
     np.testing.assert_allclose(found["t"][[0, -1]], (95.0 - MARGIN_S, 130.0 + MARGIN_S), atol=2.0 * ROW)
-    assert said == "of 230 s only 85.0 to 140.0 s are looked at: nothing is commanded before and after that"
+    assert said == "of 230 s only 85.0 to 140.0 s are used: nothing is commanded before and after that"
     nothing = drive(400.0, ())
     assert limit_duration(nothing)[0]["t"] is nothing["t"]
 
@@ -97,7 +97,7 @@ def test_of_motors_as_much_is_looked_at_and_a_pause_stays_one(effort: str) -> No
     columns = drive(300.0, ((20.0, 290.0),))
     columns[f"motor.2.{effort}"] = columns.pop("motor.0.duty")
     found, (said,) = select_rows(columns, Kind.MOTORS)
-    assert said.startswith("of 300 s only 20.0 to 260.0 s are looked at")
+    assert said.startswith("of 300 s only 20.0 to 260.0 s are used")
     assert found[f"motor.2.{effort}"][0] == 0.5
     gap = {name: each[:9000] for name, each in found.items()}
     gap["t"] = gap["t"] + np.where(gap["t"] >= 50.0, 60.0, 0.0)

@@ -35,15 +35,15 @@ def resampled(columns: Columns, row: float, held: bool = False) -> Columns:
 @pytest.mark.parametrize("row", [0.002, 0.001])
 def test_straight_lines_between_samples_are_said(good: Columns, row: float) -> None:
     """At 1 ms a sound robot's commands were 6 ms late with a probability of 1."""
-    with pytest.raises(TraceError, match=r"motor\.\d\.(duty has|bemf is) .* by interpolation"):
+    with pytest.raises(TraceError, match=r"motor\.\d\.(duty has|bemf is) .* was interpolated"):
         diagnose_recording(resampled(good, row), ROBOT)
-    with pytest.raises(HoldoutError, match="by interpolation"):
+    with pytest.raises(HoldoutError, match="was interpolated to another rate"):
         diagnose_recording(good, ROBOT, holdout=resampled(good, row))
 
 
 def test_commands_between_two_commands_are_said(good: Columns) -> None:
     """At twice the rate no reading is on a line that three rows have, and late commands were named too."""
-    with pytest.raises(TraceError, match=r"motor\.0\.duty has rows between two .* by interpolation"):
+    with pytest.raises(TraceError, match=r"motor\.0\.duty has rows with values between two .* interpolated"):
         check_not_interpolated(resampled(good, 0.0025))
     check_not_interpolated(resampled(good, 0.005))
 
@@ -51,7 +51,7 @@ def test_commands_between_two_commands_are_said(good: Columns) -> None:
 @pytest.mark.parametrize("row", [0.004, 0.0035, 0.0031])
 def test_so_they_are_of_a_little_faster_rows(good: Columns, row: float) -> None:
     """Of a sound robot latencies of 1.5 to 2.2 ms were named, each with a probability of 1."""
-    with pytest.raises(TraceError, match=r"motor\.0\.duty has rows between two .* by interpolation"):
+    with pytest.raises(TraceError, match=r"motor\.0\.duty has rows with values between two .* interpolated"):
         check_not_interpolated(resampled(good, row))
 
 

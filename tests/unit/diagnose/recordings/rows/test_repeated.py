@@ -43,7 +43,7 @@ def test_rows_of_a_logger_that_is_faster_than_what_it_reads_are_left_out(times: 
     columns = filled(dict(make(4, seconds=6.0).columns))
     kept, said = without_held_rows(often(columns, times))
     assert len(said) == 1
-    assert "rows hold what the row before held" in said[0]
+    assert "rows repeat the row before" in said[0]
     assert len(kept["t"]) == pytest.approx(len(columns["t"]), rel=0.02)
     rows = np.searchsorted(kept["t"], columns["t"], side="right") - 1
     np.testing.assert_array_equal(kept["motor.0.bemf"][rows], columns["motor.0.bemf"])
