@@ -180,7 +180,7 @@ def test_structural_twins_are_reported_as_a_class() -> None:
     assert {first.id, *first.confounded_with} >= twins
     reasons = {each.id: each.reason for each in said.rejected}
     for other in twins - {first.id}:
-        assert reasons[other] == f"looks much like {first.name}, and may be there in its place"
+        assert reasons[other] == f"looks much like {first.name} and may be the true cause instead"
     assert any("full turns" in each for each in said.suggested_manoeuvres)
 
 

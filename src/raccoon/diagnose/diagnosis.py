@@ -102,7 +102,7 @@ def diagnose(
             with naming_holdout():
                 other = with_channels_of(log, build_log([holdout], robot, firmware))
                 if not is_driven(other):
-                    raise TraceError(f"{NOTHING_MOVES}: nothing can be judged on it; name a drive")
+                    raise TraceError(f"{NOTHING_MOVES}: it validates nothing; name a recording of a drive")
         return Diagnoser(robot, tried, model, firmware, begin).diagnose(log, other)
 
 
@@ -128,7 +128,7 @@ class Diagnoser:
         part = without_empty_channels(log.longest_part())
         if is_too_short(part.seconds) or not is_driven(part):
             return not_judged_for_gaps(found, part.seconds)
-        judged = f"only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
+        judged = f"only {part.time[0]:.1f} to {part.time[-1]:.1f} s are used, all angles counted from there"
         part = replace(part, notes=(*part.notes, f"{GAPS_REASON}: {judged}"))
         other = None if unseen is None else with_channels_of(part, unseen.longest_part())
         return self._without_disturbances(part, other)[0]
@@ -139,7 +139,7 @@ class Diagnoser:
         undisturbed = without_disturbances(log, found.disturbances)
         if undisturbed is log:
             return found.diagnosis, log
-        report("searching again without what happened in a moment")
+        report("searching again without momentary disturbances")
         again = self._with_step_change(undisturbed, unseen).diagnosis
         if is_path_dependent(again) and is_too_short(undisturbed.longest_part().seconds):
             return found.diagnosis, log
@@ -151,7 +151,7 @@ class Diagnoser:
         first = self._with_friction_change(log, unseen)
         if first.change is None:
             return first
-        report(f"searching again beside what changed at {first.change.at:.1f} s")
+        report(f"searching again with a change allowed at {first.change.at:.1f} s")
         again = self._with_friction_change(replace(log, change=first.change), unseen)
         told = (
             change_name(first.change).removeprefix(UNKNOWN_PREFIX) in again.diagnosis.unexplained.depends_on

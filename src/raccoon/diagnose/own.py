@@ -62,7 +62,7 @@ class OwnEffect(Effect):
         if not re.fullmatch(r"[a-z0-9_]+\.[a-z0-9_]+", self.id):
             raise ConfigError(f"own effect {self.id!r}: write its id as group.name, such as team.motor_hum")
         if self.id in CATALOGUE:
-            raise ConfigError(f"own effect {self.id!r}: the catalogue has one of that id")
+            raise ConfigError(f"own effect {self.id!r}: the catalogue already has this id")
         if self.commands is None and self.readings is None:
             raise ConfigError(f"{self.id}: it has neither commands nor readings, so it changes nothing")
         unknown = [each for each in self.needs if each not in ROLES]
@@ -128,7 +128,7 @@ class OwnEffect(Effect):
         array = np.asarray(found, float)
         finite = np.isfinite(array)
         if array.shape != shape or not finite.all():
-            given = array.shape if array.shape != shape else f"{int((~finite).sum())} that are none"
+            given = array.shape if array.shape != shape else f"{int((~finite).sum())} that are not finite"
             raise ConfigError(f"{self.id}: {what} must give {shape} finite numbers, not {given}")
         return array
 
@@ -139,7 +139,7 @@ def load_own_effects(path: str | Path) -> tuple[OwnEffect, ...]:
     if not path.is_file():
         raise ConfigError(f"{path}: there is no such file of causes{did_you_mean_file(path)}")
     if path.suffix != ".py":
-        raise ConfigError(f"{path}: causes are a Python file, whose name ends in .py")
+        raise ConfigError(f"{path}: causes must be in a Python file, whose name ends in .py")
     try:
         with no_robot_opened():  # a robot program given by mistake must not drive
             found = runpy.run_path(str(path)).get(LIST_NAME)

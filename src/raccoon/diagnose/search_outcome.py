@@ -123,7 +123,7 @@ def _unknown_dependence(search: Search, bursts: Bursts) -> tuple[tuple[str, ...]
 def _own_effect_notes(search: Search) -> tuple[str, ...]:
     """Notes on named own effects, which a model.toml cannot contain."""
     own = [name for name in search.fit.point.active if search.problem.causes[name].own is not None]
-    return tuple(f"{name} is Python of yours: a model.toml does not hold it" for name in own)
+    return tuple(f"{name} is your own Python: a model.toml cannot contain it" for name in own)
 
 
 def _held_out_curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:

@@ -25,7 +25,7 @@ MIN_PART_S = 2.0 * MIN_DRIVE_S
 """Shortest part of a drive, s, that is compared in place of the whole drive."""
 LOADED_DRIVE_NOTE = (
     "something other than the wheels draws current for most of the drive, as the battery's voltage shows: "
-    "what is said of the battery may be its doing"
+    "that may explain what is reported about the battery"
 )
 
 
@@ -90,12 +90,13 @@ def _left_out_note(load: Load, log: Log, resistance: float) -> str:
         return (
             f"until {load.start + SETTLING_DRIVE_S:.1f} s the battery's voltage is lower by {sag} "
             "than from then on: something other than the wheels drew current, or another battery was put in; "
-            "what came after it is not compared, and what is said of the battery's voltage may be its doing"
+            "the time after it is not compared, and that may explain what is reported about the battery's "
+            "voltage"
         )
     return (
         f"from {load.end - SETTLING_DRIVE_S:.1f} s on something other than the wheels draws current: the "
-        f"battery's voltage is lower by {sag}; what was before it is not compared, and what is "
-        "said of the battery's voltage is its doing as well"
+        f"battery's voltage is lower by {sag}; the time before it is not compared, and what is reported "
+        "about the battery's voltage includes that load"
     )
 
 

@@ -30,8 +30,8 @@ MIN_DROPPED_JUMP = 0.1
 """Change of duty above which a row's battery reading is left out, if the battery is read after the
 command."""
 BATTERY_AFTER_COMMAND_NOTE = (
-    "the battery's voltage sags in the very row of a command, where by the format it is read before: it is "
-    "taken to be read after the command, and where commands jump it is not compared"
+    "the battery's voltage sags in the same row as a command, although by the format it is read before: it "
+    "is treated as read after the command, and is not compared where commands jump"
 )
 
 

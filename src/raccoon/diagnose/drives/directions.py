@@ -90,8 +90,8 @@ def check_gyro_zero(log: Log, robot: RobotConfig) -> None:
         middle
     ):
         raise TraceError(
-            f"{gyro.name} says {middle:.2g} rad/s more than the wheels all the time: its zero is off. Take "
-            "off what it says at rest"
+            f"{gyro.name} says {middle:.2g} rad/s more than the wheels all the time: its zero is off. "
+            "Subtract what it reads at rest"
         )
 
 
@@ -151,8 +151,8 @@ def check_gyro_turns(log: Log, robot: RobotConfig) -> None:
     if _against_each_other(log):
         left, right = (_describe_inversion(robot, port) for port in (robot.drive.left, robot.drive.right))
         raise TraceError(
-            f"{said}, each against the other all the time. If it drove straight, one motor turns the other "
-            f"way than robot.toml says: {left}, or {right}, whichever turns its wheel backwards at a "
+            f"{said}, which always turn in opposite directions. If it drove straight, one motor turns the "
+            f"other way than robot.toml says: {left}, or {right}, whichever turns its wheel backwards at a "
             "positive duty. If it spun on the spot, the gyro's column is another axis, or the wheels were "
             "off the floor"
         )

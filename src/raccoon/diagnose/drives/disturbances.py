@@ -30,6 +30,6 @@ def disturbance_note(moments: Sequence[float]) -> str:
     """Note on the times of the disturbances (s) and what they may have been."""
     times = " and ".join(f"{each:.1f}" for each in sorted(moments))
     return (
-        f"around {times} s the robot moved as no command and no cause makes it, and nowhere else: a bump, "
+        f"around {times} s, and only then, the robot moved as no command and no cause explains: a bump, "
         "something that it ran into or over, a hand?"
     )

@@ -79,8 +79,8 @@ def _start_times_note(parts: Sequence[Log]) -> str:
     """Note on the start of each recording on the common time axis."""
     starts = ", ".join(f"{number} at {each.time[0]:.1f} s" for number, each in enumerate(parts[1:], 2))
     return (
-        f"times are those of all recordings one after the other; number {starts} (but where one recording is "
-        "named they are its own)"
+        f"times run on through all recordings; number {starts} (where one recording is named, times are its "
+        "own)"
     )
 
 
@@ -101,7 +101,7 @@ def _dropped_channel_notes(logs: Sequence[Log], roles: Sequence[str]) -> list[st
     for role, name in names.items():
         without = [str(number) for number, log in enumerate(logs, 1) if log.channel(role) is None]
         which = f"recording{'s' * (len(without) > 1)} {', '.join(without)}"
-        told.append(f"{which} lack{'s' * (len(without) == 1)} {name}, which is left out of all therefore")
+        told.append(f"{which} lack{'s' * (len(without) == 1)} {name}, so it is left out of all")
     return told
 
 

@@ -116,7 +116,7 @@ def _check_factor(name: str, factor: float, units: Mapping[str, float], than: st
         return
     unit = nearest_unit(factor, units)
     guess = f"it looks like {unit}, not rad/s" if unit else "is it in rad/s, and robot.toml this robot's?"
-    raise TraceError(f"{name} is {factor:.3g} times what is to be expected of {than}: {guess}")
+    raise TraceError(f"{name} is {factor:.3g} times what is expected from {than}: {guess}")
 
 
 def nearest_unit(factor: float, units: Mapping[str, float]) -> str | None:

@@ -123,7 +123,7 @@ def _describe_unsigned(duty: Array, size: Array, way: float, who: str) -> str:
     reading with a positive sign."""
     as_signed, as_fast = (float(np.corrcoef(each, size)[0, 1]) for each in (way * duty, np.abs(duty)))
     if as_signed > max(MIN_SPEED_CORRELATION, as_fast):
-        return "its zero is off; take off what it says at rest"
+        return "its zero is off; subtract what it reads at rest"
     if as_fast > MIN_SPEED_CORRELATION:
         return f"it holds how fast {who} turned, not which way; write it with its sign"
     return f"it holds how far {who} had turned, and not how fast it turns"
@@ -138,7 +138,7 @@ def _check_word_overflow(wheel: Channel) -> None:
         if wheel.unit == "counts" and beyond.mean() > 0.02 and not (np.abs(known) > 2.0**bits).any():
             raise TraceError(
                 f"{wheel.name} reaches {float(np.abs(known).max()):g}: numbers below 0 seem to be written as "
-                f"words of {bits} bits without a sign; take {2**bits} from what is above {2 ** (bits - 1)}"
+                f"words of {bits} bits without a sign; subtract {2**bits} from values above {2 ** (bits - 1)}"
             )
 
 
@@ -167,15 +167,16 @@ def check_responses(log: Log) -> None:
             continue
         if response.is_early:
             raise TraceError(
-                f"{wheel.name} answers {-1000.0 * response.delay:.0f} ms before {command} asks: the commands "
-                "are logged late, or behind a ramp or a filter that the motor does not have, or the two have "
-                "clocks of their own. Log what is given to the motor, in the row in which it is given"
+                f"{wheel.name} responds {-1000.0 * response.delay:.0f} ms before {command} changes: the "
+                "commands are logged late, or behind a ramp or a filter that the motor does not have, or "
+                "the two have clocks of their own. Log what is given to the motor, in the row in which it "
+                "is given"
             )
         if response.unexplained > MAX_UNEXPLAINED:
             raise TraceError(
                 f"{wheel.name} does not follow {command}, which explains "
-                f"{response.explained_percent} of it at any delay, and 95 % of a robot's: are they of the "
-                "same motor and of the same drive, and is it all that was given to it?"
+                f"{response.explained_percent} of it at any delay (95 % on a robot): are they of the same "
+                "motor and the same drive, and is it all that was given to the motor?"
             )
     ramp = _find_slow_ramp(log)
     if ramp is not None:
@@ -202,8 +203,12 @@ def _check_gyro(log: Log) -> None:
         ahead = response.delay if beside is None else beside.delay
         raise TraceError(
             f"{gyro.name} turns {-1000.0 * ahead:.0f} ms before "
-            + ("the commands ask" if beside is None else "the wheels do, which answer the commands in time")
-            + ": its rows are of another time than those of commands and wheels"
+            + (
+                "the commands change"
+                if beside is None
+                else "the wheels do, which respond to the commands in time"
+            )
+            + ": its rows are shifted in time against those of commands and wheels"
         )
     if response.unexplained > MAX_UNEXPLAINED_GYRO and (
         beside is None or beside.unexplained > MAX_UNEXPLAINED_GYRO

@@ -55,10 +55,10 @@ def check_row_length(row: float, rate_hz: float, wheels: Wheels, turns: Wheels) 
     )
     if own and not (_respond_within_rows(wheels) or _respond_within_rows(turns)):
         return (
-            f"{told}: it is taken to be as slow as its rows, and {slower} in robot.toml says so; if it is "
-            f"faster, {unknown}",
+            f"{told}: it is assumed to be as slow as its rows; if it is, write {slower} into robot.toml, and "
+            f"if it is faster, {unknown}",
         )
-    say = f", or say in robot.toml that the controller itself is as slow ({slower})" if own else ""
+    say = f", or, if the controller itself is as slow, write {slower} into robot.toml" if own else ""
     raise TraceError(f"{told}: {unknown}{say}")
 
 

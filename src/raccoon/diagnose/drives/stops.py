@@ -30,7 +30,7 @@ MIN_SPEED_SHARE = 0.15
 """Least speed at a release, as a share of the wheel's largest speed."""
 MIXED_STOPS_NOTE = (
     "at duty 0 the motors sometimes brake and sometimes coast, and the recording has no motor.N.brake: each "
-    "stop is taken for what the wheels show it to be"
+    "stop is classified by what the wheels show"
 )
 
 

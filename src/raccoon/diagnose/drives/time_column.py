@@ -43,7 +43,8 @@ def check_step(time: Array, slowest: float = MAX_STEP_S) -> None:
     step = median_step(time)
     if step > slowest:
         told = (
-            time_unit_hint(step) or f"t advances by {step:.3g} s a sample, as one in hundredths of a second"
+            time_unit_hint(step)
+            or f"t advances by {step:.3g} s a sample, as if it were in hundredths of a second"
         )
         raise TraceError(f"{told}; at most {slowest:g} s are allowed")
 

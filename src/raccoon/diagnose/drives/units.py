@@ -146,8 +146,8 @@ def check_wheel_signs(log: Log, robot: RobotConfig) -> None:
     for _, channel, factor in _wheels_over_commands(log, robot):
         if factor < -0.2:
             raise TraceError(
-                f"{channel.name} has the opposite sign of its command (robot.toml's inverted turns both): "
-                "write one of the two with the other sign, or look at the wires by which the motor is read"
+                f"{channel.name} has the opposite sign of its command (robot.toml's inverted flips both): "
+                "write one of the two with the other sign, or check the wires by which the motor is read"
             )
 
 
@@ -208,8 +208,8 @@ def _check_plugs(log: Log) -> None:
     if all(crossed):
         left, right = (each.name for each in wheels if each is not None)
         raise TraceError(
-            f"{left} follows the command of {right} and the other way round: the columns of the two commands "
-            "are swapped, or those of the readings"
+            f"{left} follows the command of {right} and vice versa: the columns of the two commands are "
+            "swapped, or those of the readings"
         )
 
 

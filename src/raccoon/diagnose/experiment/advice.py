@@ -128,7 +128,7 @@ def _reason_without_drive(name: str, known: Collection[str]) -> str:
         sides = f"{id_}@left or {id_}@right"
         return f"it has a side; name {id_ + ', ' if id_ in known else ''}{sides}"
     if id_ in catalogue:
-        return "no drive that is known shows it"
+        return "no known manoeuvre shows it"
     return f"there is none of that name{did_you_mean(name, known)}; see raccoon effects"
 
 

@@ -74,4 +74,4 @@ def _warn_of_weak_battery(voltage: float | None, robot: RobotConfig, say: Tell) 
     from raccoon.robot.calibration.battery_check import describe_weak_battery
 
     if voltage is not None and (why := describe_weak_battery(voltage, robot)):
-        say(f"battery: {why}, or the controller may restart on the way")
+        say(f"battery: {why}, or the controller may restart during the drive")

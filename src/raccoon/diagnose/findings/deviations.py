@@ -24,7 +24,9 @@ MEASURABLE_EFFECTS = (
 )  # fmt: skip
 """Effects whose numbers in robot.toml a team can measure; the others are habits of controllers and gears."""
 MEASURE_ADVICE = ", too little to be named as a cause: measure it, or drive the checkup (raccoon excite)"
-UNKNOWN_CAUSE_NOTE = " of robot.toml end at the edge of their deviations: what no cause describes bends them"
+UNKNOWN_CAUSE_NOTE = (
+    " of robot.toml end at the limit of their standard deviations, because of what no cause describes"
+)
 
 
 def without_deviation_notes(notes: Sequence[str]) -> tuple[str, ...]:

@@ -30,9 +30,9 @@ MIN_K_E_CHANGE = 0.02
 """Relative change of K_E of both motors from which it is worth a sentence."""
 
 UNMEASURED_ROBOT_NOTE = (
-    "robot.toml's [model] is that of the documentation's robot: of another one that nobody has measured many "
-    "numbers are off, and the fewest that explain its drive are named. Measure wheels and track (raccoon "
-    "calibrate drive), write them and what is said here into robot.toml, and diagnose again"
+    "robot.toml's [model] is that of the default robot: of another robot many numbers are off, and only the "
+    "fewest that explain its drive are named. Measure wheels and track (raccoon calibrate drive), write them "
+    "and the results of this report into robot.toml, and diagnose again"
 )
 
 
@@ -61,7 +61,7 @@ def describe_known_product(search: Search, cause: Cause, uncertainty: FitUncerta
     together = math.prod(factors[each] ** GYRO_EXPONENTS[each] for each in active)
     others = " and ".join(each for each in active if each != cause.name)
     return (
-        f" With {others} beside it only what they do together is known: the gyro reads {together:.3f} times "
+        f" Together with {others}, only their combined effect is known: the gyro reads {together:.3f} times "
         "what is assumed."
     )
 
@@ -99,8 +99,8 @@ def describe_common_scale(search: Search, cause: Cause, uncertainty: FitUncertai
     *most, last = (f"{name} {_change_text(off**-power)}" for name, power in K_E_EXPONENTS.items())
     others = f"{', '.join(most)} and {last}"
     return (
-        f" With both K_E {_change_text(1.0 / off)}, {others} than this the drive would be the same: "
-        "robot.toml decides, so measure the track and the wheels with a ruler first."
+        f" With both K_E {_change_text(1.0 / off)}, {others} than this, the drive would be the same: only "
+        "robot.toml's numbers decide, so measure the track and the wheels with a ruler first."
     )
 
 

@@ -20,10 +20,9 @@ SLOPE_RIVAL = "friction.direction_dependent"
 """The cause that looks like a slope in drives that begin in the same direction on it."""
 PER_RECORDING = tuple(id_ for id_, _, _ in PER_RECORDING_STDS)
 """Effects that differ from recording to recording, and cannot be a cause that several share."""
-GAPS_REASON = "the gaps lose where the wheels and the robot point, on which something here depends"
+GAPS_REASON = "something here depends on the angles of the wheels and the robot, which are lost in the gaps"
 DIFFERENT_STARTS_REASON = (
-    "each of several recordings began with other angles of the wheels and in another direction: diagnose "
-    "them one by one"
+    "each recording began with other angles of the wheels and in another direction: diagnose them one by one"
 )
 
 
@@ -42,7 +41,8 @@ def is_too_short(seconds: float) -> bool:
 def not_judged_for_gaps(found: Diagnosis, seconds: float) -> Diagnosis:
     """The diagnosis without its causes, since a gap may have turned one into another."""
     reason = (
-        f"not judged: {GAPS_REASON}, and the longest part without one has {seconds:.1f} s of {MIN_PART_S:g} s"
+        f"not judged: {GAPS_REASON}, and the longest part without one has {seconds:.1f} s ({MIN_PART_S:g} s "
+        "are needed)"
     )
     return _not_judged(found, reason)
 
@@ -56,7 +56,7 @@ def restricted_to_shareable(found: Diagnosis) -> Diagnosis:
     """The diagnosis of several recordings, with the causes that they cannot share among the rejected ones."""
     if is_path_dependent(found):
         return _not_judged(
-            found, f"not judged: something depends on the way that was driven, and {DIFFERENT_STARTS_REASON}"
+            found, f"not judged: something depends on the path that was driven, and {DIFFERENT_STARTS_REASON}"
         )
     rejected = [Rejected(each, f"not identifiable: {DIFFERENT_STARTS_REASON}") for each in PATH_DEPENDENT]
     rejected += [

@@ -43,7 +43,7 @@ def explain_rejections(search: Search, log: Log, visible: Mapping[str, float]) -
         if id_ in active:
             continue
         if id_ in named_instead:
-            reason = f"looks much like {named_instead[id_]}, and may be there in its place"
+            reason = f"looks much like {named_instead[id_]} and may be the true cause instead"
         else:
             reason = _rejection_reason(search, log, id_, visible.get(id_, 0.0))
         found.append(Rejected(id_, reason))

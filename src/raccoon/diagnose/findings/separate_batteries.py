@@ -46,7 +46,7 @@ def separate_battery_notes(settings: Settings, log: Log) -> tuple[str, ...]:
         return ()
     listed = ", ".join(f"{each:.3f} ohm in recording {number}" for number, each in enumerate(found, 1))
     return (
-        f"{SEPARATE_BATTERIES_NOTE}{listed}; where it is much, take a fresh battery, and clean its contacts",
+        f"{SEPARATE_BATTERIES_NOTE}{listed}; where it is high, take a fresh battery, and clean its contacts",
     )
 
 

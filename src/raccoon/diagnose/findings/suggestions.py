@@ -65,4 +65,4 @@ def _separating_command(search: Search, name: str, rivals: tuple[str, ...]) -> s
     if nearest is None or any(search.problem.causes[each].own is not None for each in (name, nearest)):
         return None
     command = f"raccoon excite --cause {name} --rival {nearest} --record again.jsonl"
-    return f"{command}: what tells {name} from {nearest} best on this robot"
+    return f"{command}: the drive that best tells {name} from {nearest} on this robot"

@@ -107,8 +107,8 @@ def describe_missing_stds(keys: Sequence[str]) -> tuple[str, ...]:
     named = ", ".join(listed[:MAX_KEYS_LISTED])
     more = f" and {len(listed) - MAX_KEYS_LISTED} more" if len(listed) > MAX_KEYS_LISTED else ""
     return (
-        f"robot.toml gives no std for {named}{more}: taken as well known as by default; write "
-        "{ value = ..., std = ... } where you know better, with a tiny std for what is exact",
+        f"robot.toml gives no std for {named}{more}: the default's is used, scaled to the value; write "
+        "{ value = ..., std = ... } where you know better, with a tiny std for an exact number",
     )
 
 

@@ -169,8 +169,8 @@ def _clock_notes(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
         return ()
     rate = 1.0 / clocks[0].period
     return (
-        f"the counters tell when the controller took its samples, {rate:.1f} a second: readings are compared "
-        "as if each were half a cycle old, and commands come into force where they did",
+        f"the counters show when the controller took its samples, {rate:.1f} a second: readings are compared "
+        "as if each were half a cycle old, and commands act from when the controller applied them",
     )
 
 

@@ -119,7 +119,8 @@ def _describe_lacking_evidence(lead: float, evidence: float, needed: float) -> s
     """Reason why a cause is not named. lead: its log evidence with events limited; evidence: unlimited."""
     if evidence > needed:
         return (
-            f"shows in too few moments of this recording (log evidence {lead:+.1f} of {evidence:+.1f} counts)"
+            f"shows in too few moments of this recording (only {lead:+.1f} of a log evidence of "
+            f"{evidence:+.1f} counts)"
         )
     if lead <= 0.0:
         return EXPLAINS_NOTHING
@@ -260,7 +261,7 @@ def refine_selection(search: Search) -> Search:
     if changed:
         search = select_forward(search)
     search = _eliminate(search)
-    report(f"asking what else may be in the place of {search.listed}")
+    report(f"looking for alternatives to {search.listed}")
     better, before = compare_rivals(search), frozenset(search.fit.point.active)
     if better is not None:
         search = _eliminate(select_forward(replace_set(search, better)))
@@ -284,7 +285,7 @@ def _drop_outperformed(search: Search) -> Search:
         worst = min(best, key=lambda name: best[name].lead, default=None)
         if worst is None or best[worst].lead > -OUTPERFORMED_LEAD:
             return search
-        search.rejections[worst] = "something that explains too little itself explains it better"
+        search.rejections[worst] = "another cause explains it better, but too little to be named itself"
         less = drop_cause(search, worst, _fit_without_cause(search, refit_current(search), worst))
         filled = select_forward(less)
         named = frozenset(filled.fit.point.active)

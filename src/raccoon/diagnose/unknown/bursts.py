@@ -45,8 +45,10 @@ MAX_MOMENTS, SECONDS_PER_MOMENT, MIN_POWER_SHARE = 3, 8.0, 0.6
 """Number of moments of a drive that may be single events (a bump, a hand), in a short drive one per so many
 s; and the share of the power of the gyro's residual beyond the wheels that they must contain."""
 DEPENDS_ON = "changes of speed"
-HOLD_ADVICE = "hold the robot and turn its wheels to and fro"
-LOOSE_PART_TEXT = f"is loose, twists or jumps as no cause of the catalogue does: {HOLD_ADVICE}"
+HOLD_ADVICE = "hold the robot and turn its wheels back and forth"
+LOOSE_PART_TEXT = (
+    f"is loose, twists or jumps in a way that no cause of the catalogue describes: {HOLD_ADVICE}"
+)
 UNLOGGED_COMMANDS_TEXT = (
     "; or commands were given between the rows of a logger that has its own clock: log each when it is given"
 )
@@ -182,10 +184,9 @@ def _find_channel_bursts(residuals: _Residuals, play: bool) -> tuple[_Burst, ...
             continue
         if in_changes[index] > max(min_error, MIN_ERROR_RATIO * in_steady[index]):
             description = (
-                f"what is left of {name} comes where wheels speed up or brake: "
-                f"{format_size(in_changes[index])} {unit} there, "
-                f"{format_size(in_steady[index])} in steady driving; "
-                f"the tyres spin or skid, or something {LOOSE_PART_TEXT}{UNLOGGED_COMMANDS_TEXT}"
+                f"the remaining error of {name} occurs where wheels speed up or brake: "
+                f"{format_size(in_changes[index])} {unit} there, {format_size(in_steady[index])} in steady "
+                f"driving; the tyres spin or skid, or something {LOOSE_PART_TEXT}{UNLOGGED_COMMANDS_TEXT}"
             )
             bursts.append(_Burst(index, description))
     if bursts or play:
@@ -210,8 +211,8 @@ def _find_gyro_only_burst(residuals: _Residuals) -> tuple[_Burst, ...]:
     if in_changes <= max(MIN_GYRO_ONLY_ERROR, MIN_RATIO_TO_REST * at_rest):
         return ()
     description = (
-        f"where wheels speed up or brake the gyro says {in_changes:.2g} rad/s that no wheel's reading does, "
-        f"at rest {at_rest:.2g}; the tyres spin or skid, or something between wheels and body "
+        f"where wheels speed up or brake, the gyro reads {in_changes:.2g} rad/s that no wheel's reading "
+        f"explains, at rest {at_rest:.2g}; the tyres spin or skid, or something between wheels and body "
         f"{LOOSE_PART_TEXT}{UNLOGGED_COMMANDS_TEXT}"
     )
     return (_Burst(residuals.roles.index("gyro"), description),)

@@ -51,9 +51,9 @@ def find_one_sided_error(
         if size > max(MIN_SIDE_RATIO * other, MIN_SHARE_OF_READING * float(np.abs(measured[:, pair]).max())):
             side, other_side = SIDES[worse], SIDES[1 - worse]
             return f"{side} wheel alone", (
-                f"what is left of the {side} wheel is {format_size(size)} {unit} all the time, and "
-                f"{format_size(other)} of the {other_side} one: something of that wheel alone skips, "
-                "catches or drags as no cause of the catalogue does: turn it by hand, and look at its "
+                f"the remaining error of the {side} wheel is {format_size(size)} {unit} all the time, that "
+                f"of the {other_side} one {format_size(other)}: something on that wheel alone skips, catches "
+                "or drags in a way that no cause of the catalogue describes: turn it by hand, and check its "
                 "motor's plug, its gears and what pulls at the robot on that side"
             )
     return None

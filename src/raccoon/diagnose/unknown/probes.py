@@ -153,7 +153,7 @@ def make_probe_function(problem: Problem) -> Callable[[LinearModel], Sequence[Pr
             return ()
         if not np.isfinite(wheels).all():
             raise TraceError(
-                "the simulation of this robot.toml gives no numbers along these commands: are ports, "
+                "with this robot.toml and these commands the simulation gives no finite numbers: are ports, "
                 "[motor.N] inverted and [model] those of the robot that was recorded?"
             )
         speed = np.abs(wheels).mean(axis=1)

@@ -136,7 +136,7 @@ def test_what_adds_up_over_a_gap_is_judged_without_one(
     told, seen = judged_parts(less(whole, (4.0, 5.0)), first, monkeypatch)
     assert [each.id for each in told.causes] == ["friction.coulomb"]
     assert [each.time[0] for each in seen] == pytest.approx([0.0, 5.0])
-    assert "only 5.0 to 12.0 s are judged" in told.notes[1]
+    assert "only 5.0 to 12.0 s are used" in told.notes[1]
 
 
 def test_where_no_part_is_long_enough_nothing_of_it_is_named(
@@ -144,7 +144,7 @@ def test_where_no_part_is_long_enough_nothing_of_it_is_named(
 ) -> None:
     told, seen = judged_parts(less(whole, (4.0, 5.0), (8.0, 8.3)), found("drive.slope"), monkeypatch)
     assert (told.verdict, told.causes, len(seen)) == (Verdict.NOT_IDENTIFIABLE, (), 1)
-    assert "the longest part without one has 4.0 s of 6 s" in told.rejected[0].reason
+    assert "the longest part without one has 4.0 s (6 s are needed)" in told.rejected[0].reason
 
 
 def test_other_causes_keep_all_rows(whole: dict[str, Array], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,7 +96,7 @@ def test_a_channel_that_one_of_them_lacks_is_missing() -> None:
     both = join_logs([one, two])
     assert [each.role for each in both.channels] == ["bemf_left", "bemf_right"]
     assert {"imu.gyro.z", "battery.voltage"} <= set(both.missing)
-    assert "recording 2 lacks imu.gyro.z, which is left out of all therefore" in both.notes
+    assert "recording 2 lacks imu.gyro.z, so it is left out of all" in both.notes
     with pytest.raises(TraceError, match="no channel in common"):
         join_logs([replace(one, channels=one.channels[:1]), replace(one, channels=one.channels[1:2])])
 

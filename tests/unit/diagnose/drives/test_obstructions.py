@@ -155,9 +155,7 @@ def test_what_happened_in_a_moment_is_left_out_with_a_note(blind: dict[str, Arra
     starts, ends = [start for start, _ in less.lost], [end - start for start, end in less.lost]
     assert starts == pytest.approx([4.4, 11.4])
     assert all(1.2 < each < 2.6 for each in ends)
-    assert less.notes[-1].startswith(
-        "around 5.0 and 12.0 s the robot moved as no command and no cause makes it"
-    )
+    assert less.notes[-1].startswith("around 5.0 and 12.0 s, and only then, the robot moved as no command")
     part = less.longest_part()  # which began 0.6 s before the second one, and compared it
     assert (part.time[0], part.time[-1]) == pytest.approx((12.6, log.time[-1]), abs=0.01)
     assert without_disturbances(log, []) is log
@@ -240,7 +238,7 @@ def test_units_are_judged_by_free_driving_alone() -> None:
     spins = np.vstack([SPINS] * 16)
     columns = slipping_at_a_wall(dict(make(4, drive=spins).columns))
     log = log_from_columns(columns, ROBOT)
-    with pytest.raises(TraceError, match="times what is to be expected of the wheels"):
+    with pytest.raises(TraceError, match="times what is expected from the wheels"):
         check_units(log, ROBOT)
     check_units(
         without_held_readings(leave_out_obstructed(log, find_obstructed_stretches(log, ROBOT))), ROBOT

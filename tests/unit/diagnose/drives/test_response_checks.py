@@ -83,7 +83,7 @@ def test_commands_that_are_logged_late_are_said(good: Columns, seconds: float) -
     """50 ms were a slip of 51 ms, a battery and a filter, each with a probability of 1."""
     log = log_from_columns(late(good, DUTIES, seconds), ROBOT)
     check_row_order(log)  # late is not the opposite order
-    with pytest.raises(TraceError, match=r"motor\.0\.bemf answers \d+ ms before motor\.0\.duty asks"):
+    with pytest.raises(TraceError, match=r"motor\.0\.bemf responds \d+ ms before motor\.0\.duty changes"):
         check_responses(log)
 
 

@@ -63,7 +63,7 @@ def test_what_was_unknown_is_named_with_its_number_once_somebody_has_an_idea(
     assert abs(gain["value"] - truth) < 3.0 * gain["std"]
     assert "mount it away" in cause["explanation"]
     assert "team.slow_driver" in {each["id"] for each in said["rejected"]}
-    assert "model.toml does not hold it" in capsys.readouterr().out
+    assert "model.toml cannot contain it" in capsys.readouterr().out
     assert "team." not in model.read_text()
 
 
@@ -195,7 +195,7 @@ def test_each_of_many_numbers_has_its_column_and_none_is_tried_out_of_its_bounds
     ("changes", "message"),
     [
         ({"id": "hum"}, "write its id as group.name"),
-        ({"id": "drive.slope"}, "the catalogue has one of that id"),
+        ({"id": "drive.slope"}, "the catalogue already has this id"),
         ({"readings": None}, "neither commands nor readings"),
         ({"parameters": ()}, "it has no parameter"),
         ({"parameters": (replace(GAIN, neutral=None),)}, "gain: give it a neutral value"),
@@ -215,7 +215,7 @@ def test_what_is_no_effect_is_refused_where_it_is_written(changes: dict[str, Any
     ("readings", "message"),
     [
         (lambda *_: {"gyro": np.zeros(3)}, r"readings: gyro must give \(\d+,\) finite numbers"),
-        (lambda drive, _: {"gyro": np.nan * drive.time}, r"finite numbers, not \d+ that are none"),
+        (lambda drive, _: {"gyro": np.nan * drive.time}, r"finite numbers, not \d+ that are not finite"),
         (lambda drive, _: {"sonar": drive.time}, "'sonar'; this recording has bemf_left"),
         (
             lambda drive, _: {"gyro": drive.readings["sonar"]},
@@ -265,7 +265,9 @@ def test_the_example_is_what_the_page_shows() -> None:
 def test_what_is_no_python_file_is_not_run_as_one(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text("[controller]\n")
-    with pytest.raises(ConfigError, match=r"robot\.toml: causes are a Python file, whose name ends in \.py"):
+    with pytest.raises(
+        ConfigError, match=r"robot\.toml: causes must be in a Python file, whose name ends in \.py"
+    ):
         load_own_effects(path)
 
 

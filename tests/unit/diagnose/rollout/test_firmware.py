@@ -55,7 +55,7 @@ def test_a_strong_motor_is_all_that_is_named(firmware: Firmware) -> None:
     assert abs(number.value - 1.08) < 2.5 * number.std < 0.05
     if firmware == "stock":
         assert any("the stock firmware" in note for note in said.notes)
-        assert any("counters tell when" in note and "235.0 a second" in note for note in said.notes)
+        assert any("counters show when" in note and "235.0 a second" in note for note in said.notes)
         assert said.model is not None
         assert said.model.chain == Chain.stock()
         assert said.model.value(ZONE, "counts", "left") == FIRMWARES["wombat-stock"].dead_zone

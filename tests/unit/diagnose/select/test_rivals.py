@@ -291,7 +291,7 @@ def test_of_two_twins_only_what_they_do_together_is_said(problem: Problem) -> No
     settings = search.problem.settings(both)
     wide = settings[("drive.track_width", None, "factor")]
     reads = settings[("imu.gyro_scale", None, "factor")] / wide
-    assert said(both).startswith(" With imu.gyro_scale beside it only what they do together is known")
+    assert said(both).startswith(" Together with imu.gyro_scale, only their combined effect is known")
     assert f"the gyro reads {reads:.3f} times" in said(both)
 
 

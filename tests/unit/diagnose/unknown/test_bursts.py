@@ -46,11 +46,11 @@ def test_what_is_only_larger_where_speeds_change_is_noise() -> None:
 
 def test_bursts_are_told_with_their_size() -> None:
     (said,) = said_of(gyro=(0.003, 0.15))
-    assert said.startswith("what is left of the gyro comes where wheels speed up or brake")
+    assert said.startswith("the remaining error of the gyro occurs where wheels speed up or brake")
     assert "the tyres spin or skid, or something is loose" in said
     assert said.endswith("log each when it is given")  # of a sound robot that was logged by another clock too
     (said,) = said_of(gyro=(0.003, 0.02), wheel=(3.0, 150.0))
-    assert said.startswith("what is left of the left wheel comes")
+    assert said.startswith("the remaining error of the left wheel occurs")
 
 
 def beside_wheels(pushes: float, body: float, gyro: float = 0.008, play: bool = False) -> tuple[str, ...]:
@@ -67,7 +67,7 @@ def beside_wheels(pushes: float, body: float, gyro: float = 0.008, play: bool = 
 
 def test_a_body_that_turns_as_no_wheel_does_is_told() -> None:
     (said,) = beside_wheels(pushes=25.0, body=0.06)
-    assert said.startswith("where wheels speed up or brake the gyro says 0.061 rad/s that no wheel's")
+    assert said.startswith("where wheels speed up or brake, the gyro reads 0.061 rad/s that no wheel's")
     assert beside_wheels(pushes=25.0, body=0.06, play=True) == ()
     assert beside_wheels(pushes=70.0, body=0.0) == ()
     assert beside_wheels(pushes=25.0, body=0.0, gyro=0.06) == ()
@@ -118,4 +118,4 @@ def test_a_robot_that_jerks_at_random_where_it_speeds_up_is_not_adequate(size: f
     assert said.causes == ()
     assert (DEPENDS_ON in said.unexplained.depends_on) is jerks
     assert said.verdict is (Verdict.UNKNOWN if jerks else Verdict.ADEQUATE)
-    assert any("the gyro comes where wheels speed up" in note for note in said.notes) is jerks
+    assert any("the gyro occurs where wheels speed up" in note for note in said.notes) is jerks

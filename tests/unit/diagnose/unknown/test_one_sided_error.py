@@ -41,7 +41,7 @@ def test_a_wheel_that_is_several_times_as_far_off_is_unknown() -> None:
     )
     assert found is not None
     assert found[1].startswith(
-        "what is left of the left wheel is 150 counts all the time, and 8 of the right one"
+        "the remaining error of the left wheel is 150 counts all the time, that of the right one 8"
     )
     assert depends_text(["left wheel alone"]) == "the left wheel alone"
 
@@ -81,4 +81,4 @@ def test_a_motor_that_loses_contact_at_random_is_not_adequate() -> None:
     said = diagnose(columns, RobotConfig())
     assert said.verdict is Verdict.UNKNOWN
     assert said.unexplained.depends_on == ("left wheel alone",)
-    assert [note for note in said.notes if note.startswith("what is left of the left wheel is ")]
+    assert [note for note in said.notes if note.startswith("the remaining error of the left wheel is ")]
