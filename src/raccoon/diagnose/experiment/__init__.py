@@ -1,1 +1,1 @@
-"""Which drive would decide what a recording leaves open, and driving it."""
+"""Experiment design: choosing a drive that would decide what a recording leaves open, and driving it."""

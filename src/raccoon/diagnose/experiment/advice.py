@@ -1,16 +1,15 @@
-"""Which safe manoeuvre would show or separate causes best on this robot, and what it would show, before
-driving it.
+"""Predicts, before a drive, which safe manoeuvre shows or separates causes best on this robot, and how well.
 
-The evidence that a manoeuvre would give for cause A beside what is refitted and a rival B is, to first order,
+The evidence of a manoeuvre for cause A, beside the refitted base numbers and a rival B, is to first order
 
     2 (log likelihood with A - without) = || P d_A ||^2
 
-d_A: the whitened change of the recording by a usual deviation; P takes away what base numbers and B absorb
-(T-optimal design after Atkinson and Fedorov 1975, with a linearised rival), and as in the search what a
-wandering floor, its pushes and small deviations of everything else would hide. B is the cause of the
-catalogue that leaves least, or also those that are asked for. Of a slope it is the evidence along that
-direction in which it shows least, of other causes with two numbers that of the first. No half second counts
-for more than it would in the search.
+d_A: the whitened change of the recording by a usual deviation of A. P: projection that removes what base
+numbers and B absorb (T-optimal design after Atkinson and Fedorov 1975, with a linearised rival) and, as in
+the search, what wandering floor friction, pushes of the floor and small deviations of all other causes would
+hide. B is the cause of the catalogue that leaves the least evidence, in addition to given rivals. For a slope
+it is the evidence in the direction in which it shows least; for other causes with two parameters, that of the
+first. No half second counts for more than it would in the search.
 """
 
 from __future__ import annotations
@@ -48,31 +47,34 @@ from raccoon.sim.effects.effect import all_effects, effect
 Array = NDArray[np.float64]
 
 DIRECTED_CAUSES = ("drive.slope", "drive.wheel_eccentricity")
-"""Causes whose two numbers are one vector of unknown direction."""
+"""Causes whose two parameters are the components of a vector of unknown direction."""
 DECISIVE_EVIDENCE = 30.0
-"""Evidence from which a drive decides between causes."""
+"""Evidence above which a drive decides between causes."""
 FLOOR_SHARE = 0.04
-"""Share of Coulomb friction by which a floor's friction wanders."""
+"""Amplitude of the floor's wandering friction, as a share of Coulomb friction."""
 PUSH_SHARE = 0.07
-"""Share of Coulomb friction with which floor and gear push a wheel."""
+"""Amplitude of short pushes of floor and gear on a wheel, as a share of Coulomb friction."""
 PUSH_SECONDS = 0.15
-"""How long such a push lasts: several bins then tell one thing, which hides whatever is steady."""
+"""Duration of such a push, s: the noise of several bins is then correlated, which hides steady effects."""
 TYPICAL_NOISE = {"bemf_left": 4.0, "bemf_right": 4.0, "gyro": 0.008, "battery": 0.015}
-"""Standard deviation of a bin beside that, on a robot that drives steadily."""
+"""Standard deviation of the other noise in a bin of each channel (counts, rad/s, V) on a robot that drives
+steadily."""
 CHANGING_NOISE = 2.5
-"""How much larger it is where a wheel speeds up or brakes: no model follows that as well."""
+"""Factor on this noise while a wheel speeds up or brakes, which no model follows as well."""
 
 REACH_MARGIN_SHARE, REACH_MARGIN_M = 0.15, 0.02
-"""Share and m by which one of the robots that `sweep.factors` draws, or one with a usual deviation of any
-cause, gets farther than planned: nothing steers a drive of duties, so unequal wheels bend all of it."""
+"""Margin on the planned distance from the start, as a share and in m, for robots that `sweep.factors` draws
+and for a usual deviation of any cause: nothing steers a drive of open-loop duties, so unequal wheels bend all
+of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """A manoeuvre and the evidence that it is expected to give.
+    """A manoeuvre and its expected evidence.
 
-    reach: m, the farthest from its start (`estimate_reach`). nearest: the rival that leaves least of it;
-    empty where none does."""
+    reach: largest distance from its start, m (`estimate_reach`). seconds: its duration. nearest: the rival
+    that leaves the least evidence, "" if none reduces it.
+    """
 
     manoeuvre: str
     evidence: float
@@ -90,11 +92,11 @@ def rank_manoeuvres(
     seconds: float = 20.0,
     size: float = 1.0,
 ) -> list[Advice]:
-    """Manoeuvres by the evidence they would give for `cause` against `rivals` (names such as id@left).
+    """Manoeuvres sorted by their expected evidence for `cause` against `rivals` (names such as id@left).
 
-    within: m, how far from its start the robot may get. seconds: the longest drive. size: of the deviation
-    that is looked for, in usual ones. Raises ConfigError for a cause that is unknown, that no drive shows or
-    that is its own rival.
+    within: largest allowed distance from the start, m. seconds: longest allowed drive, s. size: deviation of
+    the cause, in usual ones. Raises ConfigError for a cause that is unknown, that no drive shows or that is
+    its own rival.
     """
     known = {each.name for each in drive_causes()}
     for name in (cause, *rivals):
@@ -106,7 +108,7 @@ def rank_manoeuvres(
     for name, make in MANOEUVRES.items():
         duty = make()
         lasts = len(duty) / RATE
-        if lasts > seconds or not duty.any():  # no diagnosis is made of a still robot
+        if lasts > seconds or not duty.any():  # a robot that stands still cannot be diagnosed
             continue
         reach = estimate_reach(robot, duty)
         if reach <= within:
@@ -117,7 +119,7 @@ def rank_manoeuvres(
 
 
 def _reason_without_drive(name: str, known: Collection[str]) -> str:
-    """Why no drive is planned for a name, which may be one of the catalogue all the same."""
+    """Reason why no drive is planned for a name, which may still be in the catalogue."""
     id_, _, where = name.partition("@")
     catalogue = {each.id for each in all_effects()}
     if id_.startswith("tophat.") and id_ in catalogue:
@@ -134,10 +136,10 @@ def _reason_without_drive(name: str, known: Collection[str]) -> str:
 
 @dataclass(frozen=True)
 class DrivePlan:
-    """A drive before it is driven: what every cause would change in it, in units of the usual noise.
+    """A planned drive: the predicted change of the recording by each cause, in units of the usual noise.
 
-    columns: of each cause, whitened. Whitened directions in which a recording changes anyway: base, of base
-    numbers; disturbances, of a floor that wanders, of its pushes and of a battery that creeps.
+    columns: of each cause, whitened. base: whitened changes by the base numbers. disturbances: whitened
+    changes by wandering floor friction, pushes of the floor and a drifting battery voltage.
     """
 
     columns: tuple[tuple[ColumnGroup, Array], ...]
@@ -146,9 +148,9 @@ class DrivePlan:
 
     @classmethod
     def of(cls, robot: RobotConfig, duty: Array) -> DrivePlan:
-        """The plan of a drive: duty (n, 2) at 200 Hz.
+        """The plan of a drive with duty (n, 2) at 200 Hz.
 
-        As in a diagnosis, what robot.toml gives without a standard deviation is not exact.
+        As in a diagnosis, values of robot.toml without a standard deviation are not taken as exact.
         """
         robot, _ = with_default_stds(robot)
         every = {each.name: each for each in drive_causes()}
@@ -162,8 +164,8 @@ class DrivePlan:
         return cls(columns, white(linear.jacobian), np.vstack([floor, pushes, creep]))
 
     def evidence(self, cause: str, rivals: Sequence[str] = (), size: float = 1.0) -> tuple[float, str]:
-        """Evidence of a deviation of so many usual ones beside small deviations of everything else and that
-        rival which leaves least of it, or those that are asked for as well; and the rival."""
+        """Evidence of a cause's deviation of `size` usual ones beside small deviations of all other causes,
+        the given rivals and the further rival that leaves the least evidence; and that rival's name."""
         other_causes = [
             (group.name, each) for group, each in self.columns if group.name not in (cause, *rivals)
         ]
@@ -185,8 +187,8 @@ class DrivePlan:
         )
 
     def visible_sizes(self) -> dict[str, str]:
-        """From which size on each cause would be named if nothing else were wrong, in words, by id; empty for
-        what the drive does not show at all. Of a cause that is one side's, where it shows least."""
+        """By id, the size in words above which each cause would be named if nothing else were wrong; "" if
+        the drive does not show it at all. For a cause with a side, on the side where it shows least."""
         project = _make_projector(np.vstack([self.base, self.disturbances]))
 
         def power(name: str) -> float:
@@ -207,8 +209,8 @@ Columns = Sequence[tuple[ColumnGroup, Array]]
 
 
 def estimate_reach(robot: RobotConfig, duty: Array) -> float:
-    """m, how far from its start the robot may get in a drive: farther than the one that robot.toml describes,
-    as its battery is fuller, its motors are unequal, or a cause that is looked for is there."""
+    """Largest distance from the start, m, that the robot may reach in a drive, with a margin: its battery may
+    be fuller than in robot.toml, its motors unequal, or a cause present."""
     x, y = _rollout(robot, planned_log(duty)).path(neutral_settings(robot))
     return (1.0 + REACH_MARGIN_SHARE) * float(np.hypot(x, y).max()) + REACH_MARGIN_M
 
@@ -224,7 +226,8 @@ def _planned_problem(robot: RobotConfig, duty: Array, causes: Mapping[str, Cause
 
 
 def _columns_of_cause(columns: Columns, cause: str, size: float) -> list[Array]:
-    """Columns of each variant of the cause at about that size: the first, or every part of an arrow."""
+    """Columns of each variant of the cause taken at the size nearest to this one: only the first parameter,
+    or all components for a vector."""
     own = [(abs(_variant_size(group) - size), each) for group, each in columns if group.name == cause]
     nearest = min(away for away, _ in own)
     parts = None if cause.startswith(DIRECTED_CAUSES) else 1
@@ -232,19 +235,20 @@ def _columns_of_cause(columns: Columns, cause: str, size: float) -> list[Array]:
 
 
 def _variant_size(group: ColumnGroup) -> float:
-    """Size, in usual deviations, at which a cause's columns were taken; those of a linear one hold for
-    any."""
+    """Size, in usual deviations, at which a cause's columns were taken; 1 for a linear cause, whose columns
+    hold for any size."""
     return group.start[0] if group.start else 1.0
 
 
 def _is_rival(name: str, cause: str) -> bool:
-    """Whether a cause is a rival: not the same at another place, and not of one indistinguishable class."""
+    """Whether a cause counts as a rival: neither the same at another place, nor of the same indistinguishable
+    class."""
     pair = {name.partition("@")[0], cause.partition("@")[0]}
     return len(pair) == 2 and not any(pair <= each for each in INDISTINGUISHABLE_CLASSES)
 
 
 def planned_log(duty: Array) -> Log:
-    """A log of commands with every usual channel, as if nothing had been measured yet."""
+    """A log of commands with every usual channel and no measurements."""
     time = np.arange(len(duty)) / RATE
     zeros = np.zeros(len(duty))
     channels = tuple(Channel(role, role, "", zeros, noise) for role, noise in TYPICAL_NOISE.items())
@@ -252,8 +256,7 @@ def planned_log(duty: Array) -> Log:
 
 
 def _make_whitener(problem: Problem) -> Callable[[Array], Array]:
-    """A whitener of the noise that a drive usually has, by what the wheels do in it as the nominal robot
-    drives."""
+    """A function that whitens by a drive's usual noise, which depends on the motion of the nominal robot."""
     features = problem.features
     expected = replace(features, measured=problem.predict([problem.nominal()])[0])
     noise = white_noise(features.floors, classify_regimes(replace(problem, features=expected)))
@@ -264,7 +267,7 @@ def _make_whitener(problem: Problem) -> Callable[[Array], Array]:
 
 
 def _make_projector(others: Array) -> Callable[[Array], Array]:
-    """The projection of columns onto what others, with unit priors, do not absorb."""
+    """A projection of columns that removes what `others`, with unit priors, absorb."""
     factor = cho_factor(others @ others.T + np.eye(len(others)))
     return lambda columns: np.asarray(columns - cho_solve(factor, others @ columns.T).T @ others, float)
 
@@ -272,9 +275,9 @@ def _make_projector(others: Array) -> Callable[[Array], Array]:
 def _evidence_and_rival(
     columns: Array, project: Callable[[Array], Array], rivals: Sequence[tuple[str, Array, Array]]
 ) -> tuple[float, str]:
-    """||P d||^2 beside all others and that rival which leaves least; and the rival. columns: of one number,
-    or of an arrow, which points where it shows least. rivals: the name of each, its columns, and what is left
-    of them beside the others."""
+    """||P d||^2 beside all others and the rival that leaves least; and that rival's name. columns: of one
+    parameter, or of a vector, which is taken in the direction in which it shows least. rivals: name, columns,
+    and what is left of the columns beside the others."""
     left = project(columns)
     found = [(_least_evidence(left, columns), "")]
     for name, rival, rest in rivals:
@@ -284,12 +287,12 @@ def _evidence_and_rival(
 
 
 def _least_evidence(left: Array, columns: Array) -> float:
-    """Evidence of the direction among columns in which what is left of them is least."""
+    """Evidence in the direction among the columns that has the least; left: the projected columns."""
     way = np.linalg.eigh(left @ columns.T)[1][:, 0]
     return _clipped_evidence((way @ left) * (way @ columns))
 
 
 def _clipped_evidence(products: Array) -> float:
-    """The sum of the products, to which no event may add more than the search lets it."""
+    """Sum of the products, with the contribution of each event (half a second) limited as in the search."""
     events = np.add.reduceat(products, np.arange(0, len(products), EVENT_BINS * len(TYPICAL_NOISE)))
     return max(float(np.clip(events, -2.0 * MAX_EVENT_LEAD, 2.0 * MAX_EVENT_LEAD).sum()), 0.0)

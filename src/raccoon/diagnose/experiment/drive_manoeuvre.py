@@ -1,4 +1,4 @@
-"""Driving a planned manoeuvre through a port while it is recorded."""
+"""Drives a planned manoeuvre through a port and records it."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Tell = Callable[[str], object]
 def drive_duties(
     port: Port, robot: RobotConfig, duty: NDArray[np.float64], tell: Tell = lambda _: None
 ) -> int:
-    """Command duty (n, 2), planned at 200 Hz, by the port's own clock; the number of cycles it took.
+    """Command duty (n, 2), planned at 200 Hz, by the port's own clock; returns the number of cycles.
 
-    tell: is told of an empty battery before anything moves. The motors are stopped at the end, also where the
-    port fails on the way.
+    tell: called with a warning before anything moves if the battery is weak. The motors are stopped at the
+    end, also if the port fails.
     """
     signs = [-1.0 if robot.motor(each).inverted else 1.0 for each in (robot.drive.left, robot.drive.right)]
     cycles, start = 0, None
@@ -56,9 +56,9 @@ def drive_and_record(
     tell: Tell = lambda _: None,
     seed: int | None = None,
 ) -> None:
-    """Drive and keep a recording. port: by default the one that robot.toml names is opened; either is closed
-    at the end, also where a signal ends the program. tell: as in `drive_duties`. seed: of a simulated port,
-    which the recording says. Raises FileExistsError where there is a recording."""
+    """Drive and write a recording to `path`. port: by default robot.toml's; it is closed at the end, also if
+    a signal ends the program. tell: as in `drive_duties`. seed: of a simulated port, which is recorded.
+    Raises FileExistsError if the recording exists."""
     from raccoon.robot.loop import stopped_on_exit
     from raccoon.robot.opening import open_port
     from raccoon.trace.record import RecordingPort

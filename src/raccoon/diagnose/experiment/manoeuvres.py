@@ -1,4 +1,4 @@
-"""Drives that show what may be wrong: duty (n, 2) at 200 Hz, left before right."""
+"""Planned drives that excite possible causes: duty (n, 2) at 200 Hz, left before right."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from raccoon.core.near_names import did_you_mean
 Array = NDArray[np.float64]
 
 RATE = 200
-"""Rows of a planned drive in a second."""
+"""Rate of a planned drive's rows, Hz."""
 CHECKUP = "checkup"
-"""The drive that shows something of everything."""
+"""Name of the drive that shows something of every cause."""
 CREEP_DUTY = 0.2
-"""Duty up to which a wheel creeps: from rest through its dead band to where it just turns."""
+"""Largest duty of a creeping wheel: from rest through its dead band until it just turns."""
 
 
 def _hold(left: float, right: float, seconds: float) -> Array:
@@ -41,18 +41,19 @@ def _creep() -> Array:
 def _steps() -> Array:
     rng = np.random.default_rng(1)
     levels = rng.uniform(-1.0, 1.0, (12, 2))
-    pairs = np.vstack([levels, -levels])  # each step is taken back, so the robot stays about where it is
+    pairs = np.vstack([levels, -levels])  # with opposite steps, the robot stays near its start
     return np.vstack([_hold(left, right, 0.4) for left, right in pairs])
 
 
 def _checkup() -> Array:
     """Four rounds of random steps, creeping, a spin, a reversal and a fast arc.
 
-    No single manoeuvre shows everything: resistance and heating want reversals, friction steady legs at many
-    speeds, a dead zone and stiction creeping, a slope all headings. Steps are not taken back here: that each
-    speed comes with its mirror image would hide friction by direction and the scale of a reading.
+    No single manoeuvre shows everything: resistance and heating need reversals, friction steady legs at many
+    speeds, a dead zone and stiction creeping, a slope all headings. Unlike in `_steps`, steps are not
+    followed by their opposite: if each speed came with its mirror image, direction-dependent friction and the
+    scale of a reading would not show.
     """
-    rng = np.random.default_rng(11)  # of the first dozen, the one that needs least room
+    rng = np.random.default_rng(11)  # the seed of the first dozen whose drive needs least room
     parts = [_hold(0.0, 0.0, 0.5)]
     for index, fast in enumerate((1.0, 0.6, 0.8, 0.45)):
         side, way = (-1.0 if index % 2 else 1.0), (-1.0 if index // 2 else 1.0)
@@ -77,11 +78,11 @@ MANOEUVRES: Mapping[str, Callable[[], Array]] = {
     "circles": lambda: np.vstack([_hold_and_rest(0.9, 0.45, 4.0), _hold_and_rest(0.45, 0.9, 4.0)]),
     "still": lambda: _hold(0.0, 0.0, 6.0),
 }  # fmt: skip
-"""Safe drives by name."""
+"""Safe drives, by name."""
 
 
 def manoeuvre(name: str) -> Array:
-    """Duty (n, 2) of a manoeuvre. Raises ConfigError for a name that does not exist."""
+    """Duty (n, 2) of a manoeuvre. Raises ConfigError for an unknown name."""
     if name not in MANOEUVRES:
         raise ConfigError(
             f"manoeuvre {name!r}: there is none of that name{did_you_mean(name, MANOEUVRES)}; allowed are"
