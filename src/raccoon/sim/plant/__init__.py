@@ -1,1 +1,2 @@
-"""The plant: its quantities and equations, for one robot and in lanes of many, and how they are compiled."""
+"""The plant: its quantities and equations, for one robot and in lanes of many robots, and their
+compilation."""

@@ -1,7 +1,8 @@
-"""The equations compiled by numba where it is installed, and as they are where it is not.
+"""The plant's equations, compiled by numba if it is installed and as plain Python otherwise.
 
-numba's cache looks at the file of a compiled function only, not at those it calls, so a changed equation
-would go unnoticed. So all functions are put into one generated module whose name is a digest of their text.
+numba's cache checks only the file of a compiled function, not the files of the functions it calls, so it
+would miss a changed equation. All functions are therefore put into one generated module whose name is a
+digest of their text.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ Advance = Callable[..., Any]
 ANY = Kind()
 NOT_KEPT = "nothing can be written in {} (the variable RACCOON_CACHE names another folder)"
 INNER = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""How numba compiles what only compiled functions call: that Python can call it takes a third of the time."""
+"""Options of numba for functions that only compiled functions call. Making a function callable from Python
+takes a third of its compilation time."""
 _SHARED: dict[str, Any] = {}  # by digest: texts for different robots have most of their functions in common
 _TEXTS = ("series.py", "friction.py", "equations.py", "sensing.py", "driver.py")
 _HEAD = """from __future__ import annotations
@@ -50,17 +52,18 @@ def has_numba() -> bool:
 
 
 def given(numbers: ArrayLike) -> Any:
-    """Numbers as `Advancing` takes them: an array where it is compiled, else Python's own.
+    """Numbers in the form that `advance_one` takes: a NumPy array if it is compiled, otherwise Python's lists
+    and floats.
 
-    NumPy's are several times slower one by one, and warn of inf * 0, which the equations mean (a limit that
-    nothing has, of a bridge that is open).
+    Single NumPy numbers are several times slower, and warn of inf * 0, which the equations contain on purpose
+    (an infinite current limit times the closed share 0 of an open bridge).
     """
     array = np.ascontiguousarray(numbers)
     return array if has_numba() else array.tolist()
 
 
 def source(kind: Kind = ANY) -> str:
-    """Text of all functions of the plant, for robots of a kind."""
+    """Source text of all functions of the plant, for robots of a kind."""
     texts = [files("raccoon.sim.plant").joinpath(name).read_text("utf-8") for name in _TEXTS]
     tags = [f"# effect: {each}" for each in kind.without]
     tags += [f"# without effect: {each}" for each in kind.always]
@@ -75,11 +78,12 @@ def source(kind: Kind = ANY) -> str:
 
 
 def _cells_text() -> str:
-    """Source of `advance_cells`: `driver.advance` with the fields of state and plant in arrays, of which it
-    changes the state's. numba takes an array in a moment, and a hundred fields in ten times that of a step.
+    """Source text of `advance_cells`: `driver.advance` with the fields of state and plant in two arrays, the
+    first of which it updates. numba accepts an array in a moment; a hundred separate fields take it ten
+    times as long as a step.
 
-    It gives nothing back: to make a tuple, numba calls Python after the compiled function, and where a signal
-    handler raises in there (Ctrl-C, SIGTERM, the end of a match) it goes on with what it did not get, and
+    It returns nothing: to build a tuple, numba calls Python after the compiled function, and if a signal
+    handler raises there (Ctrl-C, SIGTERM, the end of a match), it continues with a missing result and
     crashes.
     """
     state, plant = (
@@ -101,7 +105,7 @@ def _functions(text: str) -> str:
 
 
 def _without(text: str, tags: tuple[str, ...]) -> str:
-    """A text less the statements that end with one of these tags."""
+    """A text without the assignments that end with one of these tags."""
     lines: list[str | None] = list(text.split("\n"))
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Assign | ast.AugAssign) and node.end_lineno is not None:
@@ -112,22 +116,23 @@ def _without(text: str, tags: tuple[str, ...]) -> str:
 
 
 def python_module(text: str) -> ModuleType:
-    """The functions of a text, not compiled."""
+    """A module with the functions of a text, not compiled."""
     module = ModuleType("raccoon_plant")
     exec(compile(text, "<plant>", "exec"), module.__dict__)
     return module
 
 
 def advance_one() -> Advance:
-    """`driver.advance`, compiled where numba is installed. One for each robot: it remembers the last one."""
+    """`driver.advance`, compiled if numba is installed. Make one for each robot: it remembers the robot's
+    last state."""
     from raccoon.sim.plant import driver
 
     return Advancing(advance_cells()) if has_numba() else driver.advance
 
 
 class Advancing:
-    """`driver.advance` by its compiled form. What it got or gave last lies in its arrays, and is not put
-    there again."""
+    """`driver.advance` in its compiled form. State and plant stay in its arrays between calls and are copied
+    into them only when the caller passes other ones."""
 
     def __init__(self, compiled: Advance) -> None:
         self._compiled = compiled
@@ -152,16 +157,16 @@ class Advancing:
 
 @cache
 def advance_cells() -> Advance:
-    """The form of `driver.advance` that is compiled."""
+    """The compiled function `advance_cells`, which `Advancing` calls."""
     # A warning, since a program that starts shows no other remark, and would seem to hang.
     return announced(_made(source()).advance_cells, "the simulator", logging.WARNING)
 
 
 @cache
 def advance_lanes(kind: str) -> Advance:
-    """The form for many robots (see `lanes`). kind: which robots, see `KINDS`.
+    """The form of `driver.advance` for many robots (see `lanes`). kind: of the robots, a key of `KINDS`.
 
-    That it has to be compiled first is logged (logger raccoon, info): it takes some seconds.
+    If it has to be compiled first, which takes some seconds, that is logged (logger raccoon, info).
     """
     made: Advance = _made(source(KINDS[kind])).advance_lanes
     return announced(made, f"the simulator of {kind}", logging.INFO) if has_numba() else made
@@ -169,8 +174,8 @@ def advance_lanes(kind: str) -> Advance:
 
 @cache
 def vector() -> int:
-    """Robots that the vector unit does at once; those beyond a whole number of vectors would go one by one,
-    which costs more than lanes that are idle."""
+    """Number of robots that the vector unit computes at once. Robots beyond a whole number of vectors would
+    be computed one by one, which costs more than idle lanes do."""
     from llvmlite.binding import get_host_cpu_features
 
     return 8 if get_host_cpu_features().get("avx512f") else 4
@@ -178,12 +183,14 @@ def vector() -> int:
 
 @cache
 def _made(text: str) -> Any:
-    """The module of a text: one for all functions of it that are asked for."""
+    """The module of a text, compiled if numba is installed; the same module for every function taken from
+    it."""
     return compiled_module(text) if has_numba() else python_module(text)
 
 
 def compiled_module(text: str) -> Any:
-    """A module with the functions of a text compiled (on first use), cached between runs where possible."""
+    """A module with the functions of a text compiled on first use. The result is cached between runs if the
+    cache folder can be written."""
     import numba
 
     module, cached = _module(text)
@@ -208,7 +215,8 @@ def compiled_module(text: str) -> Any:
 
 
 def _digests(functions: Mapping[str, FunctionType]) -> dict[str, str]:
-    """Of each function a digest of its code and that of all that it calls."""
+    """For each function, a digest of its code and that of all functions that it calls, directly or
+    indirectly."""
     codes = {name: each.__code__ for name, each in functions.items()}
     texts = {
         name: repr((name, code.co_varnames, code.co_names, code.co_consts, code.co_code))
@@ -228,8 +236,8 @@ def _digests(functions: Mapping[str, FunctionType]) -> dict[str, str]:
 
 
 def announced(function: Any, what: str, level: int) -> Advance:
-    """A compiled function that says so in the log "raccoon" when it really is compiled: not where numba
-    finds it in its cache, wherever that is."""
+    """The given function, which from now on logs (logger "raccoon") when it is really compiled, but not when
+    numba finds it in a cache."""
     from numba.core import event
 
     class Listener(event.Listener):  # type: ignore[misc]  # numba has no types
@@ -248,7 +256,7 @@ def announced(function: Any, what: str, level: int) -> Advance:
 
 
 def _module(text: str) -> tuple[ModuleType, bool]:
-    """The module of a text, and whether it lies in a file beside which a cache can be kept."""
+    """The module of a text, and whether it is stored in a file, beside which numba can keep its cache."""
     name = f"raccoon_plant_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     try:
         path = _written(cache_folder() / f"{name}.py", text)
@@ -264,7 +272,7 @@ def _module(text: str) -> tuple[ModuleType, bool]:
 
 
 def cache_folder() -> Path:
-    """Where compiled plants are kept: RACCOON_CACHE, or raccoon in the user's cache folder."""
+    """Folder of compiled plants: RACCOON_CACHE, or raccoon in the user's cache folder."""
     chosen = os.environ.get("RACCOON_CACHE")
     base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     return Path(chosen) if chosen else Path(base).expanduser() / "raccoon"

@@ -1,6 +1,7 @@
-"""One robot along rows of commands: delays, the controller's cycles and the steps inside them.
+"""One robot along rows of commands: latency, the controller's cycles and the steps inside them.
 
-Part of the plant's one text (see equations); `lanes` makes the form for many robots from the same functions.
+A part of the plant's source text (see equations); `lanes` makes the form for many robots from the same
+functions.
 """
 
 from __future__ import annotations
@@ -17,17 +18,19 @@ NEVER = 1e30  # s
 
 
 def cycle_count(dt: float, cycle: float) -> int:
-    """How many controller cycles a row of `dt` seconds has."""
+    """Number of controller cycles in a row of `dt` seconds. cycle: nominal length of a cycle, s."""
     return max(1, int(dt / cycle + 0.5))
 
 
 def step_count(dt: float, longest_step: float) -> int:
-    """How many steps a cycle of `dt` seconds has, none longer than that."""
+    """Number of equal steps in a cycle of `dt` seconds, such that none is longer than `longest_step`
+    seconds."""
     return max(1, int(dt / longest_step + 0.999999))
 
 
 def in_force(times: Any, row: int, latency: float) -> int:
-    """Row of the command that is in force at the start of `row`; -1 before the first."""
+    """Row of the command that is in force at the start of `row`, given `latency` s late; -1 before the first
+    one."""
     moment = times[row] - latency
     index = row
     while index >= 0 and times[index] > moment:
@@ -36,12 +39,13 @@ def in_force(times: Any, row: int, latency: float) -> int:
 
 
 def change_time(times: Any, row: int, index: int, latency: float) -> float:
-    """S after the start of `row` at which the command after `index` takes over."""
+    """Time after the start of `row` at which the command after `index` takes over, s."""
     return times[index + 1] + latency - times[row] if index < row else NEVER
 
 
 def order_of(commands: Any, row: int) -> Order:
-    """Duties and closed bridges of a row; nothing connected before the first."""
+    """The order of a row: duty left, right, bridge closed left, right; before the first row nothing is
+    connected."""
     index = row if row >= 0 else 0
     here = 1.0 if row >= 0 else 0.0
     return (
@@ -53,14 +57,15 @@ def order_of(commands: Any, row: int) -> Order:
 
 
 def sample_place(slot: float, steps: int, step: int) -> float:
-    """Where a step samples a motor whose slot ends at `slot` of the cycle; 0 where it does not."""
+    """Where in a step, above 0 up to 1 (its end), a motor is sampled whose slot ends at `slot` (0..1) of the
+    cycle; 0 if it is sampled in another step."""
     place = slot * steps - step
     place = place if place > 0.0 else 0.0
     return place if place <= 1.0 else 0.0
 
 
 def effective(p: Plant, order: Order) -> Order:
-    """An order as it arrives at the motors."""
+    """An order as the motors receive it, after deadband and sampling pauses."""
     return (
         duty_at_motor(order[0], p.deadband_left, p.deadband_lost, p.deadband_stretched),
         duty_at_motor(order[1], p.deadband_right, p.deadband_lost, p.deadband_stretched),
@@ -70,7 +75,8 @@ def effective(p: Plant, order: Order) -> Order:
 
 
 def mixed(older: Order, newer: Order, share: float) -> Order:
-    """What acts in a step in which the older order holds for `share` of the time, then the newer one."""
+    """The mean order in a step during which the older order holds for `share` of the time, then the newer
+    one."""
     left, closed_left = over_both(older[0], older[2], newer[0], newer[2], share)
     right, closed_right = over_both(older[1], older[3], newer[1], newer[3], share)
     return left, right, closed_left, closed_right
@@ -79,11 +85,13 @@ def mixed(older: Order, newer: Order, share: float) -> Order:
 def over_both(
     older: float, older_closed: float, newer: float, newer_closed: float, share: float
 ) -> tuple[float, float]:
-    """A bridge's duty and how long it is closed, where an older order holds for `share` and then a newer one.
+    """Mean duty and closed share of one bridge in a step in which an older order holds for `share` of the
+    time and then a newer one.
 
-    It is closed for the mean of both. Its duty is the mean over the time in which it is closed: what drives
-    the motor is their product, and a motor that starts from coasting, with duty 0, gets all of the newer
-    one's volts from then on. Of two orders that are the same it is that order, to the last bit.
+    The closed share is the mean of both. The duty is the mean over the time in which the bridge is closed:
+    the product of the two drives the motor, and a motor that starts from coasting, at duty 0, gets the full
+    voltage of the newer order from then on. If both orders are the same, the result is that order to the last
+    bit.
     """
     closed = newer_closed + share * (older_closed - newer_closed)
     part = older_closed * share / (closed if closed > 0.0 else 1.0)
@@ -91,7 +99,8 @@ def over_both(
 
 
 def command(order: Order, sample_left: float, sample_right: float, to_go: float) -> Command:
-    """An order together with where in the step the motors are sampled, and how long its row still lasts."""
+    """An order as the command of one step. sample_left, sample_right: where in the step the motors are
+    sampled. to_go: s from the end of the step to the end of its row."""
     return Command(order[0], order[1], order[2], order[3], sample_left, sample_right, to_go)
 
 
@@ -99,12 +108,13 @@ def advance(
     s: State, p: Plant, commands: Any, times: Any, begin: int, end: int,
     cycle: float, longest_step: float, slots: tuple[float, float], noise: Any, kept: Any, out: Any,
 ) -> State:  # fmt: skip
-    """The state at times[end], from the state at times[begin]; row r's command is given at times[r].
+    """Advance one robot from times[begin] to times[end]; the command of row r is given at times[r]. Returns
+    the state.
 
-    commands: duty left, duty right, closed left, closed right, one entry a row each. cycle: s of the
-    controller's cycle. longest_step: s. slots: where in a cycle the motors are sampled, 1 is its end. noise:
-    counts on each raw back-EMF sample (left, right), taken in turn and from the start again at their end.
-    kept: fields of the state to record; out[i, r] gets field kept[i] at times[begin + r + 1].
+    commands: duty left, duty right, closed left, closed right, one entry per row each. cycle: of the
+    controller, s. longest_step: s. slots: where in a cycle the motors are sampled, 1 is its end. noise:
+    counts on each raw back-EMF sample (left, right), used in order and again from the start when exhausted.
+    kept: indices of the state's fields to record; out[i, r] gets field kept[i] at times[begin + r + 1].
     """
     turn = 0
     period = -1.0

@@ -1,13 +1,13 @@
-"""The plant's equations: the one text from which single robots and lanes of many are made.
+"""The plant's equations: the single source from which the code for one robot and for lanes of many is made.
 
-Plain floats in and out, so that the same text runs as Python and compiled by numba, one robot at a time or
-many side by side. That asks for three habits: no branches that change what is computed (a choice is
-`a if c else b`), no division that can meet 0, no function that a vector unit does not have.
+All functions take and return plain floats, so the same text runs as Python and compiled by numba, for one
+robot or many side by side. That requires three rules: no branches in what is computed (a choice is `a if c
+else b`), no division by what can be 0, and no function that a vector unit does not have.
 
 A statement that ends with `# effect: ID` is the term of that effect. At the neutral value it changes nothing,
-not even the last bit: without the statement the plant gives the same numbers. One that ends with
-`# world: contact` is left out for robots in lanes, which have no table, and one that ends with `# creeping`
-for those whose wheels give, but do not creep. docs/simulator.md derives the equations.
+not even the last bit: without the statement the plant gives the same numbers. A statement with `# world:
+contact` is omitted for robots in lanes, which have no table; one with `# creeping` for robots with presliding
+friction that do not creep. docs/simulator.md derives the equations.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from raccoon.sim.plant.series import freed, lagging, rotated, slack, staying, tr
 
 
 def substep(s: State, p: Plant, u: Command, h: float, per_h: float) -> State:
-    """The robot `h` seconds later; per_h: 1 / h.
+    """The state one step of `h` seconds later; per_h: 1 / h.
 
     Linear terms by the trapezoidal rule, dry friction as the exact solution of its inclusion for both wheels
-    together, the rest at the speeds expected in the middle of the step: second order, never unstable.
+    together, the rest at the speeds expected in the middle of the step: second order and unconditionally
+    stable.
     """
     c = circuit(s, p, u, h)
     left, right = frictions(s, p, c, h)
@@ -30,7 +31,7 @@ def substep(s: State, p: Plant, u: Command, h: float, per_h: float) -> State:
 
 
 def circuit(s: State, p: Plant, u: Command, h: float) -> Circuit:
-    """Battery and windings at the expected speeds: the battery's sag couples the motors."""
+    """Battery and windings at the expected wheel speeds; the battery's sag couples the motors."""
     left = expected(s.speed_left, s.acceleration_left, h)
     right = expected(s.speed_right, s.acceleration_right, h)
     ohm_left = p.resistance_left
@@ -89,13 +90,13 @@ def circuit(s: State, p: Plant, u: Command, h: float) -> Circuit:
 
 
 def carried(duty: float, source: float, volts: float, whole: float) -> float:
-    """Share of a motor's current that the battery carries: its duty, or all of it, whichever way it flows."""
+    """Share of a motor's current that the battery carries: its duty; if `whole`, 1 or -1 by its direction."""
     way = 1.0 if duty * source > volts else -1.0
     return duty + whole * (way - duty)
 
 
 def beyond(current: float, bound: float, limit: float) -> float:
-    """`limit`, with the current's sign, where `current` is beyond `bound`; else 0."""
+    """`limit` with the sign of `current` if that exceeds `bound` in magnitude; otherwise 0."""
     over = limit if current > bound else 0.0
     return -limit if current < -bound else over
 
@@ -103,10 +104,7 @@ def beyond(current: float, bound: float, limit: float) -> float:
 def driven(
     s: State, p: Plant, c: Circuit, left: Rubbing, right: Rubbing, h: float, per_h: float
 ) -> tuple[float, float, float, float]:
-    """Wheel speeds at the end of the step, and how strongly bristles then hold.
-
-    M (w' - w) = h (drive + slope - D (w + w') / 2 - dry friction), written as A w' = push - h dry friction.
-    """
+    """Wheel speeds at the end of the step, rad/s, and the torques of the friction's bristles then, N m."""
     drive_left = c.pull_left * c.source + p.back_emf_left * c.held_left
     drive_right = c.pull_right * c.source + p.back_emf_right * c.held_right
     fed_left = c.pull_left * c.sag
@@ -155,10 +153,11 @@ def turned(
     s: State, p: Plant, drive_left: float, drive_right: float, damp_left: float, damp_right: float,
     damp_both: float, left: Rubbing, right: Rubbing, h: float,
 ) -> float:  # fmt: skip
-    """By how much faster one wheel is than the other in the middle of the step, rad/s, by its motors.
+    """Magnitude of the difference of the wheel speeds in the middle of the step, rad/s, predicted from the
+    torques.
 
-    What it was before does not tell when a command begins to turn the robot: a scrub of 0.03 N m was ten
-    times that in the first step.
+    The difference in the last step does not tell when a command begins to turn the robot: a scrub of 0.03 N m
+    was ten times too large in the first step.
     """
     pull_left = drive_left - damp_left * s.speed_left - damp_both * s.speed_right
     pull_right = drive_right - damp_right * s.speed_right - damp_both * s.speed_left
@@ -171,8 +170,8 @@ def turned(
 
 
 def rubbed(speed: float, pull: float, rubbing: Rubbing) -> float:
-    """What dry friction leaves of the torque on a wheel: against its motion, or nothing of what it bears at
-    rest."""
+    """Torque on a wheel, N m, less dry friction, which opposes its motion; at rest it cancels what it can
+    bear."""
     left = pull - (rubbing.forward if speed > 0.0 else -rubbing.backward)
     return left if speed != 0.0 else freed(pull, rubbing.forward, rubbing.backward)
 
@@ -181,7 +180,7 @@ def moved(
     s: State, p: Plant, u: Command, c: Circuit, left: float, right: float, grip_left: float,
     grip_right: float, h: float, per_h: float,
 ) -> State:  # fmt: skip
-    """Pose, wheels, battery and windings after a step to the wheel speeds `left` and `right`."""
+    """The state after a step to the wheel speeds `left` and `right`: pose, wheels, battery and windings."""
     way_left, rim_left, play_left, wheel_left, rolling_left, cos_left, sin_left = rolled(
         s.speed_left, left, s.play_left, s.wheel_left, s.rolling_left, p.half_play_left, p.coasting_left,
         p.slip_left, p.kick_left, s.wheel_cos_left, s.wheel_sin_left, p.radius_left, p.runout_cos_left,
@@ -232,7 +231,7 @@ def moved(
 
 
 def slope_of(before: float, after: float, per_h: float) -> float:
-    """Acceleration that may be expected to go on; a wheel that stopped within the step gives none."""
+    """Acceleration expected to continue, rad/s2; 0 for a wheel that stopped within the step."""
     return (after - before) * per_h if after != 0.0 else 0.0
 
 
@@ -241,8 +240,8 @@ def rolled(
     slip: float, kick: float, cosine: float, sine: float, radius: float, runout_cos: float,
     runout_sin: float, h: float, per_h: float,
 ) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
-    """One wheel in a step: way (m), rim speed (m/s), play, speed behind the gear, rolling speed, cosine and
-    sine of its angle."""
+    """One wheel after a step: way (m), rim speed (m/s), play (rad), speed behind the gear and rolling speed
+    (rad/s), cosine and sine of its angle."""
     turn = 0.5 * h * (before + after)
     # Between the teeth a wheel rolls on alone. `free`: the part of the step in which it does.
     stays = staying(coasting, h)
@@ -269,16 +268,16 @@ def rolled(
 
 
 def warmed(heat: float, current: float, share: float) -> float:
-    """Squared current as the winding's temperature follows it; share: step over time constant."""
+    """Squared current, A2, after the winding's first-order thermal lag. share: step over time constant."""
     return heat + share * (1.0 - 0.5 * share) * (current * current - heat)
 
 
 def passed(s: State, p: Plant, yaw_rate: float, h: float, per_h: float) -> float:
-    """What a low-pass of first order makes of a yaw rate that goes straight from `s.yaw_rate` to `yaw_rate`;
-    with no time constant the yaw rate itself.
+    """A first-order low-pass of the yaw rate, which changes linearly from `s.yaw_rate` to `yaw_rate` in the
+    step; without a time constant the yaw rate itself.
 
-    Exact but for the exponential, of which four terms of the series do: no step is longer than two time
-    constants.
+    Exact except for the exponential, for which four terms of its series suffice: no step is longer than two
+    time constants.
     """
     x = h * p.low_pass_rate
     stays = 1.0 - x * (1.0 - x * (1.0 / 2.0 - x * (1.0 / 6.0 - x * (1.0 / 24.0))))
@@ -288,7 +287,7 @@ def passed(s: State, p: Plant, yaw_rate: float, h: float, per_h: float) -> float
 def sampled_both(
     s: State, left: float, right: float, place_left: float, place_right: float
 ) -> tuple[float, float]:
-    """What the controller last looked at, of both wheels, after a step to `left` and `right`."""
+    """Last sampled speeds of both wheels, rad/s, after a step to `left` and `right`."""
     return (
         sampled(s.speed_left, left, place_left, s.sampled_left),
         sampled(s.speed_right, right, place_right, s.sampled_right),
@@ -296,5 +295,6 @@ def sampled_both(
 
 
 def sampled(before: float, after: float, place: float, last: float) -> float:
-    """Speed at `place` of a step (1 is its end); the last sample where the step has none (0 or less)."""
+    """Speed at `place` of a step (1 is its end); the last sample if the step contains none (place 0 or
+    less)."""
     return after - (1.0 - place) * (after - before) if place > 0.0 else last

@@ -1,4 +1,4 @@
-"""A motor that drives no wheel: an arm or a gripper between two end stops, by the plain motor equation."""
+"""A motor that drives no wheel, such as that of an arm or a gripper between two end stops."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from raccoon.model.motor import speed_after
 
 
 class FreeMotor:
-    """One motor with the nominal constants of robot.toml and the inertia of its mechanism.
+    """One motor with the nominal constants of robot.toml and the inertia of its mechanism, by the motor
+    equation without effects.
 
-    device: whose counters robot.toml calibrated, which tells the motor's own K_E.
-
-    As the board's words have them, its readings carry the wiring sign, the back-EMF filter and whole counts.
+    inertia: kg m2 at the motor's shaft. device: the one whose counter robot.toml's calibration refers to; the
+    calibration tells the motor's own K_E. Its words contain the wiring sign, the back-EMF filter and whole
+    counts, as the board's do.
     """
 
     def __init__(
@@ -28,7 +29,7 @@ class FreeMotor:
     ) -> None:
         motor, friction = config.model.left, config.model.friction
         self.angle = 0.0
-        """rad, positive with positive duty before the wiring sign."""
+        """Angle of the shaft, rad; increases under positive duty if the motor is not inverted."""
         self.speed = 0.0
         self._sign = -1.0 if config.motor(port).inverted else 1.0
         self._resistance = motor.armature_resistance.value
@@ -39,12 +40,13 @@ class FreeMotor:
         self._inertia = inertia
         self._filter = max(config.model.bemf.filter_time_constant.value, 1e-6)
         self.stops = stops
-        """rad, where it is blocked either way, counted from where it begins."""
+        """Angles at which it is blocked in either direction, rad, relative to where it starts."""
         self._counts = 0.0
         self._counted = 0.0
 
     def step(self, duty: float | None, battery_voltage: float, dt: float) -> None:
-        """Let `dt` s pass at a duty in the sign of the board; None: terminals open, it coasts."""
+        """Advance by `dt` s. duty: -1..1, in the sign of the board; None: open terminals, it coasts.
+        battery_voltage: V."""
         start = self.speed
         torque, damping = 0.0, self._viscous
         if duty is not None:
@@ -63,10 +65,11 @@ class FreeMotor:
 
     @property
     def back_emf(self) -> float:
-        """V that it induces, in the sign of the board."""
+        """Back-EMF, V, in the sign of the board."""
         return self._sign * self._constant * self.speed
 
     @property
     def words(self) -> tuple[int, float]:
-        """Back-EMF counts, and what the position counter has counted: counts · seconds."""
+        """Back-EMF, counts, and the sum of the position counter, counts · seconds, in the sign of the
+        board."""
         return int(self._sign * self._counts), self._sign * self._counted

@@ -1,6 +1,6 @@
-"""Dry friction of the plant's wheels: how large it is, and the speeds that it leaves.
+"""Friction of the plant's wheels: its size, and the wheel speeds that result from it.
 
-A part of the plant's one text, in its habits (see `equations`); docs/simulator.md derives it.
+A part of the plant's source text, by the same rules (see `equations`); docs/simulator.md derives it.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from raccoon.sim.plant.series import decay, freed
 
 
 def expected(speed: float, acceleration: float, h: float) -> float:
-    """Speed in the middle of the step, as the last step lets expect."""
+    """Speed expected in the middle of the step, rad/s, extrapolated with the acceleration of the last
+    step."""
     return speed + 0.5 * h * acceleration
 
 
 def frictions(s: State, p: Plant, c: Circuit, h: float) -> tuple[Rubbing, Rubbing]:
-    """Friction of the left and of the right wheel."""
+    """Friction of the left and of the right wheel at their expected speeds."""
     left = expected(s.speed_left, s.acceleration_left, h)
     right = expected(s.speed_right, s.acceleration_right, h)
     return friction(
@@ -33,7 +34,8 @@ def friction(
     speed: float, moment: float, coulomb: float, viscous: float, quadratic: float,
     stiction: float, stiction_rate: float, load: float, asymmetry: float, viscous_asymmetry: float,
 ) -> Rubbing:  # fmt: skip
-    """Friction of a wheel at `speed` whose gear transmits `moment` (N m)."""
+    """Friction of one wheel. speed: rad/s. moment: torque that its gear transmits, N m. The others as in
+    `Plant`."""
     forward = coulomb
     backward = coulomb
     drag = viscous
@@ -53,12 +55,12 @@ def gripped(
     s: State, p: Plant, own_left: float, own_right: float, other: float, push_left: float, push_right: float,
     left: Rubbing, right: Rubbing, rigid_left: float, rigid_right: float, h: float, per_h: float,
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """Speeds at the end of a step, and torques of the bristles, of wheels that give before they slide; the
-    speeds of rigid ones where nothing gives.
+    """Speeds at the end of a step and torques of the bristles, for wheels with presliding friction; the given
+    rigid speeds and 0 if the robot has none.
 
-    Bristles (Canudas de Wit et al. 1995) as torque instead of deflection: compliance grip' = w - |w| grip /
-    level, and friction = grip + damping compliance grip'. Linear in the new speeds: the middle of the step
-    for the spring, the expected speed for what slides, so that fast sliding is stable.
+    Bristles (Canudas de Wit et al. 1995), with torque as their state instead of deflection: compliance grip'
+    = w - |w| grip / level, and friction = grip + damping compliance grip'. This is linear in the new speeds:
+    the spring is taken in the middle of the step, sliding at the expected speed, so fast sliding is stable.
     """
     moving_left, level_left, pulled_left = bristles(
         p, left, s.speed_left, s.acceleration_left, s.grip_left, h
@@ -95,7 +97,8 @@ def gripped(
 def bristles(
     p: Plant, rubbing: Rubbing, speed: float, acceleration: float, grip: float, h: float
 ) -> tuple[float, float, float]:
-    """New grip of one wheel = (pulled + h / 2 level new speed) / moving: moving, level and pulled."""
+    """Coefficients (moving, level, pulled) of one wheel: new grip = (pulled + h / 2 level new speed) /
+    moving."""
     middle = expected(speed, acceleration, h)
     level = rubbing.forward if middle > 0.0 else rubbing.backward
     held = p.compliance * level
@@ -106,10 +109,11 @@ def bristles(
 
 
 def let_go(speed: float, creep: float, tail: float) -> float:
-    """How fast bristles let go at a `speed` (rad/s, not below 0). Those that creep do so at rest as well.
+    """Rate, rad/s, at which bristles let go at a `speed` (rad/s, not below 0). With creep they do so at rest
+    as well.
 
     Steady friction is level * speed / let_go, a curve through 0 instead of a step. tail: the part of it that
-    nears the level slowly, as speed / (speed + creep) does; the other does as tanh(speed / creep).
+    approaches the level slowly, as speed / (speed + creep); the rest approaches it as tanh(speed / creep).
     """
     squared = speed * speed
     crept = creep * creep
@@ -120,10 +124,12 @@ def settled(
     own_left: float, own_right: float, other: float, push_left: float, push_right: float,
     left: Rubbing, right: Rubbing,
 ) -> tuple[float, float]:  # fmt: skip
-    """The speeds that solve A w = push - dry friction, where a wheel at rest takes any friction it needs.
+    """The speeds that solve A w = push - dry friction, where friction on a wheel at rest takes any value it
+    needs.
 
-    What one wheel needs to stand still falls as it turns faster, whatever the other does meanwhile. So it
-    goes the way it is pushed while it is held and the other is free, and rests where friction bears that.
+    The friction that a wheel needs to stand still decreases as it turns faster, whatever the other wheel
+    does. So a wheel moves in the direction in which it is pushed while it is held and the other is free, and
+    rests where friction can bear that push.
     """
     both = own_left * own_right
     spare = both - other * other

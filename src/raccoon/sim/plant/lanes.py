@@ -1,11 +1,11 @@
-"""The text that runs the plant's equations for many robots side by side.
+"""The source text that runs the plant's equations for many robots side by side.
 
-All numbers of BLOCK robots lie in one flat array, row by row: the fields of `State`, those of `Plant`, then
-the orders. An inner loop over the robots loads, computes with the very functions a single robot uses, and
-stores; compiled, a vector unit does several robots at once. Most robots have none of the effects that cost
-half of the time (`SELDOM`, and `GIVING`): for them the text is made without those, and gives the same bits.
-So it is for robots of which only readings are asked. Loads and stores are functions of their own: written
-out in each loop they took four fifths of the time of compiling.
+All numbers of BLOCK robots are in one flat array, row by row: the fields of `State`, those of `Plant`, then
+the orders. An inner loop over the robots loads, computes with the same functions as for a single robot, and
+stores; compiled, a vector unit computes several robots at once. Most robots have none of the effects that
+cost half of the time (`SELDOM`, and `GIVING`): the text for them omits those and gives the same bits. The
+same is done for robots of which only readings are needed. Loads and stores are functions of their own:
+written out in each loop, they took four fifths of the compilation time.
 """
 
 from __future__ import annotations
@@ -46,24 +46,25 @@ SELDOM: Mapping[str, Mapping[str, float]] = {
         ("runout_cos_left", "runout_cos_right", "runout_sin_left", "runout_sin_right"), 0.0
     ),
 }
-"""Effects that cost much and that few robots have; the fields of `Plant`, neutral where one is off."""
+"""Effects that are expensive and rare, with the fields of `Plant` and their values when the effect is off."""
 LOOSE = ("drive.backlash", "drive.wheel_slip", "drive.wheel_eccentricity")
-"""Those of them between motor and floor, without which a wheel's angle and play need not be followed."""
+"""The rare effects between motor and floor. Without them a wheel's angle and play need not be computed."""
 GIVING: Mapping[str, float] = {"compliance": 0.0, "creep": 0.0}
-"""What a robot has whose wheels give before they slide (`friction.presliding`); neutral where they are rigid.
-Every robot of a diagnosis has it, and no other."""
+"""Fields of `Plant` for presliding friction (`friction.presliding`), with their values for rigid friction.
+Every robot of a diagnosis has presliding friction, and no other robot does."""
 NO_READING = (
     "time", "x", "y", "wheel_cos_left", "wheel_sin_left", "wheel_cos_right", "wheel_sin_right", "play_left",
     "play_right", "wheel_left", "wheel_right", "rolling_left", "rolling_right", "heat_left", "heat_right",
 )  # fmt: skip
-"""Fields of `State` on which no reading of a robot without seldom effects depends."""
+"""Fields of `State` on which no reading of a robot without rare effects depends."""
 _HEAT = ("heat_left", "heat_right")
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Robots for which a text is made: effects that none of them has, effects that all of them have, fields
-    of the state that nobody asks for, and whether wheels that give may creep."""
+    """A kind of robots for which a text is made: effects that none of them has (without), effects that all of
+    them have (always), fields of the state that are not needed (unfollowed), and whether presliding wheels
+    may creep."""
 
     without: tuple[str, ...] = ()
     always: tuple[str, ...] = ()
@@ -90,13 +91,13 @@ KINDS: Mapping[str, Kind] = {
 
 
 def lanes_text(unfollowed: Collection[str] = ()) -> str:
-    """Source of `advance_lanes`, which brings count <= BLOCK robots from times[begin] to times[end].
+    """Source text of `advance_lanes`, which advances count <= BLOCK robots from times[begin] to times[end].
 
-    Its arguments: a is the flat array, of whose lanes the first `width` are advanced, best a multiple of
-    what a vector holds; the others are as in `driver.advance`, except that noise[i] has a column a robot and
+    Its arguments: a is the flat array, of which the first `width` lanes are advanced, best a multiple of the
+    vector's size; the others are as in `driver.advance`, except that noise[i] has one column per robot and
     out[i, r + 1, places[k]] gets the field of robot k < count.
 
-    unfollowed: fields of the state that are not kept; compiled, what only they need is not computed.
+    unfollowed: fields of the state that are not stored; the compiler then omits what only they need.
     """
     stepped = [State._fields.index(name) for name in _STEPPED if name not in unfollowed]
     between = [row for row in stepped if State._fields[row] not in _UNREAD]

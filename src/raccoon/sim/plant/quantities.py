@@ -1,4 +1,4 @@
-"""The words of the plant's equations: state, numbers of the robot, command of one step."""
+"""The quantities of the plant's equations: state, numbers of the robot, command of one step."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 
 class State(NamedTuple):
-    """One robot at one moment. SI; wheel quantities forward positive; pose in the frame of the start pose."""
+    """State of one robot at one time. SI units; wheel quantities are positive forward; the pose is relative
+    to the start pose."""
 
     time: float
     speed_left: float  # rad/s, motor side at the wheel shaft
@@ -56,7 +57,8 @@ class State(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """The numbers of one robot, ready for the equations."""
+    """The numbers of one robot in the form that the equations use: SI units; back-EMF offsets and dead zones
+    in counts."""
 
     open_circuit_voltage: float
     internal_resistance: float
@@ -139,14 +141,15 @@ class Plant(NamedTuple):
 
 
 PLANT_COLUMNS = {name: index for index, name in enumerate(Plant._fields)}
-"""Where each of them is in an array of robots: looking through the names for it takes far longer."""
+"""Column of each field of `Plant` in an array of robots; searching the field names takes far longer."""
 
 
 class Command(NamedTuple):
-    """What the drivers get in one step, and whether the controller samples a motor in it.
+    """Command of the drivers in one step, and whether the controller samples a motor in it.
 
-    closed: share of the step in which the motor is connected. sample: where in the step its back-EMF is
-    sampled (1 is the end); 0 where it is not. to_go: s from the step's end to that of its row of commands.
+    left, right: duty. closed: share of the step in which the motor is connected. sample: where in the step
+    its back-EMF is sampled (1 is the end); 0 if it is not. to_go: s from the end of the step to the end of
+    its row of commands.
     """
 
     left: float
@@ -159,11 +162,12 @@ class Command(NamedTuple):
 
 
 class Circuit(NamedTuple):
-    """Battery and windings in one step, with currents linear in the speeds.
+    """Battery and windings in one step; currents are linear in the wheel speeds.
 
-    wire: 1/ohm of a connected winding, 0 where its current is held by a limit. held: A, that current. source
-    and sag: the voltage at the drivers is source + sag * (pull . speeds), in V and ohm. pull: A a volt at the
-    drivers, seen from the shaft (N m a volt). current: A expected in the middle of the step.
+    source, sag: the voltage at the drivers is source + sag * (pull . speeds), in V and ohm. wire: conductance
+    of a connected winding, 1/ohm, 0 while its current is at the limit. held: this limited current, A. pull:
+    torque at the wheel shaft per volt at the drivers, N m/V; equally, current per unit of speed. current:
+    expected in the middle of the step, A.
     """
 
     source: float
@@ -179,7 +183,8 @@ class Circuit(NamedTuple):
 
 
 class Rubbing(NamedTuple):
-    """Friction of one wheel: dry against forward and backward motion (N m), drag (N m s/rad)."""
+    """Friction of one wheel: dry friction against forward and against backward motion, N m, and drag, N m
+    s/rad."""
 
     forward: float
     backward: float

@@ -1,4 +1,5 @@
-"""The controller's cycle, and what it makes of a command: part of the plant's one text (see equations)."""
+"""The controller's cycle: what it makes of commands and samples. A part of the plant's source text (see
+equations)."""
 
 from __future__ import annotations
 
@@ -7,8 +8,9 @@ from raccoon.sim.plant.series import decay, middle_of
 
 
 def duty_at_motor(duty: float, deadband: float, lost: float, stretched: float) -> float:
-    """Share of the battery voltage that a command gives: nothing up to the deadband. Beyond it that much is
-    lost (1), or nothing (0), and what is left is stretched so that 1 gives all (1), or not (0)."""
+    """Share of the battery voltage that the motor receives for a duty: 0 up to the deadband. Beyond it, the
+    deadband is subtracted (lost 1) or not (lost 0), and the result is stretched so that duty 1 gives 1
+    (stretched 1) or not (0)."""
     size = abs(duty)
     size = (size - deadband * lost if size > deadband else 0.0) / (
         1.0 - deadband * stretched
@@ -17,38 +19,43 @@ def duty_at_motor(duty: float, deadband: float, lost: float, stretched: float) -
 
 
 def filtered(raw: float, recent: float, older: float, before: float, keep: float, median: float) -> float:
-    """The controller's back-EMF filter: median of three (where it has one), then exponential."""
+    """The controller's back-EMF filter, counts: a median of three (if median is 1), then exponential. recent,
+    older: the raw samples before. before: the last filtered value. keep: the share of it that remains."""
     return before * keep + (1.0 - keep) * (raw + median * (middle_of(raw, recent, older) - raw))
 
 
 def reported(counts: float, dead_zone: float) -> float:
-    """Filtered counts as the controller reports them."""
+    """Filtered counts as the controller reports them: 0 within the dead zone."""
     counts *= 1.0 if abs(counts) > dead_zone else 0.0  # effect: bemf.dead_zone
     return counts
 
 
 def period_of(dt: float, cycle: float) -> float:
-    """For how long a cycle counts in the controller's filters, s.
+    """Time that a cycle counts for in the controller's filters, s. dt: its length by time stamps, s. cycle:
+    nominal, s.
 
-    The firmware mixes a fixed share of each sample in, whenever that comes: a cycle that is up to a quarter
-    off is one whose time stamp jitters. Others are rows of another rate, in whole 2^-40 s (1 ps), so that
-    rounding of the clock does not make it another period.
+    The firmware mixes in a fixed share of each sample, whenever it arrives: a cycle that differs from nominal
+    by up to a quarter has a time stamp with jitter. Other lengths are rows of another rate; they are rounded
+    to whole 2^-40 s (1 ps), so that rounding of the clock does not produce a different period.
     """
     other = int(dt * 1099511627776.0 + 0.5) * (1.0 / 1099511627776.0)
     return cycle if abs(dt - cycle) < 0.25 * cycle else other
 
 
 def kept_shares(p: Plant, dt: float) -> tuple[float, float, float]:
-    """What the filters of left and right back-EMF and of the battery keep of their values in `dt` seconds."""
+    """Shares of their values that the filters of left back-EMF, right back-EMF and battery keep over `dt`
+    seconds."""
     return decay(dt * p.filter_rate_left), decay(dt * p.filter_rate_right), decay(dt * p.battery_rate)
 
 
 def battery_word(reading: float, voltage: float, keep: float, held: float) -> float:
-    """The battery's filtered word one cycle later.
+    """The battery's filtered reading one cycle later, V. reading, voltage: reading before, and the true
+    voltage, V.
 
-    keep: share of it that the filter keeps. held: V that a voltage may be above it before it rises, 14 counts
-    where fractions of a count are cut off after a share of 0.05 is mixed in. That loses half a count a cycle
-    on average, so it falls as if the voltage were 10 counts further down, though not below the true one.
+    keep: share of the reading that the filter keeps. held: V by which the voltage may exceed the reading
+    before that rises: 14 counts for a filter that mixes in a share of 0.05 and truncates fractions of a
+    count. Truncation loses half a count per cycle on average, so the reading falls as if the voltage were 10
+    counts lower, though not below the true one.
     """
     rising = reading * keep + (1.0 - keep) * max(reading, voltage - held)
     falling = max(voltage, reading * keep + (1.0 - keep) * (voltage - 0.7 * held))
@@ -56,14 +63,15 @@ def battery_word(reading: float, voltage: float, keep: float, held: float) -> fl
 
 
 def dipped(speed: float, dip: float) -> float:
-    """A wheel's speed at the end of a pause; one that stands does so in the pause."""
+    """Speed of a wheel at the end of a coasting pause, rad/s: reduced by `dip`; a wheel not faster than this
+    is unchanged."""
     return speed - dip if abs(speed) > abs(dip) else speed
 
 
 def sensed(
     s: State, p: Plant, dt: float, keeps: tuple[float, float, float], noise_left: float, noise_right: float
 ) -> State:
-    """The controller's cycle: back-EMF words, counters and battery word from what it sampled.
+    """The state after a controller cycle: back-EMF words, counters and battery word from the samples.
 
     dt: s since the last cycle. keeps: `kept_shares` of it. noise: counts on the raw samples.
     """

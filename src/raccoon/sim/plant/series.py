@@ -1,4 +1,5 @@
-"""Small functions of the plant's equations that a vector unit can do: polynomials and choices, no calls."""
+"""Small functions of the plant's equations in a form that a vector unit can compute: polynomials and choices
+without calls of a library."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ def decay(x: float) -> float:
 
 
 def rotated(cosine: float, sine: float, angle: float) -> tuple[float, float]:
-    """Cosine and sine after turning on by a small angle (below 0.02 rad: to the last bits)."""
+    """Cosine and sine of an angle after a rotation by a small angle, rad (accurate to the last bits below
+    0.02 rad)."""
     a = angle * angle
     s = angle * (1.0 - a * (1.0 / 6.0 - a * (1.0 / 120.0)))
     c = 1.0 - a * (0.5 - a * (1.0 / 24.0 - a * (1.0 / 720.0)))
@@ -28,19 +30,20 @@ def rotated(cosine: float, sine: float, angle: float) -> tuple[float, float]:
 
 
 def within(value: float, half: float) -> float:
-    """`value`, but no further than `half` from 0."""
+    """`value` clipped to -half..half."""
     value = value if value < half else half
     return value if value > -half else -half
 
 
 def within_unit(share: float) -> float:
-    """`share` held between 0 and 1."""
+    """`share` clipped to 0..1."""
     share = share if share > 0.0 else 0.0
     return share if share < 1.0 else 1.0
 
 
 def freed(push: float, forward: float, backward: float) -> float:
-    """What is left of a push after dry friction: 0 inside -backward..forward (it sticks)."""
+    """The rest of a push after dry friction: 0 if the push is within -backward..forward (the wheel
+    sticks)."""
     held = push if push < forward else forward
     return push - (held if held > -backward else -backward)
 
@@ -54,8 +57,9 @@ def middle_of(first: float, second: float, third: float) -> float:
 
 
 def slack(play: float, ahead: float, faster: float, half_play: float, h: float, per_h: float) -> float:
-    """Play after a step in which the motor gets `ahead` of a wheel that rolls alone, and ends `faster` than
-    it. Where it parts from a tooth within the step, the play is counted from there."""
+    """Play of a gear, rad, after a step in which the motor advances by `ahead` (rad) relative to a wheel that
+    rolls on alone, and ends `faster` (rad/s) than it. If it leaves a tooth within the step, play is counted
+    from there."""
     began = 2.0 * ahead * per_h - faster
     parted = 0.5 * h * faster * faster / (abs(faster) + abs(began)) if began * faster < 0.0 else 0.0
     low = parted - half_play if faster > 0.0 else -half_play
@@ -64,18 +68,19 @@ def slack(play: float, ahead: float, faster: float, half_play: float, h: float, 
 
 
 def lagging(rolling: float, before: float, after: float, lag: float, h: float, per_h: float) -> float:
-    """Where lag * rolling' = speed - rolling leads in a step in which the speed goes straight from `before`
-    to `after`; exact but for the part that stays."""
+    """Solution after one step of lag * rolling' = speed - rolling, with a speed that changes linearly from
+    `before` to `after`; exact except for the remaining share (`staying`)."""
     return trailing(rolling, before, after, lag, staying(lag, h), per_h)
 
 
 def trailing(rolling: float, before: float, after: float, lag: float, stays: float, per_h: float) -> float:
-    """The same, given the part that stays."""
+    """As `lagging`, with the remaining share of the initial difference given."""
     behind = lag * (after - before) * per_h
     return after - behind + stays * (rolling - before + behind)
 
 
 def staying(lag: float, h: float) -> float:
-    """The part of a first order that stays after a step: an exponential to second order, 0 for no lag."""
+    """Share of the initial value that remains in a first-order lag after a step: exp(-h / lag) to second
+    order, 0 without lag."""
     squared = lag * lag
     return squared / (squared + h * (lag + 0.5 * h))

@@ -1,4 +1,4 @@
-"""The plant one step at a time, for whoever decides between the steps what drives it."""
+"""The plant one step at a time, for callers that choose the command of each step."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from raccoon.sim.plant.compiled import advance_one, given
 from raccoon.sim.plant.quantities import Plant, State
 
 _WHOLE = 1.0
-"""s, longer than any step: a row of commands is then one cycle of one step."""
+"""Length of a cycle and bound on a step, s, longer than any step: a row of commands is then one cycle of one
+step."""
 
 
 class Steps:
-    """Steps of a robot under commands that act at once, compiled where numba is installed.
+    """Steps of a robot under commands that act at once, compiled if numba is installed.
 
-    With whoever drives it lie dead time and the pauses for samples: the plant's own must be neutral
-    (`latency` 0, `closed_share` 1). What the plant's own controller samples on the way means nothing.
+    The caller models dead time and sampling pauses: those of the plant must be neutral (`latency` 0,
+    `closed_share` 1). The samples and words of the plant's own controller are meaningless here.
     """
 
     def __init__(self) -> None:
@@ -29,8 +30,8 @@ class Steps:
     def after(
         self, state: State, plant: Plant, seconds: float, left: float | None, right: float | None
     ) -> State:
-        """The robot one step of `seconds` later. left, right: duty at the drivers, -1..1, forward positive;
-        None where a motor coasts."""
+        """The state one step of `seconds` later. left, right: duty at the drivers, -1..1, forward positive;
+        None: the motor coasts."""
         duty_left, duty_right, closed_left, closed_right = self._commands
         duty_left[0], closed_left[0] = (0.0, 0.0) if left is None else (left, 1.0)
         duty_right[0], closed_right[0] = (0.0, 0.0) if right is None else (right, 1.0)
