@@ -1,1 +1,1 @@
-"""A diagnosis as text, page and picture."""
+"""Reports of a diagnosis: text, HTML pages and figures."""

@@ -1,4 +1,4 @@
-"""The sentence of each cause, for a team: what is wrong, and apart from it what to do."""
+"""The sentence of each cause, for a team: what is wrong, and separately what to do."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Values = Mapping[str, ParameterResult]
 
 TUNE_COMMAND, CALIBRATE_COMMAND = "(raccoon tune wheels)", "(raccoon calibrate drive)"
 BOTH_COMMANDS = "(raccoon calibrate drive, raccoon tune wheels)"
-"""Of K_E: what a tick is worth, and which voltage a speed takes."""
+"""The commands for K_E: the first calibrates the worth of a tick, the second the voltage for a speed."""
 CHECK_PLAY_TEXT = (
     "and turn each wheel by hand, since play in the gears of a wheel that rolls on freely looks the same"
 )
@@ -23,13 +23,14 @@ SMOOTHED_GYRO_TEXT = (
 INTO_ROBOT_TOML = "put this value into robot.toml"
 
 MIN_ASYMMETRY_STDS = 2.0
-"""Deviations from which one of the two kinds of friction by direction is said to differ."""
+"""Least asymmetry, in standard deviations, of a kind of friction (dry, viscous) that is reported to differ by
+direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class CauseText:
-    """A cause in words. what: what is wrong, and its number. todo: what to do on the robot; empty where
-    nothing is known; both without the point at the end. more: sentences that a recording adds."""
+    """A cause in words. what: what is wrong, with its value. todo: what to do on the robot, "" if unknown;
+    both without a full stop. more: further sentences about the recording."""
 
     what: str
     todo: str
@@ -43,16 +44,16 @@ TextMaker = Callable[[str, Values], CauseText]
 
 
 def first_value(values: Values) -> ParameterResult:
-    """The first parameter of a cause, which says how large it is."""
+    """The first parameter of a cause, which is its size."""
     return next(iter(values.values()))
 
 
 def _factor_maker(what: str, more: str, less: str, todo: str, todo_less: str = "") -> TextMaker:
-    """Maker for a factor. todo_less: what to do where it is below 1, if that is something else."""
+    """Text maker for a factor. todo_less: what to do if it is below 1, by default the same."""
 
     def make_text(place: str, values: Values) -> CauseText:
         number = first_value(values)
-        factor = number.value / (number.nominal if number.nominal > 0.0 else 1.0)  # a model has its own
+        factor = number.value / (number.nominal if number.nominal > 0.0 else 1.0)  # model.toml has its own
         larger = factor > 1.0
         text = f"{what} is {abs(factor - 1.0) * 100:.1f} % {more if larger else less} than assumed"
         action = todo if larger else todo_less or todo
@@ -62,12 +63,12 @@ def _factor_maker(what: str, more: str, less: str, todo: str, todo_less: str = "
 
 
 def _number_maker(what: str, todo: str) -> TextMaker:
-    """Maker for a number that has one direction, or whose sign says all."""
+    """Text maker for a parameter with only one direction, or whose sign is part of the text."""
     return _above_or_below_maker(what, todo, what, todo)
 
 
 def _above_or_below_maker(more: str, todo_more: str, less: str, todo_less: str) -> TextMaker:
-    """Maker for a number above what was assumed, or below it."""
+    """Text maker for a parameter with one text above and another below the assumed value."""
 
     def make_text(place: str, values: Values) -> CauseText:
         number = first_value(values)
@@ -88,7 +89,8 @@ def _derived_values(number: ParameterResult) -> dict[str, float]:
 
 
 def _direction_text(place: str, values: Values) -> CauseText:
-    """Which kind of friction differs, and which way the wheel turns harder."""
+    """Text of the kinds of friction that differ by direction, and of the direction in which the wheel turns
+    harder."""
     said, ways = [], set()
     for name, kind in (("asymmetry", "dry"), ("viscous_asymmetry", "speed-dependent")):
         number = values.get(name)
@@ -104,7 +106,7 @@ def _direction_text(place: str, values: Values) -> CauseText:
 
 
 def _slope_text(_place: str, values: Values) -> CauseText:
-    """Size and direction of the pull: x is ahead of the robot as it stood at the start, y to its left."""
+    """Text of a slope's size and direction: x points ahead of the robot at the start, y to its left."""
     x, y = (values[name].value if name in values else 0.0 for name in ("along_x", "along_y"))
     way = DIRECTIONS[round(math.atan2(y, x) / (0.25 * math.pi)) % len(DIRECTIONS)]
     what = (
@@ -118,7 +120,7 @@ DIRECTIONS = (
     "forward", "forward and to the left", "to the left", "back and to the left",
     "back", "back and to the right", "to the right", "forward and to the right",
 )  # fmt: skip
-"""By eighths of a turn to the left."""
+"""Directions in steps of an eighth of a turn to the left."""
 
 SENTENCES: Mapping[str, TextMaker] = {
     "battery.open_circuit_voltage": _above_or_below_maker(

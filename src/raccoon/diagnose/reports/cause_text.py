@@ -1,4 +1,4 @@
-"""Causes in words, for a team: the sentence of a result, adapted to its recording and robot.toml."""
+"""Causes in words, for a team: the sentence of a cause, adapted to its recording and robot.toml."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ ROBOT_TOML_KEYS = {
     "friction.viscous": "viscous",
     "bemf.filter_lag": "filter_time_constant",
 }
-"""How [model.GROUP] of robot.toml calls a value that is to be put into it."""
+"""Keys in [model.GROUP] of robot.toml for the values of causes that can be written there."""
 INTO_MODEL_TOML = "keep it in a model.toml (--save-model), since robot.toml has one number for both wheels"
-"""What to do instead with a number of one side: put into robot.toml it would make the other side's wrong."""
+"""Advice for the value of one side only: in robot.toml it would make the other side's wrong."""
 
 
 def describe_cause(cause: CauseResult) -> CauseText:
-    """Describe a cause of a result in words; one whose recording has a sentence of its own (a single axis, a
-    tophat, an effect of the team's) says in it what to do."""
+    """A cause of a result in words. An explanation of the recording's own kind (a single axis, a tophat, an
+    effect of the team's) already says what to do."""
     own, said = _describe(cause.id, cause.where, cause.parameters), cause.explanation
     if said.startswith(str(own)):
         return replace(own, more=said.removeprefix(str(own)).strip())
-    if said.startswith(f"{own.what}: "):  # what to do is something else, as of what robot.toml has
+    if said.startswith(f"{own.what}: "):  # other advice, as in `with_robot_toml_value`
         return replace(own, todo=said.removeprefix(f"{own.what}: ").removesuffix("."))
     return CauseText(said.removesuffix("."), "")
 
 
 def with_robot_toml_value(cause: CauseResult, robot_toml_value: float) -> CauseResult:
-    """A cause whose number robot.toml has already, as `robot_toml_value`: a model.toml, from which the
-    diagnosis began, is behind it, and nothing is to be done on the robot."""
+    """A cause whose value robot.toml already has (`robot_toml_value`): the diagnosis started from an outdated
+    model.toml, and nothing is to be done on the robot."""
     group, key = cause.id.partition(".")[0], ROBOT_TOML_KEYS[cause.id]
     todo = (
         f"robot.toml has {key} = {robot_toml_value:.4g} in [model.{group}] already; the model.toml of "
@@ -51,7 +51,7 @@ def with_robot_toml_value(cause: CauseResult, robot_toml_value: float) -> CauseR
 
 
 def explanation_sentence(id: str, where: str | None, values: Values) -> str:  # noqa: A002
-    """One sentence: what is wrong, its number, what to do."""
+    """One sentence: what is wrong, its value, what to do."""
     return str(_describe(id, where, values))
 
 

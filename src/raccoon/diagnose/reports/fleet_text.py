@@ -1,4 +1,4 @@
-"""Many diagnoses as text: a line a recording, what they have in common, and what changed."""
+"""Text report of many diagnoses: a line for each recording, what they have in common, and what changed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CREEP_REASONS: Mapping[str, str] = {
     "tophat.gain": "dirt gathers on it",
     "tophat.height": "its mount comes loose",
 }
-"""What may be behind a number that creeps, by cause."""
+"""Possible reasons of a drifting parameter, by cause."""
 JUMP_REASONS: Mapping[str, str] = {
     "battery.internal_resistance": "another battery, or its contacts",
     "battery.open_circuit_voltage": "another charge, or another battery",
@@ -40,27 +40,27 @@ JUMP_REASONS: Mapping[str, str] = {
     "tophat.height": "its mount slipped",
     "tophat.noise": "its plug came loose",
 }
-"""The same of one that jumps."""
+"""Possible reasons of a jumping parameter, by cause."""
 RECURRENCE_REASONS: Mapping[str, str] = {
     "battery.open_circuit_voltage": "another charge each time",
     "battery.internal_resistance": "several batteries in turn",
     "drive.slope": "other tables, or other directions",
     "friction.coulomb": "other floors",
 }
-"""The same of one that some recordings have and others not, in no order."""
+"""Possible reasons of a cause that comes and goes between recordings, by cause."""
 CHANGES_TITLE = "What changed, in the order of the recordings above"
 MAX_NAMES = 4
 MIN_RECURRING = 3
-"""Recordings with a cause from which it may be said to come and go."""
+"""Least number of recordings with a cause that may be reported to come and go."""
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 MAX_NOTES = 8
-"""Notes of which a fleet's report has the text; the JSON has all."""
+"""Largest number of notes that a fleet's report prints; the JSON has all."""
 
 
 def fleet_report(fleet: Fleet, seen: Mapping[str, CrossCheck] | None = None) -> str:
-    """A line a recording, then common causes with their spread, the odd ones out, and what changed. seen:
-    each recording with the model of the others, where one was made."""
+    """A line for each recording, then common causes with their spread, outliers, and changes. seen: cross
+    check of each recording with the model of the others, if made."""
     results = fleet.results
     lines = [
         f"{name}{robot_suffix(fleet, name)}: {verdict_words(each)}: {findings_text(each)}"
@@ -96,23 +96,23 @@ CROSS_CHECK_TITLE = (
 
 
 def cross_check_text(each: CrossCheck) -> str:
-    """The errors of a cross check, and what is still wrong."""
+    """The errors of a cross check, and the causes that remain."""
     return f"{each.before:.2f} -> {each.after:.2f} ({each.own:.2f}): {', '.join(each.still) or 'nothing'}"
 
 
 def robot_suffix(fleet: Fleet, name: str) -> str:
-    """The robot of a recording in brackets, where there are several and its name does not say it."""
+    """The robot of a recording in parentheses, if there are several and its name does not contain it."""
     robot = fleet.robots[name]
     return "" if len(fleet.names) == 1 or robot in name else f" ({robot})"
 
 
 def most_recordings_of_a_robot(fleet: Fleet) -> int:
-    """How many recordings there are of the robot that has most."""
+    """Largest number of recordings of a single robot."""
     return max(Counter(fleet.robots.values()).values())
 
 
 def findings_text(diagnosis: Diagnosis) -> str:
-    """What was found in a recording, or why nothing can be."""
+    """The findings of a recording, or why there can be none."""
     findings = [each.name for each in diagnosis.causes]
     findings += [
         f"something that depends on {depends_text([each])}" for each in diagnosis.unexplained.depends_on
@@ -142,8 +142,8 @@ def verdict_words(diagnosis: Diagnosis) -> str:
 
 
 def note_lines(results: Mapping[str, Diagnosis]) -> list[str]:
-    """Each note once, with the recordings that have it; with those of other numbers, the first of these.
-    What a recording's own line says is left out."""
+    """Each distinct note with its recordings, and the recordings whose note differs only in numbers. Notes
+    that repeat a recording's own line are left out."""
     having: dict[str, dict[str, str]] = defaultdict(dict)
     for name, diagnosis in results.items():
         line = findings_text(diagnosis)
@@ -154,7 +154,7 @@ def note_lines(results: Mapping[str, Diagnosis]) -> list[str]:
 
 
 def _note_line(notes: Mapping[str, str], count: int) -> str:
-    """notes: by recording, alike but for numbers."""
+    """A note and its recordings. notes: by recording, equal except for numbers."""
     text = next(iter(notes.values()))
     same = [name for name, note in notes.items() if note == text]
     others = [name for name in notes if name not in same]
@@ -163,13 +163,13 @@ def _note_line(notes: Mapping[str, str], count: int) -> str:
 
 
 def shorten_names(names: Sequence[str]) -> str:
-    """The first of many names, and how many more there are: the JSON has all."""
+    """The first MAX_NAMES names, and the number of the others."""
     more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
     return ", ".join(names[:MAX_NAMES]) + more
 
 
 def change_lines(fleet: Fleet) -> list[str]:
-    """A line for everything that jumps or creeps in the order of a robot's recordings."""
+    """A line for each parameter that jumps or drifts over a robot's recordings."""
     return [
         (f"{course.robot}: " if len(fleet.names) > 1 else "") + _course_line(each, course)
         for each, course in fleet.courses
@@ -177,8 +177,8 @@ def change_lines(fleet: Fleet) -> list[str]:
 
 
 def _course_line(each: FleetCause | FleetNumber, course: Course) -> str:
-    """Its name, with those of what may be it, since what changes is known then, and not which of them it is;
-    then how it goes, and what may be behind it."""
+    """A parameter's name, its course, and possible reasons. The name includes all causes that cannot be
+    distinguished, since it is only known that one of them changes."""
     rivals = each.rivals if isinstance(each, FleetCause) else ()
     name = f"{each.name} (or {', '.join(rivals)})" if rivals else each.name
     first, *others = course.pieces
@@ -213,8 +213,8 @@ def _cause_line(each: FleetCause, fleet: Fleet) -> str:
 
 
 def explanation_lines(each: FleetCause, fleet: Fleet) -> list[str]:
-    """What a cause means and what to do about it, as it is now: as the recording has it whose number is in
-    the middle, or of what is too small in some and too large in others one of either."""
+    """What a cause means and what to do about it, as in the recording with the median value since the last
+    change; if some values are below the assumed one and some above, one recording of either."""
     lower, higher = each.standing.lower, each.standing.higher
     agreed = each.common or (each.alike and each.of_robots == 1)
     sides = [max(lower, higher, key=len)] if agreed else [it for it in (lower, higher) if it]
@@ -228,13 +228,13 @@ def explanation_lines(each: FleetCause, fleet: Fleet) -> list[str]:
 
 
 def count_text(each: FleetCause) -> str:
-    """How many name it of those that can tell, also those whose number is in another unit."""
+    """Number of recordings that name it out of those that can tell, including those with another unit."""
     return f"{round(each.share * each.telling)} of {each.telling}"
 
 
 def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
-    """Whether a cause is common, since or until when it was, or one robot's, or of single recordings: of more
-    than `named` how many."""
+    """Whether a cause is common, since or until when, of which robots, or of which recordings; of more than
+    `named` recordings only their number."""
     standing = each.standing
     if each.instead:
         return f"in the place of {each.instead}"
@@ -258,7 +258,7 @@ def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
 
 
 def _since_when(each: FleetCause, fleet: Fleet) -> str:
-    """From which recording on a cause is there, or up to which it was, and whether some others have it."""
+    """The recording since or until which a cause is present, "mostly" if some others have it as well."""
     standing, names = each.standing, [*fleet.results]
     at = names.index(standing.since) if standing.since else names.index(standing.until) + 1
     others = names[:at] if standing.since else names[at:]
@@ -267,7 +267,7 @@ def _since_when(each: FleetCause, fleet: Fleet) -> str:
 
 
 def kind_with_reason_text(each: FleetCause, fleet: Fleet) -> str:
-    """`kind_text`, with what may be behind it where some recordings have it and others not, in no order."""
+    """`kind_text`, with the possible reasons of a cause that comes and goes."""
     steady = each.alike or each.series.courses or len(each.recordings) < MIN_RECURRING
     behind = "" if steady else RECURRENCE_REASONS.get(each.name.partition("@")[0], "")
     return f"{kind_text(each, fleet)}; {behind}?" if behind else kind_text(each, fleet)
@@ -282,13 +282,13 @@ def _number_line(each: FleetNumber, count: int) -> str:
 
 
 def outliers_text(each: FleetCause | FleetNumber) -> str:
-    """The recordings and robots whose number is far from the others'."""
+    """Recordings and robots whose value is an outlier."""
     return shorten_names(each.series.outliers)
 
 
 def typical_value_text(each: FleetNumber) -> str:
-    """The median; of a number that changed where it began and where it ended, of which it is neither; of
-    several robots with some each the lowest and the highest of theirs."""
+    """The median; for a number that changed, its first and last values; for several robots with several
+    recordings, the range of their medians."""
     levels, courses = each.series.levels, each.series.courses
     if 1 < len(levels) < len(each.recordings):
         return f"{min(levels.values()):.4g} to {max(levels.values()):.4g}"

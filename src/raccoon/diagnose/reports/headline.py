@@ -1,4 +1,4 @@
-"""A verdict in one sentence: what a whole recording says, and how much it could have said."""
+"""The verdict in one sentence: what a whole recording shows, and how much it could have shown."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ VERDICTS: Mapping[Verdict, str] = {
 }
 FITS_WHERE_ANSWERED = "Where its motors answered, the simulation fits this recording."
 NOT_VISIBLE_PREFIX = "not visible"
-"""How the reason of a cause begins that would not show at its usual size."""
+"""Beginning of the reason of a cause that would not show at its usual size."""
 MIN_HIDDEN_CAUSES = 5
-"""Number of such causes, of 31, from which a recording that shows nothing says little. One that was driven as
-the checkup hides one or two."""
+"""Number of such causes, of 31, from which a recording without findings says little. A drive like the checkup
+hides one or two."""
 USUAL_CAUSES = (
     "motor.back_emf_constant",
     "motor.armature_resistance",
@@ -33,13 +33,13 @@ USUAL_CAUSES = (
     "imu.gyro_scale",
     "battery.internal_resistance",
 )
-"""What most teams ask for; from which size on each would show tells how far a recording sees."""
+"""Causes that teams ask for most; the sizes above which they would show tell how sensitive a recording is."""
 _SHOWS_FROM = re.compile(r"; would show from about (.*) on")
 
 
 def verdict_text(diagnosis: Diagnosis) -> str:
-    """The verdict as a sentence; of what is unknown what it depends on. That nothing is wrong is not said
-    where next to nothing would have shown, nor of a robot whose motors did not answer."""
+    """The verdict as a sentence, for an unknown effect with what it depends on. It does not say that nothing
+    is wrong if hardly any cause would have shown or a motor did not respond."""
     depends_on = depends_text(diagnosis.unexplained.depends_on)
     if diagnosis.verdict is Verdict.UNKNOWN and depends_on:
         return f"{VERDICTS[Verdict.UNKNOWN].removesuffix('.')}: it depends on {depends_on}."
@@ -57,8 +57,8 @@ def verdict_text(diagnosis: Diagnosis) -> str:
 
 
 def visible_sizes_text(diagnosis: Diagnosis) -> str:
-    """Of a recording in which nothing was found, from which size on the most usual causes would have shown;
-    "" where that is not known."""
+    """For a recording without findings, the sizes above which the most usual causes would have shown; "" if
+    unknown."""
     if diagnosis.verdict is not Verdict.ADEQUATE or diagnosis.causes:
         return ""
     reasons = {each.id: each.reason for each in diagnosis.rejected}
@@ -68,6 +68,6 @@ def visible_sizes_text(diagnosis: Diagnosis) -> str:
 
 
 def reason_it_cannot_tell(diagnosis: Diagnosis) -> str:
-    """Why a recording cannot tell, in the words of the first reason or note; "" where none says it."""
+    """Why a recording cannot tell, by the first such reason or note; "" without one."""
     reasons = (each.reason for each in diagnosis.rejected if each.reason.startswith(CANNOT_TELL_PREFIXES))
     return next(chain(reasons, diagnosis.notes), "").removeprefix("not identifiable: ")

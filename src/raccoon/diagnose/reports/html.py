@@ -1,4 +1,4 @@
-"""A diagnosis as one HTML file with pictures in it. Needs the extra [report]."""
+"""Report of a diagnosis as one HTML file with embedded figures. Needs the extra [report]."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from raccoon.diagnose.reports.unknown_text import depends_text, shape_text
 from raccoon.diagnose.result import CauseResult, Diagnosis, Verdict
 
 MAX_CURVES = 6
-"""Channels of which a page has a picture over time."""
+"""Largest number of channels with a figure over time."""
 
 
 def save_html(diagnosis: Diagnosis, path: str | Path, title: str = "a recording") -> None:
-    """Write the report, atomically. title: what it is a diagnosis of. Raises ConfigError where jinja2 or
-    matplotlib is not installed."""
+    """Write the report, atomically. title: what was diagnosed. Raises ConfigError if jinja2 or matplotlib is
+    not installed."""
     write_atomically(Path(path), render_page(diagnosis, title))
 
 
 def render_page(diagnosis: Diagnosis, title: str) -> str:
-    """The report as text. Raises ConfigError where jinja2 or matplotlib is not installed."""
+    """The report as HTML. Raises ConfigError if jinja2 or matplotlib is not installed."""
     why, unexplained = reasons_not_named(diagnosis), diagnosis.unexplained
     text: str = load_template("report.html").render(
         title=title,
@@ -87,7 +87,7 @@ def render_page(diagnosis: Diagnosis, title: str) -> str:
 
 @cache
 def load_template(name: str) -> Any:
-    """A page of this package. Raises ConfigError where jinja2 is not installed."""
+    """A page template of this package. Raises ConfigError if jinja2 or matplotlib is not installed."""
     try:
         import jinja2
         import matplotlib  # noqa: F401
@@ -99,7 +99,7 @@ def load_template(name: str) -> Any:
 
 
 def _headline(diagnosis: Diagnosis) -> str:
-    """The first cause in one sentence where it matters, what did not work, else the verdict."""
+    """The first cause in one sentence if it matters, else the first sensor fault, else the verdict."""
     if diagnosis.causes and not diagnosis.causes[0].is_negligible:
         return _problem_sentence(diagnosis.causes[0])
     if diagnosis.sensor_faults:
@@ -108,13 +108,13 @@ def _headline(diagnosis: Diagnosis) -> str:
 
 
 def _reason_sentence(diagnosis: Diagnosis) -> str:
-    """Beside a headline which says only that this recording cannot tell: why."""
+    """The reason for a verdict of not identifiable; "" for other verdicts."""
     why = reason_it_cannot_tell(diagnosis) if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE else ""
     return f"{capitalise(why)}." if why else ""
 
 
 def _problem_sentence(cause: CauseResult) -> str:
-    """What is wrong, and what else it may be, or be in part."""
+    """What is wrong, with the rivals that it may be instead or in part."""
     others = [plain_name(each) for each in cause.confounded_with if each not in cause.beside]
     instead = f"; or it is {' or '.join(others)}" if others else ""
     part = f"; a part of it may be {' or '.join(map(plain_name, cause.beside))}" if cause.beside else ""
@@ -123,15 +123,15 @@ def _problem_sentence(cause: CauseResult) -> str:
 
 
 def _held_out_text(cause: CauseResult) -> str:
-    """What data that was not fitted says of a cause, and how much of all that could be gained is lost without
-    it: those of several may add up to more."""
+    """Held-out evidence of a cause, and the share of the possible gain that is lost without it. The shares of
+    several causes may add up to more than 100 %."""
     share = round(100.0 * cause.gain.share)
     lost = f"; without it, {share} % of the possible improvement is lost"
     return f"{evidence_text(cause)}{lost if share else ''}"
 
 
 def _action_text(cause: CauseResult) -> str:
-    """The part that says what to do, if it is that; nothing about what does not matter."""
+    """The advice for a cause, conditional if it has rivals; "" for a negligible cause."""
     advice = "" if cause.is_negligible else describe_cause(cause).todo
     if advice and set(cause.confounded_with) - set(cause.beside):
         return f"If it is {plain_name(cause.name)}: {advice}."

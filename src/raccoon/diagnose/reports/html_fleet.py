@@ -1,4 +1,4 @@
-"""Many diagnoses as one HTML file. Needs the extra [report]."""
+"""Report of many diagnoses as one HTML file. Needs the extra [report]."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MAX_PANELS = 8
 MAX_LABELS = 60
-"""Names for which there is room under a picture; of more recordings every second, third... has its name."""
+"""Largest number of names below a figure; of more recordings only every second, third, ... is named."""
 MAX_HEADLINE_NAMES = 2
-"""Names of recordings that a headline has room for."""
+"""Largest number of recordings that a headline names."""
 MAX_HEADLINE_CAUSES = 3
-"""Causes that are not common of which the headline says whose they are."""
+"""Largest number of causes in the headline that are not common and given with their recordings."""
 
 
 def save_fleet_html(
@@ -46,8 +46,9 @@ def save_fleet_html(
     failed: Mapping[str, str] | None = None,
     seen: Mapping[str, CrossCheck] | None = None,
 ) -> None:
-    """Write the report, atomically. failed: why a recording has no diagnosis. seen: each recording with the
-    model of the others. Raises ConfigError where jinja2 or matplotlib is not installed."""
+    """Write the report, atomically. failed: reason for each recording without a diagnosis. seen: cross check
+    of each recording with the model of the others. Raises ConfigError if jinja2 or matplotlib is not
+    installed."""
     page = load_template("fleet.html").render(
         results={f"{name}{robot_suffix(fleet, name)}": _row(each) for name, each in fleet.results.items()},
         causes=[
@@ -108,8 +109,8 @@ def _headline(fleet: Fleet, failed: int) -> str:
 
 
 def fleet_figure(fleet: Fleet) -> Any:
-    """A panel a cause: its value with twice its deviation, by recording in their order, open where it was
-    refitted without being named, and the line of what changes."""
+    """A panel for each cause: its value with two standard deviations over the recordings in order, an open
+    marker for a refitted value that is not named, and a line for changes."""
     from matplotlib.figure import Figure
 
     shown = fleet.causes[:MAX_PANELS]
@@ -144,7 +145,8 @@ def fleet_figure(fleet: Fleet) -> Any:
 
 
 def _label(name: str) -> str:
-    """The name of a recording under its point; a $ in it is no formula, and what is no text is spelled."""
+    """The shortened name of a recording as a tick label, with $ escaped (no formula) and undecodable bytes
+    spelled out."""
     name = name.encode("utf-8", "backslashreplace").decode()
     short = name if len(name) <= 24 else "..." + name[-21:]
     return short.replace("$", r"\$")

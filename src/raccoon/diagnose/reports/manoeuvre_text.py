@@ -1,4 +1,4 @@
-"""Manoeuvres in words, for a team, and which of them shows an effect best."""
+"""Manoeuvres in words, for a team, and the one that shows an effect best."""
 
 from __future__ import annotations
 
@@ -37,6 +37,6 @@ _SHOWN_BY: Mapping[str, str] = {
 
 
 def manoeuvre_for(id: str) -> str | None:  # noqa: A002
-    """The manoeuvre that shows an effect best."""
+    """The manoeuvre that shows an effect best, in words; None for an effect without one."""
     key = _SHOWN_BY.get(id)
     return None if key is None else MANOEUVRES[key]

@@ -1,4 +1,4 @@
-"""Numbers of a report as text."""
+"""Formats the numbers of a report."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from raccoon.diagnose.result import ParameterResult
 
 MAX_PLACES = 6
-"""Places on either side of the point that a number has at most; beyond it stands a power of ten."""
+"""Largest number of decimal places, or of rounded digits before the point."""
 
 
 def parameter_text(each: ParameterResult) -> str:
@@ -16,35 +16,36 @@ def parameter_text(each: ParameterResult) -> str:
 
 
 def value_with_std_text(value: float, std: float, unit: str = "") -> str:
-    """The same of a number that is no result of a diagnosis."""
-    sure = f" +- {format_std(std)}" if std != 0.0 else ""  # a count has none
+    """Value, standard deviation (if not 0) and unit as text."""
+    sure = f" +- {format_std(std)}" if std != 0.0 else ""  # a count has no standard deviation
     return f"{format_value(value, std)}{sure} {unit}".rstrip()
 
 
 def format_two_digits(number: float) -> str:
-    """Two digits that count, of a large number as well: 0.0035, 1.2, 99, 600, never 6e+02."""
+    """Two significant digits, also of a large number: 0.0035, 1.2, 99, 600, never 6e+02."""
     return f"{float(f'{number:.2g}'):g}"
 
 
 def format_std(std: float) -> str:
-    """A standard deviation by two digits, zeros too: 0.0010, 0.35, 12."""
+    """A standard deviation with two significant digits, including zeros: 0.0010, 0.35, 12."""
     places = _places(std)
     return format_two_digits(std) if places is None else _rounded(std, places)
 
 
 def format_value(value: float, std: float) -> str:
-    """A number with the places of its deviation; where that has none, or both are tiny, with four digits."""
+    """A value with the decimal places of its standard deviation; with four significant digits if it has none
+    or it is outside MAX_PLACES."""
     places = _places(std)
     return f"{value:.4g}" if places is None or not math.isfinite(value) else _rounded(value, places)
 
 
 def _rounded(number: float, places: int) -> str:
-    return f"{round(number, places) + 0.0:.{max(places, 0)}f}"  # and never -0
+    return f"{round(number, places) + 0.0:.{max(places, 0)}f}"  # + 0.0 turns -0 into 0
 
 
 def _places(std: float) -> int | None:
-    """Places behind the point that two digits of a deviation take, below 0 those before it; None where that
-    is no way to write it."""
+    """Decimal places for two significant digits of a standard deviation, negative for places before the
+    point; None if it is 0, not finite, or outside MAX_PLACES."""
     if not (math.isfinite(std) and std > 0.0):
         return None
     places = 1 - math.floor(math.log10(float(f"{std:.1e}")))

@@ -1,4 +1,4 @@
-"""Figures of a report, without any display. Needs matplotlib."""
+"""Figures of a report, drawn without a display. Needs matplotlib."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from raccoon.diagnose.result import Curve, Diagnosis, Shape
 
 BEFORE, AFTER, MEASURED = "#b5422c", "#2c6fb5", "#aaaaaa"
 MAX_POINTS = 4000
-"""Of a curve; more make a page large, and no picture has as many columns."""
+"""Largest number of points of a curve; more make a page large without being visible."""
 
 
 def figure_to_base64_png(figure: Any) -> str:
-    """A figure as base64 text of a PNG. A letter of a name that no font has is a box in it, without a
-    warning."""
+    """A figure as base64 text of a PNG. A character that no font has is drawn as a box, without a warning."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
@@ -28,19 +27,20 @@ def figure_to_base64_png(figure: Any) -> str:
 
 
 def _new_figure(height: float) -> Any:
-    """An empty one of that height, inches, as wide as a page."""
+    """An empty figure of this height (inches), as wide as a page."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(8.0, height), layout="constrained")
 
 
 def _after_label(diagnosis: Diagnosis) -> str:
-    """Label of the better simulation: what it has that the one before has not."""
+    """Label of the simulation after the diagnosis."""
     return "with the causes" if diagnosis.causes else "within robot.toml's tolerances"
 
 
 def _before_label(diagnosis: Diagnosis) -> str:
-    """Label of the simulation before. Of a drive it is refitted within robot.toml's tolerances as well."""
+    """Label of the simulation before the diagnosis. For a drive it is already refitted within robot.toml's
+    tolerances."""
     return "without the causes" if diagnosis.causes else "before"
 
 
@@ -50,7 +50,7 @@ def _hide_frame(axes: Any) -> None:
 
 
 def error_figure(diagnosis: Diagnosis) -> Any:
-    """Error before and after over each channel's noise floor."""
+    """Error of each channel before and after, over its noise floor."""
     figure = _new_figure(0.62 * len(diagnosis.channels) + 1.3)
     axes = figure.subplots()
     names = [each.name for each in diagnosis.channels]
@@ -64,7 +64,7 @@ def error_figure(diagnosis: Diagnosis) -> Any:
     ):
         bars = axes.barh(rows + shift, values, 0.38, label=label, color=color)
         for text in axes.bar_label(bars, fmt=_ratio_text, padding=3, fontsize=9):
-            # So that the line of the noise does not run through it.
+            # The noise line must not run through the text.
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.5})
     axes.axvline(1.0, color="0.3", linewidth=1.0, linestyle="--", label="noise")
     axes.set_yticks(rows, names)
@@ -77,12 +77,12 @@ def error_figure(diagnosis: Diagnosis) -> Any:
 
 
 def _ratio_text(value: float) -> str:
-    """Two digits, and all before the point: 0.97, 1.0, 12, 374."""
+    """A ratio with two significant digits, more for integer parts above 99: 0.97, 1.0, 12, 374."""
     return f"{value:.2g}" if value < 0.995 else f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
 
 
 def cause_figure(diagnosis: Diagnosis) -> Any:
-    """For each cause: error on unseen data without it and with all."""
+    """Held-out error without each cause and with all causes."""
     causes = diagnosis.causes
     figure = _new_figure(0.5 * len(causes) + 1.2)
     axes = figure.subplots()
@@ -95,7 +95,7 @@ def cause_figure(diagnosis: Diagnosis) -> Any:
     axes.axvline(1.0, color="0.3", linewidth=1.0, linestyle="--")
     axes.set_yticks(rows, [each.name for each in causes])
     axes.set_ylim(len(causes) - 0.5, -0.5)
-    axes.set_xlim(0.0, 1.05 * max(1.0, *without, *together))  # with room for the largest's dot
+    axes.set_xlim(0.0, 1.05 * max(1.0, *without, *together))  # room for the largest dot
     axes.set_xlabel("error on unseen data / noise")
     axes.legend(fontsize=9, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     _hide_frame(axes)
@@ -103,7 +103,7 @@ def cause_figure(diagnosis: Diagnosis) -> Any:
 
 
 def shape_figure(shape: Shape) -> Any:
-    """What no cause describes, over what it depends on, with two standard deviations."""
+    """A fitted curve of an unknown effect over its covariate, with a band of two standard deviations."""
     figure = _new_figure(2.6)
     axes = figure.subplots()
     low, high = shape.values - 2.0 * shape.stds, shape.values + 2.0 * shape.stds
@@ -117,7 +117,7 @@ def shape_figure(shape: Shape) -> Any:
 
 
 def curve_figure(curve: Curve, diagnosis: Diagnosis) -> Any:
-    """Measured against simulated, and the two errors below."""
+    """Measured and simulated values over time, and the errors before and after below."""
     plain, better = _before_label(diagnosis), _after_label(diagnosis)
     step = max(1, len(curve.time) // MAX_POINTS)
     time, measured, before, after = (

@@ -1,4 +1,4 @@
-"""What a cause is called where there is room for a word or two."""
+"""Plain names of causes in a word or two."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ PLAIN_NAMES: Mapping[str, str] = {
     "tophat.height": "height of a tophat",
     "tophat.noise": "noise of a tophat",
 }
-"""By id of the effect."""
+"""Plain names by id of the effect."""
 
 
 def plain_name(name: str) -> str:
-    """id@where in words: dry friction (left). An effect of a team's own keeps its id."""
+    """id@where in words, such as: dry friction (left). A team's own effect keeps its id."""
     id_, _, where = name.partition("@")
     return PLAIN_NAMES.get(id_, id_) + (f" ({where})" if where else "")
 
@@ -60,12 +60,12 @@ _PLACES = {
 
 
 def place_name(id: str, where: str | None) -> str:  # noqa: A002
-    """Where an effect acts, in words: the left motor, both wheels, port 3."""
+    """Place of an effect in words: the left motor, both wheels, port 3."""
     places = _PLACES.get(id.partition(".")[0], _PLACES[None])
     return places.get(where) or f"port {where}"
 
 
 def capitalise(text: str) -> str:
-    """The text with a capital letter, as a sentence begins; a column's name, a file and the id of a team's
-    own effect stay as they are."""
+    """The text with a capital first letter, unless it starts with a column, a file or the id of a team's own
+    effect."""
     return text if "." in text.partition(" ")[0] else text[:1].upper() + text[1:]

@@ -1,4 +1,4 @@
-"""A diagnosis as text for a terminal."""
+"""Report of a diagnosis as text for a terminal."""
 
 from __future__ import annotations
 
@@ -23,37 +23,39 @@ from raccoon.diagnose.result import (
 )
 
 MAX_NOT_WHITE_P = 0.01
-"""p-value up to which a channel's residual is said not to be white."""
+"""Largest p-value of the whiteness test for which a channel's residual is reported as not white."""
 MIN_FAR_OFF_RATIO = 1.5
-"""Error over the noise from which a report says when a channel is furthest off."""
+"""Least ratio of error to noise for which the report says when a channel's error is largest."""
 MAX_COMPENSATED_RATIO = 1.05
-"""Error without the first cause over the error with it, up to which the others compensate for nearly all of
+"""Largest ratio of the error without a cause to the error with it at which the other causes compensate for
 it."""
 NOT_SHOWN_PREFIX, NOT_IDENTIFIABLE_PREFIX = "not ", "not identifiable: "
-"""How the reason of a cause begins that this recording cannot show at all, and how most of these do."""
+"""Beginning of the reasons of causes that this recording cannot show at all, and of most of these."""
 TOLERANCES = "the tolerances in robot.toml"
 MAX_ABSORBED_CHANGE = 0.02
-"""Change by a cause over the noise, up to which these absorb nearly all of it."""
+"""Largest change by a cause beyond robot.toml's tolerances, over the noise, at which these absorb nearly all
+of it."""
 MAX_NO_GAIN_RATIO = 1.005
-"""Error without a cause over the error with it, up to which held-out data does not show it."""
+"""Largest ratio of the error without a cause to the error with it at which held-out data does not show the
+cause."""
 NO_GAIN_TEXT = (
     "without it, the held-out data (the last 30 %, or --holdout) are predicted as well: confirm it in a "
     "second recording before you change the robot"
 )
-"""Of such a cause. Its probability is that of the whole recording."""
+"""Text for such a cause. Its probability refers to the whole recording."""
 RECORD_AGAIN_ADVICE = (
     "drive the checkup and diagnose that (raccoon excite --record again.jsonl.gz; a single motor or axis: "
     "steps and reversals at several speeds); if that is unknown as well, compare ports, signs and units in "
     "robot.toml with the robot"
 )
-"""What to do where nothing is known of what is wrong."""
+"""Advice if nothing is known of what is wrong."""
 _VISIBLE_SIZE = re.compile(r"; would show from about .*")
 _IMPOSSIBLE_SIZE = re.compile(r"; would show from about (?:\d{4,}|[\d.]+e\+\d\d)\b.*")
-"""A size that no robot has, of a thousand and more: it says no more than that nothing would show."""
+"""A size of a thousand and more, which no robot has: it only says that the cause would not show."""
 
 
 def terminal_report(diagnosis: Diagnosis) -> str:
-    """Plain sentences, the numbers behind them, and what to do next."""
+    """The report: plain sentences, the numbers behind them, and what to do next."""
     return "\n".join(_lines(diagnosis))
 
 
@@ -92,13 +94,13 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def unrepeated_notes(diagnosis: Diagnosis) -> list[str]:
-    """The notes that are not said as what the recording cannot show already."""
+    """The notes that are not already listed under what the recording cannot show."""
     said = {
         each.removeprefix(NOT_IDENTIFIABLE_PREFIX)
         for each in reasons_not_named(diagnosis)
         if each.startswith(NOT_SHOWN_PREFIX)
     }
-    lists = tuple(f"not checked, since {each}: " for each in said)  # the same causes in another order
+    lists = tuple(f"not checked, since {each}: " for each in said)  # these list the same causes
     return [
         each
         for each in diagnosis.notes
@@ -107,7 +109,8 @@ def unrepeated_notes(diagnosis: Diagnosis) -> list[str]:
 
 
 def unexplained_share_text(unexplained: Unexplained) -> str:
-    """How much no cause describes, where that is much on data that was not fitted."""
+    """Text of the share of the held-out error's power that no cause describes, omitted if it rounds to 0
+    %."""
     share = round(100 * unexplained.share)
     if share == 0:
         return "The remaining error depends on"
@@ -115,7 +118,8 @@ def unexplained_share_text(unexplained: Unexplained) -> str:
 
 
 def channel_residual_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
-    """What is left of a channel's error, in a few words; nothing where it has no time course."""
+    """A channel's residual in a few words (whiteness, time of the largest error); "" without a time
+    course."""
     if _curve_of(diagnosis, channel) is None:
         return ""
     if math.isnan(channel.whiteness_p):
@@ -125,7 +129,7 @@ def channel_residual_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
 
 
 def _worst_time_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
-    """When a channel is furthest off, where more than noise is left."""
+    """Text of the time at which a channel's error is largest, if it is clearly above the noise."""
     curve = _curve_of(diagnosis, channel)
     if curve is None or channel.rmse_after < MIN_FAR_OFF_RATIO * channel.noise_floor:
         return ""
@@ -137,8 +141,8 @@ def _curve_of(diagnosis: Diagnosis, channel: ChannelResult) -> Curve | None:
 
 
 def reasons_not_named(diagnosis: Diagnosis) -> dict[str, list[str]]:
-    """Causes that were not named, by the reason they share. From which size on each would show says nothing
-    where the simulation does not follow the recording."""
+    """Causes that were not named, grouped by reason. The sizes above which they would show are omitted if the
+    simulation does not follow the recording, where they mean nothing."""
     sizes = _VISIBLE_SIZE if _is_nothing_known(diagnosis) else _IMPOSSIBLE_SIZE
     found: dict[str, list[str]] = defaultdict(list)
     for each in diagnosis.rejected:
@@ -147,15 +151,15 @@ def reasons_not_named(diagnosis: Diagnosis) -> dict[str, list[str]]:
 
 
 def next_recording_advice(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """What to record next. What a note says already is not said again. Where the simulation does not follow
-    at all, a drive that would show one cause more does not help."""
+    """Advice on the next recording, without what a note already says. If the simulation does not follow the
+    recording at all, a drive that would show one more cause does not help."""
     if _is_nothing_known(diagnosis):
         return (RECORD_AGAIN_ADVICE,)
     return tuple(each for each in diagnosis.suggested_manoeuvres if each not in diagnosis.notes)
 
 
 def _is_nothing_known(diagnosis: Diagnosis) -> bool:
-    """Whether something is wrong and nothing at all is known of it."""
+    """Whether something is wrong and nothing at all is known about it."""
     known = diagnosis.causes or diagnosis.shapes or diagnosis.unexplained.depends_on
     return diagnosis.verdict is Verdict.UNKNOWN and not known
 
@@ -171,8 +175,8 @@ def _identified_lines(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:
 
 
 def compensation_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
-    """What is to be said of a cause that the reference shows, and of the one that changes most, where the
-    error is hardly larger without it."""
+    """Text for a cause without which the held-out error is hardly larger: one that the reference shows, or
+    the first-ranked one, for which the others would compensate; "" otherwise."""
     first = cause.rank == 1 and len(diagnosis.causes) > 1
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
     referred = any(name.endswith(" by the reference") for name in diagnosis.identified)
@@ -180,13 +184,13 @@ def compensation_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
         return "the reference of the pose shows it (see 'Also measured'); the sensors' errors hardly do"
     alike = (
         without != after and without < MAX_COMPENSATED_RATIO * after
-    )  # noise that is a cause lowers no error at all
+    )  # a cause that is noise does not lower the error
     return "without it, the other causes would compensate for it" if first and alike else ""
 
 
 def change_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
-    """How much a cause changes the readings, whether that matters, and of the first which others may change
-    as much; nothing but of a drive."""
+    """How much a cause changes the readings, whether it is negligible, and for the first-ranked one the
+    causes of similar size; "" if it is not a cause of a drive."""
     if not math.isfinite(cause.change):
         return ""
     why = f", {cause.negligible_reason}" if cause.negligible_reason else ""
@@ -201,12 +205,12 @@ def change_text(cause: CauseResult, diagnosis: Diagnosis) -> str:
 
 
 def _factor_text(number: float) -> str:
-    """Two digits, and never a power of ten."""
+    """A factor with two significant digits, without an exponent."""
     return f"{number:.0f} times" if number >= 99.5 else f"{number:.2g} times"
 
 
 def evidence_text(cause: CauseResult) -> str:
-    """What data that was not fitted says of a cause."""
+    """The held-out evidence for a cause."""
     without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
     if cause.id.endswith(".noise"):
         return f"no simulation can predict it: the error on unseen data is {after:.2f} times the noise"
@@ -216,7 +220,8 @@ def evidence_text(cause: CauseResult) -> str:
 
 
 def probability_text(cause: CauseResult) -> str:
-    """How sure it is, and of what: not that it is alone where another may have a part of it."""
+    """The probability of a cause, and of what exactly: that it is this cause, possibly beside others that
+    share its effect."""
     parts = f", alone or with {' or '.join(cause.beside)} beside it" if cause.beside else ""
     none = " and none of the others" if set(cause.confounded_with) - set(cause.beside) else ""
     those = f" that it is {cause.name}{parts}{',' if parts and none else ''}{none}" if parts or none else ""
@@ -229,13 +234,14 @@ def _cause_lines(cause: CauseResult, diagnosis: Diagnosis) -> Iterator[str]:
         yield f"       {name} {parameter_text(each)} (assumed {each.nominal:.4g})"
     if change := change_text(cause, diagnosis):
         yield f"       {change}"
-    if not cause.is_negligible:  # of what does not matter it does not matter where it shows
+    if not cause.is_negligible:  # where a negligible cause shows is irrelevant
         yield f"       {compensation_text(cause, diagnosis) or evidence_text(cause)}"
     yield f"       {probability_text(cause)}"
 
 
 def _cause_sentence(cause: CauseResult) -> str:
-    """The sentence; of several that this recording does not tell apart all, and what it is if it is that."""
+    """The sentence of a cause; with indistinguishable rivals all of them, and the sentence conditional on
+    this cause."""
     if not cause.confounded_with:
         return cause.explanation
     *first, last = (cause.name, *cause.confounded_with)

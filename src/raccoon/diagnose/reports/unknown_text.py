@@ -1,4 +1,4 @@
-"""What no cause describes, in words: how much of it there is, over what, and where to look on the robot."""
+"""Unknown effects in words: their size, their covariate, and where to look on the robot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from raccoon.diagnose.reports.numbers import parameter_text
 from raccoon.diagnose.result import Shape
 
 MIN_WAVE_SHARE = 0.6
-"""Share of a curve's power from which one wave is said to be all of it."""
+"""Least share of a curve's power in a single harmonic for which the curve is described by it."""
 _WHEEL_ANGLE = re.compile(r"wheel angle (left|right)")
 _WHEEL_ALONE = re.compile(r"^(left|right) wheel alone$")
 FRICTION_SUFFIX, TIME_PREFIX = " (friction)", "time ("
@@ -28,20 +28,20 @@ QUESTIONS = {
     "gyro over time": "does the gyro warm up: is it calibrated at rest just before a run?",
     "battery over time": "is a plug loose, or does something else draw from the battery?",
 }
-"""By the covariate of a curve, without what is in parentheses or which of several it is."""
+"""Questions by the covariate of a curve, without parentheses and without the side."""
 
 
 def depends_text(depends_on: Sequence[str]) -> str:
-    """What something unknown depends on, in words."""
+    """The covariates of an unknown effect in words."""
     named = (_WHEEL_ANGLE.sub(r"the angle of the \1 wheel", each) for each in depends_on)
     return ", ".join(_WHEEL_ALONE.sub(r"the \1 wheel alone", each) for each in named)
 
 
 def shape_text(shape: Shape) -> str:
-    """What varies, by how much, where it is most, or how often in a turn, and what to look at."""
+    """What varies, its size, where it is largest or how often per turn, and what to look at."""
     often = waves_per_turn(shape)
     most = f"{often} times in a turn" if often else f"highest at {shape.highest:.3g} {shape.over_unit}"
-    if shape.depends_on.startswith(TIME_PREFIX):  # in steps
+    if shape.depends_on.startswith(TIME_PREFIX):  # a curve in steps
         moment = step_position(shape)
         most = f"most of it at about {moment:.{0 if moment >= 10.0 else 1}f} {shape.over_unit}"
     size = f"{shape.quantity} varies by {parameter_text(shape.size)} over the {covariate_text(shape)}, {most}"
@@ -50,19 +50,19 @@ def shape_text(shape: Shape) -> str:
 
 
 def step_position(shape: Shape) -> float:
-    """Where a curve in steps changes most, in over_unit: between two of its places."""
+    """Position of the largest step of a curve in steps, in over_unit: between two of its points."""
     step = int(np.argmax(np.abs(np.diff(shape.values, append=shape.values[-1]))))
     return float(shape.over[step : step + 2].mean())
 
 
 def covariate_text(shape: Shape) -> str:
-    """What the curve runs over, in some words."""
+    """The covariate of a curve in a few words."""
     name = shape.depends_on.partition(" (")[0].rpartition(" over ")[2]
     return depends_text([name]).removeprefix("the ")
 
 
 def question_about(depends_on: str) -> str:
-    """The question that a team can answer by looking; "" where there is none."""
+    """A question about the covariate that a team can answer by looking; "" if there is none."""
     over, wheel, side = depends_on.removesuffix(FRICTION_SUFFIX).partition("wheel angle ")
     if wheel:
         if depends_on.endswith(FRICTION_SUFFIX):
@@ -73,7 +73,7 @@ def question_about(depends_on: str) -> str:
 
 
 def waves_per_turn(shape: Shape) -> int:
-    """How often in a turn of a wheel it comes, where that is more than once, and nearly all of it; else 0."""
+    """Harmonic of the wheel's angle that makes nearly all of the curve, if above 1; else 0."""
     if not shape.depends_on.startswith("wheel angle"):
         return 0
     orders = np.arange(1, 13)[:, None]
