@@ -146,7 +146,7 @@ def test_a_pause_does_not_lose_a_robot_one_wheel_of_which_is_silent(
     """The other wheel and the gyro before and after it tell how far it may have turned."""
     odometry = Odometry(RobotConfig())
     segments: list[Segment] = [(1.0, 0.0, 0.0), (2.0, 0.2, 0.2), (2.5, 0.0, 0.0)]
-    for inputs, command in drive(segments, Errors(offset_counts=OFFSETS), seed=side):
+    for inputs, command in drive(segments, Errors(offset_counts=OFFSETS, gyro_bias=0.02), seed=side):
         if begin < inputs.time < begin + seconds:
             continue
         if inputs.time > 1.5:
@@ -155,6 +155,8 @@ def test_a_pause_does_not_lose_a_robot_one_wheel_of_which_is_silent(
             inputs = replace(inputs, bemf=tuple(bemf), position=tuple(position))
         estimate = odometry.update(inputs, command)
     assert max(sigmas(estimate, inputs)) < 3.0
+    assert inputs.truth is not None
+    assert estimate.heading == pytest.approx(inputs.truth.heading, abs=0.01)  # half of the turn in the gap
     assert estimate.status is Status.UNCERTAIN  # for the wheel
     assert math.hypot(estimate.x_std, estimate.y_std) < 0.1
     assert estimate.heading_std < (0.4 if begin < 3.0 else math.radians(2.0))
