@@ -1,4 +1,4 @@
-"""The command line: one file or folder a command, heavy imports inside."""
+"""The command line `raccoon`: one module or package per command, with heavy imports inside its functions."""
 
 from raccoon.cli.main import main
 

@@ -1,4 +1,4 @@
-"""The parser of the command line: argparse's, which also says what a mistyped word was meant to be."""
+"""The parser of the command line: argparse's, extended by suggestions for mistyped words."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from raccoon.core.near_names import did_you_mean
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse's parser with a near name in what it says of commands, choices and options. Parsers of its
-    sub-commands are of this class as well."""
+    """argparse's parser, whose errors suggest the nearest name of a mistyped command, choice or option.
+    Parsers of its sub-commands are of this class as well."""
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is None or value in action.choices:
@@ -22,7 +22,7 @@ class Parser(argparse.ArgumentParser):
         )
 
     def refuse(self, words: Sequence[str]) -> NoReturn:
-        """End the program with status 2 for words that no argument takes."""
+        """End the program with status 2 and an error that names words which no argument takes."""
         said = []
         for word in words:
             options = self._option_string_actions if word.startswith("-") else ()

@@ -1,4 +1,5 @@
-"""The commands of `raccoon`: find the one that is meant, run it, turn errors into one clear line."""
+"""The commands of `raccoon`: choosing the module of a command, running it, and printing errors as one clear
+line."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from raccoon.cli.arguments import Parser
 from raccoon.core.errors import RaccoonError
 from raccoon.core.near_names import did_you_mean_file
 
-# One module or folder of this package each; its name with - for _ is the command.
+# Each is a module or package beside this file; the command is its name with - instead of _.
 COMMANDS: tuple[str, ...] = (
     "calibrate",
     "compare_mitigations",
@@ -36,7 +37,8 @@ COMMANDS: tuple[str, ...] = (
 
 
 class Command(Protocol):
-    """What a command's module offers. Only standard-library imports at its top."""
+    """Interface of a command's module. At its top it imports from the standard library and light modules
+    only."""
 
     HELP: str
 
@@ -45,12 +47,12 @@ class Command(Protocol):
         ...
 
     def run(self, args: argparse.Namespace) -> int:
-        """Do it; the result is the exit status."""
+        """Run the command. Returns the exit status."""
         ...
 
 
 def build_parser() -> Parser:
-    """The parser with every command in it."""
+    """The parser of the command line with all commands."""
     parser = Parser(prog="raccoon", description="Onboard robot control for the KIPR Wombat.")
     parser.add_argument("--version", action="version", version=f"raccoon {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
@@ -63,21 +65,22 @@ def build_parser() -> Parser:
 
 
 def run_command(argv: Sequence[str] | None = None) -> int:
-    """As `raccoon.cli.main.main`."""
-    for name in ("stdout", "stderr"):  # closed, as by >&-: what is said goes nowhere, not to the other one
+    """Parse the arguments (default: sys.argv) and run the command. Returns the exit status as
+    `raccoon.cli.main.main`."""
+    for name in ("stdout", "stderr"):  # None if closed, as by >&-: output is then discarded
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the end
-    if isinstance(sys.stdout, TextIOWrapper):  # a file's name may be no text, and a terminal not know all
+    if isinstance(sys.stdout, TextIOWrapper):  # names of files may be undecodable, and terminals limited
         sys.stdout.reconfigure(errors="backslashreplace")
     given = list(sys.argv[1:] if argv is None else argv)
     name = "raccoon"
     try:
         parser = build_parser()
-        if not given:  # what there is helps more than that a word is missing
+        if not given:  # the list of commands helps more than an error
             parser.print_help(sys.stderr)
             return 2
         args, unknown = parser.parse_known_args(_without_view_run(given))
-        if unknown:  # in the words and with the usage of the command, not of all of them
+        if unknown:  # with the usage of this command, not that of `raccoon`
             args.parser.refuse(unknown)
         args.given = given
         name = f"raccoon {args.command}"
@@ -94,8 +97,8 @@ def run_command(argv: Sequence[str] | None = None) -> int:
 
 
 def _without_view_run(given: list[str]) -> list[str]:
-    """`view run -o a.svg RECORDING` without `run`, which argparse would take for the recording, options
-    coming next; as it is where there is a recording of that name."""
+    """The arguments without `run` after `view`: in `view run -o a.svg RECORDING`, argparse would take `run`
+    for the recording. They stay unchanged if a recording of that name exists."""
     if given[:2] != ["view", "run"] or len(given) == 2:
         return given
     from raccoon.trace.record import existing_recording
@@ -105,11 +108,12 @@ def _without_view_run(given: list[str]) -> list[str]:
 
 
 def _error_text(error: Exception) -> str:
-    """What went wrong; of a file its name first, and how to come to a robot.toml where there is none."""
+    """Text of an error. For errors of files the name of the file comes first; for a missing robot.toml a hint
+    how to get one is added."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
     said = f"{error.strerror[0].lower()}{error.strerror[1:]}"
-    if error.filename is None:  # it was on its way to the output
+    if error.filename is None:  # an error of the output stream
         return said
     hint = ""
     if isinstance(error, FileNotFoundError) and Path(error.filename).name == "robot.toml":

@@ -1,4 +1,5 @@
-"""Where the many runs of a command are done: in how many processes, or on the workers of a Dask scheduler."""
+"""Options for where a command does its many runs: in how many processes, or on the workers of a Dask
+scheduler."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add_workers_option(parser: argparse.ArgumentParser, usual: int) -> None:
-    """The option `--workers`. usual: how many without it, 0 one for each core."""
+    """Add the option `--workers`. usual: its default; 0 means one process per core."""
     parser.add_argument(
         "--workers",
         type=int,
@@ -23,7 +24,7 @@ def add_workers_option(parser: argparse.ArgumentParser, usual: int) -> None:
 
 
 def add_crew_options(parser: argparse.ArgumentParser, usual: int) -> None:
-    """The options of commands that may have their workers elsewhere."""
+    """Add the options of commands whose workers may run elsewhere. usual: default of `--workers`."""
     add_workers_option(parser, usual)
     parser.add_argument(
         "--executor",
@@ -35,20 +36,20 @@ def add_crew_options(parser: argparse.ArgumentParser, usual: int) -> None:
 
 
 def check_workers(workers: int) -> None:
-    """Raise ConfigError for a `--workers` that is no number of processes."""
+    """Raise ConfigError for a negative `--workers`."""
     if workers < 0:
         raise ConfigError(f"--workers {workers}: allowed are whole numbers from 0")
 
 
 def check_crew(args: argparse.Namespace) -> None:
-    """Raise ConfigError where the options of `add_crew_options` do not fit together."""
+    """Raise ConfigError if the options of `add_crew_options` contradict each other."""
     check_workers(args.workers)
     if args.scheduler is not None and args.executor != "dask":
         raise ConfigError(f"--scheduler {args.scheduler}: it belongs to --executor dask")
 
 
 def open_crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
-    """The workers that the options of `add_crew_options` ask for."""
+    """The workers that the options of `add_crew_options` select."""
     from raccoon.sweep.workers import dask_crew, process_crew
 
     if args.executor == "dask":

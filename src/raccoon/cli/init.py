@@ -1,4 +1,4 @@
-"""`raccoon init`: a robot.toml to start from."""
+"""`raccoon init`: write a robot.toml to start from."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the file; an existing one is never overwritten."""
+    """Write the file, or print it for the path `-`. Raises ConfigError if the file exists: it is never
+    overwritten."""
     from raccoon.core.config import template
 
     path: Path = args.path
@@ -34,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     with naming_path(path):
         try:
             partial.write_text(template(), encoding="utf-8")
-            os.link(partial, path)  # unlike a rename this fails where somebody else was quicker
+            os.link(partial, path)  # unlike a rename, this fails if the file has appeared meanwhile
         finally:
             partial.unlink(missing_ok=True)
     print(f"wrote {path}: take the # away from what your robot has and what you change")

@@ -1,4 +1,5 @@
-"""`raccoon COMMAND ...`: where it starts. All imports are inside, so that Ctrl-C is heeded from here on."""
+"""Entry point of `raccoon COMMAND ...`. All imports are inside functions, so that Ctrl-C is handled from the
+start."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command. Exit status: its own, 2 for bad input, 130 after Ctrl-C."""
+    """Run one command. Returns its exit status, 2 for bad input, 130 after Ctrl-C."""
     try:
         from raccoon.cli.commands import run_command
 
@@ -23,8 +24,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _was_interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C caused the error: up to Python 3.11 one in the middle of a class raises a
-    RuntimeError."""
+    """Whether Ctrl-C caused the error. Up to Python 3.11, a KeyboardInterrupt in a class body appears as the
+    cause of a RuntimeError."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__
     return error is not None

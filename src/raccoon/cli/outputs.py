@@ -1,4 +1,4 @@
-"""Files that a command is to write: refused before the work, not after it."""
+"""Checks of the files that a command is to write, made before the work begins."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from raccoon.core.extras import install
 from raccoon.core.files import is_stream, write_atomically
 
 PROTECTED_SUFFIXES = (".csv", ".gz", ".jsonl", ".mat", ".mcap", ".py", ".toml")
-"""Endings of recordings, programs and robots: hours of work that no result replaces."""
+"""Endings of recordings, programs and robot descriptions, hours of work that no result may overwrite."""
 
 
 def check_recording(path: Path) -> None:
-    """Raise ConfigError where `--record` names a recording that is there already, or none can be written."""
+    """Raise ConfigError if the recording of `--record` exists already, or cannot be written."""
     from raccoon.trace.record import existing_recording
 
     if path.is_dir():
@@ -26,14 +26,14 @@ def check_recording(path: Path) -> None:
     there = existing_recording(path)
     if there is not None:
         raise ConfigError(f"--record {there}: it is there already; choose another name")
-    folder = next(each for each in path.absolute().parents if each.exists())  # the rest is made
+    folder = next(each for each in path.absolute().parents if each.exists())  # missing folders are created
     if not (folder.is_dir() and os.access(folder, os.W_OK)):
         raise ConfigError(f"--record {path}: nothing can be written in {folder}")
 
 
 def check_folders(*paths: Path | None) -> None:
-    """Raise ConfigError where a file would have no folder, is one itself, cannot be written, or is to hold
-    two things; None: nobody asked for it."""
+    """Raise ConfigError if a file's folder does not exist, the path is a folder, the file cannot be written,
+    or two results go to the same file. None: not requested."""
     asked = [path for path in paths if path is not None]
     for path in asked:
         if str(path) == "-":
@@ -50,7 +50,8 @@ def check_folders(*paths: Path | None) -> None:
 
 
 def check_matplotlib() -> None:
-    """Raise ConfigError where pictures are asked for and cannot be drawn: matplotlib is an extra."""
+    """Raise ConfigError if matplotlib, an optional dependency, is missing, so that no pictures can be
+    drawn."""
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
@@ -58,7 +59,7 @@ def check_matplotlib() -> None:
 
 
 def check_not_read(outputs: Sequence[Path | None], inputs: Iterable[Path | None]) -> None:
-    """Raise ConfigError where an output would replace what the command reads; None: nobody asked for it."""
+    """Raise ConfigError if an output would overwrite an input of the command. None: not requested."""
     read = [path for path in inputs if path is not None]
     for path in outputs:
         if path is not None and any(_is_same_file(path, each) for each in read):
@@ -66,7 +67,7 @@ def check_not_read(outputs: Sequence[Path | None], inputs: Iterable[Path | None]
 
 
 def check_holdout(holdout: Iterable[Path], recordings: Iterable[Path]) -> None:
-    """Raise ConfigError where what is to be judged on is what the numbers are fitted to."""
+    """Raise ConfigError if a held-out recording is among the recordings to which the model is fitted."""
     fitted = list(recordings)
     for path in holdout:
         if any(_is_same_file(path, each) for each in fitted):
@@ -77,8 +78,8 @@ def check_holdout(holdout: Iterable[Path], recordings: Iterable[Path]) -> None:
 
 
 def check_replaceable(*paths: Path | None, model: Path | None = None) -> None:
-    """Raise ConfigError where a result would replace a recording, a program or a robot.toml; a model only
-    replaces a model. None: nobody asked for it."""
+    """Raise ConfigError if a result would overwrite a recording, a program or a robot.toml, or if `model`
+    would overwrite a file that is not a model. None: not requested."""
     for path in paths:
         if path is not None and path.is_file() and path.suffix in PROTECTED_SUFFIXES:
             raise ConfigError(f"{path}: it is there, and by its name no result; choose another name")
@@ -101,7 +102,8 @@ def _can_be_written(path: Path) -> bool:
 
 
 def _is_same_file(one: Path, other: Path) -> bool:
-    """Whether two names are one file, also by links; a device takes any number of results."""
+    """Whether two paths name the same file, also through links; never for devices, which take any number of
+    results."""
     if is_stream(one):
         return False
     if one.exists() and other.exists():
@@ -110,7 +112,8 @@ def _is_same_file(one: Path, other: Path) -> bool:
 
 
 def save_figure(figure: Any, path: Path, **how: object) -> None:
-    """A figure into a file of the format that its ending names, whole or not at all. how: of `savefig`."""
+    """Write a figure atomically to a file in the format that its ending names. how: arguments of
+    `savefig`."""
     buffer = BytesIO()
     figure.savefig(buffer, format=path.suffix[1:], **how)
     write_atomically(path, buffer.getvalue())

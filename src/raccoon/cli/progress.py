@@ -1,4 +1,4 @@
-"""A line that says what a long command is doing."""
+"""A line that shows the progress of a long command."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ WIDTH = 100
 
 @contextmanager
 def show_progress() -> Iterator[None]:
-    """Inside, a line on the standard error output says what takes long, where that is a terminal; it is gone
-    afterwards."""
+    """Context in which a line on standard error shows the current step and the elapsed time, s, if that is a
+    terminal; the line is erased at the end."""
     if not sys.stderr.isatty():
         yield
         return

@@ -1,4 +1,4 @@
-"""Recordings that a command is to read."""
+"""The type of command-line arguments that name recordings."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 
 
 def recording_path(text: str) -> Path:
-    """A path of the command line; nothing (a variable of a script that is empty) is not the folder that the
-    command is in."""
+    """A path from the command line. An empty text, such as an empty variable of a script, is refused: it
+    would mean the current folder."""
     if not text:
         raise argparse.ArgumentTypeError("the name of a recording is empty")
     return Path(text)

@@ -1,4 +1,4 @@
-"""Numbers that several commands take, and how they are refused: before the work, in the command's words."""
+"""Options that several commands share, and checks of their values before the work begins."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from pathlib import Path
 from raccoon.core.errors import ConfigError
 
 MAX_START_M = 1000.0
-"""m; no table is so large, and beyond it a picture or a pose would lose its millimetres."""
+"""Largest X and Y of a start, m. No table is so large, and a picture or a pose farther away would lose its
+millimetres."""
 
 
 def add_place_options(parser: argparse.ArgumentParser) -> None:
-    """Add `--table` and `--start`: where a simulated robot drives."""
+    """Add the options `--table` and `--start`: the table of a simulated robot, and its start pose on it."""
     parser.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
     parser.add_argument(
         "--start",
@@ -27,13 +28,13 @@ def add_place_options(parser: argparse.ArgumentParser) -> None:
 
 
 def check_seed(seed: int) -> None:
-    """Raise ConfigError for a `--seed` that no generator takes."""
+    """Raise ConfigError for a negative `--seed`."""
     if seed < 0:
         raise ConfigError(f"--seed {seed}: allowed are whole numbers from 0")
 
 
 def check_start(start: Sequence[float]) -> None:
-    """Raise ConfigError for a `--start X Y DEG` that is nowhere."""
+    """Raise ConfigError for a `--start X Y DEG` that is not finite or farther away than MAX_START_M."""
     x, y, degrees = start
     if not (abs(x) <= MAX_START_M and abs(y) <= MAX_START_M and math.isfinite(degrees)):
         shown = " ".join(f"{each:g}" for each in start)

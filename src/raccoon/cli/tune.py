@@ -1,4 +1,5 @@
-"""`raccoon tune wheels`: identify each wheel from a short excitation and compute the gains of its loop."""
+"""`raccoon tune wheels`: identify each wheel from a short excitation and compute the gains of its speed
+loop."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ HELP = "identify the wheels of a robot and compute their gains, with the margins
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """A sub-command a thing to tune."""
+    """Add one sub-command per thing to tune."""
     kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
     text = "friction, speed and inertia voltage of each wheel, and the gains of its speed loop"
     wheels = kinds.add_parser("wheels", help=text, description=text)
@@ -25,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the sub-command."""
+    """Run the sub-command. Returns the exit status."""
     return cast(Callable[[argparse.Namespace], int], args.tune)(args)
 
 
@@ -39,7 +40,7 @@ def _wheels(args: argparse.Namespace) -> int:
 
 
 def _show(fit: WheelFit) -> None:
-    """One wheel for people."""
+    """Print the fit, gains and margins of one wheel."""
     found, gains, reached = fit.voltages, fit.gains, fit.margins
     print(f"{fit.side} wheel, motor port {fit.port}: off by {found.residual:.3f} V on average")
     for name, unit in (("static", "V"), ("speed", "V/(rad/s)"), ("acceleration", "V/(rad/s2)")):

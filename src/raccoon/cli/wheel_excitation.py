@@ -1,4 +1,5 @@
-"""What `raccoon tune wheels` and `raccoon calibrate motors` share: excite a robot's wheels, and the end."""
+"""The shared parts of `raccoon tune wheels` and `raccoon calibrate motors`: exciting a robot's wheels, and
+showing and storing the result."""
 
 from __future__ import annotations
 
@@ -19,11 +20,12 @@ if TYPE_CHECKING:
 
 PORTS = ("wombat", "wombat-raccoon", "sim")
 FRESH_BATTERY_FACTOR = 1.06
-"""Voltage of the fullest battery over robot.toml's: 7.2 V where it says 6.8."""
+"""Voltage of a fully charged battery relative to robot.toml's open-circuit voltage: 7.2 V where that is 6.8
+V."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of both commands."""
+    """Add the arguments of both commands."""
     parser.add_argument(
         "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (%(default)s)"
     )
@@ -39,9 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def excite_and_fit(
     args: argparse.Namespace, *, bare: bool = False
 ) -> tuple[Excitation, tuple[WheelFit, WheelFit]]:
-    """Drive the robot ahead and back, and identify both wheels. Raises CalibrationError, HardwareError.
+    """Drive the robot forward and back and identify both wheels. Raises CalibrationError, HardwareError.
 
-    bare: without the static compensation that robot.toml has, as a new one must not build on it.
+    bare: ignore the `power_factor` in robot.toml, since a new one must not build on it.
     """
     from raccoon.robot.actions.actions import wait
     from raccoon.robot.calibration.identification import excite, fit_wheels
@@ -67,8 +69,8 @@ def excite_and_fit(
 
 
 def required_room(config: RobotConfig) -> float:
-    """Room, m, ahead of the robot that its drive stays within, in whole decimetres: as if no friction held
-    it."""
+    """Free space ahead of the robot within which the drive stays, m, rounded up to decimetres: the way
+    without any friction."""
     from raccoon.robot.calibration.identification import DUTY_LEVELS, LEVEL_TIME_S
 
     model = config.model
@@ -81,7 +83,7 @@ def required_room(config: RobotConfig) -> float:
 
 
 def show_and_write(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
-    """Show what was measured by driving, and put it into robot.toml where that was asked for."""
+    """Print the measured values and, with `--write`, store them in robot.toml. Returns the exit status."""
     from raccoon.diagnose.reports.numbers import value_with_std_text
 
     for key, value in entries.items():
@@ -90,5 +92,5 @@ def show_and_write(args: argparse.Namespace, entries: Mapping[str, Measured]) ->
 
 
 def is_simulated(args: argparse.Namespace) -> bool:
-    """Whether the robot that was driven is a simulated one."""
+    """Whether the driven robot is a simulated one."""
     return (args.port or load_robot(args.robot).controller.port) not in REAL_CONTROLLERS

@@ -1,4 +1,4 @@
-"""Long sentences on a terminal."""
+"""Wrapping of long lines on a terminal."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import sys
 import textwrap
 
 MIN_WIDTH = 40
-"""Letters of a line below which a sentence is no easier to read in parts."""
+"""Smallest width to which lines are wrapped, characters: on a narrower terminal wrapping does not help."""
 HANGING_INDENT = 4
 
 
 def print_wrapped(text: str) -> None:
-    """Print. On a terminal a line that is too long breaks between words, and goes on further in; in a file
-    it stays one, for what looks for a sentence there."""
+    """Print a text. On a terminal, lines that are too long are wrapped between words with a hanging indent;
+    elsewhere they stay whole, so that programs find sentences in the output."""
     if sys.stdout.isatty():
         width = max(MIN_WIDTH, shutil.get_terminal_size().columns)
         text = "\n".join(_wrapped(line, width) for line in text.split("\n"))
