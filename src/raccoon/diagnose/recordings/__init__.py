@@ -1,1 +1,1 @@
-"""What kind a recording is, what of it can be looked at, and how each kind is diagnosed."""
+"""Kinds of recordings, the checks and repairs of their columns, and the diagnosis of each kind."""

@@ -1,1 +1,1 @@
-"""One motor or one axis: force, torque or voltage in, speed or position out."""
+"""The diagnosis of one motor or one axis: force, torque or voltage in, speed or position out."""

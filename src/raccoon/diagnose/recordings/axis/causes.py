@@ -1,4 +1,4 @@
-"""What may be wrong with one motor or axis: the catalogue's effects that its channels can show."""
+"""Candidate causes for one motor or axis: the catalogue's effects that its channels can show."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from raccoon.diagnose.recordings.axis.log import AxisLog
 from raccoon.diagnose.recordings.axis.rough_estimate import RoughAxis
 
 MAX_ASYMMETRY = 0.95
-"""Share of friction by which it may differ by direction at most."""
+"""Largest relative asymmetry of friction between directions."""
 MAX_LATENCY_S = 0.25
-"""s; longest latency that is tried."""
+"""Longest latency that is tried, s."""
 LATENCY_SCAN = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 DEAD_BAND_SCAN = (0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0)
-"""Values of u that are scanned before a fit."""
+"""Values of u that are scanned before a fit, for a latency and for a dead band."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisCause:
-    """An effect of the catalogue. parameters: of the axis model, that it frees. contract_names: their names
-    in the contract. starts: u to begin a fit from. scan: u of its one parameter that are tried first, where a
-    fit does not converge from afar. An effect may be here twice, with two rules; one of them is named."""
+    """A candidate effect of the catalogue. parameters: of the axis model, that it frees. contract_names:
+    their names in the contract. starts: u at which a fit begins. scan: values of u of its single parameter
+    that are tried first, for effects from which a distant fit does not converge. An effect may have two
+    candidates, with two rules; at most one of them is named."""
 
     id: str
     parameters: tuple[FreeParameter, ...]
@@ -33,13 +34,14 @@ class AxisCause:
 
 
 def axis_causes(log: AxisLog, rough: RoughAxis) -> tuple[AxisCause, ...]:
-    """Candidates in the order in which equal evidence prefers them.
+    """Candidate causes in the order in which they are preferred at equal evidence.
 
-    Dry and viscous friction and a constant force are part of the base model where a force drives the axis:
-    any mechanism has them. A motor's base model is the textbook's, U = R I + L dI/dt + K_E w and an inertia.
-    There, viscous friction shows only with a current (else it is part of K_E). A dead band of volts is either
-    that of the simulated robot (nothing up to it, then linearly to everything at full) or a threshold (small
-    commands do nothing, larger ones all that they say).
+    If a force drives the axis, dry and viscous friction and a constant force are part of the base model,
+    since any mechanism has them. A motor's base model is the textbook's, U = R I + L dI/dt + K_E w with an
+    inertia. There, viscous friction is only identifiable with a measured current (else it is part of K_E). A
+    dead band of the voltage follows one of two rules: that of the simulated robot (nothing up to it, then
+    linear up to the full effort at full command), or a threshold (smaller commands do nothing, larger ones
+    act in full).
     """
     is_mechanism = log.effort_unit != "V"
     causes = (
@@ -82,24 +84,24 @@ def _non_negative_cause(
     high: float = math.inf,
     scan: tuple[float, ...] = (),
 ) -> AxisCause:
-    """A cause of one parameter that is not below 0."""
+    """A cause with one parameter that is not negative."""
     free = FreeParameter(model_name, 0.0, width, low=0.0, high=high, prior=True)
     return AxisCause(id, (free,), (contract_name,), (start,), scan)
 
 
 def constant_force(rough: RoughAxis) -> FreeParameter:
-    """A force that pulls one way."""
+    """The parameter of a constant force in one direction."""
     return FreeParameter("offset", 0.0, 0.1 * rough.force, prior=True)
 
 
 def dry_friction_asymmetry() -> FreeParameter:
-    """By how much dry friction is larger forwards than backwards, over its mean."""
+    """The parameter of dry friction's asymmetry: its excess forwards over its mean, relative to the mean."""
     return FreeParameter("asymmetry", 0.0, 0.4, low=-MAX_ASYMMETRY, high=MAX_ASYMMETRY, prior=True)
 
 
 def _direction_cause(log: AxisLog, is_mechanism: bool) -> AxisCause:
-    """Friction that differs by direction. Asymmetric dry friction is a constant force as long as the axis
-    moves: where the base model has that force, only the viscous part can be told."""
+    """Direction-dependent friction. While the axis moves, asymmetric dry friction acts as a constant force:
+    if the base model has such a force, only the viscous part is identifiable."""
     viscous = FreeParameter("viscous_asymmetry", 0.0, 0.4, low=-MAX_ASYMMETRY, high=MAX_ASYMMETRY, prior=True)
     dry = dry_friction_asymmetry()
     id_ = "friction.direction_dependent"

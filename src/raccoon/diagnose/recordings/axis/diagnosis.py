@@ -43,17 +43,17 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_ERROR_OVER_FLOOR = 3.0
-"""Error of a speed or current over its noise floor above which the rest is large. A position's error grows
-with every disturbance, so there only the share counts."""
+"""Ratio of a speed's or current's error to its noise floor above which the unexplained rest is large. A
+position's error grows with every disturbance, so for it only the share counts."""
 MIN_RIVAL_COSINE = 0.95
-"""Cosine between what two causes change above which the data cannot tell them apart."""
+"""Cosine of the changes by two causes above which the data do not distinguish them."""
 MAX_RIVAL_ERROR_RATIO = 1.1
-"""Times the held-out error up to which another cause predicts as well."""
+"""Largest ratio of held-out errors at which another cause predicts equally well."""
 EQUIVALENT_CAUSES = {
     "drive.slope": "friction.direction_dependent",
     "friction.direction_dependent": "drive.slope",
 }
-"""Causes that are the same term of the equations while the axis moves, as long as there is dry friction."""
+"""Causes that are the same term of the equations while the axis moves and has dry friction."""
 INVISIBLE_CAUSES = {
     "battery.internal_resistance": "not visible: battery.voltage is missing, or a current",
     "motor.heating": "not visible: that takes minutes of load and a current",
@@ -63,17 +63,17 @@ INVISIBLE_CAUSES = {
 
 @dataclass(frozen=True, slots=True)
 class AxisName:
-    """Which axis it is. where: the place of its causes in the contract. text: for people."""
+    """Names of an axis. where: place of its causes in the contract. text: for people."""
 
     where: str | None
     text: str
 
 
 def diagnose_axis(columns: Columns, port: int, name: AxisName, holdout: Columns | None = None) -> Diagnosis:
-    """Name what is wrong with the model of the axis at motor `port`.
+    """Diagnose the axis at motor `port`.
 
-    Raises TraceError where the recording does not hold what drives it and how it moves, or is too short, and
-    HoldoutError where the other one does not.
+    Raises TraceError if the recording lacks its effort or motion or is too short, and HoldoutError if the
+    held-out one does.
     """
     begin = time.perf_counter()
     log = axis_log(columns, port)
@@ -120,7 +120,7 @@ def _verdict(has_causes: bool, has_large_rest: bool) -> Verdict:
 
 
 def _remaining_share(channel: ChannelResult) -> float:
-    """Share of the squared error, less that of the noise floor, that is left after the causes."""
+    """Share of the squared error above the noise floor that remains with the causes."""
     before, after, floor = (
         each**2 for each in (channel.rmse_before, channel.rmse_after, channel.noise_floor)
     )
@@ -153,20 +153,23 @@ def _cause(judged: JudgedAxis, axis_name: AxisName, index: int) -> CauseResult:
 
 
 def _std(name: str, stds: Mapping[str, float], log: AxisLog) -> float:
-    """Standard deviation of a parameter. A latency is not known better than to a sample."""
+    """Standard deviation of a parameter; that of a latency includes the sample period, uniformly
+    distributed."""
     return math.hypot(stds[name], log.step / math.sqrt(12.0)) if name == "latency" else stds[name]
 
 
 def _probability(tried: TriedCause, odds: float) -> float:
-    """Probability that the data ask for the cause, shared with what cannot be told from it by these odds."""
+    """Probability of the cause, given its evidence and the summed odds of its rivals."""
     return 1.0 / (1.0 + odds + math.exp(-min(tried.evidence / 2.0, 30.0)))
 
 
 def _rivals(judged: JudgedAxis, tried: TriedCause) -> dict[str, float]:
-    """Causes that cannot be told from this one, with their odds against it.
+    """Causes that are indistinguishable from this one, with their odds against it.
 
-    These are candidates with as much evidence at the same step that change the data in the same direction and
-    predict held-out data as well, and the one that is the same term of the equations while the axis moves."""
+    These are the candidates of the same search step with about as much evidence, the same direction of change
+    and as good a held-out prediction; and the cause that is the same term of the equations while the axis
+    moves.
+    """
     limit = MAX_RIVAL_ERROR_RATIO * combined_error(judged.after, judged.floor)
     found = {
         each.cause.id: math.exp(min(0.5 * (each.evidence - tried.evidence), 30.0))
@@ -210,7 +213,7 @@ def _rejected(judged: JudgedAxis, axis_name: AxisName) -> tuple[Rejected, ...]:
         for each in judged.unhelpful
     ]
     judged_ids = named | {each.cause.id for each in judged.unhelpful}
-    # Of two rules of one effect the better one comes last, and stays.
+    # If an effect has two candidates, the one with more evidence comes last and is kept.
     tried = {each.cause.id: each for each in sorted(judged.search.tried, key=lambda each: each.evidence)}
     found += [
         Rejected(each.cause.id + suffix, _rejection_reason(each))
@@ -280,7 +283,7 @@ def _curves(judged: JudgedAxis) -> tuple[Curve, ...]:
     measured = unseen.stretches.measured.T.ravel()
     before, after = (model_errors(unseen, each)[0].T.ravel() for each in (judged.search.base, judged.fit))
     if not judged.log.is_speed:
-        # Millimetres beside centimetres would not be seen: the errors themselves are drawn.
+        # Errors in millimetres are invisible beside a motion in centimetres: the errors themselves are drawn.
         name = f"error of {judged.log.names[1]}"
         return (Curve(name, judged.log.motion_unit, unseen.log.time[rows], 0.0 * before, before, after),)
     return (

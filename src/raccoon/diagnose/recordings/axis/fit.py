@@ -1,7 +1,8 @@
-"""Fits an axis' parameters to its motion by simulation error over stretches of two time constants.
+"""Fits an axis' parameters by the simulation error over stretches of two time constants.
 
-Why stretches: a position is an integral, so a free simulation over the whole recording is dominated by the
-few moments where the axis sticks, and finds no friction at all. A speed forgets, and is simulated for longer.
+A free simulation over the whole recording would not do: a position is an integral, so the few moments in
+which the axis sticks dominate the error, and no friction is found. A speed forgets its past, and is simulated
+over longer stretches.
 """
 
 from __future__ import annotations
@@ -21,26 +22,26 @@ from raccoon.diagnose.recordings.axis.model import NEUTRAL_VALUES, Stretches, si
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 RowFilter = Callable[[Rows], NDArray[np.bool_]]
-"""Which rows of a recording count."""
+"""Selects the rows of a recording that count."""
 
 SECANT_STEP = 1e-3
-"""Step in u of the secants that make the Jacobian."""
+"""Step in u of the finite differences of the Jacobian."""
 DAMPINGS = (1e-6, 1e-2, 1.0, 100.0)
-"""Levenberg-Marquardt dampings, all tried at once: simulations side by side cost little."""
+"""Levenberg-Marquardt dampings, all tried in each step: simulations side by side cost little."""
 MAX_STEPS, MIN_RELATIVE_GAIN = 20, 1e-5
-"""Most steps of a fit, and gain of a step, over the cost, up to which it is the last."""
+"""Largest number of steps of a fit, and relative gain of a step at which it ends."""
 BOUND_TOLERANCE = 1.02
-"""Factor from a bound within which a parameter is said to be at it."""
+"""Factor from a bound within which a parameter counts as at the bound."""
 MAX_POSITION_ROWS, MAX_SPEED_ROWS = 100, 8000
-"""Most rows of a stretch that are compared."""
+"""Largest number of compared rows of a stretch, for a position and for a speed."""
 MIN_STRETCHES = 10
-"""Stretches that a recording of a position is cut into at least."""
+"""Least number of stretches of a position's recording."""
 RUN_TIME_CONSTANTS, RUN_SECONDS = 20.0, 60.0
-"""A stretch of a speed lasts for the longer of the two."""
+"""Length of a stretch of a speed, in time constants and in s; the longer one counts."""
 MAX_LOG_CHANGE = 200.0
-"""Most by which the logarithm of a parameter may change."""
+"""Largest change of a parameter's logarithm."""
 MAX_RESIDUAL = 1e60
-"""Largest whitened residual, of which squares can still be summed."""
+"""Upper bound of a whitened residual, whose squares can still be summed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +61,12 @@ class FreeParameter:
     prior: bool = False
 
     def is_at_bound(self, value: float) -> bool:
-        """Whether the value of a positive parameter is at a bound: then it was not found, only limited."""
+        """Whether a positive parameter is at a bound, and thus not determined by the data."""
         return self.positive and (value <= BOUND_TOLERANCE * self.low or value >= self.high / BOUND_TOLERANCE)
 
     def value(self, u: Array) -> Array:
         """The value at u."""
-        # Without a prior a step may have any size: its exponential must stay finite.
+        # Without a prior a step is unbounded: its exponential must stay finite.
         change = np.clip(self.width * u, -MAX_LOG_CHANGE, MAX_LOG_CHANGE) if self.positive else self.width * u
         value = self.start * np.exp(change) if self.positive else self.start + change
         return np.asarray(np.clip(value, self.low, self.high))
@@ -73,9 +74,11 @@ class FreeParameter:
 
 @dataclass(frozen=True, slots=True)
 class AxisFit:
-    """Fitted u of `parameters`, whitened residual (rows,) and Jacobian (rows, k) there, without prior rows.
+    """A fit: u of `parameters`, and at it the whitened residual (rows,) and Jacobian (rows, k), without prior
+    rows.
 
-    group_of_row (rows,): the stretch, or piece of time, of each row."""
+    group_of_row (rows,): the stretch, or the part of the time, of each row.
+    """
 
     parameters: tuple[FreeParameter, ...]
     u: Array
@@ -98,8 +101,8 @@ class AxisFit:
         return float(self.residual @ self.residual + self.u[has_prior] @ self.u[has_prior])
 
     def stds(self) -> Mapping[str, float]:
-        """Standard deviations by name, by the spread of the groups' scores (a sandwich estimate): residuals
-        within a stretch come from one disturbance and are not independent."""
+        """Standard deviations by name, from the scatter of the groups' scores (sandwich estimator): residuals
+        within a stretch come from the same disturbance and are not independent."""
         J = self.jacobian
         prior = np.diag([float(each.prior) for each in self.parameters])
         inverse = np.linalg.pinv(J.T @ J + prior)
@@ -116,14 +119,15 @@ class AxisFit:
 
 @dataclass(slots=True)
 class AxisData:
-    """A recording cut into stretches, with the scale of each channel's noise. scales: motion, current."""
+    """A recording cut into stretches, with the noise scale of each channel. scales: of motion and current."""
 
     log: AxisLog
     stretches: Stretches
     scales: Array = field(default_factory=lambda: np.ones(2))
 
     def residuals(self, parameters: Sequence[FreeParameter], points: Array) -> Array:
-        """Simulated minus measured over the scale, (points, rows); 0 where nothing is known or fitted."""
+        """Simulated minus measured value over the noise scale, (points, rows); 0 where a row has no reading
+        or weight."""
         named = {name: np.full(len(points), value) for name, value in NEUTRAL_VALUES.items()}
         named["full"] = np.full(len(points), self.log.full_effort)
         for index, each in enumerate(parameters):
@@ -144,7 +148,7 @@ class AxisData:
         return np.asarray(np.nan_to_num(np.moveaxis(error, 1, 0).reshape(lanes, -1)))
 
     def group_of_rows(self) -> NDArray[np.intp]:
-        """Index of a group for each row of the residual: its stretch, or of few stretches a twelfth of the
+        """Group index of each row of the residual: its stretch, or with few stretches a twelfth of the
         time."""
         rows = self.stretches.rows()
         if len(self.stretches.first) > 5:
@@ -156,7 +160,8 @@ class AxisData:
 
 
 def fit_axis(data: AxisData, parameters: Sequence[FreeParameter], start: Array | None = None) -> AxisFit:
-    """Levenberg-Marquardt; every step tries all dampings at once. start: u, by default 0."""
+    """Fit by Levenberg-Marquardt, with all dampings tried in each step. start: u, 0 by default. Raises
+    TraceError if the simulation diverges."""
     u = np.zeros(len(parameters)) if start is None else start
     prior = np.array([float(each.prior) for each in parameters])
     bounds = _bounds(parameters)
@@ -179,7 +184,7 @@ def fit_axis(data: AxisData, parameters: Sequence[FreeParameter], start: Array |
 
 
 def _check_finite(residual: Array) -> None:
-    """Raise TraceError where the simulation diverges from the motion beyond what can be fitted."""
+    """Raise TraceError if the simulation diverges from the motion so far that no fit is possible."""
     if len(residual) and float(np.abs(residual).max()) >= MAX_RESIDUAL:
         raise TraceError(
             "no motor or axis moves like this: are its effort, motion and current in the right columns and "
@@ -224,7 +229,7 @@ def _trial_points(J: Array, residual: Array, u: Array, prior: Array, bounds: tup
 
 
 def stretch_duration(time_constant: float) -> float:
-    """Two time constants, s, rounded (by ratio) to 1, 2 or 5 times a power of ten."""
+    """Length of a stretch, s: two time constants, rounded (by ratio) to 1, 2 or 5 times a power of ten."""
     exponent = math.log10(2.0 * time_constant)
     decade = math.floor(exponent)
     choices = [decade + math.log10(each) for each in (1.0, 2.0, 5.0, 10.0)]
@@ -232,9 +237,10 @@ def stretch_duration(time_constant: float) -> float:
 
 
 def cut_stretches(log: AxisLog, time_constant: float, keep: RowFilter, overlap: int) -> Stretches | None:
-    """Stretches for a time constant in s; None where not a single one fits.
+    """The stretches of a log for a time constant (s); None if not a single one fits.
 
-    keep: which rows count. overlap: how many stretches cover an instant."""
+    keep: selects the rows that count. overlap: number of stretches that cover each instant.
+    """
     count = len(log.time)
     if log.is_speed:
         length = min(count, round(max(RUN_TIME_CONSTANTS * time_constant, RUN_SECONDS) / log.step) + 1)
@@ -247,7 +253,7 @@ def cut_stretches(log: AxisLog, time_constant: float, keep: RowFilter, overlap: 
         length = min(count, round(seconds / log.step) + 1)
     first_rows = np.arange(0, count - length + 1, max(1, (length - 1) // overlap)).astype(np.intp)
     kept_rows = [index for index in first_rows if keep(np.arange(index, index + length, dtype=np.intp)).all()]
-    if log.is_speed and not kept_rows:  # as where 30 of 100 s are kept and a stretch is 60 s
+    if log.is_speed and not kept_rows:  # for example 30 of 100 s are kept, with stretches of 60 s
         is_kept = keep(np.arange(count, dtype=np.intp))
         begin, end = max(runs_of_true(is_kept), key=lambda each: each[1] - each[0], default=(0, 0))
         length = min(length, end - begin)
@@ -258,8 +264,8 @@ def cut_stretches(log: AxisLog, time_constant: float, keep: RowFilter, overlap: 
 
 
 def _samples_per_row(log: AxisLog, length: int) -> int:
-    """Samples per compared row: a position is smooth and needs few rows, a speed's noise averages over
-    many."""
+    """Samples per compared row: a position is smooth and needs few rows; with a speed, many rows average out
+    the noise."""
     return max(1, (length - 1) // (MAX_SPEED_ROWS if log.is_speed else MAX_POSITION_ROWS))
 
 

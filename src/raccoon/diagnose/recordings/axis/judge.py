@@ -1,4 +1,4 @@
-"""Judges the causes of an axis on held-out data, which no fit has seen."""
+"""Judges the causes of an axis on held-out data."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from raccoon.diagnose.recordings.axis.search import AxisSearch, TriedCause, sear
 Array = NDArray[np.float64]
 
 MIN_GAIN = 0.03
-"""Share of the held-out error that a cause must save to be named."""
+"""Least relative reduction of the held-out error by a named cause."""
 MIN_SIZE = 0.1
-"""Size of a cause over its usual size (its width) below which a team could do nothing about it."""
+"""Least size of a cause over its usual size (its width): a smaller one is of no use to a team."""
 LARGE_GAIN = 0.3
-"""Share of the held-out error from which a cause is named however small it is."""
+"""Relative reduction of the held-out error above which a cause is named however small it is."""
 OVERLAP = 2
-"""Fitted stretches that cover an instant."""
+"""Number of fitted stretches that cover each instant."""
 TINY = 1e-12
-"""Replaces an error, or a friction, of 0 in a denominator."""
+"""Replaces an error or friction of 0 in a denominator."""
 MIN_TIME_CONSTANTS = 4.0
-"""Time constants that a recording must last."""
+"""Least length of a recording, in time constants."""
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedAxis:
-    """An axis with its causes, best first.
+    """A judged axis with its causes, best first.
 
-    data: what was fitted. heldout_data: what it was judged on. before, after: held-out error of (motion,
-    current) without causes and with them. floor: error that all candidates together leave in the fitted data;
-    nothing known does better. errors_without: held-out error over the floor, both channels combined, without
-    each cause. unhelpful: causes with evidence that do not help held-out data. final_fit: the fit that gives
-    the numbers, to the whole recording.
+    data: fitted part. heldout_data: part on which it was judged. before, after: held-out errors of (motion,
+    current) without causes and with them. floor: errors of a fit of all candidates to the fitted part, which
+    nothing known improves. errors_without: held-out error over the floor, both channels combined, without
+    each cause. unhelpful: causes with evidence that do not improve held-out data. final_fit: to the whole
+    recording, for the reported values.
     """
 
     rough: RoughAxis
@@ -63,9 +63,10 @@ class JudgedAxis:
 
 
 def judge_axis(log: AxisLog, holdout: AxisLog | None) -> JudgedAxis:
-    """Search the causes of an axis and judge them on `holdout`, or on the part after `log.split`.
+    """Search the causes of an axis and judge them on `holdout`, or by default on the rows from
+    `log.holdout_row`.
 
-    Raises TraceError where the recording is too short for both.
+    Raises TraceError if the recording is too short for both.
     """
     rough = estimate_rough_axis(log)
     if holdout is not None:
@@ -78,7 +79,7 @@ def judge_axis(log: AxisLog, holdout: AxisLog | None) -> JudgedAxis:
         heldout_data = _make_data(log, rough, lambda rows: rows >= log.holdout_row, 1)
     causes = axis_causes(log, rough)
     search = search_axis(data, rough.parameters, causes)
-    # The saturated fit may not converge where that of the selected causes did.
+    # The saturated fit may not have converged although that of the selected causes did.
     floor = np.maximum(
         np.fmin(channel_errors(data, search.saturated), channel_errors(data, search.fit)), TINY
     )
@@ -135,7 +136,7 @@ def _refit_on_everything(log: AxisLog, rough: RoughAxis, data: AxisData, fit: Ax
 
 @dataclass(slots=True)
 class _FitCache:
-    """Fits of the base model with sets of causes, each fitted once, from where the search had ended."""
+    """Cache of fits of the base model with sets of causes, each started from the end of the search."""
 
     data: AxisData
     search: AxisSearch
@@ -153,7 +154,7 @@ class _FitCache:
 
 
 def error_with_rival(judged: JudgedAxis, rival: TriedCause, replaced: TriedCause) -> float:
-    """Held-out error over the floor with another cause in place of a named one."""
+    """Held-out error over the floor with a rival in place of a named cause."""
     kept = [each for each in judged.causes if each is not replaced]
     parameters = [
         *judged.search.base.parameters,
@@ -166,8 +167,8 @@ def error_with_rival(judged: JudgedAxis, rival: TriedCause, replaced: TriedCause
 
 
 def error_with_equivalent(judged: JudgedAxis) -> float:
-    """Held-out error over the floor with a constant force in place of dry friction that differs by direction,
-    or the other way round, started from the equivalent value; infinite where they cannot be exchanged."""
+    """Held-out error over the floor with a constant force in place of direction-dependent dry friction, or
+    vice versa, started from the equivalent value; infinite if they are not interchangeable."""
     found = judged.fit.values
     coulomb = found.get("coulomb", 0.0)
     old_name, new_parameter, value = (
@@ -222,7 +223,7 @@ def _is_tiny(tried: TriedCause, search: AxisSearch) -> bool:
 
 
 def combined_error(error: Array, floor: Array) -> float:
-    """Both channels' errors in units of their floors, as one root mean square."""
+    """Root mean square of both channels' errors in units of their floors."""
     return _rms(error / floor)
 
 
@@ -238,7 +239,8 @@ def _rms(values: Array) -> float:
 
 
 def model_errors(data: AxisData, fit: AxisFit) -> tuple[Array, Array | None]:
-    """Simulated minus measured motion and current, (rows, stretches) each, NaN where nothing counts."""
+    """Simulated minus measured motion and current, (rows, stretches) each, NaN in rows without weight or
+    reading."""
     scales, data.scales = data.scales, np.ones(2)
     try:
         flat = data.residuals(fit.parameters, fit.u[None])[0]

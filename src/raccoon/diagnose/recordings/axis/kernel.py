@@ -15,8 +15,8 @@ def simulate_stretches(
     table: Array, effort: Array, step: float, first: NDArray[np.intp], position: Array, speed: Array,
     every: int, pieces: int, electrical: bool, out: Array,
 ) -> None:  # fmt: skip
-    """Fill out (3, rows, lanes, stretches), a row for every `every` samples. table (lanes, 17): the
-    parameters in the order of `NEUTRAL_VALUES`."""
+    """Fill `out` (3, rows, lanes, stretches) with position, speed and current, a row for every `every`
+    samples. table (lanes, 17): the parameters in the order of `NEUTRAL_VALUES`."""
     h = step / pieces
     lanes = table.shape[0]
     # Drag is the same for all speeds of a sign but for its quadratic part: an exponential for each piece

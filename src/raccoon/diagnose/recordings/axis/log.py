@@ -15,21 +15,21 @@ from raccoon.trace.recording import time_unit_hint
 Array = NDArray[np.float64]
 
 MIN_SAMPLES = 100
-"""Numbers that a column must have to be used."""
+"""Least number of values in a column that is used."""
 EFFORT_UNITS = {"force": "N", "torque": "N m", "voltage": "V"}
-"""What may drive an axis, with its unit; the first one that the recording holds is taken."""
+"""Efforts that may drive an axis, with units; the first one in the recording is used."""
 MOTION_UNITS = {"travel": "m", "angle": "rad", "speed": "rad/s"}
-"""Measured motions, with their units; `travel` belongs to a force, the others to a torque or a voltage."""
+"""Measured motions, with units; `travel` goes with a force, the others with a torque or a voltage."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisLog:
-    """One axis on an even grid of `step` s.
+    """One axis on a uniform time grid with a step of `step` s.
 
-    effort (n,): what drove it, in `effort_unit`, each value valid until the next. motion (n,): a position, or
-    a speed where `is_speed`; NaN where nothing is known. current (n,): A, or None. holdout_row: first row of
-    the part that is held back to judge on. names: columns of effort, motion and current. full_effort: effort
-    of a full command: the battery's voltage where it was recorded, else the largest effort.
+    effort (n,): input in `effort_unit`, each value valid until the next. motion (n,): a position, or a speed
+    if `is_speed`; NaN without a reading. current (n,): A, or None. holdout_row: first row of the held-out
+    part. names: columns of effort, motion and current. full_effort: effort of a full command: the recorded
+    battery voltage, else the largest effort.
     """
 
     time: Array
@@ -55,19 +55,19 @@ class AxisLog:
 
     @property
     def is_electrical(self) -> bool:
-        """Whether a voltage drives it and the current tells winding from mechanics."""
+        """Whether a voltage drives the axis and the measured current separates winding and mechanics."""
         return self.effort_unit == "V" and self.current is not None
 
     @property
     def torque_unit(self) -> str:
-        """Unit of the force or torque; V where a voltage drives the axis and no current tells its torque."""
+        """Unit of the force or torque; V if a voltage drives the axis and no current gives its torque."""
         return "N m" if self.is_electrical else self.effort_unit
 
 
 def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
-    """Arrange the columns of motor `port`.
+    """The log of motor `port` from the columns of a recording.
 
-    Raises TraceError where effort or motion is missing, never changes, or the time is too uneven.
+    Raises TraceError if effort or motion is missing, the effort never changes, or the time is too uneven.
     """
     time = _even_time(columns["t"])
     effort_name, effort_unit = _find_column(columns, port, EFFORT_UNITS)
@@ -97,14 +97,14 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
 
 
 def with_channels_of(fitted: AxisLog, other: AxisLog) -> AxisLog:
-    """Another log of the same axis with the channels of the fitted one. Raises TraceError naming what it
-    lacks."""
+    """Another log of the same axis with the channels of the fitted one. Raises TraceError that names missing
+    ones."""
     check_none_missing(
         [ours for ours, theirs in zip(fitted.names[:2], other.names[:2], strict=True) if ours != theirs]
     )
     if other.full_effort <= float(
         np.abs(other.effort).max()
-    ):  # by its largest effort, which may be that of no full command
+    ):  # it is the largest effort, which may not be a full command
         other = replace(other, full_effort=fitted.full_effort)
     if fitted.current is None:
         return replace(other, current=None)
@@ -145,14 +145,14 @@ def _even_time(recorded: Array) -> Array:
 
 
 def _sample_and_hold(values: Array, recorded: Array, time: Array) -> Array:
-    """The latest known value at each time (sample and hold)."""
+    """Values at each time by sample and hold."""
     known = np.isfinite(values)
     rows = np.searchsorted(recorded[known], time + 1e-9, side="right") - 1
     return np.asarray(values[known][np.maximum(rows, 0)], float)
 
 
 def _resample(values: Array, recorded: Array, time: Array) -> Array:
-    """Values interpolated at each time, NaN where the nearest sample is NaN."""
+    """Values interpolated linearly at each time, NaN if the nearest sample is NaN."""
     known = np.isfinite(values)
     if len(time) == len(recorded) and np.abs(time - recorded).max() < 0.1 * (time[1] - time[0]):
         return np.where(known, values, np.nan)
@@ -162,8 +162,7 @@ def _resample(values: Array, recorded: Array, time: Array) -> Array:
 
 
 def holdout_start(effort: Array) -> int:
-    """First row of the later part, which is held back: at a step of the effort around the middle, else at
-    70 %."""
+    """First row of the held-out later part: at a step of the effort around the middle, else at 70 %."""
     count = len(effort)
     changes = np.flatnonzero(np.diff(effort) != 0.0) + 1
     inner = changes[(changes > 0.45 * count) & (changes < 0.75 * count)]

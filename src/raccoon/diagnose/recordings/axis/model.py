@@ -5,12 +5,12 @@
 
     M dw/dt = f - o - b (1 + d_b s) w - s (c (1 + d_c s) + c_s exp(-(w/w_s)^2) + q w^2 + l |f|),   s = sign(w)
 
-with u delayed and with a dead band where these are switched on. A dead band follows one of two rules: as in
-the simulated robot, nothing up to `deadband` and from there on linearly to all of it at `full`; or nothing
-below `dead_below` and all of it above (over a tenth of it to either side, so that a fit can follow). A step
-is exact for the winding, the moment at which a late effort changes, and viscous friction with the rest held;
-at rest the axis stays where it is until |f| exceeds its dry friction.
-Neutral values change nothing, exactly.
+with u optionally delayed and with a dead band, which follows one of two rules: as in the simulated robot,
+nothing up to `deadband` and then linear up to the full effort at `full`; or nothing below `dead_below` and
+the full effort above (blended over a tenth of it to either side, so that the fit is differentiable). A step
+is exact for the winding, for the time at which a delayed effort changes, and for viscous friction with the
+other forces constant. An axis at rest stays at rest until |f| exceeds its dry friction. Neutral values have
+exactly no effect.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ NEUTRAL_VALUES: Mapping[str, float] = {
     "quadratic": 0.0, "load": 0.0, "latency": 0.0, "deadband": 0.0,
     "dead_below": 0.0, "full": 1e9,
 }  # fmt: skip
-"""Every parameter of the model with its neutral value; the first four are to be set."""
+"""Every parameter of the model with its neutral value; the first four must be set."""
 MAX_STEP_S, MAX_WINDING_STEP_S = 0.001, 0.0005
-"""Longest step of the simulation, s, and the same where a winding has an inductance."""
+"""Longest step of the simulation, s, and the same for a winding with inductance."""
 MAX_SUBSTEPS = 10
-"""Most steps into which a sample is cut, however far samples are apart."""
+"""Largest number of simulation steps per sample, however far apart samples are."""
 TINY = 1e-12
-"""Replaces a 0 in a denominator, where the quotient is not used."""
+"""Replaces a 0 in a denominator whose quotient is not used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stretches:
-    """Pieces of a recording that are simulated side by side, all of the same length.
+    """Pieces of a recording, all of the same length, that are simulated side by side.
 
-    first (n,): sample of the recording where each begins. count: rows of a stretch, one for `every` samples.
-    position, speed (n,): initial state. weight (rows, n): 1 where a row counts, else 0. measured, current
-    (rows, n): motion and current in these rows.
+    first (n,): first sample of each stretch in the recording. count: rows of a stretch, one for `every`
+    samples. position, speed (n,): initial state. weight (rows, n): 1 for a row that counts, else 0. measured,
+    current (rows, n): motion and current.
     """
 
     first: NDArray[np.intp]
@@ -60,7 +60,7 @@ class Stretches:
     weight: Array
 
     def rows(self) -> NDArray[np.intp]:
-        """Sample of the recording at each row, (rows, n)."""
+        """Index of the recording's sample in each row, (rows, n)."""
         return np.asarray(self.first[None, :] + self.every * np.arange(self.count)[:, None])
 
 
@@ -83,7 +83,7 @@ def simulate(
 
 @cache
 def _compiled_kernel() -> Any:
-    """The kernel compiled, None without numba."""
+    """The compiled kernel, None without numba."""
     if importlib.util.find_spec("numba") is None:
         return None
     import numba
@@ -102,7 +102,7 @@ def _simulate_vectorised(
     substeps: int,
     out: Array,
 ) -> None:
-    """`simulate` with arrays over lanes and stretches, where numba is not installed."""
+    """`simulate` with arrays over lanes and stretches, used without numba."""
     p = {name: np.asarray(value, float)[:, None] for name, value in parameters.items()}
     state = _State.start(stretches, len(p["inertia"]), p, effort, electrical)
     for row in range(stretches.count):
@@ -139,7 +139,7 @@ def _delayed_efforts(
     effort: Array, rows: NDArray[np.intp], step: float, p: Mapping[str, Array]
 ) -> tuple[Array, Array, Array]:
     """The efforts that act at these samples, with latency and dead band, (lanes, stretches): the one before
-    the delayed change, the one after it, and the share of the sample until then."""
+    the delayed change, the one after it, and the fraction of the sample period at which it changes."""
     latency_samples = p["latency"] / step
     whole_samples = np.floor(latency_samples).astype(np.intp)
     efforts = (_effort_at(effort, rows[None, :] - whole_samples - back) for back in (1, 0))

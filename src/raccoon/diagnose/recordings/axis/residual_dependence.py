@@ -1,4 +1,4 @@
-"""What the residual that no cause explains depends on."""
+"""Covariates on which the unexplained residual of an axis depends."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ Array = NDArray[np.float64]
 BINS = 12
 FOLDS = 5
 MIN_EXPLAINED_SHARE = 0.15
-"""Share of the residual's variance that a covariate must predict in samples left out."""
+"""Least share of the residual's variance that a covariate must predict in held-out samples
+(cross-validation)."""
 MIN_RELATIVE_SHARE = 0.7
-"""Share of the best covariate's share that another one needs to be listed beside it."""
+"""Least share of a further covariate, relative to the best one's, to be listed with it."""
 
 
 def residual_dependence(data: AxisData, fit: AxisFit) -> tuple[str, ...]:
     """Names of covariates that predict the growth of the simulation error, best first.
 
-    The error's growth over pieces of a stretch is used, since a missing force shows there.
+    The growth of the error over pieces of a stretch is used, since a missing force shows in it.
     """
     error, _ = model_errors(data, fit)
     log = data.log
@@ -48,13 +49,13 @@ def residual_dependence(data: AxisData, fit: AxisFit) -> tuple[str, ...]:
 
 
 def _largest_change(effort: Array, at: NDArray[np.intp], piece: int) -> Array:
-    """Largest change of the effort between neighbours within each piece."""
+    """Largest change of the effort from one sample to the next within each piece."""
     jumps = np.abs(np.diff(effort, append=effort[-1]))
     return np.array([jumps[index : index + piece].max(initial=0.0) for index in at])
 
 
 def _predicted_share(values: Array, growth: Array) -> float:
-    """Share of the variance that means over bins of `values` predict in samples left out."""
+    """Share of the variance that means over bins of `values` predict in held-out samples."""
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
     bins = np.searchsorted(edges, values, side="right")
     fold = np.arange(len(values)) * FOLDS // len(values) if len(edges) < 2 else np.arange(len(values)) % FOLDS

@@ -1,4 +1,5 @@
-"""A rough regression from which the fit of an axis starts, with usual sizes for what it does not know."""
+"""Rough estimate of an axis by regression, the start of its fit, with typical sizes as scales of the
+causes."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RoughAxis:
-    """A rough estimate of an axis. parameters: the base model's. time_constant: s. effort, force, speed:
-    usual sizes, in the units of the effort, of the force or torque, and of the speed."""
+    """A rough estimate of an axis. parameters: of the base model. time_constant: s. effort, force, speed:
+    typical sizes, in the units of the effort, of the force or torque, and of the speed."""
 
     parameters: tuple[FreeParameter, ...]
     time_constant: float
@@ -27,7 +28,7 @@ class RoughAxis:
 
 
 def estimate_rough_axis(log: AxisLog) -> RoughAxis:
-    """Estimate the base model by regression. Raises TraceError where the axis does not move."""
+    """Estimate the base model by regression. Raises TraceError if the axis does not move."""
     speed, acceleration = _derivatives(log)
     usual = float(np.percentile(np.abs(speed), 95.0))
     if not usual > 0.0 or np.ptp(speed) < 1e-9:
@@ -54,7 +55,8 @@ def _derivatives(log: AxisLog) -> tuple[Array, Array]:
 
 
 def _usual_effort(log: AxisLog) -> float:
-    """95th percentile of the effort's size, or its largest where it is 0 nearly all the time."""
+    """Typical effort: the 95th percentile of its magnitude, or the largest one if it is 0 nearly all the
+    time."""
     size = np.abs(log.effort)
     return float(np.percentile(size, 95.0)) or float(size.max())
 

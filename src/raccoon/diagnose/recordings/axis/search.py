@@ -1,4 +1,4 @@
-"""Selects the causes that an axis needs: forward selection by evidence and by blocks that were left out."""
+"""Selects the causes of an axis: forward selection by evidence and cross-validation over blocks of time."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from raccoon.diagnose.recordings.axis.fit import AxisData, AxisFit, FreeParamete
 Array = NDArray[np.float64]
 
 BLOCKS = 6
-"""Blocks of time, each predicted by a fit of all others (cross-validation)."""
+"""Number of blocks of time in the cross-validation, each predicted by a fit to the others."""
 MIN_EVIDENCE, MIN_LEFT_OUT_GAIN = 10.0, 6.0
-"""Evidence that a cause needs (see `TriedCause`), and gain on blocks that were left out."""
+"""Least evidence of a cause (see `TriedCause`), and its least gain in the cross-validation."""
 MAX_CAUSES = 4
-"""Most causes that are named of one axis."""
+"""Largest number of named causes of one axis."""
 MAX_TIE = 3.0
-"""Difference of evidence within which two causes tie, and the simpler one is taken."""
+"""Difference of evidence within which causes tie; the simpler one is selected."""
 INITIAL_NOISE_SHARE = 0.05
-"""Noise of a channel over its spread, assumed before anything is fitted."""
+"""Assumed noise of a channel before the first fit, over the channel's standard deviation."""
 MIN_SATURATED_SHARE = 0.5
-"""Squared residual of the search over that of the saturated fit, below which the latter did not converge."""
+"""Ratio of the squared residual of the search to that of the saturated fit below which the latter did not
+converge."""
 
 
 @dataclass(frozen=True, slots=True)
 class TriedCause:
-    """A cause on top of the model so far. evidence: drop of the misfit less k ln(n). left_out_gain: drop of
-    the misfit of blocks that were left out. rivals: what else was tried at the same step."""
+    """A cause added to the model so far. evidence: decrease of the misfit less k ln(n). left_out_gain:
+    decrease of the cross-validated misfit. rivals: other causes tried in the same step."""
 
     cause: AxisCause
     fit: AxisFit
@@ -42,8 +43,8 @@ class TriedCause:
 
 @dataclass(frozen=True, slots=True)
 class AxisSearch:
-    """The result of a search. base: the fit without causes. fit: with the accepted ones. saturated: with
-    every candidate. tried: each candidate that was not accepted, on top of the final model."""
+    """The result of a search. base: fit without causes. fit: with the accepted causes. saturated: with all
+    candidates. tried: candidates that were not accepted, each added to the final model."""
 
     base: AxisFit
     fit: AxisFit
@@ -53,7 +54,7 @@ class AxisSearch:
 
 
 def search_axis(data: AxisData, base: Sequence[FreeParameter], causes: Sequence[AxisCause]) -> AxisSearch:
-    """Forward selection of causes. Sets the noise scales of `data` on the way."""
+    """Forward selection of causes. It also sets the noise scales of `data`."""
     data.scales = _initial_scales(data)
     first = fit_axis(data, base)
     data.scales = data.scales * _residual_sizes(data, first)
@@ -61,15 +62,15 @@ def search_axis(data: AxisData, base: Sequence[FreeParameter], causes: Sequence[
     data.scales = data.scales * _effective_sizes(data, saturated)
     found = _select_forward(data, base, causes, first, saturated)
     if _residual_power(data, found.fit) < MIN_SATURATED_SHARE * _residual_power(data, saturated):
-        # The saturated fit did not converge: the noise is what the search leaves, and evidence is recounted.
+        # The saturated fit did not converge: the noise is re-estimated from the search, which is repeated.
         data.scales = data.scales * _effective_sizes(data, found.fit)
         found = _select_forward(data, base, causes, first, found.fit)
     return found
 
 
 def _fit_saturated(data: AxisData, first: AxisFit, causes: Sequence[AxisCause]) -> AxisFit:
-    """The fit of all candidates at once, from the best of their scans, or with one rule of each effect from
-    its usual start: whichever has the smaller residual."""
+    """The fit with all candidates started from the best of their scans, or with one candidate of each effect
+    from its usual start, whichever has the smaller residual."""
     all_at_once = _fit_with(data, first, causes)
     first_rules = [
         each for index, each in enumerate(causes) if each.id not in {it.id for it in causes[:index]}
@@ -119,7 +120,8 @@ def _fit_with(data: AxisData, fit: AxisFit, causes: Sequence[AxisCause]) -> Axis
 
 
 def _start_values(data: AxisData, fit: AxisFit, cause: AxisCause) -> tuple[float, ...]:
-    """Starting u of the cause's parameters: the best of its scan on top of the fit, or its own starts."""
+    """Start values of u for the cause's parameters: the best of its scan with the given fit, or its own
+    starts."""
     if not cause.scan:
         return cause.starts
     points = np.array([[*fit.u, each] for each in cause.scan])
@@ -128,7 +130,7 @@ def _start_values(data: AxisData, fit: AxisFit, cause: AxisCause) -> tuple[float
 
 
 def _residual_sizes(data: AxisData, fit: AxisFit) -> Array:
-    """RMS of the residual of each channel."""
+    """Root mean square of each channel's residual."""
     return np.array([_residual_size(data, each) for each in _channel_residuals(data, fit)])
 
 
@@ -147,7 +149,7 @@ def _channel_residuals(data: AxisData, fit: AxisFit) -> tuple[Array, Array | Non
 
 
 def _effective_sizes(data: AxisData, fit: AxisFit) -> Array:
-    """RMS of the residual of each channel times the root of its autocorrelation time."""
+    """Root mean square of each channel's residual times the square root of its autocorrelation time."""
     return np.array(
         [
             _residual_size(data, each) * (1.0 if each is None else math.sqrt(_autocorrelation_time(each)))
@@ -157,7 +159,8 @@ def _effective_sizes(data: AxisData, fit: AxisFit) -> Array:
 
 
 def _autocorrelation_time(residual: Array) -> float:
-    """Integrated autocorrelation time in samples: 1 + 2 sum of the correlations until they vanish."""
+    """Integrated autocorrelation time in samples: 1 + 2 times the sum of the correlations until they
+    vanish."""
     power = float((residual**2).sum())
     if power == 0.0:
         return 1.0
@@ -171,7 +174,7 @@ def _autocorrelation_time(residual: Array) -> float:
 
 
 def _try_cause(data: AxisData, model_fit: AxisFit, left_out_before: float, cause: AxisCause) -> TriedCause:
-    """The cause on top of the model so far, whose misfit of left-out blocks is `left_out_before`."""
+    """The cause added to the model so far, whose cross-validated misfit is `left_out_before`."""
     fit = _fit_with(data, model_fit, [cause])
     fit = _better_fit(fit, model_fit, cause)
     k = len(cause.parameters)
@@ -181,7 +184,7 @@ def _try_cause(data: AxisData, model_fit: AxisFit, left_out_before: float, cause
 
 
 def _better_fit(fit: AxisFit, model_fit: AxisFit, cause: AxisCause) -> AxisFit:
-    """The fit with the cause, or where it did not converge the one without it, with the cause at 0."""
+    """The fit with the cause; if it did not converge, the fit without it, with the cause's u at 0."""
     if fit.misfit <= model_fit.misfit:
         return fit
     zeros = np.zeros(len(cause.parameters))
@@ -195,8 +198,8 @@ def _better_fit(fit: AxisFit, model_fit: AxisFit, cause: AxisCause) -> AxisFit:
 
 
 def left_out_misfit(data: AxisData, fit: AxisFit) -> float:
-    """Sum over blocks of the misfit under the fit without that block, which is taken one Gauss-Newton step
-    from the whole fit."""
+    """Cross-validated misfit: sum over the blocks of the misfit under the fit without that block, which is
+    approximated by one Gauss-Newton step from the whole fit."""
     prior = np.diag([float(each.prior) for each in fit.parameters])
     count = int(fit.group_of_row.max()) + 1
     block = fit.group_of_row * min(BLOCKS, count) // count
@@ -211,8 +214,8 @@ def left_out_misfit(data: AxisData, fit: AxisFit) -> float:
 
 
 def _best_candidate(tried: Sequence[TriedCause]) -> TriedCause | None:
-    """The cause of most evidence among those that also help left-out blocks; a tie goes to the simpler one,
-    which comes first."""
+    """The cause with the most evidence among those that also improve the cross-validation; in a tie the
+    simplest one, which comes first. None if no cause qualifies."""
     acceptable = [
         each
         for each in tried
@@ -225,14 +228,15 @@ def _best_candidate(tried: Sequence[TriedCause]) -> TriedCause | None:
 
 
 def cause_similarity(fit: AxisFit, cause: AxisCause, other: AxisFit, rival: AxisCause) -> float:
-    """Cosine between what two causes add beyond the shared model: 1 where the data cannot tell them apart."""
+    """Cosine of the changes that two causes add to the shared model: 1 if the data do not distinguish
+    them."""
     a, b = _own_direction(fit, cause), _own_direction(other, rival)
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return abs(float(a @ b)) / size if size > 0.0 else 0.0
 
 
 def _own_direction(fit: AxisFit, cause: AxisCause) -> Array:
-    """The largest of a cause's Jacobian columns after projecting out the other columns."""
+    """The cause's largest Jacobian column after the columns of the other parameters are projected out."""
     k = len(cause.parameters)
     rest, own = fit.jacobian[:, :-k], fit.jacobian[:, -k:]
     residuals = own - rest @ np.linalg.lstsq(rest, own, rcond=None)[0]

@@ -1,4 +1,4 @@
-"""Sentences about the causes of one motor or axis, with numbers and units, and what to do."""
+"""Sentences on the causes of one motor or axis, with values and units, and what to do."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ Values = Mapping[str, ParameterResult]
 
 
 def axis_sentence(id: str, place: str, values: Values, parameter: str) -> str:  # noqa: A002
-    """One sentence: what is wrong with `place` (such as "the left motor"), its number, what to do. parameter:
-    the number of the model that stands for it, where an effect has several."""
+    """One sentence: what is wrong with `place` (such as "the left motor"), its value, what to do. parameter:
+    name of the model parameter, for effects that have several."""
     if id == "friction.direction_dependent":
         return _direction_sentence(place, values)
     first = next(iter(values.values()))

@@ -1,1 +1,1 @@
-"""Channels of a drive that are faulty, missing, or stand for something else than their names say."""
+"""Checks and repairs of a drive's channels: faulty, missing, or with another meaning than their name."""

@@ -1,8 +1,7 @@
-"""Estimates how much a battery's reading sags under the motors' current, without simulation.
+"""Estimates the sag of a battery's reading under the motors' current, without simulation.
 
-At a duty d, a battery voltage U and a back-EMF e a motor of resistance R draws d (d U - e) / R from the
-battery. So the reading is linear in that current behind its filter, and the slope is the battery's
-resistance.
+At duty d, battery voltage U and back-EMF e, a motor of resistance R draws d (d U - e) / R from the battery.
+So the reading is linear in that current behind its filter, with the battery's resistance as the slope.
 """
 
 from __future__ import annotations
@@ -24,27 +23,29 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 BIN_S, BLOCK_BINS = 0.05, 20
-"""s of a bin, and bins of a block, which count as one sample for the slope's standard deviation."""
+"""Width of a bin, s, and bins in a block, which counts as one independent sample in the slope's standard
+deviation."""
 FILTER_TAUS_S = (0.01, 0.1, 0.4)
-"""Time constants, s, of which the filter of the battery's reading is a mixture."""
+"""Time constants, s, of low-passes whose mixture stands for the filter of the battery's reading."""
 MIN_BINS = 100
-"""Bins, and samples of a wheel, from which anything is estimated."""
+"""Least number of bins, and of a wheel's samples, for an estimate."""
 BATTERY = "battery.voltage"
 MIN_BATTERY_OHM = 0.008
-"""ohm; less than any battery with its wires has. Of 93 blind recordings of 0.05 ohm the least estimate was
-0.012, of a robot whose currents are limited."""
+"""Lower bound of the resistance of a battery with its wires, ohm. The least estimate in 93 blind recordings
+of 0.05 ohm was 0.012, for a robot with limited currents."""
 MAX_UNRELATED_F = 4.0
-"""`Sag.f_statistic` above which a reading does depend on the motors, though not as their current would have
-it: commands may be no duties, as those of a speed loop are not."""
+"""`Sag.f_statistic` above which the reading depends on the motors, though not as on their current: the
+commands may be no duties, but those of a speed loop."""
 SAG_SIGMAS, PRIOR_SIGMAS = 3.0, 3.5
-"""Standard deviations by which an estimate must be below `MIN_BATTERY_OHM`, and robot.toml's number above."""
+"""Standard deviations by which an estimate must be below `MIN_BATTERY_OHM`, and robot.toml's value above
+it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sag:
-    """resistance: ohm, for motors that draw current as robot.toml has them, with its std. f_statistic:
-    Fisher's F of all the motors' activity in the reading; 1 on average where the reading does not depend on
-    it."""
+    """The sag of a battery's reading. resistance: ohm, with its std, if motors draw the current that
+    robot.toml gives. f_statistic: Fisher's F of all motor activity in the reading; 1 on average if the
+    reading does not depend on it."""
 
     resistance: float
     std: float
@@ -52,10 +53,11 @@ class Sag:
 
 
 def missing_sag_fault(columns: Columns, robot: RobotConfig) -> SensorFault | None:
-    """The fault of a battery's reading that does not sag: a constant in its place, or another battery's.
+    """The fault of a battery reading that does not sag: a constant in its place, or another battery's
+    reading.
 
-    Such a reading was taken for a battery without resistance, a scale of the back-EMF and a track width, each
-    with a probability of 1.
+    Such a reading was diagnosed as a battery without resistance, a scale of the back-EMF and a track width,
+    each with a probability of 1.
     """
     prior, sag = robot.model.battery.internal_resistance, estimate_sag(columns, robot)
     if sag is None or prior.value - PRIOR_SIGMAS * prior.std < MIN_BATTERY_OHM:
@@ -71,11 +73,11 @@ def missing_sag_fault(columns: Columns, robot: RobotConfig) -> SensorFault | Non
 
 
 def estimate_sag(columns: Columns, robot: RobotConfig) -> Sag | None:
-    """The battery's resistance by its reading; None where a channel for that is missing, or no motor is
-    driven."""
+    """The battery's resistance by its reading; None if a required channel is missing or no motor draws
+    current."""
     time = np.asarray(columns["t"], float)
     reading, step = columns.get(BATTERY), median_step(time)
-    # A time that stands still, or is in another unit, is refused elsewhere.
+    # A time that does not advance or is in another unit is an error that is raised elsewhere.
     if reading is None or step > BIN_S or not (np.diff(time) > 0.0).all():
         return None
     activity = _motor_activity(columns, robot)
@@ -92,7 +94,7 @@ def estimate_sag(columns: Columns, robot: RobotConfig) -> Sag | None:
         return None
     sizes = np.abs(table[known]).max(axis=0)
     of_current = 2 + len(FILTER_TAUS_S)
-    if not sizes[2:of_current].all():  # no current: nothing sags, whatever the resistance is
+    if not sizes[2:of_current].all():  # without current there is no sag at any resistance
         return None
     sizes = np.maximum(sizes, 1e-9)
     table, target = table[known] / sizes, voltage[known]
@@ -110,15 +112,15 @@ def estimate_sag(columns: Columns, robot: RobotConfig) -> Sag | None:
 
 
 def _fit_least_squares(table: Array, target: Array) -> tuple[Array, Array, Array]:
-    """Least squares: inverse of the normal matrix, numbers, residuals."""
+    """Least squares: inverse of the normal matrix, coefficients, residuals."""
     inverse = np.asarray(np.linalg.pinv(table.T @ table), float)
     numbers = inverse @ (table.T @ target)
     return inverse, numbers, target - table @ numbers
 
 
 def _motor_activity(columns: Columns, robot: RobotConfig) -> Array | None:
-    """What both motors do, summed, (4, rows): current drawn, A; size of the commands; back-EMF squared; size
-    of the back-EMF's rate. None where a command or a wheel's reading is missing."""
+    """Activity of both motors, summed, (4, rows): drawn current, A; magnitude of the commands; squared
+    back-EMF; magnitude of the back-EMF's rate. None if a command or a wheel's reading is missing."""
     time = np.asarray(columns["t"], float)
     total = np.zeros((4, len(time)))
     for port, motor in ((robot.drive.left, robot.model.left), (robot.drive.right, robot.model.right)):
@@ -133,7 +135,7 @@ def _motor_activity(columns: Columns, robot: RobotConfig) -> Array | None:
         if known.sum() < MIN_BINS:
             return None
         back_emf = np.interp(time, time[known], back_emf[known])
-        if bemf is not None:  # without its filter's lag, which at a reversing wheel is half of the current
+        if bemf is not None:  # compensate the filter's lag, which at a reversing wheel is half of the current
             back_emf += robot.model.bemf.filter_time_constant.value * np.gradient(back_emf, time)
         command = hold_until_next(duty)
         full = robot.model.battery.open_circuit_voltage.value

@@ -1,4 +1,4 @@
-"""Derives back-EMF from position counters where a drive has no other reading of its wheels."""
+"""Back-EMF derived from position counters, for drives without another reading of their wheels."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 AVERAGING_S = 0.015
-"""s over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a creeping wheel reads.
-What is faster than 20 ms is averaged out in any case. A counter that does not change for as long is a reading
-of 0."""
+"""Time over which a counter is differenced, s: a tick in 5 ms is 200 counts, as many as a creeping wheel
+reads. Anything faster than 20 ms is averaged out anyway. A counter that does not change for this time is a
+reading of 0."""
 ROW_TOLERANCE = 0.05
-"""Rows by which a mean may be shorter than `AVERAGING_S`: of rows of 5 ms, with times as they are written, it
-takes three."""
+"""Tolerance, in rows, by which a mean may be shorter than `AVERAGING_S`: with rows of 5 ms and rounded times
+it takes three rows."""
 MAX_GAP_RATIO = 1.5
-"""Times the usual duration of such rows, from which there is a gap in them."""
+"""Factor on the usual duration of such rows above which there is a gap in them."""
 MIN_ZONE_SIGMAS = 3.5
-"""Standard deviations by which a dead zone must be wider than what a counter hides, as many as by which other
-numbers must differ from robot.toml's."""
+"""Standard deviations by which a dead zone must be wider than the counter's tick, the same as for other
+parameters' differences from robot.toml."""
 MIN_RESET_JUMP_RATIO = 20.0
-"""Times the most that a wheel turns in a row, by which a counter jumps when it is reset."""
+"""Least jump of a reset counter, relative to its usual largest step per row."""
 
 
 @dataclass(frozen=True, slots=True)
 class CounterBemf:
-    """Columns in which wheels without a reading have back-EMF derived from their counter. counters: columns
-    that it was derived from. hidden_counts: back-EMF below which a counter in whole ticks shows nothing."""
+    """Columns with back-EMF derived from counters for wheels without a reading. counters: columns from which
+    it was derived. hidden_counts: back-EMF below which a counter in whole ticks shows nothing."""
 
     columns: Columns
     counters: tuple[str, ...] = ()
     hidden_counts: float = 0.0
 
     def annotate(self, found: Diagnosis) -> Diagnosis:
-        """The diagnosis of these columns with a note, and without a dead zone that is only the counter's
+        """The diagnosis of these columns with a note, and without a dead zone that may only be the counter's
         tick."""
         if not self.counters:
             return found
@@ -86,9 +86,8 @@ class CounterBemf:
 
 
 def with_counter_bemf(columns: Columns, robot: RobotConfig, device: Device) -> CounterBemf:
-    """The columns with back-EMF, in counts, derived from `motor.N.position` for wheels with neither back-EMF
-    nor speed. A tick is worth what the device says.
-    """
+    """The columns with back-EMF (counts) derived from `motor.N.position` for wheels with neither back-EMF nor
+    speed. The worth of a tick is the device's."""
     derived, counters = dict(columns), []
     for port in (robot.drive.left, robot.drive.right):
         counter, reading = f"motor.{port}.position", f"motor.{port}.bemf"
@@ -104,8 +103,8 @@ def with_counter_bemf(columns: Columns, robot: RobotConfig, device: Device) -> C
 
 
 def counter_reset_notes(columns: Columns, robot: RobotConfig) -> tuple[str, ...]:
-    """A note where both wheels' counters jump once, in the same row: two drives joined at rest show nothing
-    else. A program that clears its counters for each motion does so more often."""
+    """A note if both counters jump once, in the same row, which is the only sign of two drives that were
+    joined at rest. A program that clears its counters for each motion does so more often."""
     names = [f"motor.{port}.position" for port in (robot.drive.left, robot.drive.right)]
     if not all(has_readings(columns, each) for each in names):
         return ()
@@ -126,8 +125,8 @@ def counter_reset_notes(columns: Columns, robot: RobotConfig) -> tuple[str, ...]
 
 @contextmanager
 def counters_named_in_errors(columns: Columns) -> Iterator[None]:
-    """Errors about back-EMF that was derived from a counter name the counter too: only that is in the
-    file."""
+    """Adds the counter's name to errors on back-EMF that was derived from it, since only the counter is in
+    the file."""
     try:
         yield
     except HoldoutError:
@@ -142,8 +141,8 @@ def counters_named_in_errors(columns: Columns) -> Iterator[None]:
 
 
 def _tick_rate(time: Array, ticks: Array) -> Array:
-    """Ticks per second: the mean over an odd number of known rows, in the middle one of them; NaN in the
-    others, and over a gap, in which a wheel may have done anything.
+    """Ticks per second: mean over an odd number of known rows, placed at their middle row; NaN in other rows,
+    and over a gap, in which the wheel's motion is unknown.
 
     A counter grows by what is read in a row, so between two rows it grows by the readings of the later ones.
     """
