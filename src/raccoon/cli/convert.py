@@ -1,4 +1,4 @@
-"""`raccoon convert`: a recording in another form."""
+"""`raccoon convert`: convert a recording to another format."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Convert one recording; what had to be left out is printed."""
+    """Convert one recording and print the problems found in it. Returns exit status 0."""
     from raccoon.cli.progress import show_progress
     from raccoon.trace.loading import load_run
     from raccoon.trace.problems import without_repeats
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     if target.exists() and not args.overwrite:
         raise ConfigError(f"{target} exists and is left as it is: name another file or say --overwrite")
     check_folders(target)
-    check_not_read([target], [recording_file(source)])  # doubtful values would be blank in the only copy
+    check_not_read([target], [recording_file(source)])  # else the only copy would lose its doubtful values
     with show_progress():
         loaded = load_run(source)
     _write(loaded, target)

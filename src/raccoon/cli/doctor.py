@@ -1,4 +1,4 @@
-"""`raccoon doctor`: what is wrong with the robot, and what to do about it."""
+"""`raccoon doctor`: find what is wrong with the robot, and what to do about it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Examine and report. 0: all is well; 1: something is not."""
+    """Examine the robot and print the report. Returns 0 if everything is well, otherwise 1."""
     config = _config(args)
     port = config.controller.port
     if args.firmware is not None and port != "emulator":
@@ -82,7 +82,7 @@ def _report(config: RobotConfig, args: argparse.Namespace, say: Callable[[str], 
         try:
             with stopped_on_exit(port.close):
                 report = examine(port, config, move=not args.no_motion, progress=say)
-        except HardwareError as error:  # closing says that the motors may still run
+        except HardwareError as error:  # raised by close if the motors may still run
             report.add(lost_device_finding(error))
     if config.controller.port in REAL_CONTROLLERS:
         report.add(list_i2c_devices(args.i2c), list_serial_ports())
@@ -104,4 +104,4 @@ def _print_progress(text: str) -> None:
 
 
 def _silent(_: str) -> None:
-    """For programs that read the output."""
+    """Print no progress, with `--json`."""

@@ -1,4 +1,4 @@
-"""`raccoon excite`: drive what tells causes apart, and record it."""
+"""`raccoon excite`: drive a manoeuvre that separates causes, and record it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ if TYPE_CHECKING:
 
 HELP = "drive a safe manoeuvre that shows or separates causes, and record it"
 DEFAULT_MAX_SECONDS = 20.0
-"""s that a drive which is chosen for a cause may last, where nothing is said."""
+"""Default bound on the duration of a drive that is chosen for a cause, s."""
 
 MIN_EVIDENCE = 1.0
-"""Evidence of a drive below which no number of repetitions in one recording decides."""
+"""Threshold on the evidence of a drive, below which no number of repetitions in one recording identifies the
+cause."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +53,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the advice; drive and record where a recording is asked for."""
+    """Print the advice; with `--record`, drive and record. Returns the exit status. Raises ConfigError for
+    bad options."""
     from raccoon.cli.shared_options import check_seed
     from raccoon.core.config import load_robot
     from raccoon.core.errors import ConfigError
@@ -89,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raise ConfigError for what would only be found out after the drive, or not at all."""
+    """Raise ConfigError for options whose error would otherwise show only after the drive, or never."""
     from raccoon.cli.outputs import check_recording
     from raccoon.core.errors import ConfigError
 
@@ -101,8 +103,8 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _check_and_describe(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
-    """Refuse a manoeuvre that takes more than is allowed; print what it needs and, if it is not driven, would
-    show."""
+    """Print the time and space that a manoeuvre needs and, if it is not driven, what it would show. Raises
+    ConfigError if it needs more than `--seconds` or `--within` allow."""
     from raccoon.cli.numba_check import check_numba
     from raccoon.cli.progress import show_progress
     from raccoon.core.errors import ConfigError
@@ -185,7 +187,7 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
         from raccoon.sim.world.table import World
 
         driven = Parameters.from_robot(robot) if args.model is None else load_model(args.model, robot)
-        # The free space that was asked for: the usual table has a wall nearer than that.
+        # An empty world: the default table has a wall within the free space that was asked for.
         port = SimPort(driven, World.empty(), robot=robot, seed=args.seed, rate_hz=robot.controller.rate_hz)
     duty = manoeuvre(name)
     if port is None and duty.any():

@@ -1,4 +1,4 @@
-"""Measured values: put into robot.toml where that was asked for, and what is said then."""
+"""Storing measured values in robot.toml on request, and the text that reports it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ SIMULATED_NOTE = (
 
 
 def write_if_asked(args: argparse.Namespace, entries: Mapping[str, Measured], of_a_simulation: bool) -> int:
-    """Write the values into robot.toml where that was asked for, and print what was done."""
+    """Write the values to robot.toml if `--write` was given, and print what was done. Returns exit status
+    0."""
     if not args.write:
         print(f"{args.robot} is as it was: say --write to put these values in")
         return 0
@@ -30,7 +31,7 @@ def write_if_asked(args: argparse.Namespace, entries: Mapping[str, Measured], of
 
 
 def write_values(robot: Path, entries: Mapping[str, Measured]) -> str:
-    """Put measured values into a robot.toml; what was done, in words. Raises as `write_measured`."""
+    """Write measured values to a robot.toml. Returns a text of what was done. Raises as `write_measured`."""
     from raccoon.core.config_file import write_measured
 
     history = write_measured(robot, entries, day=date.today())
@@ -39,5 +40,5 @@ def write_values(robot: Path, entries: Mapping[str, Measured]) -> str:
 
 
 def is_any_simulated(runs: Iterable[Run]) -> bool:
-    """Whether one of these recordings says that it is of a simulated robot."""
+    """Whether at least one of these recordings names a simulated robot as its source."""
     return any(run.robot is not None and run.robot.controller.port not in REAL_CONTROLLERS for run in runs)

@@ -1,4 +1,5 @@
-"""Simulations without numba, which compiles the plant: refused where they would take hours, else remarked."""
+"""Checks for numba, which compiles the plant: without it, long simulations are refused and short ones warned
+about."""
 
 from __future__ import annotations
 
@@ -9,7 +10,8 @@ from raccoon.core.extras import install
 
 
 def check_numba(what: str) -> None:
-    """Raise ConfigError where numba is not installed. what: a sentence that says what takes so long."""
+    """Raise ConfigError if numba is not installed. what: beginning of the message, which names the long
+    simulation."""
     from raccoon.sim.plant.compiled import has_numba
 
     if not has_numba():
@@ -17,7 +19,7 @@ def check_numba(what: str) -> None:
 
 
 def warn_without_numba() -> None:
-    """Print a line on the standard error output where numba is not installed."""
+    """Print a warning on standard error if numba is not installed."""
     from raccoon.sim.plant.compiled import has_numba
 
     if not has_numba():

@@ -1,4 +1,4 @@
-"""`raccoon simulate PROGRAM`: a team's program as it is, on the simulated robot."""
+"""`raccoon simulate PROGRAM`: run a team's unchanged program on the simulated robot."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run it; 1 where it ends with an error or opens no robot, or as it exits itself."""
+    """Run the program. Returns 1 if it ends with an error or opens no robot, otherwise its own exit status.
+    Raises ConfigError for bad options."""
     from raccoon.core.errors import ConfigError, RaccoonError
     from raccoon.robot.opening import Substitute, substitute_robot
     from raccoon.robot.tracebacks import print_error
@@ -56,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     check_start(args.start)
     program = Program.read(args.program)
     if args.model is not None:
-        args.model.open("rb").close()  # what is in it is for the robot that the program names
+        args.model.open("rb").close()  # it is parsed later, for the robot that the program names
     world = None if args.table is None else load_world(args.table)
     start = (args.start[0], args.start[1], math.radians(args.start[2]))
 
@@ -69,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
             raise
         return open_simulated(config, seed=seed, world=world, start=start, robot=robot)
 
-    refused: list[Exception] = []  # of the command, and not of the program that was opening its robot
+    refused: list[Exception] = []  # errors of the command, not of the program whose robot was opened
     substitute = Substitute(port, args.record, args.seed)
     status = 0
     try:
@@ -84,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
         else:
             print_error(error, "--traceback")
         status = 1
-    finally:  # also where it was interrupted, or exits
+    finally:  # also after an interrupt or an exit
         for robot in substitute.robots:
             print(f"simulated {end_text(robot, start)}", flush=True)
     if not substitute.robots and not status:
@@ -94,8 +95,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def end_text(robot: Robot, start: tuple[float, float, float]) -> str:
-    """How long it went, and where the robot is at the end, by the simulator and by what it believes: m and
-    degrees from where it started."""
+    """Duration of the run, s, and the robot's final pose, true and estimated, relative to its start, in m and
+    degrees."""
     if robot.inputs is None or robot.inputs.truth is None:
         return "0.00 s: it was never read"
     truth, (x0, y0, heading0) = robot.inputs.truth, start
@@ -111,7 +112,7 @@ def _pose_text(x: float, y: float, heading: float) -> str:
 
 
 def _run_program(program: Program, substitute: Substitute) -> None:
-    """The file as Python runs it; where that opens no robot, its mission on one."""
+    """Run the file as Python does; if that opens no robot, run its `mission` on one of robot.toml."""
     import runpy
 
     from raccoon.robot.actions.functions import perform
@@ -125,7 +126,7 @@ def _run_program(program: Program, substitute: Substitute) -> None:
 
 @contextmanager
 def _as_main(program: Program) -> Iterator[None]:
-    """Modules and arguments as they are for `python PROGRAM`."""
+    """Context with sys.path and sys.argv as they are for `python PROGRAM`."""
     path, argv = list(sys.path), list(sys.argv)
     sys.path.insert(0, program.folder)
     sys.argv[:] = [program.file]
@@ -136,7 +137,8 @@ def _as_main(program: Program) -> Iterator[None]:
 
 
 def _traceback_of_program(error: Exception, program: Program) -> TracebackType | None:
-    """The traceback from the program on: what called it is of no interest. None where it had not begun."""
+    """The traceback from the program's first frame on, without its callers; None if the error came before the
+    program began."""
     step = error.__traceback__
     while step is not None and step.tb_frame.f_code.co_filename != program.file:
         step = step.tb_next

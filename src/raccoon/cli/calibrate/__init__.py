@@ -1,6 +1,7 @@
-"""`raccoon calibrate ...`: make calibrations of recordings and put them into robot.toml.
+"""`raccoon calibrate ...`: compute calibrations from recordings and drives, and store them.
 
-Each kind is one sub-command: a function that adds it to the parser here, and a module that does it.
+Each kind of calibration is a sub-command: a function in this file adds it to the parser, and a module does
+the work.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ HELP = "measure wheels, motors or tophats: show the numbers, and store them with
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """A sub-command a kind of calibration."""
+    """Add one sub-command per kind of calibration."""
     kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
     for add in (_add_drive, _add_motors, _add_tophats):
         add(kinds)
@@ -28,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the sub-command's calibration."""
+    """Run the sub-command. Returns the exit status."""
     return cast(Callable[[argparse.Namespace], int], args.calibrate)(args)
 
 
@@ -133,7 +134,7 @@ def _calibrate_tophats(args: argparse.Namespace) -> int:
     from raccoon.estimate.tophat.store import TophatStore
     from raccoon.trace.record import recording_file
 
-    # A variable of a script, say, that is empty: no program would find the set.
+    # For example from an empty variable of a script: no program would find a set of this name.
     if args.set is not None and not args.set.strip():
         raise ConfigError("--set: the name of the set is empty")
     if args.show and (args.recording or args.write):

@@ -1,4 +1,4 @@
-"""`raccoon calibrate drive`: the work behind it (no command of its own)."""
+"""The work of `raccoon calibrate drive` (not a command of its own)."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ from raccoon.trace.loading import Run, load_runs
 from raccoon.trace.recording import median_step, time_unit_hint
 
 UNITS = {"radians_per_tick": "rad", "bemf_offset": "counts", "track_width": "m"}
-"""Of what is measured, by the last part of its key."""
+"""Units of the calibrated values, by the last part of their key."""
 
 
 def calibrate(args: argparse.Namespace) -> int:
-    """Calibrate on recordings, show the values and store them where that was asked for."""
+    """Calibrate on recordings, print the values and, with `--write`, store them. Returns the exit status.
+    Raises ConfigError, TraceError, CalibrationError."""
     _check_lengths(args)
     robot = load_robot(args.robot)
     if args.write:
@@ -43,7 +44,7 @@ def calibrate(args: argparse.Namespace) -> int:
 
 
 def _check_lengths(args: argparse.Namespace) -> None:
-    """Raise ConfigError for lengths that no tape measures."""
+    """Raise ConfigError for lengths or standard deviations, m, that are out of range."""
     if not 0.0 < args.tape_std < math.inf:
         raise ConfigError(f"--tape-std {args.tape_std:g}: allowed are numbers above 0 (m)")
     if args.straight is not None:
@@ -64,7 +65,7 @@ def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run])
         raise ConfigError(f"--straight takes one recording and no --tape: given are {there}")
     cycles = list(cycles_of(runs[0].recording))
     inputs = [each for each, _ in cycles]
-    # What was commanded in a cycle is in force when the next one is read.
+    # The command of a cycle is in force when the next cycle is read.
     before: list[tuple[Outputs, ...]] = [(), *(commands for _, commands in cycles)]
     in_force = [commands[-1] if commands else None for commands in before]
     if why := find_disturbance(robot, zip(inputs, in_force, strict=False)):
@@ -108,9 +109,9 @@ def _taped(text: str, std: float) -> TapedWay:
 
 
 def _show(entries: Mapping[str, Measured]) -> None:
-    """Each value with its deviation."""
+    """Print each value with its standard deviation."""
     for key, value in entries.items():
-        # A share of what may well be 0, such as an offset, tells nothing.
+        # A relative deviation is meaningless for a value that may be 0, such as an offset.
         known = 3.0 * value.std < abs(value.value)
         share = f" ({100 * value.std / abs(value.value):.2f} %)" if known else ""
         battery = "" if value.battery_voltage is None else f" at {value.battery_voltage:.2f} V"

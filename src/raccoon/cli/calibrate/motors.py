@@ -1,4 +1,4 @@
-"""`raccoon calibrate motors`: the work behind it (no command of its own)."""
+"""The work of `raccoon calibrate motors` (not a command of its own)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from raccoon.robot.calibration.identification import power_factors
 
 
 def calibrate(args: argparse.Namespace) -> int:
-    """Measure k of both motors and store it with date, battery voltage and standard deviation."""
+    """Measure the power factor k of both motors and, with `--write`, store it with date, battery voltage and
+    standard deviation. Returns the exit status."""
     seen, fits = excite_and_fit(args, bare=True)
     return show_and_write(args, power_factors(fits, seen.battery))

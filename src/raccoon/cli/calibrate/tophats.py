@@ -1,4 +1,4 @@
-"""`raccoon calibrate tophats`: the work behind it (no command of its own)."""
+"""The work of `raccoon calibrate tophats` (not a command of its own)."""
 
 from __future__ import annotations
 
@@ -25,26 +25,27 @@ from raccoon.trace.loading import Run, load_runs
 Array = NDArray[np.float64]
 
 MIN_WAY = 0.10
-"""m from which on a robot drove."""
+"""Shortest way, m, that counts as driving; below it the floor may have been moved under the sensor
+instead."""
 VERDICT = 2 + max(len(verdict) for verdict in Verdict)
-"""Width of a column of verdicts."""
+"""Width of the column of verdicts, characters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Widths of the columns whose entries are as long as people make them."""
+    """Widths, in characters, of the columns whose entries are names that users choose."""
 
     sensor: int
     set_name: int
 
     @classmethod
     def of(cls, sensors: Iterable[str], set_names: Iterable[str]) -> Layout:
-        """Wide enough for all of these, and two spaces."""
+        """Columns wide enough for these names and two spaces."""
         return cls(2 + max(map(len, ("sensor", *sensors))), 2 + max(map(len, ("set", *set_names))))
 
     @property
     def header(self) -> str:
-        """The line above the rows."""
+        """The header line of the table."""
         return (
             f"{'sensor':{self.sensor}}{'set':{self.set_name}}{'time':21}{'verdict':{VERDICT}}"
             f"{'white':>7}{'black':>7}{'cut':>7}{'apart':>7}{'error':>9}  battery  sensor by its readings"
@@ -52,7 +53,8 @@ class Layout:
 
 
 def show_store(path: Path, set_name: str | None) -> int:
-    """Print every stored calibration of a set, or of all; oldest first. Exit status 1 where there is none."""
+    """Print the stored calibrations of a set, or of all sets (None), oldest first. Returns exit status 1 if
+    there is none."""
     stored = TophatStore(path).history()
     entries = [each for each in stored if set_name in (None, each.set_name)]
     if not stored:
@@ -72,7 +74,8 @@ def show_store(path: Path, set_name: str | None) -> int:
 def calibrate_recordings(
     recordings: Sequence[Path], robot_file: Path, store: Path, set_name: str, *, write: bool
 ) -> int:
-    """Calibrate every sensor of robot.toml on the recordings; exit status 1 where one gave no threshold."""
+    """Calibrate every tophat of robot.toml on the recordings, and store the usable results if `write`.
+    Returns exit status 1 if one sensor gave no threshold. Raises ConfigError if robot.toml has no tophat."""
     robot = load_robot(robot_file)
     if not robot.tophats:
         raise ConfigError(f"{robot_file}: it has no [tophat.NAME]")
@@ -115,8 +118,9 @@ def _entry(
 def _counts_and_ways(
     runs: Sequence[Run], robot: RobotConfig, sensor: TophatConfig
 ) -> tuple[Array, Array | None]:
-    """What a sensor read in all recordings together, and the way to each reading: see `calibrate`. None where
-    one of them does not tell it, or the robot hardly drove: then it was the floor that was moved."""
+    """A sensor's counts in all recordings, joined, and the way to each reading from the one before, m, as
+    `calibrate` takes them. The ways are None if a recording does not give them or the robot drove less than
+    MIN_WAY: then the floor was moved instead."""
     counts, ways = [np.zeros(0)], [np.zeros(0)]
     for run in runs:
         column = run.recording.columns.get(f"analog.{sensor.analog}")
@@ -133,7 +137,8 @@ def _counts_and_ways(
 
 
 def _way(run: Run, robot: RobotConfig, sensor: TophatConfig) -> Array:
-    """m that a sensor went over the floor until each row, by the wheels; NaN where they do not tell."""
+    """Way of a sensor over the floor until each row, m, computed from the wheels; NaN if they do not give
+    it."""
     columns, device = run.recording.columns, run.recording.device
     try:
         x, y, heading = integrate_path(
@@ -147,7 +152,7 @@ def _way(run: Run, robot: RobotConfig, sensor: TophatConfig) -> Array:
 
 
 def _mean_voltage(runs: Sequence[Run]) -> float | None:
-    """V of the battery in all recordings together; None where none tells it."""
+    """Mean battery voltage over all recordings, V; None if none contains it."""
     columns = [run.recording.columns.get("battery.voltage") for run in runs]
     voltages = [float(np.nanmean(each)) for each in columns if each is not None and np.isfinite(each).any()]
     return sum(voltages) / len(voltages) if voltages else None

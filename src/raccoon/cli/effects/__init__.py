@@ -1,4 +1,4 @@
-"""`raccoon effects`: what can make a robot differ from the textbook one."""
+"""`raccoon effects`: list the effects by which a robot can differ from the nominal one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the catalogue, a part of it, or write its page."""
+    """Print the catalogue or a part of it, or write its page. Returns exit status 0. Raises ConfigError."""
     from raccoon.cli.effects.listing import json_text, select_effects, table_text
 
     if args.write is not None:

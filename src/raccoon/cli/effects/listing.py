@@ -1,4 +1,4 @@
-"""The catalogue as text."""
+"""The catalogue of effects as text and as JSON."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PLACE_TEXTS = {Place.ROBOT: "", Place.SIDE: "@left @right", Place.TOPHAT: "@port
 
 
 def select_effects(name: str | None) -> list[Effect]:
-    """The effects of an id or of a group; all of them without a name. Raises ConfigError."""
+    """The effects of an id or a group; all effects without a name. Raises ConfigError for an unknown name."""
     entries = [each for each in all_effects() if name in (None, each.id, each.group)]
     if not entries:
         groups = list(dict.fromkeys(each.group for each in all_effects()))
@@ -27,7 +27,7 @@ def select_effects(name: str | None) -> list[Effect]:
 
 
 def table_text(entries: Sequence[Effect]) -> str:
-    """One effect after the other, by group."""
+    """Text of all entries, one effect after the other, by group."""
     lines: list[str] = []
     for group, members in groupby(entries, key=lambda each: each.group):
         lines += ["", group]
@@ -39,7 +39,7 @@ def table_text(entries: Sequence[Effect]) -> str:
 
 
 def parameter_text(parameter: Parameter) -> str:
-    """Name, unit, neutral value, bounds and usual size of a parameter."""
+    """A parameter's name, unit, neutral value, bounds and prior width, as text."""
     unit = f" {parameter.unit}" if parameter.unit else ""
     return (
         f"{parameter.name}{unit}: neutral {neutral_text(parameter)}, {parameter.bounds}, "
@@ -48,14 +48,14 @@ def parameter_text(parameter: Parameter) -> str:
 
 
 def neutral_text(parameter: Parameter) -> str:
-    """The neutral value as people read it."""
+    """A parameter's neutral value, or its substitute, as text."""
     if parameter.neutral is not None:
         return "no limit" if math.isinf(parameter.neutral) else f"{parameter.neutral:g}"
     return "robot.toml's" if parameter.initial is None else f"any (starts at {parameter.initial:g})"
 
 
 def json_text(entries: Sequence[Effect]) -> str:
-    """The same for programs; an infinite number is null."""
+    """The entries as JSON; infinite numbers become null."""
     rows = [
         {
             "id": each.id,

@@ -1,4 +1,4 @@
-"""`docs/effects.md`: written from the catalogue, with a picture of what each effect does to a recording."""
+"""Writing of `docs/effects.md` from the catalogue, with a picture of each effect in a recording."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ write this page again. The tests of neutral values find it by themselves;
 
 
 def write_page(folder: Path) -> int:
-    """Write effects.md and effects/*.png into a folder; the number of pictures. Raises ConfigError."""
+    """Write effects.md and effects/*.png into a folder. Returns the number of pictures. Raises ConfigError if
+    the folder does not exist."""
     if not folder.is_dir():
         raise ConfigError(f"{folder}: there is no such folder")
     pictures = folder / "effects"
@@ -75,7 +76,7 @@ def _picture(shown: Comparison) -> bytes:
 
 
 def figure_of(shown: Comparison) -> Figure:
-    """The channel without and with the effect, and below it the difference."""
+    """A figure of the channel without and with the effect, and below it their difference."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 2.8), dpi=90, layout="constrained")

@@ -1,4 +1,4 @@
-"""What an effect does to a recording: the same drive with and without it."""
+"""The change that an effect makes in a recording: the same drive simulated with and without it."""
 
 from __future__ import annotations
 
@@ -25,14 +25,17 @@ PIECES = (
     (0.05, 0.05, 0.5), (0.12, 0.12, 0.5), (0.6, 0.6, 1.0), (-0.6, -0.6, 1.0),
     (0.6, -0.6, 0.7), (-0.6, 0.6, 0.7), (1.0, 0.5, 1.0), (0.0, 0.0, 0.5),
 )  # fmt: skip
-"""Duty left, duty right, seconds."""
+"""Pieces of the drive: duty left, duty right (-1..1), duration in s."""
 UNITS = {"bemf": "counts", "battery": "V", "gyro": "rad/s", "heading": "rad", "x": "m", "y": "m"}
 CHANNELS = ("motor.0.bemf", "motor.1.bemf", "imu.gyro.z", "battery.voltage", "truth.heading", "truth.x")
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One channel of the same drive, without and with an effect."""
+    """One channel of the same drive without and with an effect.
+
+    unit: of the channel. time: s. values: the effect's parameters.
+    """
 
     channel: str
     unit: str
@@ -43,7 +46,7 @@ class Comparison:
 
 
 def comparison(entry: Effect) -> Comparison:
-    """The channel in which the effect shows most."""
+    """The channel in which an effect shows most, relative to the channel's range."""
     values = shown_values(entry)
     plain = Parameters.from_robot(ROBOT)
     where = "left" if entry.place is Place.SIDE else None
@@ -59,7 +62,8 @@ def comparison(entry: Effect) -> Comparison:
 
 
 def shown_values(entry: Effect) -> dict[str, float]:
-    """Values at which the effect is easy to see: some prior widths from neutral, within bounds."""
+    """Parameter values at which an effect is easy to see: SHOWN_WIDTHS prior widths from neutral, clipped to
+    the bounds."""
     plain = Parameters.from_robot(ROBOT)
     values = {}
     for each in entry.parameters:
@@ -75,7 +79,7 @@ def shown_values(entry: Effect) -> dict[str, float]:
 
 
 def drive() -> Commands:
-    """Creeping, steps forward and back, turns: something for every effect to show in."""
+    """Commands of a drive in which every effect can show: creeping, steps forward and back, turns."""
     lengths = [round(seconds / STEP) for _, _, seconds in PIECES]
     left = np.repeat([piece[0] for piece in PIECES], lengths)
     right = np.repeat([piece[1] for piece in PIECES], lengths)
