@@ -1,7 +1,7 @@
-"""Finds faulty channels of a drive (stuck, saturated, impossible, too coarse) and leaves them out with a
-fault.
+"""Detects faulty channels of a drive (stuck, saturated, impossible, too coarse), which are reported and left
+out.
 
-They are not explained by causes.
+No cause is fitted to such readings.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_COARSE_LEVELS = {"gyro": 8, "bemf": 4, "speed": 4}
-"""Different values of a reading with which it is too coarse, by its kind: a gyro in whole rad/s has so
+"""Largest number of different values of a reading that is too coarse, by kind: a gyro in whole rad/s has so
 few."""
 MIN_COARSE_STEP_V, ROUNDING_TOLERANCE = 0.04, 0.02
-"""Smallest step of a battery's reading that was rounded (a controller's own steps are finer), and part of a
-step by which values that were not rounded miss its multiples. Where readings scatter by less than a step,
-most of the sag is inside one: in tenths of a volt a battery of 0.15 ohm had 0.014, and one of 0.05 none; in
-twentieths one of 0.15 ohm had five times the viscous friction and another scale beside it, each with a
-probability of 1."""
+"""Least rounding step of a battery's reading that is too coarse, V (a controller's own steps are finer), and
+tolerance on its multiples as a share of the step. If the readings scatter by less than a step, most of the
+sag is lost: rounded to 0.1 V, a battery of 0.15 ohm was estimated at 0.014, and one of 0.05 at 0; rounded to
+0.05 V, one of 0.15 ohm got five times the viscous friction and another scale as well, each with a probability
+of 1."""
 LEFT_OUT_REASONS = {
     "stuck": "it is stuck",
     "saturated": "it is cut off",
@@ -45,17 +45,18 @@ LEFT_OUT_REASONS = {
     "steady": "it does not sag",
     "rare": "it was read too rarely",
 }
-"""Faults for which a whole channel is left out, and the words for that."""
+"""Faults for which a whole channel is left out, with the words for the reason."""
 MAX_STEP_JITTER = 0.5
-"""Part of the usual step by which steps differ to either side of it where a time is uneven."""
+"""Deviation of time steps to either side, as a share of the usual step, above which the time is uneven."""
 MAX_CYCLE_OFFSET = 0.16
-"""Cycles by which rows may be off whole cycles: firmwares meant to run at 200 Hz do so at 174 and more."""
+"""Tolerance, in controller cycles, on a whole number of cycles per row: firmwares meant to run at 200 Hz run
+at 174 and more."""
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedColumns:
-    """Columns without faulty readings. faults: what was left out. notes: on the time. has_uneven_time:
-    whether its steps are too uneven to judge what is fast."""
+    """Columns without faulty readings. faults: of what was left out. notes: on the time. has_uneven_time:
+    whether the time steps are too uneven to judge fast effects."""
 
     columns: Columns
     faults: tuple[SensorFault, ...]
@@ -64,7 +65,7 @@ class CheckedColumns:
 
     @property
     def left_out(self) -> dict[str, str]:
-        """Columns that were recorded and are not used, and why."""
+        """Columns that were recorded but are not used, with the reasons."""
         return {
             each.channel: LEFT_OUT_REASONS[each.fault]
             for each in self.faults
@@ -73,7 +74,7 @@ class CheckedColumns:
 
 
 def without_faulty_channels(columns: Columns, robot: RobotConfig) -> CheckedColumns:
-    """Leave out readings to which no simulation should be fitted."""
+    """The columns without readings to which no simulation should be fitted."""
     remaining, faults = dict(columns), []
     commands_vary = _commands_vary(columns, robot)
     for role, name in column_names(robot).items():
@@ -109,7 +110,7 @@ def without_faulty_channels(columns: Columns, robot: RobotConfig) -> CheckedColu
 
 
 def _commands_vary(columns: Columns, robot: RobotConfig) -> bool:
-    """Whether different commands were given."""
+    """Whether the commands vary."""
     ports = (robot.drive.left, robot.drive.right)
     duties = [columns.get(f"motor.{port}.{kind}") for port in ports for kind in ("duty", "voltage")]
     return any(each is not None and np.isfinite(each).any() and np.nanstd(each) > 0.02 for each in duties)
@@ -125,8 +126,8 @@ def _stuck_fault(name: str, role: str, values: Array, commands_vary: bool) -> Se
 
 
 def _coarse_fault(name: str, role: str, values: Array, commands_vary: bool) -> SensorFault | None:
-    """The fault of a reading with too few different values. Nothing is said of a robot that stands: there a
-    sound gyro has no more values than its noise has steps."""
+    """The fault of a reading with too few different values, None otherwise. Not checked if the robot stands
+    still, since then a sound gyro has only a few values (quantised noise)."""
     known = values[np.isfinite(values)]
     if not commands_vary or len(known) < MIN_SAMPLES:
         return None
@@ -169,13 +170,13 @@ def _uneven_time_notes(time: Array) -> tuple[str, ...]:
 
 
 def _row_rate_notes(time: Array, rate_hz: float) -> tuple[str, ...]:
-    """A note where rows are no whole cycles of the controller: a time by another clock makes another
+    """A note if the row period is not a whole number of controller cycles: a wrong time base changes the
     inertia."""
     steps = np.diff(time[np.isfinite(time)])
     if len(steps) < MIN_SAMPLES:
         return ()
     cycles = float(np.median(steps)) * rate_hz
-    # A time that does not advance, or is in another unit, is refused by the log.
+    # A time that does not advance or is in another unit is an error that the log raises.
     if cycles <= 0.0 or abs(cycles - max(round(cycles), 1)) < MAX_CYCLE_OFFSET:
         return ()
     rate = rate_hz / cycles

@@ -1,4 +1,4 @@
-"""A battery's voltage that a logger samples now and then and holds in every row until the next sample."""
+"""Battery voltages that a logger samples rarely and holds in every row until the next sample."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from raccoon.diagnose.result import SensorFault
 Array = NDArray[np.float64]
 
 MAX_CYCLE_S = 0.08
-"""s between changes above which a reading is held: read in every cycle, even a stiff battery's changes from
-cycle to cycle while wheels accelerate."""
+"""Time between changes, s, above which a reading is held: if it is read in every cycle, even a stiff
+battery's changes from cycle to cycle while wheels accelerate."""
 CHANGE_PERCENTILE = 5.0
 """Percentile of the times between changes that is compared with `MAX_CYCLE_S`."""
 MIN_READINGS, MAX_READING_PERIOD_S = 20, 1.5
-"""Readings that a drive needs, and longest s between them, to be of use."""
+"""Least number of readings, and longest time between them, s, for a useful channel."""
 
 
 def without_held_voltages(name: str, time: Array, values: Array) -> tuple[Array, SensorFault | None]:
-    """The values with NaN where they are held, and the fault where the readings are too few.
+    """The values with NaN where they are held, and a fault if there are too few readings.
 
-    Held for a second each, they were taken for a load from 15 s on; held for five, for a battery without
-    resistance and a gear that loses torque, each with a probability of 1.
+    Voltages held for a second were diagnosed as a load from 15 s on; voltages held for five, as a battery
+    without resistance and a gear that loses torque, each with a probability of 1.
     """
     known = np.flatnonzero(np.isfinite(values))
     new = known[np.diff(values[known], prepend=np.nan) != 0.0]

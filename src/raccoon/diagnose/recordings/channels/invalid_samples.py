@@ -20,33 +20,34 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MAX_READING = 1e5
-"""No sensor of a robot reads more in its own unit; wrong units give less and are named by `drives.units`."""
+"""Upper bound of any sensor's reading in its own unit; wrong units give less and are reported by
+`drives.units`."""
 MIN_FILLER_COUNT, MIN_FILLER_SHARE = 10, 0.02
-"""Times, and share of the samples, that one value must come between distant neighbours to be a filler."""
+"""Least number and share of the samples in which a value must come between distant neighbours to be a
+filler."""
 MIN_DISTANCE_SHARE, MIN_DISTANCE_IN_NOISE = 0.3, 20.0
-"""Distance of both neighbours from a filler, over the largest distance from it, and over the sensor's
-smallest noise. A wheel that creeps past 0 is near 0 before and after."""
+"""Least distance of both neighbours from a filler, relative to the largest distance from it and to the
+sensor's smallest noise. (A wheel that creeps past 0 is near 0 before and after.)"""
 MIN_NOISY_LEVELS, MIN_HELD_SHARE = 50, 0.4
-"""Different values from which a reading has noise, so that hardly one equals the one before; and share of
-equal neighbours from which a logger holds the values."""
+"""Number of different values above which a reading has noise, so that hardly any equals the one before; and
+share of equal neighbours above which a logger holds the values."""
 MIN_FROZEN_S, MIN_COMMAND_CHANGE, RESPONSE_S = 0.4, 0.2, 0.15
-"""s for which a frozen reading stays, duty by which its command changes meanwhile, and s within which a sound
-reading would have answered."""
+"""Least duration of a frozen reading, s; change of its command meanwhile, duty; and time within which a sound
+reading would have responded, s."""
 MAX_SPIKE_SHARE, MAX_SPIKE_SAMPLES = 0.05, 2
-"""Share of the samples that may be spikes, and samples that one spike may last."""
+"""Largest share of spikes, and largest number of samples of one spike."""
 MIN_SPIKES = {"gyro": 1.0, "bemf": 300.0, "speed": 1.0, "battery": 1.0}
-"""Smallest spike by the kind of reading, in its unit: a robot that drives straight may hit a bump."""
+"""Least size of a spike by kind of reading, in its unit: a robot that drives straight may hit a bump."""
 MIN_SPIKE_RANGE_RATIO = 1.5
-"""Distance of a spike from both neighbours, over the range from the 1st to the 99th percentile of the
-samples.
-"""
+"""Least distance of a spike from both neighbours, relative to the range from the 1st to the 99th
+percentile."""
 
 
 def without_invalid_samples(
     name: str, role: str, time: Array, values: Array, command: Array | None
 ) -> tuple[Array, tuple[SensorFault, ...]]:
-    """The values with NaN in place of invalid samples, and the faults these were. command: the command that
-    moves what is read, None where it is not known."""
+    """The values with NaN in place of invalid samples, and their faults. command: the command that drives the
+    measured quantity, None if unknown."""
     faults: list[SensorFault] = []
 
     def leave_out(rows: NDArray[np.intp], kind: str, text: str) -> None:
@@ -64,7 +65,7 @@ def without_invalid_samples(
     known = np.flatnonzero(np.isfinite(values))
     if role == "battery":
         empty = known[values[known] <= 0.0]
-        if len(empty) < len(known):  # a whole channel of them is named by `drives.units`
+        if len(empty) < len(known):  # a whole channel of them is reported by `drives.units`
             worst = float(values[empty[0]]) if len(empty) else 0.0
             share = _format_share(empty, known)
             leave_out(
@@ -110,8 +111,8 @@ def _with_nan(values: Array, rows: NDArray[np.intp]) -> Array:
 
 
 def command_behind(role: str, columns: Mapping[str, Array], robot: RobotConfig) -> Array | None:
-    """The command that moves what a role reads: a wheel's duty, or half the difference of both for the gyro;
-    None where it is missing."""
+    """The command that drives a role's quantity: a wheel's duty, or half the difference of both for the gyro;
+    None if it is missing."""
     ports = {"left": robot.drive.left, "right": robot.drive.right}
     commands = {
         side: (-1.0 if robot.motor(port).inverted else 1.0) * hold_until_next(columns[f"motor.{port}.duty"])
@@ -124,7 +125,8 @@ def command_behind(role: str, columns: Mapping[str, Array], robot: RobotConfig) 
 
 
 def _find_frozen(time: Array, known: Array, command: Array) -> list[tuple[float, NDArray[np.intp]]]:
-    """Stretches of one value, away from 0, in which the command changes: each its value and its rows."""
+    """Value and rows of each frozen stretch: a constant reading, away from 0, during which the command
+    changes."""
     if len(known) < MIN_FILLER_COUNT:
         return []
     min_size = MIN_DISTANCE_SHARE * float(np.percentile(np.abs(known), 99.0))
@@ -140,8 +142,8 @@ def _find_frozen(time: Array, known: Array, command: Array) -> list[tuple[float,
 
 
 def _find_filler(known: Array, min_noise_distance: float) -> tuple[float, NDArray[np.intp]]:
-    """The most frequent value, and the rows in which it is a filler: in enough places both neighbours are far
-    from it, to the same side."""
+    """The most frequent value, and the rows in which it is a filler, if both neighbours are far from it on
+    the same side in enough places."""
     nothing = np.zeros(0, np.intp)
     if len(known) == 0:
         return 0.0, nothing
@@ -151,7 +153,7 @@ def _find_filler(known: Array, min_noise_distance: float) -> tuple[float, NDArra
     if value in (levels[0], levels[-1]) or counts.max() < max(
         MIN_FILLER_COUNT, MIN_FILLER_SHARE * len(known)
     ):
-        return value, nothing  # an extreme value may be where a reading is saturated
+        return value, nothing  # an extreme value may be saturation
     min_distance = max(MIN_DISTANCE_SHARE * float(np.percentile(np.abs(offset), 99.0)), min_noise_distance)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], offset == 0.0, [False]]).astype(int)))
     is_filler, count = np.zeros(len(known), bool), 0
@@ -167,8 +169,8 @@ def _find_filler(known: Array, min_noise_distance: float) -> tuple[float, NDArra
 
 
 def _without_held_samples(values: Array) -> Array:
-    """The values with NaN where a logger only held the last one. A gyro of 50 Hz in rows of 200 Hz was taken
-    for a slip of 8 ms; with its new rows alone it is none."""
+    """The values with NaN in rows in which a logger only held the last one. A gyro of 50 Hz in rows of 200 Hz
+    was diagnosed as a slip of 8 ms, and as none with its new rows alone."""
     known = np.flatnonzero(np.isfinite(values))
     if len(known) < MIN_FILLER_COUNT or len(np.unique(values[known])) < MIN_NOISY_LEVELS:
         return values
@@ -180,8 +182,8 @@ def _without_held_samples(values: Array) -> Array:
 
 
 def _find_spikes(known: Array, min_spike: float) -> Flags:
-    """Samples that are away from both neighbours by more than all others are apart, for `MAX_SPIKE_SAMPLES`
-    at most."""
+    """Flags of spikes: up to `MAX_SPIKE_SAMPLES` samples that differ from both neighbours by more than the
+    usual range of all samples; none if there would be too many."""
     spikes = np.zeros(len(known), bool)
     if len(known) < 100:
         return spikes

@@ -1,4 +1,4 @@
-"""Drives without some channels: reasons that name the missing columns."""
+"""Names missing columns in the reasons for causes that were not judged."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ CAUSE_GROUPS = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*", 
 def with_missing_columns_named(
     found: Diagnosis, columns: Columns, robot: RobotConfig, left_out: Mapping[str, str]
 ) -> Diagnosis:
-    """The diagnosis in which reasons that speak of a missing reading name its column.
+    """The diagnosis with the column's name in each reason that speaks of a missing reading.
 
-    left_out: columns that were recorded and not used, and why.
+    left_out: columns that were recorded and not used, with the reasons.
     """
     names = column_names(robot)
     reasons = {role: describe_absence(name, left_out) for role, name in names.items()}
@@ -36,7 +36,7 @@ def with_missing_columns_named(
 
 
 def describe_absence(name: str, left_out: Mapping[str, str]) -> str:
-    """Words for a column that is not there, and why."""
+    """Text that a column is missing or was left out, and why."""
     return f"{name} was left out ({left_out[name]})" if name in left_out else f"{name} is missing"
 
 
@@ -53,8 +53,8 @@ def _with_columns_named(rejected: Rejected, reasons: Mapping[str, str]) -> Rejec
 def _rejected_without_wheels(
     columns: Columns, names: Mapping[str, str], left_out: Mapping[str, str]
 ) -> Sequence[Rejected]:
-    """All groups of causes rejected where no wheel is measured, also those of the gyro, which turns with the
-    wheels."""
+    """All groups of causes as rejected if no wheel is measured, including the gyro's, which turns with the
+    wheels; empty otherwise."""
     wheels = [name for role, name in names.items() if role.startswith(("bemf", "speed"))]
     if any(has_readings(columns, name) for name in wheels):
         return ()

@@ -1,4 +1,5 @@
-"""What a diagnosis may claim, given the faults of its recording's channels and what the simulation leaves."""
+"""Reviews a diagnosis: which claims hold, given the faults of the recording's channels and the remaining
+error."""
 
 from __future__ import annotations
 
@@ -22,22 +23,23 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MIN_CHANGE_WHEN_UNEVEN = 1.0
-"""Change of a reading, in units of its noise, from which a cause is believed where the time is uneven. Time
-stamps off by up to 2 ms gave a clean drive a gear that loses 2 %, by a change of 0.34."""
+"""Least change of a reading, in units of its noise, by a cause that is believed although the time is uneven.
+Time stamps off by up to 2 ms gave a fault-free drive a gear that loses 2 %, with a change of 0.34."""
 MAX_ERROR_SHARE = 0.5
-"""Error left over the spread of the reading, above which the simulation does not follow the commands."""
+"""Remaining error over the standard deviation of the reading above which the simulation does not follow the
+commands."""
 MAX_LARGE_ERROR_SHARE, MIN_LARGE_ERROR = 0.15, 0.03
-"""The same where the error, in volts, is also that part of the battery's voltage, as that of no creeping
-wheel is. With any cause, known or not, it was 0.03 at most; commands rounded to whole numbers left more."""
+"""The same if the error in volts also exceeds this share of the battery's voltage, which a creeping wheel's
+does not. With any cause, known or not, it was 0.03 at most; commands rounded to whole numbers left more."""
 SAME_VALUE_TOLERANCE = 1e-6
-"""Difference of two readings, over the largest one, up to which they are one value with rounding errors."""
+"""Relative difference of two readings up to which they are one value with rounding errors."""
 
 
 def with_channel_faults(
     found: Diagnosis, columns: Columns, checked: CheckedColumns, robot: RobotConfig
 ) -> Diagnosis:
-    """The diagnosis with the channel faults, and without causes where the simulation does not follow the
-    recorded motion."""
+    """The diagnosis with the channel faults; without causes if the simulation does not follow the recorded
+    motion."""
     found = replace(
         found, sensor_faults=(*checked.faults, *found.sensor_faults), notes=(*found.notes, *checked.notes)
     )
@@ -59,7 +61,7 @@ def with_channel_faults(
 
 
 def _without_causes_of_uneven_time(found: Diagnosis) -> Diagnosis:
-    """The diagnosis without causes that an uneven time would make as well."""
+    """The diagnosis without causes that an uneven time could explain as well."""
     dropped = [each for each in found.causes if each.change < MIN_CHANGE_WHEN_UNEVEN]
     if not dropped:
         return found
@@ -76,8 +78,7 @@ def _without_causes_of_uneven_time(found: Diagnosis) -> Diagnosis:
 
 
 def _unchecked_notes(found: Diagnosis, checked: CheckedColumns, robot: RobotConfig) -> tuple[str, ...]:
-    """Notes on causes that could not be judged because a whole channel is missing: that none of them is named
-    does not clear them."""
+    """Notes on causes that could not be judged because a whole channel is missing, and are not ruled out."""
     notes = []
     for role, name in column_names(robot).items():
         reason = describe_absence(name, checked.left_out)
@@ -95,8 +96,7 @@ def _unchecked_notes(found: Diagnosis, checked: CheckedColumns, robot: RobotConf
 
 
 def _has_no_duties(checked: CheckedColumns, robot: RobotConfig) -> bool:
-    """Whether no wheel has duties: volts were commanded, which hide the battery and have a note of their
-    own."""
+    """Whether no wheel has duties: voltage commands hide the battery and have their own note."""
     ports = (robot.drive.left, robot.drive.right)
     return not any(has_readings(checked.columns, f"motor.{port}.duty") for port in ports)
 
@@ -113,14 +113,15 @@ def _is_unfollowed(name: str, error: float, columns: Columns, robot: RobotConfig
 
 
 def _counting_error(values: Array) -> float:
-    """Error of a row's reading that counting in whole ticks makes: both ends of the row are truncated."""
+    """Standard deviation of a row's reading due to counting whole ticks: both ends of the row are
+    truncated."""
     level_steps = np.diff(np.unique(values[np.isfinite(values)]))
     level_steps = level_steps[level_steps > SAME_VALUE_TOLERANCE * np.nanmax(np.abs(values))]
     return float(np.percentile(level_steps, 10.0)) / math.sqrt(6.0) if len(level_steps) else 0.0
 
 
 def _unmeasured_wheel_notes(checked: CheckedColumns, robot: RobotConfig) -> tuple[str, ...]:
-    """A note on the wheel that is not measured, where the other one is."""
+    """A note on a wheel that is not measured although the other one is."""
     missing = {
         port: not any(has_readings(checked.columns, f"motor.{port}.{kind}") for kind in ("bemf", "speed"))
         for port in (robot.drive.left, robot.drive.right)
@@ -135,7 +136,7 @@ def _unmeasured_wheel_notes(checked: CheckedColumns, robot: RobotConfig) -> tupl
 
 
 def wrong_robot_notes(causes: Sequence[CauseResult]) -> tuple[str, ...]:
-    """A note that asks whether robot.toml is this robot's, where a cause's factor is far off."""
+    """A note that asks whether robot.toml is this robot's, if a cause's factor is far from 1."""
     for each in causes:
         if is_far_off(each):
             percent = 100.0 * (each.parameters["factor"].value - 1.0)

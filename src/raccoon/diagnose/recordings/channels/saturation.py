@@ -1,4 +1,4 @@
-"""Readings that are saturated: they stay at the sensor's largest value."""
+"""Detects saturated readings, which stay at the sensor's largest value."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from raccoon.diagnose.result import SensorFault
 Array = NDArray[np.float64]
 
 MIN_SAMPLES = 50
-"""Samples below which a reading is not checked."""
+"""Least number of samples of a reading that is checked."""
 MIN_SATURATED_SHARE = 0.1
-"""Share of the samples at exactly the largest value from which a reading is saturated."""
+"""Share of the samples at exactly the largest value above which a reading is saturated."""
 MIN_DROPPED_SHARE = 0.005
-"""Share of the samples at +- its largest value from which these few samples are left out."""
+"""Share of the samples at +- the largest value above which these samples are left out."""
 APPROACH_FRACTION, NEAR_FRACTION, MIN_SETTLING_SHARE = 0.5, 0.98, 0.25
-"""Parts of the largest value from which samples count as the approach to it, and as near it; and share of the
-approach that a settling motion spends near. A saturated reading passes through quickly; a motion that settles
-is near for a third of the approach and longer, also without noise."""
+"""Shares of the largest value above which samples count as the approach to it, and as near it; and least
+share of the approach that a settling motion is near it. A saturated reading passes through quickly; a motion
+that settles is near for a third of the approach and longer, also without noise."""
 MIN_NEIGHBOUR_LEVEL_SHARE = 0.25
-"""Samples at the next level inside over those at the outermost one, from which the outermost is one
-quantisation level among others and no saturation."""
+"""Ratio of the samples at the next inner level to those at the outermost one, above which the outermost is an
+ordinary quantisation level and no saturation."""
 
 
 def saturation_fault(name: str, role: str, values: Array) -> SensorFault | None:
-    """The fault of a reading that stays at its largest value, None where it does not."""
+    """The fault of a saturated reading, None for other readings."""
     known = _merge_rounding_errors(values[np.isfinite(values)])
     if role == "battery" or len(known) < MIN_SAMPLES or not np.ptp(known) > 0.0:
         return None
@@ -38,7 +38,7 @@ def saturation_fault(name: str, role: str, values: Array) -> SensorFault | None:
         share = float((known == edge).mean())
         inside = known[known != edge]
         beside = float(inside.max() if edge == known.max() else inside.min())
-        # 0 at rest is no saturation.
+        # A reading of 0 at rest is not saturated.
         stays = share > MIN_SATURATED_SHARE and not _is_quantisation_step(share, known, beside)
         if (
             stays
@@ -51,14 +51,14 @@ def saturation_fault(name: str, role: str, values: Array) -> SensorFault | None:
 
 
 def _merge_rounding_errors(values: Array) -> Array:
-    """Readings in which values that differ by rounding errors only, as of ticks over a row's seconds, are
+    """The readings with values that differ only by rounding errors (such as ticks over a row's seconds) made
     equal."""
     size = float(np.nanmax(np.abs(values), initial=0.0))
     return np.asarray(np.round(values / size, 9) * size, float) if size > 0.0 else values
 
 
 def _share_at_both_ends(known: Array) -> float:
-    """Share of the samples at +- the largest value where a reading is saturated both ways; else 0."""
+    """Share of the samples at +- the largest value if the reading is saturated in both directions; else 0."""
     size = np.abs(known)
     if len(known) < MIN_SAMPLES or known.max() != -known.min() or _settles_at_maximum(size):
         return 0.0
@@ -67,19 +67,19 @@ def _share_at_both_ends(known: Array) -> float:
 
 
 def _is_quantisation_step(share: float, values: Array, beside: float) -> bool:
-    """Whether an outermost value is one of many quantisation levels, as of few ticks a row: the next level
-    inside comes about as often, while a saturated reading only passes it.
+    """Whether an outermost value is one of several quantisation levels (few ticks per row): the next inner
+    level is about as frequent, while a saturated reading only passes it.
 
-    share: of the samples at the outermost value. beside: the next level inside.
+    share: of the samples at the outermost value. beside: the next inner level.
     """
     return float((values == beside).mean()) >= MIN_NEIGHBOUR_LEVEL_SHARE * share
 
 
 def _settles_at_maximum(values: Array) -> bool:
-    """Whether a reading comes to its largest value as a motion that settles there does.
+    """Whether a reading approaches its largest value like a motion that settles there.
 
-    Of a coarse reading the next level inside counts as near, however far it is. Samples at the value itself
-    are not part of the approach: noise makes a saturated reading leave it for a sample now and then.
+    For a coarse reading the next inner level counts as near at any distance. Samples at the largest value are
+    not part of the approach: noise makes a saturated reading leave it for a sample now and then.
     """
     top = float(values.max())
     beside = float(np.max(values[values < top], initial=-np.inf))
@@ -97,7 +97,7 @@ def _settles_at_maximum(values: Array) -> bool:
 
 
 def without_saturated_samples(name: str, values: Array) -> tuple[Array, list[SensorFault]]:
-    """The reading without its samples at +- the largest value where these are few, and their fault."""
+    """The reading without its few samples at +- the largest value, and their fault."""
     steps = _merge_rounding_errors(values)
     share = _share_at_both_ends(steps[np.isfinite(steps)])
     if not MIN_DROPPED_SHARE < share <= MIN_SATURATED_SHARE:

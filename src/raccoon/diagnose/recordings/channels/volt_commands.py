@@ -1,4 +1,4 @@
-"""Drives whose commands are volts: the duties that a motor driver makes of them."""
+"""Drives with voltage commands: their conversion to the duties of a motor driver."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ BATTERY_HIDDEN = (
     "not identifiable: motor.N.voltage is recorded instead of motor.N.duty, so the driver hides the battery"
 )
 MAX_COMMAND_V = 30.0
-"""Most V that a motor is given."""
+"""Largest voltage command of a motor, V."""
 MIN_READINGS = 20
-"""Readings of a battery that are needed."""
+"""Least number of battery readings."""
 BY_READING_NOTE = (
     "motor.N.voltage is recorded instead of motor.N.duty: converted to the duties that a driver makes of it "
     "with the last reading of battery.voltage"
 )
 CLEARLY_SMALLER_ERROR = 0.85
-"""Ratio of two diagnoses' errors below which the first explains a drive better: 0.4 to 0.5 where a driver
-keeps its volts whatever the battery does, 1.09 at most where both explain the drive."""
+"""Ratio of the errors of two diagnoses below which the first explains a drive better: 0.4 to 0.5 if a driver
+holds its voltage whatever the battery does, 1.09 at most if both explain the drive."""
 COMPLETE_VERDICTS = (Verdict.ADEQUATE, Verdict.EXPLAINED)
 MAX_VOLTS_RATIO, MAX_EXCEEDING_SHARE = 1.05, 0.02
-"""Times the battery's reading that no driver can give, and share of rows that may exceed it by mistake."""
+"""Voltage over the battery's reading that no driver can exceed, and share of rows that may exceed it by
+error."""
 
 
 def has_volt_commands(columns: Columns, robot: RobotConfig) -> bool:
-    """Whether both wheels' commands are volts."""
+    """Whether both wheels' commands are voltages."""
     names = [f"motor.{port}." for port in (robot.drive.left, robot.drive.right)]
     return all(f"{each}voltage" in columns and f"{each}duty" not in columns for each in names)
 
 
 def duties_by_battery_reading(columns: Columns, robot: RobotConfig) -> Columns | None:
-    """The columns with commanded volts as duties of the battery's last reading: a driver calculates so, and a
-    battery that falls faster than it is read gives less. None where the battery was not read, or is too low
-    to be the one that gave the volts.
-    """
+    """The columns with voltage commands converted to duties by the last battery reading, as a driver computes
+    them; if the battery's voltage drops faster than it is read, the motor gets less. None if the battery was
+    not read, or reads too low to supply these voltages."""
     reading = np.asarray(columns.get("battery.voltage", ()), float)
     known = reading[reading > 0.0]
     if len(known) < MIN_READINGS:
@@ -69,11 +69,11 @@ def duties_by_battery_reading(columns: Columns, robot: RobotConfig) -> Columns |
 def duties_of_stiff_battery(
     columns: Columns, robot: RobotConfig, holdout: Columns | None = None
 ) -> tuple[dict[str, Array], RobotConfig, tuple[Cause, ...]]:
-    """Columns and robot in which the volts are duties of a stiff battery, and the causes that remain.
+    """Columns and robot in which the voltages are duties of a stiff battery, and the remaining causes.
 
-    A driver that keeps its volts makes the same of any battery, so its resistance and charge do not act.
-    holdout: another recording whose volts this battery must be able to give. Raises TraceError for volts that
-    no robot has.
+    A driver that holds its voltage gives the same with any battery, so the battery's resistance and charge
+    have no effect. holdout: another recording whose voltages the battery must supply as well. Raises
+    TraceError for voltages that no robot has.
     """
     volts = _commanded_volts(columns, robot)
     largest = _largest_volts(volts)
@@ -105,7 +105,7 @@ def _largest_volts(volts: Mapping[int, Array]) -> float:
 
 
 def with_battery_rejected(found: Diagnosis) -> Diagnosis:
-    """The diagnosis of a drive in volts, with the battery's causes rejected, which volts hide."""
+    """The diagnosis of a drive in volts, with the battery's causes rejected, since the driver hides them."""
     ids = ("battery.open_circuit_voltage", "battery.internal_resistance", "battery.discharge")
     return replace(
         found, rejected=(*found.rejected, *(Rejected(each, BATTERY_HIDDEN) for each in ids)), model=None
@@ -113,9 +113,9 @@ def with_battery_rejected(found: Diagnosis) -> Diagnosis:
 
 
 def explains_better(one: Diagnosis, other: Diagnosis) -> bool:
-    """Whether one diagnosis leaves less error in the channels that both simulate than the other does, or
-    about as little with fewer causes (those of the battery aside) or without an unexplained rest.
-    """
+    """Whether the first diagnosis clearly leaves less error in the channels that both simulate; or, if the
+    errors are similar, has a complete verdict while the other has not, or as complete a one with fewer causes
+    (not counting the other's battery causes)."""
     other_errors = {each.name: each.rmse_after for each in other.channels}
     log_ratios = [
         math.log(each.rmse_after / other_errors[each.name])
