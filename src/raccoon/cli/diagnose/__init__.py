@@ -1,4 +1,4 @@
-"""`raccoon diagnose`: what the simulation gets wrong in a recording, and why."""
+"""`raccoon diagnose`: find what the simulation gets wrong about a recording, and why."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 HELP = "compare a recording with the simulation, name what is wrong and write the better model"
 DEFAULT_WORKERS = 1
-"""Processes that diagnose, unless more are asked for."""
+"""Default number of processes."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -66,7 +66,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 class OnceOnly(argparse.Action):
-    """The action of --robot, which is refused twice: the last of two would be taken for both robots'."""
+    """The action of `--robot`, which refuses to be given twice: the last of two would be used for the
+    recordings of both robots."""
 
     def __call__(
         self,
@@ -84,7 +85,8 @@ class OnceOnly(argparse.Action):
 
 
 def run(args: argparse.Namespace) -> int:
-    """Diagnose; the exit status is 0 when it ran, whatever it found."""
+    """Diagnose the recordings. Returns exit status 0 if the diagnosis ran, whatever it found; of several
+    recordings, as `run_fleet`. Raises ConfigError, TraceError."""
     from raccoon.cli.diagnose.files import recordings
     from raccoon.cli.diagnose.fleet import diagnose_pooled_geometry, run_fleet
     from raccoon.cli.diagnose.job import diagnose_job, diagnose_together, make_job
@@ -125,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _warn_of_unused_workers(args: argparse.Namespace) -> None:
-    """Print that workers which were asked for have nothing to do: one diagnosis is not divided."""
+    """Print a warning if `--workers` or `--executor` has no effect: a single diagnosis is not divided."""
     named = [f"--executor {args.executor}"] if args.executor != "processes" else []
     named += [f"--workers {args.workers}"] if args.workers != DEFAULT_WORKERS else []
     if named:
@@ -143,7 +145,8 @@ def _holdout_files(named: Sequence[Path]) -> list[Path]:
 
 
 def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:
-    """Where numba is not installed, refuse drives and remark on motors; nothing else is simulated."""
+    """Without numba, refuse recordings of drives (ConfigError) and warn about recordings of motors; other
+    kinds are not simulated."""
     from raccoon.cli.numba_check import check_numba, warn_without_numba
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import RaccoonError
@@ -159,7 +162,7 @@ def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:
         try:
             run = load_run(path)
             kind = kind_of(run.recording.columns, given or run.robot or RobotConfig())
-        except (RaccoonError, OSError):  # said where it is diagnosed
+        except (RaccoonError, OSError):  # reported when it is diagnosed
             continue
         if kind is Kind.DRIVE:
             check_numba(f"{path}: a drive is diagnosed by simulating it thousands of times")
@@ -169,7 +172,8 @@ def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:
 
 
 def _show_remarks() -> None:
-    """What the library logs, on stderr: the first diagnosis takes half a minute more, and why."""
+    """Show the library's log on standard error: the first diagnosis takes half a minute longer, and the log
+    says why."""
     import logging
 
     logging.basicConfig(format="%(message)s")
@@ -177,8 +181,8 @@ def _show_remarks() -> None:
 
 
 def _write(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:
-    """Files first, since a pipe that is closed ends the command where it prints; and what was found is said
-    also where a file cannot be written."""
+    """Write the files, then print the report. Files come first because a closed pipe ends the command when it
+    prints; the report is printed even if a file cannot be written."""
     from raccoon.diagnose.reports.terminal import terminal_report
 
     try:
@@ -194,7 +198,7 @@ def _save(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:
         diagnosis.save_json(args.json)
     if args.save_model is not None:
         _save_model(args.save_model, diagnosis, name)
-    if args.html is not None:  # the last: it alone needs an extra, which may not be installed
+    if args.html is not None:  # last: only this needs an optional dependency, which may be missing
         from raccoon.diagnose.reports.html import save_html
 
         save_html(diagnosis, args.html, title=name)

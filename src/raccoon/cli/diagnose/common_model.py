@@ -1,4 +1,5 @@
-"""`raccoon diagnose --save-model` for many recordings: what they have in common, and what that foresees."""
+"""`raccoon diagnose --save-model` for several recordings: the model that they have in common, and its
+cross-check."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CommonModel:
-    """The model of a fleet, None where there is none, which `reason` says. foreseen: each recording with the
-    model of the others."""
+    """The common model of a fleet, or None with the `reason`. foreseen: for each recording, the cross-check
+    of the model that the others have in common."""
 
     model: Parameters | None
     foreseen: Mapping[str, CrossCheck]
@@ -29,8 +30,11 @@ class CommonModel:
 def make_common_model(
     fleet: Fleet, jobs: Mapping[str, Job], work: Callable[[list[Job]], Sequence[Answer | str]]
 ) -> CommonModel:
-    """Each recording is diagnosed again, from the model that the others have in common: what it foresees of a
-    recording that it was not made of is what it is worth. jobs: by recording. work: diagnoses all of them."""
+    """Make the common model and cross-check it: each recording is diagnosed again from the common model of
+    the others, since a model is worth what it predicts about recordings it was not made from.
+
+    jobs: by recording. work: diagnoses a list of jobs.
+    """
     from raccoon.diagnose.fleet.common_model import common_model, make_cross_check
 
     if len(fleet.names) > 1:
@@ -52,7 +56,7 @@ def make_common_model(
 
 
 def save_common_model(path: Path, model: Parameters, fleet: Fleet) -> None:
-    """Write the model with what it was made from, atomically."""
+    """Write the model with its provenance to a file, atomically."""
     from raccoon import __version__
     from raccoon.sim.effects.provenance import Provenance
 

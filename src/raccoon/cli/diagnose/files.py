@@ -1,4 +1,4 @@
-"""The recordings that `raccoon diagnose` is given: which files, in which order, under which names."""
+"""The recordings given to `raccoon diagnose`: their files, order and names."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from raccoon.trace.record import recording_file
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
-    """The files, each once. Those inside folders are in the order of their names, run2 before run10; so are
-    files that a shell has put in alphabetical order. Raises FileNotFoundError."""
+    """The files of recordings, each once. Files in folders come in natural order of their names (run2 before
+    run10), and so do given files that are in alphabetical order, as a shell sorts them. Raises
+    FileNotFoundError."""
     found: list[Path] = []
     given = list(paths)
     for path in map(recording_file, sorted(given, key=natural_sort_key) if given == sorted(given) else given):
@@ -29,7 +30,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 
 
 def _without_repeats(paths: Sequence[Path]) -> list[Path]:
-    """Each file once: one that is named by itself and with its folder would count twice."""
+    """Each file once: a file given by itself and by its folder would count twice."""
     first: dict[str, Path] = {}
     for path in paths:
         before = first.setdefault(os.path.realpath(path), path)
@@ -39,7 +40,7 @@ def _without_repeats(paths: Sequence[Path]) -> list[Path]:
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:
-    """File names; with as many of their folders as tell all of them apart."""
+    """File names, preceded by as many of their folders as are needed to make them all different."""
     places = [path.absolute().parts for path in paths]
     for count in range(1, max(map(len, places), default=1) + 1):
         names = ["/".join(parts[-count:]) for parts in places]
@@ -49,10 +50,10 @@ def short_names(paths: Sequence[Path]) -> list[str]:
 
 
 def robot_names(robots: Sequence[tuple[str, Path | None]]) -> list[str]:
-    """What each recording's robot is called: its name, or the folder of its robot.toml where that gives none.
+    """The name of each recording's robot: its own name, or if robot.toml gives none, the folder of that file.
 
-    robots: of each recording the name, and the robot.toml that it was compared with. Files of one name are
-    those of one robot, which the log says.
+    robots: for each recording, the robot's name and the robot.toml used. Different files with the same name
+    count as one robot, which is logged.
     """
     files: dict[str, dict[str, Path]] = {}
     found = []

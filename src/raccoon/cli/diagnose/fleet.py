@@ -1,4 +1,4 @@
-"""`raccoon diagnose` for more than one recording: pooled geometry, or a fleet side by side."""
+"""`raccoon diagnose` for several recordings: pooled geometry, or a fleet side by side."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def _lost_worker_reason(jobs: Sequence[Job], number: int) -> Answer | str:
 
 
 def diagnose_pooled_geometry(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
-    """One diagnosis over runs that are all geometry of one robot, without those that cannot be used, which
-    its notes say; None where they are not, or where fewer than two are left.
+    """One diagnosis of several runs if all are geometry recordings of one robot; None if they are not, or if
+    fewer than two are usable. Runs that cannot be used are left out, and the notes name them.
 
-    Raises ConfigError for a --robot that is none.
+    Raises ConfigError for a bad `--robot`, TraceError for a bad `--holdout`.
     """
     from raccoon.cli.diagnose.files import short_names
     from raccoon.core.config import load_robot
@@ -56,7 +56,7 @@ def diagnose_pooled_geometry(args: argparse.Namespace, paths: Sequence[Path]) ->
     if args.truth_free:
         return None
     if args.robot is not None:
-        load_robot(args.robot)  # what is wrong with it is wrong with all
+        load_robot(args.robot)  # an error in it concerns all recordings
     runs, robots, files, notes = [], [], set(), []
     seen: dict[str, str] = {}
     for path, name in zip(paths, short_names(paths), strict=True):
@@ -77,11 +77,11 @@ def diagnose_pooled_geometry(args: argparse.Namespace, paths: Sequence[Path]) ->
         runs.append(each)
         robots.append(own)
         files.add(file)
-    if len(files) > 1 or len(runs) < 2:  # of as many robots: no one track width is theirs
+    if len(files) > 1 or len(runs) < 2:  # several robots have no common track width
         return None
     robot = robots[0]
     if any((each.drive, each.motors) != (robot.drive, robot.motors) for each in robots):
-        return None  # a tick of one is not what it is of another
+        return None  # their ticks differ
     columns = [each.recording.columns for each in runs]
     others = [_load_geometry_holdout(path, columns, robot) for path in args.holdout]
     found = diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
@@ -91,8 +91,8 @@ def diagnose_pooled_geometry(args: argparse.Namespace, paths: Sequence[Path]) ->
 
 
 def _load_geometry_holdout(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Columns:
-    """Load a recording to judge pooled runs on. Raises TraceError for a recording of another kind, or one
-    that cannot be used."""
+    """Load a held-out recording for pooled runs. Raises TraceError if it is of another kind or cannot be
+    used."""
     from raccoon.core.errors import CalibrationError, TraceError
     from raccoon.diagnose.recordings.geometry.diagnosis import prepare_run
     from raccoon.diagnose.recordings.holdout_check import check_holdout
@@ -110,7 +110,11 @@ def _load_geometry_holdout(path: Path, fitted: Sequence[Columns], robot: RobotCo
 
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
-    """Several recordings: a line each, then what they have in common and what changed."""
+    """Diagnose several recordings and print a line for each, then what they have in common and what changed
+    between them.
+
+    Returns exit status 0, 2 if there is no diagnosis at all, or INTERRUPTED.
+    """
     from raccoon.cli.diagnose.common_model import make_common_model, save_common_model
     from raccoon.cli.diagnose.files import robot_names, short_names
     from raccoon.cli.diagnose.robot_toml_changes import with_robot_toml_notes
@@ -138,7 +142,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     if args.save_model is not None and answers:
         common = make_common_model(fleet, jobs, work)
     seen = {} if common is None else common.foreseen
-    try:  # files first: see the report of one recording
+    try:  # files first, as for one recording
         if answers:
             _save(args, fleet, seen, failed)
         if common is not None and common.model is not None:
@@ -161,10 +165,13 @@ DUPLICATE_REASON = "its samples are those of {}, and count once"
 def _without_duplicates(
     found: Mapping[str, Answer | str], called: Mapping[str, str]
 ) -> dict[str, Answer | str]:
-    """The answers. Of a recording that a robot has twice, as a copy or in another form, the later one is said
-    to be that: it would make what it says surer than it is. called: each one's robot; a trace has its robot
-    in itself, and the CSV that was made of it beside it. Where the files alone name the robots, as in a fleet
-    of others, the same samples are one robot's."""
+    """The answers, in which the later of two identical recordings of a robot (a copy, or another format) is
+    replaced by the reason why it is left out: it would make the results seem more certain than they are.
+
+    called: each recording's robot. A trace contains its robot; a CSV made from it takes the one from a
+    robot.toml beside it. If only the files name the robots, as in a fleet from elsewhere, the same samples
+    are of one robot.
+    """
     once: dict[str, Answer | str] = {}
     first: dict[tuple[str, str], str] = {}
     for name, each in found.items():
@@ -180,8 +187,8 @@ def _without_duplicates(
 def _without_other_robots(
     found: Mapping[str, Answer | str], called: Mapping[str, str]
 ) -> dict[str, Answer | str]:
-    """The answers. Of a recording of another robot it is said: among the others it would hide what changed,
-    and be part of the model that they have in common."""
+    """The answers, in which recordings of another robot are replaced by the reason why they are left out:
+    they would hide what changed, and would be part of the common model. called: each recording's robot."""
     from raccoon.diagnose.fleet.other_robots import recordings_of_others
 
     results = {name: each.diagnosis for name, each in found.items() if isinstance(each, Answer)}
@@ -209,18 +216,18 @@ def _save(
 
 
 class JobRunner:
-    """Diagnoses jobs, on the workers of the sweep where more than one is asked for. stopped: whether Ctrl-C
-    ended that: what is done by then is worth its report."""
+    """Diagnoses jobs, on several workers if requested. stopped: whether Ctrl-C ended the work; the recordings
+    finished by then are still reported."""
 
     def __init__(self, args: argparse.Namespace) -> None:
         self._args = args
         self.stopped = False
 
     def __call__(self, jobs: list[Job]) -> list[Answer | str]:
-        """The answers, or why there is none, in the order of the jobs."""
+        """The answers, or the reasons why there is none, in the order of the jobs."""
         done: dict[int, Answer | str] = {}
         try:
-            if not self.stopped:  # what is foreseen of each recording is as much work again
+            if not self.stopped:  # the cross-check takes as long again
                 self._run(jobs, done)
         except KeyboardInterrupt:
             self.stopped = True
@@ -246,8 +253,8 @@ class JobRunner:
 
 
 class Progress:
-    """A line on the standard error output before and after each recording where that is a terminal, else
-    after each tenth."""
+    """Progress on standard error: a line updated after each recording if that is a terminal, otherwise one
+    line per tenth of them."""
 
     def __init__(self, total: int) -> None:
         self._total = total
@@ -256,13 +263,13 @@ class Progress:
         self._tenths = 0
 
     def show(self, found: Collection[Answer | str]) -> None:
-        """Called after each recording with all results so far."""
+        """Show the progress. found: all results so far; call it before the first and after each recording."""
         count, failed = len(found), sum(isinstance(each, str) for each in found)
         tenths = 10 * count // self._total
         if not self._live and tenths == self._tenths:
             return
         self._tenths = tenths
-        if not count:  # what the log says next, such as that something is compiled, stands in its place
+        if not count:  # the next line of the log, e.g. about compiling, overwrites this one
             print(f"0/{self._total} recordings", file=sys.stderr, end="\r", flush=True)
             return
         left = int((time.monotonic() - self._begun) / count * (self._total - count))
@@ -272,7 +279,7 @@ class Progress:
 
 
 def _finite(value: object) -> object:
-    """Numbers that are not finite become None."""
+    """The value with None in place of every number that is not finite."""
     if isinstance(value, dict):
         return {key: _finite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):

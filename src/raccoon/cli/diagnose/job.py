@@ -1,4 +1,4 @@
-"""`raccoon diagnose` of one recording: what it is compared with, and what was found. Runs in any process."""
+"""`raccoon diagnose` of one recording: what it is compared with, and the result. Can run in any process."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One recording and what it is compared with. Can be pickled."""
+    """One recording to diagnose and what it is compared with. Can be pickled.
+
+    robot: robot.toml given by the user. model: model to start from. holdout: held-out recording. truth_free:
+    ignore truth columns. causes: Python file with own effects. port: controller, if the recording names none.
+    """
 
     path: Path
     robot: Path | None
@@ -38,8 +42,11 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What was found in a recording, the name of its robot, the robot.toml that it was compared with, and
-    what that says, and `Recording.fingerprint`."""
+    """The result of one recording.
+
+    robot: name of its robot. file: the robot.toml it was compared with. samples: `Recording.fingerprint`.
+    config: the content of robot.toml.
+    """
 
     diagnosis: Diagnosis
     robot: str
@@ -56,7 +63,7 @@ def diagnose_job(job: Job) -> Answer:
     run = load_run(job.path)
     try:
         whose = resolve_robot(run, job.robot)
-    except TraceError as error:  # that of several files it is this one
+    except TraceError as error:  # name the file: there may be several
         raise TraceError(f"{job.path}: {error}") from None
     robot, file, _ = whose
     found = _diagnose_runs(job, [run], [job.path], whose)
@@ -64,8 +71,8 @@ def diagnose_job(job: Job) -> Answer:
 
 
 def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis:
-    """One diagnosis of several drives of one robot. Raises as `diagnose_recording`, and ConfigError where
-    they are not of one robot and controller."""
+    """One diagnosis of several drives of one robot. Raises as `diagnose_recording`, and ConfigError if the
+    recordings are of different robots or controllers."""
     from raccoon.cli.diagnose.files import robot_names
     from raccoon.core.errors import ConfigError
     from raccoon.trace.loading import load_run
@@ -87,7 +94,7 @@ def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagno
 
 
 def _controller_text(device: Device) -> str:
-    """The controller of a recording, where it says one."""
+    """Text that names the controller of a recording, if the recording does."""
     return "no controller that it names" if device == SI_WORDS else f"the controller {device.name}"
 
 
@@ -95,7 +102,7 @@ _NUMBERED = re.compile(r"recording (\d+)")
 
 
 def _diagnose_runs(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: ResolvedRobot) -> Diagnosis:
-    """The diagnosis of runs of one robot, as one where they are several."""
+    """The diagnosis of runs of one robot; several runs are fitted together."""
     from raccoon.cli.diagnose.known_values import without_known_values
     from raccoon.core.errors import HoldoutError, TraceError
     from raccoon.diagnose.own import load_own_effects
@@ -107,7 +114,7 @@ def _diagnose_runs(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: 
     start = Parameters.from_model_file(job.model, robot) if isinstance(job.model, Path) else job.model
     own = () if job.causes is None else load_own_effects(job.causes)
     holdout = None if job.holdout is None else load_run(job.holdout).recording
-    if start is not None and job.robot is not None:  # wheels and sensors are where robot.toml has them now
+    if start is not None and job.robot is not None:  # robot.toml has the present wiring
         start = replace(start, robot=_with_model_numbers(robot, start))
     first, *others = (each.recording for each in runs)
     problems = list(first.problems) if not others else [
@@ -138,7 +145,8 @@ def _diagnose_runs(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: 
 
 
 def _holdout_problems(holdout: Recording, first: Recording) -> list[str]:
-    """Problems of a recording to judge on, and whether its controller differs from that of the first."""
+    """Problems of a held-out recording, including a controller that differs from that of the first
+    recording."""
     if holdout.device == first.device:
         return holdout.problems
     one, other = _controller_text(holdout.device), _controller_text(first.device)
@@ -146,7 +154,8 @@ def _holdout_problems(holdout: Recording, first: Recording) -> list[str]:
 
 
 def _with_model_numbers(robot: RobotConfig, model: Parameters) -> RobotConfig:
-    """The robot with the model's numbers, and those of its tophats that the model knows something of."""
+    """The robot with the model's numbers, and with those tophats of the model for which it has effects and
+    the robot has no sensor."""
     ports = {each.analog for each in robot.tophats.values()}
     known = {where for _, where in model.effects}
     more = {
@@ -158,9 +167,9 @@ def _with_model_numbers(robot: RobotConfig, model: Parameters) -> RobotConfig:
 
 
 def resolve_robot(run: Run, named: Path | None) -> ResolvedRobot:
-    """The robot of a run, the robot.toml that it is of, and a note where nobody said which it is.
+    """The robot of a run, its robot.toml, and a note if it was not named and had to be guessed.
 
-    Raises ConfigError, and TraceError for a recording without samples.
+    named: a robot.toml given by the user. Raises ConfigError, and TraceError for a recording without samples.
     """
     from raccoon.core.config import load_robot
     from raccoon.diagnose.recordings.kind import Kind, kind_of
@@ -173,13 +182,13 @@ def resolve_robot(run: Run, named: Path | None) -> ResolvedRobot:
     robot, near, which = find_robot_toml(run)
     kind = kind_of(run.recording.columns, robot)
     if kind is Kind.STEP or (near is None and kind not in (Kind.DRIVE, Kind.GEOMETRY)):
-        return robot, None, ()  # what one step says of a reading takes no robot
+        return robot, None, ()  # the analysis of a step needs no robot
     said = f"the recording does not contain its robot: compared with {which} (--robot names another)"
     return robot, near, (said,)
 
 
 def _written_port(robot: Path | None) -> str | None:
-    """controller.port where a robot.toml has the line, None where it leaves the default."""
+    """controller.port if the robot.toml contains that line, None if it leaves the default."""
     from raccoon.core.config import parse_toml
 
     if robot is None:
@@ -190,8 +199,8 @@ def _written_port(robot: Path | None) -> str | None:
 
 
 def diagnose_or_reason(job: Job) -> Answer | str:
-    """The diagnosis, or why there is none: one bad file does not spoil a fleet, nor does a mistake of this
-    library that it meets, which the log shows."""
+    """The diagnosis, or the reason why there is none: neither a bad file nor a defect of this library, which
+    is logged, stops the diagnosis of the others."""
     from raccoon.core.errors import RaccoonError
 
     try:
@@ -204,7 +213,8 @@ def diagnose_or_reason(job: Job) -> Answer | str:
 
 
 def make_job(args: argparse.Namespace, path: Path) -> Job:
-    """What a worker needs for one recording. Raises ConfigError for several files to judge on."""
+    """The job of one recording from the command's arguments. Raises ConfigError for more than one held-out
+    file."""
     from raccoon.core.errors import ConfigError
 
     if len(args.holdout) > 1:

@@ -1,4 +1,4 @@
-"""Values that robot.toml has already, which a diagnosis from an older model.toml finds again."""
+"""Values that robot.toml already has, and that a diagnosis from an older model.toml finds again."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from raccoon.diagnose.result import CauseResult, Diagnosis
 from raccoon.sim.effects.parameters import SIDES
 
 MAX_STDS_APART = 2.0
-"""Standard deviations of both within which a number that was found is robot.toml's."""
+"""Largest difference, in standard deviations of both values together, at which a value found counts as
+robot.toml's."""
 
 
 def without_known_values(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
-    """A diagnosis that began from a model.toml; of a number that `robot`, its robot.toml, has already it does
-    not say to put it there."""
+    """A diagnosis that started from a model.toml, without the advice to store values that `robot`, its
+    robot.toml, already has."""
     return replace(found, causes=tuple(_without_known_value(each, robot) for each in found.causes))
 
 

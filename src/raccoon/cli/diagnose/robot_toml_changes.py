@@ -1,4 +1,4 @@
-"""Whether all recordings of a robot were compared with the same robot.toml, and what is said where not."""
+"""Notes for recordings of one robot that were compared with different contents of robot.toml."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from raccoon.cli.diagnose.job import Answer
 from raccoon.core.config import Measured, RobotConfig
 
 COMPARED_SECTIONS = ("drive", "motors", "tophats", "model")
-"""What a diagnosis takes from robot.toml."""
+"""Sections of robot.toml that a diagnosis uses."""
 
 
 def with_robot_toml_notes(answers: Mapping[str, Answer], called: Mapping[str, str]) -> dict[str, Answer]:
-    """The answers, in their order, with a note where robot.toml changed between two recordings of a robot:
-    a motor that was calibrated then seems to have been replaced. called: each one's robot."""
+    """The answers, in their order, with a note where robot.toml changed between two recordings of a robot: a
+    motor that was calibrated in between seems to have been replaced. called: each recording's robot."""
     from raccoon.diagnose.reports.fleet_text import shorten_names
 
     told: dict[str, list[str]] = {}
@@ -39,7 +39,7 @@ def with_robot_toml_notes(answers: Mapping[str, Answer], called: Mapping[str, st
 
 
 def _changed_keys(one: RobotConfig, other: RobotConfig) -> list[str]:
-    """The keys of robot.toml that differ, of those that a diagnosis takes."""
+    """The keys that differ between two robot.toml, among those that a diagnosis uses."""
     first, second = (
         {key: it for name in COMPARED_SECTIONS for key, it in _flatten(name, getattr(robot, name))}
         for robot in (one, other)
@@ -48,7 +48,7 @@ def _changed_keys(one: RobotConfig, other: RobotConfig) -> list[str]:
 
 
 def _flatten(name: str, value: object) -> Iterator[tuple[str, object]]:
-    """Each number below a section, by its key; a value and its deviation are one."""
+    """Each value below a section, by its key; a value and its standard deviation count as one."""
     if is_dataclass(value) and not isinstance(value, Measured):
         for each in fields(value):
             yield from _flatten(f"{name}.{each.name}", getattr(value, each.name))
