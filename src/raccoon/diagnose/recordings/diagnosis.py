@@ -1,4 +1,4 @@
-"""The diagnosis that fits the kind of a recording."""
+"""Entry point: diagnoses a recording according to its kind."""
 
 from __future__ import annotations
 
@@ -60,16 +60,16 @@ def diagnose_recording(
 ) -> Diagnosis:
     """Diagnose a recording of any kind.
 
-    columns: arrays of equal length by the names and in the units of docs/trace-format.md, `t` (s) among them.
-    robot: what it is compared with. holdout: columns of another recording, to judge on. model: a model.toml
-    to start from. more: further drives of the same robot and device, as it was then, which are fitted with
-    the first. truth_free: use no `truth.*` column of any of them. device: what a tick of `motor.N.position`
-    is worth, and how late its back-EMF is, where robot.toml has only the default. problems: what the reader
-    of the recording had to leave out; it is noted. own: effects of your own to consider in a
-    drive beside the catalogue. port: controller.port of whatever made a recording that does not say so itself
-    (see `firmware/identity.py`). Raises TraceError as `diagnose`, and
-    CalibrationError where a reference cannot be used; HoldoutError for a holdout of another kind or the same
-    samples.
+    columns: arrays of equal length by name, in the units of docs/trace-format.md, including `t` (s). robot:
+    the configuration it is compared with. holdout: columns of another recording on which to judge. model:
+    effects of a model.toml from which to start. more: further drives of the same robot and device in the same
+    state, fitted together with the first. truth_free: use no `truth.*` column of any recording. device: gives
+    the worth of a tick of `motor.N.position` and the delay of its back-EMF if robot.toml has only the
+    defaults. problems: what the reader of the recording had to leave out, for the notes. own: further effects
+    to consider in a drive beside the catalogue. port: controller.port of the device that made a recording
+    which does not name it (see `firmware/identity.py`). Raises TraceError as `diagnose` does,
+    CalibrationError if a reference cannot be used, and HoldoutError for a holdout of another kind or with the
+    same samples.
     """
     check_robot(robot)
     columns, more = as_float_columns(columns), [as_float_columns(each) for each in more]
@@ -123,7 +123,7 @@ def diagnose_recording(
 def _unused_option_notes(
     kind: Kind, model: Parameters | None, own: Sequence[OwnEffect], is_truth_missing: bool
 ) -> list[str]:
-    """What was given and is of no use for a recording of this kind."""
+    """Notes on arguments that have no use for a recording of this kind."""
     unused = {
         NO_MODEL: model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS),
         NO_CAUSES: bool(own) and kind is not Kind.DRIVE,

@@ -1,4 +1,4 @@
-"""The diagnosis of a drive: its readings repaired, the search, and what is then said of its recordings."""
+"""The diagnosis of a drive: repair of its readings, the search, and the review of the result."""
 
 from __future__ import annotations
 
@@ -56,18 +56,18 @@ VERDICT_WITH_TOPHATS = {
     Verdict.UNKNOWN: Verdict.PARTLY,
     Verdict.NOT_IDENTIFIABLE: Verdict.PARTLY,
 }
-"""The verdict of a drive whose tophats have causes too."""
+"""Verdict of a drive, by its own one, if its tophats have causes."""
 NO_MODEL = "the effects of --model were not used: only drives by duty and tophats are simulated with them"
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """The recordings of a drive, and what they are compared with.
+    """The recordings of a drive and their context.
 
-    columns: of the recording that is diagnosed. robot: what it is compared with. identity: the device and
-    firmware that made it. holdout: the recording to judge on. more: recordings fitted with the first.
-    model, truth_free, own: as in `diagnose_recording`. firmware: what the simulation knows of the firmware.
-    has_device_filter: whether the prior of the back-EMF's filter is the device's, not robot.toml's.
+    columns: of the recording that is diagnosed. robot: the configuration it is compared with. identity: the
+    device and firmware that made it. holdout: the recording on which to judge. more: recordings fitted with
+    the first. model, truth_free, own: as in `diagnose_recording`. firmware: its simulation, if known.
+    has_device_filter: whether the prior of the back-EMF filter is the device's, not robot.toml's.
     """
 
     columns: Columns
@@ -88,15 +88,16 @@ class Drive:
 
     @property
     def has_volt_commands(self) -> bool:
-        """Whether both wheels' commands are volts."""
+        """Whether both wheels' commands are voltages."""
         return has_volt_commands(self.columns, self.robot)
 
 
 def diagnose_drive(drive: Drive) -> Diagnosis:
-    """Diagnose a drive, and its tophats where robot.toml names them and they saw both surfaces.
+    """Diagnose a drive, and its tophats if robot.toml names them and they saw both surfaces.
 
-    Commanded volts are taken for duties of the battery's last reading, and as exact volts where that does not
-    explain the drive; what explains it better is returned. Raises TraceError as `diagnose_recording`.
+    Voltage commands are converted to duties by the last battery reading; if that does not explain the drive,
+    they are also taken as exact voltages, and the better explanation is returned. Raises TraceError as
+    `diagnose_recording` does.
     """
     by_reading = _by_battery_reading(drive)
     if by_reading is None:
@@ -111,8 +112,8 @@ def diagnose_drive(drive: Drive) -> Diagnosis:
 
 
 def _by_battery_reading(drive: Drive) -> Drive | None:
-    """A drive in volts with duties of the battery's last reading; None for any other drive, for several
-    recordings, and where a battery's reading does not allow that."""
+    """A drive in volts with duties by the last battery reading; None for any other drive, for several
+    recordings, and if the battery readings do not allow it."""
     if not drive.has_volt_commands or drive.more:
         return None
     duties, holdout = duties_by_battery_reading(drive.columns, drive.robot), drive.holdout
@@ -125,7 +126,7 @@ def _by_battery_reading(drive: Drive) -> Drive | None:
 
 def _diagnose(drive: Drive) -> Diagnosis:
     """Repair the readings, compare them with the simulation, and review what was found."""
-    # A time that is none is refused before a reference is compared with what depends on it.
+    # An invalid time is an error before a reference is compared with quantities that depend on it.
     check_time(np.asarray(drive.columns["t"], float))
     counter_bemf = with_counter_bemf(drive.columns, drive.robot, drive.device)
     checked = without_faulty_channels(counter_bemf.columns, drive.robot)
@@ -147,7 +148,8 @@ def _diagnose(drive: Drive) -> Diagnosis:
 
 
 def _without_faults_in_others(drive: Drive) -> tuple[Drive, list[str]]:
-    """The drive with its holdout and further recordings repaired as the first one, and notes on their faults.
+    """The drive with its holdout and further recordings repaired like the first one, and notes on their
+    faults.
 
     Raises HoldoutError for a holdout that cannot be used.
     """
@@ -168,8 +170,8 @@ def _without_faults_in_others(drive: Drive) -> tuple[Drive, list[str]]:
 
 
 def _behind_firmware(drive: Drive) -> Drive:
-    """The drive with what is known of its device's filter and firmware in the robot, and with columns as that
-    firmware makes them."""
+    """The drive with its device's filter and firmware in the robot, and the columns as that firmware needs
+    them."""
     robot = with_device_filter(drive.device, drive.robot)
     firmware, has_device_filter = firmware_of(drive.device), robot is not drive.robot
     if firmware is None:
@@ -188,7 +190,7 @@ def _behind_firmware(drive: Drive) -> Drive:
 
 
 def _compare(drive: Drive) -> Diagnosis:
-    """What the simulation gets wrong in a drive by volts, by speeds or by duty."""
+    """Diagnose a drive by volts, by speeds or by duty."""
     if drive.has_volt_commands:
         return _compare_in_volts(drive)
     by_speed = diagnose_speed_commands(drive.columns, drive.robot, drive.firmware)
@@ -214,7 +216,7 @@ def _compare_by_duty(drive: Drive) -> Diagnosis:
 
 
 def _compare_in_volts(drive: Drive) -> Diagnosis:
-    """A drive whose commands are volts: nothing can be said of its battery."""
+    """Diagnose a drive whose commands are exact voltages, which hide its battery."""
     columns, robot, causes = duties_of_stiff_battery(drive.columns, drive.robot, drive.holdout)
     holdout = None if drive.holdout is None else duties_of_stiff_battery(drive.holdout, robot)[0]
     start = search_start(drive.columns, robot, None, drive.device)
@@ -224,7 +226,7 @@ def _compare_in_volts(drive: Drive) -> Diagnosis:
 
 
 def _notes(drive: Drive) -> tuple[str, ...]:
-    """Notes on what is strange about the recording, beside the faults of its channels."""
+    """Notes on oddities of the recording other than faults of its channels."""
     acceleration = describe_wrong_acceleration(drive.columns)
     notes = (
         f"{acceleration} (a diagnosis does not use it, and odometry does)" if acceleration else "",
@@ -235,7 +237,7 @@ def _notes(drive: Drive) -> tuple[str, ...]:
 
 
 def _with_tophats(found: Diagnosis, drive: Drive) -> Diagnosis:
-    """A drive's diagnosis with that of its tophats, where it has any."""
+    """A drive's diagnosis joined with that of its tophats, if it has any."""
     columns, robot = drive.columns, drive.robot
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found

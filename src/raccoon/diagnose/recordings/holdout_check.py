@@ -1,4 +1,4 @@
-"""Whether a recording can be judged on a holdout recording."""
+"""Check that a recording can be judged on a holdout recording."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ KIND_DESCRIPTIONS: Mapping[Kind, str] = {
     Kind.NOTHING: "neither commands nor a reference",
 }
 KINDS_WITH_HOLDOUT = (Kind.DRIVE, Kind.MOTORS, Kind.GEOMETRY)
-"""Kinds that are judged on a holdout; the others are judged on their own last part, or not at all."""
+"""Kinds that are judged on a holdout; others are judged on their own last part, or not at all."""
 MAX_SHARED_SHARE = 0.5
-"""Share of a holdout's samples that are also in the recording, above which the two are one."""
+"""Share of a holdout's samples that are also in the recording above which both count as the same."""
 
 
 def check_holdout(columns: Columns, holdout: Columns, kind: Kind, holdout_kind: Kind) -> str:
-    """A note where the holdout is of no use to a recording of this kind; "" where it is of use.
+    """A note if a recording of this kind does not use a holdout; "" if it does.
 
-    Raises TraceError for a holdout of another kind, and for one that holds the same samples.
+    Raises TraceError for a holdout of another kind, or with the same samples.
     """
     if kind not in KINDS_WITH_HOLDOUT:
         return (
@@ -58,7 +58,7 @@ def _from_zero(time: NDArray[np.float64]) -> NDArray[np.float64]:
 def _shared_sample_share(
     columns: Columns, holdout: Columns, time: NDArray[np.float64], other: NDArray[np.float64]
 ) -> float:
-    """Share of the holdout's samples that are in the recording, at the same time with the same numbers."""
+    """Share of the holdout's samples that the recording has at the same time with the same values."""
     names = [name for name in columns if name in holdout and name != "t"]
     _, rows, holdout_rows = np.intersect1d(time, other, return_indices=True)
     if not names or len(rows) == 0:

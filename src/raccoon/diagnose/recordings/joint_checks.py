@@ -1,4 +1,4 @@
-"""Whether several recordings can be fitted together: all are drives by duty, and none is there twice."""
+"""Checks that several recordings can be fitted together: all must be different drives by duty."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ Columns = Mapping[str, NDArray[np.float64]]
 
 
 def check_joint_recordings(recordings: Sequence[Columns], robot: RobotConfig) -> None:
-    """Raise TraceError where one of several is no drive, or is there twice. recordings: each row once."""
+    """Raise TraceError if one of several recordings is no drive, or is there twice. recordings: without
+    repeated rows."""
     if len(recordings) == 1:
         return
     for number, each in enumerate(recordings):
@@ -38,8 +39,8 @@ def _has_same_samples(one: Columns, two: Columns) -> bool:
 
 
 def check_joint_commands(recordings: Sequence[Columns], robot: RobotConfig) -> None:
-    """Raise TraceError where one of several has volts for commands: these are converted for one recording and
-    its battery only."""
+    """Raise TraceError if one of several recordings has voltage commands, which are only converted for a
+    single recording and its battery."""
     if len(recordings) == 1:
         return
     for number, each in enumerate(recordings):

@@ -1,4 +1,4 @@
-"""Checks that columns are a recording, and tells of what kind it is."""
+"""Checks that columns are a recording, and determines its kind."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from raccoon.trace.recording import as_float_column, check_lengths
 Columns = Mapping[str, NDArray[np.float64]]
 
 MIN_DRIVE_S = 2.0
-"""s; a shorter recording of volts at both wheels is no drive."""
+"""Shortest drive with voltages at both wheels, s."""
 
 
 class Kind(StrEnum):
-    """What a recording is of."""
+    """The kind of a recording."""
 
     DRIVE = "drive"
     """A two-wheel drive with its commands."""
     MOTORS = "motors"
     """Single motors or axes: force, torque or voltage in, motion out."""
     STEP = "step"
-    """One motor under one power."""
+    """One motor under a single constant power."""
     GEOMETRY = "geometry"
-    """Wheel angles and a reference of the pose, no commands."""
+    """Wheel angles and a reference of the pose, without commands."""
     TOPHATS = "tophats"
     """Reflectance sensors alone."""
     NOTHING = "nothing"
-    """Nothing that the simulation can be compared with."""
+    """Nothing with which the simulation can be compared."""
 
 
 def as_float_columns(columns: Any) -> dict[str, NDArray[np.float64]]:
-    """Columns as arrays of floats; they may be given as lists and as whole numbers.
+    """Columns as arrays of floats; lists and integers are converted.
 
     Raises TraceError for anything but a mapping of names to numbers.
     """
@@ -62,8 +62,8 @@ def check_robot(robot: Any) -> None:
 
 
 def kind_of(columns: Columns, robot: RobotConfig) -> Kind:
-    """The kind of a recording by its columns. Raises TraceError for a recording without samples, and where a
-    column is not as long as t."""
+    """The kind of a recording, by its columns. Raises TraceError for a recording without samples or with a
+    column that is not as long as t."""
     if "t" not in columns or len(columns["t"]) == 0:
         raise TraceError("the recording is empty: it has no samples with a time t")
     check_lengths(columns)
@@ -94,7 +94,8 @@ def _has_readings(columns: Columns, name: str) -> bool:
 
 
 def _is_drive(columns: Columns, ports: tuple[int, int]) -> bool:
-    """Whether volts at both wheels, for long enough and without currents, are a drive commanded in volts."""
+    """Whether it is a drive by voltage commands: both wheels have voltages, for long enough, without
+    currents."""
     seconds = float(np.ptp(columns["t"]))
     both = all(_has_readings(columns, f"motor.{port}.voltage") for port in ports)
     currents = any(_has_readings(columns, f"motor.{port}.current") for port in ports)

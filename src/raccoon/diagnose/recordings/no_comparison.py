@@ -16,7 +16,7 @@ Columns = Mapping[str, NDArray[np.float64]]
 
 
 def diagnose_without_comparison(columns: Columns, robot: RobotConfig) -> Diagnosis:
-    """A diagnosis that nothing is identifiable, with the missing columns by name."""
+    """The diagnosis that nothing is identifiable, with the names of the missing columns."""
     begin = time.perf_counter()
     ports = (robot.drive.left, robot.drive.right)
     missing = [f"motor.{port}.duty" for port in ports if f"motor.{port}.duty" not in columns]

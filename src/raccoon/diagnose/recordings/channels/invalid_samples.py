@@ -1,6 +1,6 @@
-"""Samples that are no readings: filler values where a sensor had nothing new, batteries of 0 V, spikes.
+"""Finds samples that are no readings: filler values without a new reading, battery voltages of 0, spikes.
 
-A logger that writes 0 where it read nothing gave a battery half its voltage, with a probability of 1.
+A logger that writes 0 without a reading gave a battery half its voltage, with a probability of 1.
 """
 
 from __future__ import annotations

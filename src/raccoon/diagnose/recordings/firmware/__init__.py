@@ -1,1 +1,1 @@
-"""Which firmware made a recording: as its device, robot.toml or its readings say, and how that filters."""
+"""Identification of the firmware that made a recording, and its filter of back-EMF."""

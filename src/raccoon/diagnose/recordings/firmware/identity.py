@@ -1,6 +1,6 @@
 """Identifies the firmware of a recording that does not name it, by robot.toml or the command line.
 
-A CSV of one's own logger says nothing of the controller. Its user knows that it is a Wombat, and no reading
+A CSV of one's own logger does not name the controller. Its user knows that it is a Wombat, and no reading
 shows how long its motors pause for samples: with the stock firmware that looks like a resistance 28 % too
 high.
 """
@@ -26,17 +26,18 @@ FIRMWARE_PORTS = (STOCK_PORT, RACCOON_PORT)
 """Values of robot.toml's controller.port that name a firmware."""
 BY_PORT_NOTE = 'its firmware is named by controller.port = "{}" (robot.toml, or --port), not by the recording'
 MIN_ZONE_NEIGHBOURS = 20
-"""Readings just above a dead zone that are needed to tell that readings in it are missing."""
+"""Least number of readings just above a dead zone for the conclusion that readings inside are missing."""
 MAX_MISSING_RATIO, MIN_PRESENT_RATIO = 0.35, 0.6
-"""Readings below 9 counts over those from 10 to 20: up to the first the firmware has a dead zone, from the
-second on it has none. A wheel that comes to rest has as many of either. (At rest, which is most readings, a
-dead zone reads 0 and nothing else; with an offset it never does.)"""
+"""Ratio of the readings below 9 counts to those from 10 to 20: up to the first threshold the firmware has a
+dead zone, above the second it has none. A wheel that comes to rest has as many of either. (At rest, which is
+most readings, a dead zone reads 0 and nothing else; with an offset it never does.)"""
 MIN_MIDDLE_RATIO = 0.1
-"""Readings from 10 to 20 counts over those from 25 to 50, from which the former are not in a dead zone."""
+"""Least ratio of the readings from 10 to 20 counts to those from 25 to 50 if the former are not in a dead
+zone."""
 
 
 class DeadZone(Enum):
-    """Dead zone of back-EMF by its smallest readings: counts below which it reads 0."""
+    """Dead zone of back-EMF by its smallest readings: the counts below which it reads 0."""
 
     UNKNOWN = ""
     NONE = "none"
@@ -45,7 +46,7 @@ class DeadZone(Enum):
 
 
 def detect_dead_zone(columns: Columns, robot: RobotConfig) -> DeadZone:
-    """The dead zone of both wheels' readings, if it is one of a Wombat's firmwares."""
+    """The dead zone of both wheels' readings, if it is that of a Wombat firmware."""
     names = [f"motor.{port}.bemf" for port in (robot.drive.left, robot.drive.right)]
     if not all(name in columns for name in names):
         return DeadZone.UNKNOWN
@@ -71,9 +72,10 @@ def detect_dead_zone(columns: Columns, robot: RobotConfig) -> DeadZone:
 
 @dataclass(frozen=True, slots=True)
 class FirmwareIdentity:
-    """The device that made a recording. device: with its firmware where that is known. is_external: whether
-    that is told from outside the recording, whose units are not certain then. notes: on the identification.
-    candidate: the identity with a firmware that nobody named, and whose dead zone the readings have."""
+    """Identity of the device that made a recording. device: with its firmware, if known. is_external: whether
+    the firmware is known from outside the recording, whose units are then not certain. notes: on the
+    identification. candidate: the identity with a firmware that nobody named, but whose dead zone the
+    readings have."""
 
     device: Device
     is_external: bool = False
@@ -84,8 +86,8 @@ class FirmwareIdentity:
 def identify_firmware(
     device: Device, columns: Columns, robot: RobotConfig, port: str | None
 ) -> FirmwareIdentity:
-    """The device of a drive's columns. port: controller.port of robot.toml or of the command line, None
-    without one; a firmware that the recording names goes first."""
+    """Identify the device of a drive's columns. port: controller.port of robot.toml or of the command line,
+    None without one; a firmware that the recording names takes precedence."""
     if firmware_of(device) is not None or device.name != SI_WORDS.name:
         return FirmwareIdentity(device, notes=_contradiction_notes(device, port))
     zone = detect_dead_zone(columns, robot)
@@ -109,7 +111,7 @@ def identify_firmware(
 
 
 def _with_firmware_properties(firmware: Device, device: Device) -> Device:
-    """The device of the columns with the properties of a firmware's device."""
+    """The columns' device with the properties of a firmware's device."""
     return replace(
         device,
         name=firmware.name,
@@ -122,8 +124,8 @@ def _with_firmware_properties(firmware: Device, device: Device) -> Device:
 
 
 def _contradiction_notes(device: Device, port: str | None) -> tuple[str, ...]:
-    """A note where a recording names another firmware than the port. A simulator's recording contradicts no
-    port."""
+    """A note if the recording names another firmware than the port does. A simulator's recording contradicts
+    no port."""
     own = STOCK_PORT if device.name.startswith(STOCK.name) else RACCOON_PORT
     wombat = device.name.startswith((STOCK.name, f"{RACCOON_PORT}-"))
     if port not in FIRMWARE_PORTS or not wombat or own == port:

@@ -1,7 +1,7 @@
-"""Recognises a Wombat's firmware that nobody named, by its dead zone and by how its wheels respond.
+"""Recognises a Wombat firmware that nobody named, by its dead zone and the response of the wheels.
 
-Its filter and its pauses are no causes of the catalogue, so without them a search finds six false causes, and
-takes minutes for it.
+Its filter and pauses are not in the catalogue, so without them a search takes minutes and finds six false
+causes.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ CLOCK_FOUND = -np.inf
 
 
 def recognise_firmware(identity: FirmwareIdentity, columns: Columns, robot: RobotConfig) -> FirmwareIdentity:
-    """The identity with the candidate firmware, where the counters show its clock, or the wheels fit it
-    better than any other controller; else as it is, since a robot may have such a dead zone of its own.
+    """The candidate identity if the counters show its clock or the wheels fit it better than any other
+    controller; else the given identity, since a robot may have such a dead zone of its own.
 
-    With counters 21 of 21 drives behind two emulated firmwares were recognised, without them 17, and none of
+    With counters, 21 of 21 drives behind two emulated firmwares were recognised, without them 17; and none of
     18 with a similar dead zone behind another controller.
     """
     firmware = None if identity.candidate is None else firmware_of(identity.candidate.device)
@@ -48,7 +48,7 @@ def recognise_firmware(identity: FirmwareIdentity, columns: Columns, robot: Robo
         is_candidate = candidate_misfit == CLOCK_FOUND or candidate_misfit < _controller_misfit(
             columns, robot, firmware, identity.device
         )
-    except TraceError:  # the diagnosis says what it is
+    except TraceError:  # the diagnosis raises it again
         return identity
     return identity.candidate if is_candidate else identity
 
@@ -56,9 +56,9 @@ def recognise_firmware(identity: FirmwareIdentity, columns: Columns, robot: Robo
 def _controller_misfit(
     columns: Columns, robot: RobotConfig, zone_firmware: Firmware, device: Device
 ) -> float:
-    """Misfit of the wheels to the device's controller; `CLOCK_FOUND` where their counters show its clock.
+    """Misfit of the wheels to the device's controller; `CLOCK_FOUND` if their counters show its clock.
 
-    zone_firmware: whose dead zone is assumed either way, so that readings there decide nothing.
+    zone_firmware: firmware whose dead zone is assumed in any case, so that readings in it have no influence.
     """
     firmware = firmware_of(device)
     columns = without_faulty_channels(with_counter_bemf(columns, robot, device).columns, robot).columns
