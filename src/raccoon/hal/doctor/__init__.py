@@ -1,6 +1,6 @@
-"""The checks behind `raccoon doctor`: what a robot's hardware does, against what it must do.
+"""The checks of `raccoon doctor`: compare what a robot's hardware does with what it must do.
 
-Everything here works on any port, so that it can be tried without a robot.
+All of them work on any port, so that they can be tried without a robot.
 """
 
 from raccoon.hal.doctor.examination import examine

@@ -1,4 +1,4 @@
-"""What hangs on the I2C bus and on USB beside the controller."""
+"""The devices on the I2C bus and on USB beside the controller."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BOARD = (0x0483, 0x5740)
 
 
 class SerialPortInfo(Protocol):
-    """The part of pyserial's description of a port that is shown."""
+    """The fields of pyserial's description of a serial port that the finding shows."""
 
     device: str
     vid: int | None
@@ -25,14 +25,14 @@ class SerialPortInfo(Protocol):
 
 
 def list_i2c_devices(path: str, opener: Callable[[str], I2cBus] = I2cBus) -> Finding:
-    """The addresses that answer on a bus."""
+    """The finding that lists the addresses that respond on the I2C bus with the device file `path`."""
     subject = f"i2c {path}"
     if not Path(path).exists():
         return Finding(subject, Verdict.NOT_CHECKED, "there is no such bus")
     try:
         bus = opener(path)
     except HardwareError as error:
-        # A robot without added sensors needs no bus: this is no illness.
+        # A robot without added sensors needs no I2C bus: this is no fault.
         return Finding(subject, Verdict.NOT_CHECKED, str(error))
     try:
         found = bus.scan()
@@ -50,7 +50,7 @@ def _device_name(address: int, who: str) -> str:
 
 
 def list_serial_ports(lister: Callable[[], Iterable[SerialPortInfo]] | None = None) -> Finding:
-    """USB serial devices by name, so that a missing one is noticed."""
+    """The finding that lists the USB serial devices by name, so that a missing one is noticed."""
     if lister is None:
         from serial.tools.list_ports import comports
 

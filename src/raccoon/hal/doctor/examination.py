@@ -1,4 +1,4 @@
-"""The whole examination of one port, in the order in which one thing depends on the other."""
+"""The complete examination of one port; each check follows those that it depends on."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ from raccoon.hal.doctor.wiring import wiring_finding
 from raccoon.model.bemf import foreign_ticks_reason
 
 WARM_UP_S = 0.3
-"""s after opening that are not judged: filters of a controller that has just started still fill."""
+"""s after opening that are not judged: the filters of a controller that has just started are still
+settling."""
 REST_S = 1.0
-"""s that the robot stands before anything moves."""
+"""s of rest that are recorded before anything moves."""
 
 
 def _quiet(_: str) -> None:
-    """Progress that nobody wants to see."""
+    """Discard a progress message."""
 
 
 def examine(
     port: Port, config: RobotConfig, *, move: bool = True, progress: Callable[[str], None] = _quiet
 ) -> Report:
-    """Examine a port; the robot must stand still on the floor, with 20 cm around it where `move` is set.
+    """Examine a port. The robot must stand still on the floor, with 20 cm of free space around it if `move`
+    is set.
 
-    A device that is lost on the way ends the examination with a finding, not with an error. The motors stop
-    on every way out; closing the port is left to whoever opened it.
+    A device that is lost on the way ends the examination with a finding, not with an error. The motors are
+    stopped on every way out; the caller closes the port.
     """
     report = Report()
     try:
@@ -75,7 +77,7 @@ def _examine(
         sensors.battery_finding(rest, running.cycles[at_rest:]),
         *_calibration_findings(config, rest[-1].device),
     )
-    # A sick link makes everything else look sick: it is told first.
+    # A bad link makes everything else look bad, so it is reported first.
     report.findings[1:1] = [
         link.rate_findings(config, running.cycles, port),
         *link.fault_findings(running.cycles),
@@ -85,7 +87,8 @@ def _examine(
 def _try_motors(
     running: Session, config: RobotConfig, report: Report, progress: Callable[[str], None]
 ) -> None:
-    """Move the driven wheels. Other motors may lift an arm against its end: they stay where they are."""
+    """Move the driven wheels and judge them. Other motors are not moved: they may press an arm against its
+    end."""
     trials: dict[int, MotorTrial] = {}
     for side, motor_port in (("left", config.drive.left), ("right", config.drive.right)):
         progress(f"moving the {side} wheel (motor {motor_port})")
@@ -97,9 +100,8 @@ def _try_motors(
 
 
 def _calibration_findings(config: RobotConfig, device: Device) -> list[Finding]:
-    """What robot.toml has measured, as it goes before what stands in [model]: wrong where it is another
-    firmware's, with which no program drives.
-    """
+    """The finding on the calibrated values of robot.toml that override its [model]: a fault if they belong to
+    another firmware, because programs refuse to drive with those."""
     found = [
         f"motor.{port}.{key}{_format_date(getattr(motor, key))}"
         for port, motor in sorted(config.motors.items())

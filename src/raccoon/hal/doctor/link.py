@@ -1,4 +1,5 @@
-"""The controller itself: who answers, how regularly, and what it complained about."""
+"""The controller itself: which firmware answers, how regular its cycles are, and which faults its port
+reported."""
 
 from __future__ import annotations
 
@@ -16,10 +17,13 @@ from raccoon.hal.wombat.checks.monitor import Rates
 from raccoon.hal.wombat.firmware.stock.wire import FIRMWARE_VERSION
 
 RATE_TOLERANCE = 0.05
+"""Largest relative error of the cycle rate."""
 COUNTER_TOLERANCE = 0.03
+"""Largest relative error of the counters' update rate."""
 LATE_PERIODS = 2.0
-"""A cycle that takes that many periods missed one."""
+"""Periods of the wanted rate; a cycle that takes longer counts as late."""
 LATE_SHARE = 0.01
+"""Largest share of cycles that may be late, or have a fault that the port repairs."""
 _RACCOON = "wombat-raccoon-"
 
 REMEDIES = {
@@ -37,12 +41,12 @@ REMEDIES = {
     Fault.BEMF_FROZEN: "restart the controller; if it stays, its converter is broken: use another motor port",
     Fault.SENSOR_LOST: "check the plug and the supply of the added sensor",
 }
-# They happen now and then on a healthy robot, are repaired by the port, and matter only when they pile up.
+# These occur now and then on a healthy robot and the port repairs them: they matter only if frequent.
 _REPAIRED = {Fault.TORN, Fault.OVERRUN, Fault.COMMAND_LOST}
 
 
 def identity_finding(cycles: Sequence[Inputs]) -> Finding:
-    """The controller, its firmware and version, as the port made sure of when it was opened."""
+    """The finding on the controller, its firmware and version, which the port verified when it was opened."""
     name = cycles[-1].device.name
     values: dict[str, float] = {}
     described = name
@@ -57,7 +61,8 @@ def identity_finding(cycles: Sequence[Inputs]) -> Finding:
 
 
 def rate_findings(config: RobotConfig, cycles: Sequence[Inputs], port: object) -> Finding:
-    """Cycles a second, how many came late, and how often the counters changed where the port measures it."""
+    """The finding on the cycle rate, on late cycles, and on the update rate of the counters if the port
+    measures it."""
     periods = sorted(later.time - earlier.time for earlier, later in pairwise(cycles))
     if not periods:
         return Finding("rate", Verdict.FAULT, "no cycles", "the port handed over one cycle only")
@@ -86,7 +91,8 @@ def rate_findings(config: RobotConfig, cycles: Sequence[Inputs], port: object) -
 
 
 def _describe_wrong_counters(rates: Rates) -> str:
-    """Why ticks and back-EMF are worked out wrongly, empty where they are not."""
+    """Why ticks and back-EMF are computed with a wrong counter rate; empty if the rate is right or
+    unknown."""
     expected, found = rates.expected_bemf, rates.bemf
     if expected is None or found is None or abs(found / expected - 1.0) <= COUNTER_TOLERANCE:
         return ""
@@ -94,7 +100,8 @@ def _describe_wrong_counters(rates: Rates) -> str:
 
 
 def fault_findings(cycles: Sequence[Inputs]) -> list[Finding]:
-    """What the port itself reported, one finding a fault; of analog ports their own findings tell more."""
+    """One finding for each kind of fault that the port reported. ANALOG_SATURATED is left out: the findings
+    of the analog ports say more."""
     counts = Counter(fault for each in cycles for fault in each.faults if fault is not Fault.ANALOG_SATURATED)
     if not counts:
         return [Finding("link", Verdict.OK, f"no faults in {len(cycles)} cycles")]

@@ -1,4 +1,4 @@
-"""What a motor's trial says about it: response, sign, speed, counter and offset."""
+"""The findings on a motor from its trial: response, sign, speed, counter and offset."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ from raccoon.hal.doctor.trial import SILENT_COUNTS, STILL_TICKS, TRIAL_DUTY, Mot
 from raccoon.model.motor import steady_speed
 
 OFFSET_LIMIT = 25.0
-"""Counts beyond the offset of robot.toml: a creep of about 2.6 mm/s with the default motor and wheel."""
+"""Largest difference between the back-EMF at rest and the offset in robot.toml, counts: a creep of about 2.6
+mm/s with the default motor and wheel."""
 SPEED_TOLERANCE = 0.4
+"""Largest relative difference between the back-EMF and that of the model."""
 SCALE_TOLERANCE = 0.2
+"""Largest relative difference between the counter and the integrated back-EMF."""
 LATENCY_LIMIT = 0.1
+"""Longest time from the command to the first sign of motion, s."""
 
 
 def judge_motor(config: RobotConfig, trial: MotorTrial) -> list[Finding]:
-    """Response, sign, speed, counter and offset of one motor."""
+    """The findings on one motor: response, sign, speed, counter and offset."""
     subject = f"motor {trial.motor_port}"
     if not trial.has_moved:
         return [
@@ -101,7 +105,7 @@ def _speed_problem(config: RobotConfig, trial: MotorTrial) -> tuple[str, str] | 
 
 
 def _expected_bemf(config: RobotConfig, motor_port: int, battery: float) -> float:
-    """V of back-EMF that the model of robot.toml settles at."""
+    """Steady-state back-EMF in V at the trial's duty and `battery` V, by the model of robot.toml."""
     model = config.model
     motor = model.right if motor_port == config.drive.right else model.left
     constant = motor.back_emf_constant.value
@@ -115,7 +119,8 @@ def _expected_bemf(config: RobotConfig, motor_port: int, battery: float) -> floa
 
 
 def _counter_problem(trial: MotorTrial) -> tuple[str, str] | None:
-    """The counter must have grown by the sum of the back-EMF, in ticks of the size its firmware promises."""
+    """Problem and remedy if the counter did not advance by the integral of the back-EMF, in ticks of the
+    firmware's nominal size; None if it did."""
     ticks = sum(abs(move.ticks) for move in trial.moves)
     integral = sum(abs(move.integral or 0.0) for move in trial.moves)
     if integral == 0.0:

@@ -1,4 +1,4 @@
-"""What was found, how bad it is and what to do about it."""
+"""The findings of an examination: what was measured, how bad it is and what to do about it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from enum import StrEnum
 
 
 class Verdict(StrEnum):
-    """Of one check. NOT_CHECKED (absent, or nothing to judge it by) does not spoil the whole."""
+    """The result of one check. NOT_CHECKED (absent, or nothing to judge it by) does not count against the
+    robot."""
 
     OK = "ok"
     WARNING = "warning"
@@ -21,8 +22,9 @@ class Verdict(StrEnum):
 class Finding:
     """One line of the report.
 
-    subject: what was checked. measured: the result for people. values: the same numbers for programs, SI.
-    problem, remedy: what is wrong and what to do; empty where nothing is.
+    subject: what was checked. measured: the result as text. values: the same numbers for programs, in SI
+    units unless the key names a unit. problem, remedy: what is wrong and what to do; empty if nothing is
+    wrong.
     """
 
     subject: str
@@ -35,7 +37,7 @@ class Finding:
 
 @dataclass(slots=True)
 class Report:
-    """All findings, in the order they were made."""
+    """All findings, in the order in which they are shown."""
 
     findings: list[Finding] = field(default_factory=list)
 
@@ -44,12 +46,12 @@ class Report:
 
     @property
     def well(self) -> bool:
-        """True where something was found and nothing of it is wrong."""
+        """Whether at least one check gave a verdict and all of these are OK."""
         judged = [finding.verdict for finding in self.findings if finding.verdict is not Verdict.NOT_CHECKED]
         return bool(judged) and all(verdict is Verdict.OK for verdict in judged)
 
     def as_json(self) -> dict[str, object]:
-        """For `json.dumps`."""
+        """The report as a dictionary for `json.dumps`."""
         return {
             "well": self.well,
             "findings": [
@@ -66,7 +68,7 @@ class Report:
         }
 
     def table(self, width: int = 100) -> str:
-        """For people: one row a finding, problem and remedy below it."""
+        """The report as text of `width` columns: a row for each finding, problem and remedy below it."""
         subject_width = max((len(each.subject) for each in self.findings), default=0)
         verdict_width = max((len(each.verdict.value) for each in self.findings), default=0)
         margin = " " * (subject_width + verdict_width + 4)

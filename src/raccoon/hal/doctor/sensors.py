@@ -1,4 +1,5 @@
-"""IMU, analog ports, buttons and battery, from a second of rest and the moves after it."""
+"""The findings on IMU, analog ports, buttons and battery, from a second of rest and the motor trials after
+it."""
 
 from __future__ import annotations
 
@@ -20,26 +21,34 @@ from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import correlation, deviation, mean, port_words, scaled_vectors
 
 GRAVITY_TOLERANCE = 0.05
+"""Largest difference between the measured gravity and 1 g, in g."""
 UPRIGHT_COSINE = 0.94
-"""cos 20 degrees: the floor is not steeper."""
+"""Cosine of the largest tilt, 20 degrees: no floor is steeper."""
 BIAS_LIMIT = 0.09
-"""rad/s beyond the bias of robot.toml; the IMU's data sheet allows 5 deg/s without calibration."""
+"""Largest difference between the gyro's bias and that in robot.toml, rad/s. The IMU's data sheet allows 5
+deg/s without calibration."""
 STILL_LIMIT = 0.05
-"""rad/s that the turn rate of a standing robot may scatter by."""
+"""Largest standard deviation of the turn rate while the robot stands, rad/s."""
 FROZEN_AFTER = 0.5
+"""s of equal gyro readings after which the gyro is frozen."""
 FLOATING_COUNTS = 40.0
-"""Counts that a connected, resting sensor does not scatter by, unless lamps flicker."""
+"""Standard deviation in counts above which an analog port may float: a connected sensor at rest stays below
+it, unless lamps flicker."""
 MAINS_READINGS, CALM_COUNTS = 10, 10.0
-"""Readings in means in which lamps on mains of 50 and of 60 Hz do not show; counts that these scatter by."""
+"""Readings in each mean, a number that averages out lamps on mains of 50 and of 60 Hz; standard deviation of
+these means, counts, above which a port of a large standard deviation floats."""
 FOLLOWING_CORRELATION = 0.9
+"""Correlation with a neighbouring port above which an analog port only echoes it."""
 _FOLLOWS_FROM = 5.0
+"""Standard deviation in counts from which the correlation is tested."""
 _WOMBAT_VOLTS = (6.0, 6.4, 8.6)  # unreliable below, charge below, impossible above (two lithium cells)
 _CREATE_VOLTS = (12.5, 13.5, 18.0)  # twelve NiMH cells
 SAG_LIMIT = 1.0
+"""Largest drop of the battery voltage under load, V."""
 
 
 def imu_findings(config: RobotConfig, rest: Sequence[Inputs]) -> list[Finding]:
-    """Alive, one g, upright, and a bias that can be lived with."""
+    """The findings on gyro and accelerometer: alive, 1 g, upright, bias close to that of robot.toml."""
     device = rest[-1].device
     rates = scaled_vectors(rest, "gyro", device.gyro_rad_s)
     forces = scaled_vectors(rest, "accel", device.accel_m_s2)
@@ -108,7 +117,7 @@ def _accel_finding(forces: Sequence[tuple[float, ...]]) -> Finding:
 
 
 def analog_findings(config: RobotConfig, rest: Sequence[Inputs]) -> list[Finding]:
-    """Each analog port that has a reading; ports that robot.toml uses must have a good one."""
+    """One finding for each analog port; only ports that robot.toml uses must have a good reading."""
     users = {tophat.analog: name for name, tophat in config.tophats.items()}
     series = [port_words(rest, "analog", port) for port in range(ANALOG_PORTS)]
     return [_analog_port(port, series, users.get(port)) for port in range(ANALOG_PORTS)]
@@ -144,27 +153,30 @@ def _analog_port(port: int, series: Sequence[Sequence[float]], user: str | None)
 def _port_finding(
     subject: str, user: str | None, measured: str, problem: str, remedy: str, values: dict[str, float]
 ) -> Finding:
-    """A port that robot.toml does not use may be anything; what it is is told all the same."""
+    """A finding on a port with a problem. If robot.toml does not use the port (`user` is None), it is no
+    fault; the problem is only mentioned."""
     if user is None:
         return Finding(subject, Verdict.NOT_CHECKED, f"{measured} ({problem}; unused)", values=values)
     return Finding(subject, Verdict.FAULT, measured, problem, remedy, values)
 
 
 def _find_followed_port(port: int, series: Sequence[Sequence[float]], noise: float) -> int | None:
-    """The neighbour whose every move this port repeats, as an open pin does."""
+    """The neighbouring port whose signal this port repeats, as an open pin does; None if there is none.
+    noise: standard deviation of this port, counts."""
     if noise < _FOLLOWS_FROM:
         return None
     for neighbour in (port - 1, port + 1):
         if not 0 <= neighbour < len(series) or not series[neighbour]:
             continue
-        louder = deviation(series[neighbour]) > noise  # of two alike, the weaker one is the echo
+        louder = deviation(series[neighbour]) > noise  # of two similar signals, the weaker one is the echo
         if louder and correlation(series[port], series[neighbour]) > FOLLOWING_CORRELATION:
             return neighbour
     return None
 
 
 def button_findings(rest: Sequence[Inputs], bumpers: Mapping[str, BumperConfig]) -> Finding:
-    """Which digital ports read pressed, with the names of bumpers; what that means only the team knows."""
+    """The finding that lists the pressed digital ports, with the names of bumpers; only the team knows which
+    of them should be pressed."""
     last = rest[-1].digital
     if all(flag is None for flag in last):
         return Finding("digital", Verdict.NOT_CHECKED, "none")
@@ -175,7 +187,7 @@ def button_findings(rest: Sequence[Inputs], bumpers: Mapping[str, BumperConfig])
 
 
 def battery_finding(rest: Sequence[Inputs], moving: Sequence[Inputs]) -> Finding:
-    """Voltage at rest, and how far it drops while a motor pulls."""
+    """The finding on the battery: voltage at rest in `rest`, and its largest drop under load in `moving`."""
     volts = [volt for volt in (each.battery_voltage for each in rest) if volt is not None]
     if not volts:
         return Finding("battery", Verdict.FAULT, "none", "no reading of the battery", "check the controller")

@@ -1,4 +1,5 @@
-"""Cycles of a port, collected under a command; the motors stand when it is over, whatever happened."""
+"""Sessions of the examination: collect a port's cycles under a command, and stop the motors at the end in any
+case. Besides, statistics of these cycles."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from raccoon.core.port import Port
 from raccoon.core.readings import MOTOR_PORTS, STOP, Inputs, Outputs
 
 _STUCK_AFTER = 1000
-"""Cycles without any time passing."""
+"""Cycles in a row without any progress of time after which the clock stands still."""
 
 
 class Session:
@@ -22,9 +23,9 @@ class Session:
         self._port = port
 
     def run(self, seconds: float, outputs: Outputs = STOP) -> list[Inputs]:
-        """The cycles of the next `seconds` under one command.
+        """The cycles of the next `seconds`, in each of which `outputs` is commanded.
 
-        Raises HardwareError where the device is lost, or where its clock stands still.
+        Raises HardwareError if the device is lost or its clock stands still.
         """
         first = len(self.cycles)
         inputs = self._cycle(outputs)
@@ -46,7 +47,7 @@ class Session:
 
 @contextmanager
 def session(port: Port) -> Iterator[Session]:
-    """A session whose motors are stopped on the way out: by return, by an error, by Ctrl-C."""
+    """A session at whose end the motors are stopped: after a return, an error or Ctrl-C."""
     try:
         yield Session(port)
     finally:
@@ -55,24 +56,24 @@ def session(port: Port) -> Iterator[Session]:
 
 
 def one_motor(motor_port: int, duty: float) -> Outputs:
-    """This motor alone; the others coast."""
+    """Outputs that drive one motor at `duty`, -1..1; the others coast."""
     return Outputs(duty=tuple(duty if each == motor_port else 0.0 for each in range(MOTOR_PORTS)))
 
 
 def port_words(cycles: Sequence[Inputs], name: str, index: int) -> list[float]:
-    """The words of one port over some cycles, without those that were missing."""
+    """The words `name`[`index`] of the cycles, such as the analog port `index`, without missing ones."""
     found = (getattr(each, name)[index] for each in cycles)
     return [float(word) for word in found if word is not None]
 
 
 def scaled_vectors(cycles: Sequence[Inputs], name: str, scale: float) -> list[tuple[float, float, float]]:
-    """gyro or accel over some cycles, times `scale`, without those that were missing."""
+    """The vectors `name` (gyro or accel) of the cycles, times `scale`, without missing ones."""
     found = (getattr(each, name) for each in cycles)
     return [(scale * x, scale * y, scale * z) for x, y, z in (word for word in found if word is not None)]
 
 
 def mean(values: Sequence[float]) -> float:
-    """Of at least one value."""
+    """Arithmetic mean of at least one value."""
     return math.fsum(values) / len(values)
 
 
@@ -83,7 +84,7 @@ def deviation(values: Sequence[float]) -> float:
 
 
 def correlation(one: Sequence[float], other: Sequence[float]) -> float:
-    """Pearson's, -1..1; 0 where one of them does not vary."""
+    """Pearson's correlation coefficient, -1..1; 0 if one of them does not vary or their lengths differ."""
     spread = deviation(one) * deviation(other)
     if spread == 0.0 or len(one) != len(other) or len(one) < 2:
         return 0.0

@@ -1,4 +1,4 @@
-"""One motor, moved a little to and fro: what it read at rest and what it did."""
+"""The trial of one motor: its readings at rest and while it turns a little forward and backward."""
 
 from __future__ import annotations
 
@@ -12,20 +12,25 @@ from raccoon.hal.doctor.session import Session, deviation, mean, one_motor, port
 
 TRIAL_DUTY = 0.3
 MOVE_S = 0.35
-"""s; the wheel has reached its speed after some 0.1 s and covers a few centimetres."""
+"""Duration of a move, s; the wheel reaches its speed after about 0.1 s and covers a few centimetres."""
 SETTLE_S = 0.4
 STEADY_S = 0.15
-"""s at the end of a move that are taken for its speed."""
+"""The last part of a move, s, in which its speed is measured."""
 SILENT_COUNTS = 60.0
-"""Counts; less than that at `DUTY` is no motion (the stock firmware swallows 40 counts when starting)."""
+"""Back-EMF in counts up to which a motor at `TRIAL_DUTY` does not move (the stock firmware suppresses 40
+counts when starting)."""
 STILL_TICKS = 2
+"""Ticks up to which a position has not changed."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotorMove:
-    """One motor under +-duty. bemf in counts without the offset, ticks moved, rad/s of the robot's turn.
+    """The response of one motor to a duty of one sign.
 
-    integral: counts * s that the position should have grown by. latency: s until the first sign of motion.
+    bemf: counts, without the offset. ticks: change of the position. integral: integral of the raw back-EMF,
+    counts * s, by which the position should have changed. turn_rate: of the robot, rad/s, without the gyro's
+    bias. latency: s from the first commanded cycle to the first sign of motion. None if there is no such
+    reading.
     """
 
     duty: float
@@ -38,7 +43,11 @@ class MotorMove:
 
 @dataclass(frozen=True, slots=True)
 class MotorTrial:
-    """A motor at rest and moved both ways. duty of `moves` is the port's, before any wiring sign."""
+    """One motor at rest and moved both ways.
+
+    offset, noise: mean and standard deviation of the back-EMF at rest, counts. battery: V. The duties of
+    `moves` are those of the port, before any wiring sign.
+    """
 
     motor_port: int
     offset: float | None
@@ -49,7 +58,7 @@ class MotorTrial:
 
     @property
     def has_moved(self) -> bool:
-        """Whether it moved at all, either way."""
+        """Whether the motor moved at all, in either direction."""
         return any(
             abs(move.ticks) > STILL_TICKS if move.bemf is None else abs(move.bemf) > SILENT_COUNTS
             for move in self.moves
@@ -57,7 +66,7 @@ class MotorTrial:
 
 
 def try_motor(session: Session, motor_port: int) -> MotorTrial:
-    """Move one motor both ways and stop it."""
+    """Move one motor forward, then backward, with a rest after each."""
     rest = session.run(SETTLE_S)
     readings = port_words(rest, "bemf", motor_port)
     offset = mean(readings) if readings else None
@@ -103,7 +112,7 @@ def _bemf_integral(cycles: Sequence[Inputs], motor_port: int) -> float | None:
 
 
 def _latency(cycles: Sequence[Inputs], motor_port: int, offset: float) -> float | None:
-    """s from the first commanded cycle to the first in which the motor shows."""
+    """s from the first commanded cycle to the first in which the motor moves; None if none."""
     first = cycles[0]
     for each in cycles:
         word, position, start = each.bemf[motor_port], each.position[motor_port], first.position[motor_port]

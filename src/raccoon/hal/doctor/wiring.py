@@ -1,8 +1,9 @@
-"""Whether positive duty drives forward: a wheel driven alone turns the robot, and the gyro sees which way,
-and how fast.
+"""The check of the wiring signs: a wheel that is driven alone turns the robot, and the gyro shows in which
+direction and how fast.
 
-The left wheel forward turns clockwise (negative), the right one counter-clockwise (positive): about the other
-wheel, which stands, so at its speed times its radius over the track width.
+The left wheel, driven forward, turns the robot clockwise (negative), the right one counter-clockwise
+(positive). The robot turns about the other wheel, which stands still, so its turn rate is the wheel's angular
+velocity times the wheel radius over the track width.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from raccoon.hal.doctor.trial import MotorTrial
 from raccoon.model.bemf import counts_scale, foreign_ticks_reason
 
 TURN_LIMIT = 0.05
-"""rad/s that one driven wheel must turn the robot by, to tell which way."""
+"""Turn rate of the robot, rad/s, from which one driven wheel shows its direction."""
 MIN_SHARE, MAX_SHARE = 0.6, 1.6
-"""What the gyro may see of the turn that the wheels read: K_E, radius and track width of robot.toml may be
-that wrong. A gyro whose full scale is not the one that the firmware promises is off by 2."""
+"""Range of the ratio of the gyro's turn rate to the wheels': K_E, radius and track width in robot.toml may be
+wrong by that much. A gyro whose full scale is not the nominal one of the firmware is off by 2."""
 
 
 def wiring_finding(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Finding:
-    """The signs of robot.toml against what the gyro saw."""
+    """The finding that compares the signs in robot.toml with the gyro's turn rates. trials: by motor port."""
     sides = {"left": (config.drive.left, -1.0), "right": (config.drive.right, 1.0)}
     turns = {side: _wheel_turn_rate(config, trials.get(port)) for side, (port, _) in sides.items()}
     seen = {side: turn for side, turn in turns.items() if turn is not None}
@@ -49,7 +50,8 @@ def wiring_finding(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Fin
 
 
 def _wheel_turn_rate(config: RobotConfig, trial: MotorTrial | None) -> float | None:
-    """rad/s of the robot while this wheel was commanded forward, from both directions of its trial."""
+    """The robot's mean turn rate, rad/s, while this wheel is commanded forward, from both moves of its trial;
+    None without a trial or without a gyro."""
     if trial is None:
         return None
     sign = -1.0 if config.motor(trial.motor_port).inverted else 1.0
@@ -62,9 +64,8 @@ def _wheel_turn_rate(config: RobotConfig, trial: MotorTrial | None) -> float | N
 
 
 def _gyro_share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> float | None:
-    """The robot's turn by the gyro, over the one that the wheel read; None without back-EMF, or where what
-    robot.toml says of it is another firmware's.
-    """
+    """Ratio of the gyro's turn rate to the wheel's; None without back-EMF, or if the calibration in
+    robot.toml belongs to another firmware."""
     readings = [abs(move.bemf) for move in trial.moves if move.bemf is not None]
     if not readings or mean(readings) == 0.0 or foreign_ticks_reason(config, side, trial.device):
         return None
