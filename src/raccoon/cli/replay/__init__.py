@@ -1,4 +1,5 @@
-"""`raccoon replay`: what the library makes of a recording, and how far that is from the truth in it."""
+"""`raccoon replay`: run the odometry or a program on a recording, and compare the result with the recorded
+one and the truth."""
 
 from __future__ import annotations
 
@@ -37,8 +38,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay, print, write. Exit status 0 when it ran, whatever it found, and 2 where one of several files
-    cannot be used, which does not stop the others."""
+    """Replay the recordings, write the files and print the report. Returns 0 if it ran, whatever it found,
+    and 2 if one of several files cannot be used, which does not stop the others. Raises ConfigError."""
     from raccoon.cli.replay.each_file import BAD_FILE, replay_each
     from raccoon.cli.replay.report import print_report, report, write_json
     from raccoon.core.config import load_robot
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
 
     drives, failed = replay_each(files, lambda each: replay_odometry(each, robot))
     results = report(drives, failed)
-    try:  # files first: a pipe that is closed ends the command where it prints
+    try:  # files first: a closed pipe ends the command when it prints
         if args.json is not None:
             write_json(results, args.json)
         if args.plot is not None and drives:
@@ -75,7 +76,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_outputs(args: argparse.Namespace) -> None:
-    """Before the work, not after it."""
+    """Raise ConfigError for outputs that cannot be written or would overwrite inputs, before the work
+    begins."""
     from raccoon.trace.record import recording_file
 
     if args.plot is not None and args.plot.suffix not in PICTURES:

@@ -1,4 +1,4 @@
-"""The odometry over a recorded run."""
+"""Replay of the odometry on a recorded run."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from raccoon.trace.recording import Column, median_step, time_unit_hint
 
 COLUMNS = ("x", "y", "heading", "x_std", "y_std", "heading_std")
 RECORDED = {"x": 0, "y": 1, "heading": 2}
-"""Place of each value in the robot's annotation `drive`."""
+"""Index of each value in the recorded annotation `drive`."""
 
 
 @dataclass(slots=True)
 class Drive:
-    """What the odometry says of each row of a run.
+    """The result of the odometry on a run.
 
-    error: against the truth in the recording, None where there is none. deviation: largest difference to the
-    pose that was estimated while driving (m or rad), None where none was recorded.
+    estimate: values of every row by COLUMNS (m, rad). status, reasons: of the final estimate. error: relative
+    to the truth in the recording, None if it has none. deviation: largest difference from the estimate
+    recorded while driving (m or rad), None if none was recorded. notes: doubts about the recording.
     """
 
     run: Run
@@ -46,17 +47,17 @@ class Drive:
 
 
 def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
-    """Run the odometry over a recorded run.
+    """Run the odometry on a recorded run.
 
-    robot: what to take the robot for; the recording's own word where None, where that is silent a robot.toml
-    beside it, else the default robot. Raises TraceError where there is nothing to drive by.
+    robot: the robot to assume; None: the one in the recording, else that of a robot.toml beside it, else the
+    default robot. Raises TraceError if the recording has no wheel positions or back-EMF.
     """
     notes: list[str] = []
     config = robot or run.robot
     if config is None:
         config, _, taken = find_robot_toml(run)
         notes.append(f"the recording does not say its robot: taken for {taken} (--robot names another)")
-    if len(run.recording):  # one that was ended before its first cycle holds nothing to miss
+    if len(run.recording):  # a recording that ended before its first cycle has no columns to check
         _check_wheels(run, config)
     if mistaken := time_unit_hint(median_step(run.recording["t"])):
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
@@ -79,7 +80,7 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
 
 
 def _estimates(run: Run, odometry: Odometry) -> list[list[float]]:
-    """What the odometry says in each cycle, by COLUMNS."""
+    """The odometry's estimate in each cycle, in the order of COLUMNS."""
     rows: list[list[float]] = []
     command, standing = None, STOP if _has_commands(run) else None
     for inputs, commands in _cycles(run):
@@ -103,7 +104,8 @@ def _check_wheels(run: Run, config: RobotConfig) -> None:
 
 
 def _cycles(run: Run) -> Iterator[tuple[Inputs, tuple[Outputs, ...]]]:
-    """Raw words where there are any: they give the same estimate bit for bit."""
+    """Inputs and commands of each cycle, as raw words if the recording has them: they give the same estimate
+    bit for bit."""
     if run.trace is not None:
         return ((tick.inputs, tick.commands) for tick in run.trace.ticks)
     return cycles_of(run.recording)

@@ -1,4 +1,5 @@
-"""Several recordings one after the other: one that cannot be used is said and does not stop the others."""
+"""Work on several recordings one after the other: one that cannot be used is reported and does not stop the
+others."""
 
 from __future__ import annotations
 
@@ -12,13 +13,13 @@ from raccoon.trace.loading import Run, load_run
 
 Result = TypeVar("Result")
 BAD_FILE = 2
-"""Exit status where a file cannot be used, as of any bad input."""
+"""Exit status if a file cannot be used, as for any bad input."""
 
 
 def replay_each(files: Sequence[Path], work: Callable[[Run], Result]) -> tuple[list[Result], dict[str, str]]:
-    """What comes of each file that can be used, and by the names of the others why not.
+    """The results of the files that can be used, and for the others the reasons, by file name.
 
-    Raises as `load_run` and the work where there is one file alone.
+    Raises as `load_run` and `work` if there is only one file.
     """
     found, failed = [], {}
     for path in files:
@@ -35,5 +36,5 @@ def replay_each(files: Sequence[Path], work: Callable[[Run], Result]) -> tuple[l
 
 
 def not_replayed_text(name: str, reason: str) -> str:
-    """The line of a file that cannot be used."""
+    """The line that reports a file that cannot be used."""
     return f"{name}: not replayed: {reason}"

@@ -1,4 +1,4 @@
-"""A picture of replayed drives: the estimate with its uncertainty, over the truth where there is one."""
+"""Picture of replayed drives: the estimate with its uncertainty, over the truth if there is one."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MAX_RUNS = 16
-"""Drives in one picture; more could not be told apart."""
+"""Largest number of drives in one picture; more could not be distinguished."""
 
 
 def draw(drives: list[Drive], path: Path) -> None:
-    """Draw the paths side by side (m, x to the right) into a file of the format its ending names."""
+    """Draw the paths side by side (m, x to the right) and write them to a file in the format that its ending
+    names."""
     from matplotlib.figure import Figure
 
     shown = drives[:MAX_RUNS]
@@ -40,7 +41,7 @@ def _draw_one(axes: Axes, drive: Drive) -> None:
     title = drive.run.name
     if drive.error is not None:
         true_x, true_y, _ = field_truth(drive.run.recording)
-        axes.plot(true_x, true_y, color="0.7", linewidth=4.0, label="truth")  # to be seen below the odometry
+        axes.plot(true_x, true_y, color="0.7", linewidth=4.0, label="truth")  # shows below the odometry
         title += (
             f"\noff by {1000 * drive.error.rms:.1f} mm (rms), {1000 * drive.error.final:.1f} mm at the end"
         )

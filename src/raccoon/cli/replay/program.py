@@ -1,4 +1,4 @@
-"""A program over a recording of itself: it must estimate and command the same again."""
+"""Replay of a program on a recording of itself: it must estimate and command the same again."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from raccoon.trace.loading import Run
 
 
 def replay_program(args: argparse.Namespace, files: Sequence[Path], robot: RobotConfig | None) -> int:
-    """Replay a program on traces. Exit status 1 where it diverges from one of them, 2 where one of several
-    cannot be used."""
+    """Replay a program on traces. Returns exit status 1 if it diverges from one of them, 2 if one of several
+    cannot be used. Raises ConfigError."""
     program = read_program(args.program)
     with _program_errors(program), no_robot_opened():
         mission = program.mission()
@@ -53,7 +53,8 @@ def replay_program(args: argparse.Namespace, files: Sequence[Path], robot: Robot
 
 
 def _replay(run: Run, mission: Mission, args: argparse.Namespace, robot: RobotConfig | None) -> int:
-    """In how many cycles the program ran."""
+    """Replay the program on one run. Returns the number of cycles in which it ran. Raises ReplayDiverged,
+    EOFError."""
     assert run.trace is not None
 
     def cycles(opened: Robot) -> int:
@@ -74,7 +75,7 @@ def _verdict(ran: int, recorded: int, *, compared: bool) -> str:
 
 
 def read_program(path: Path) -> Program:
-    """The program of a file. Raises ConfigError where there is none."""
+    """The program of a file. Raises ConfigError if there is no such file."""
     if path.is_dir():
         raise ConfigError(f"--program {path}: it is a folder; name a file")
     if not path.is_file():
@@ -84,7 +85,7 @@ def read_program(path: Path) -> Program:
 
 @contextmanager
 def _program_errors(program: Program) -> Iterator[None]:
-    """What goes wrong in a team's program as a ConfigError, with the line of it."""
+    """Context that turns errors of a team's program into a ConfigError with the program's line."""
     try:
         yield
     except (RaccoonError, EOFError):

@@ -1,4 +1,4 @@
-"""The results of a replay for people and as JSON."""
+"""The results of a replay as text and as JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ SHOWN_PROBLEMS = 5
 
 
 def report(drives: list[Drive], failed: Mapping[str, str]) -> dict[str, Any]:
-    """Everything that is known of the runs, as JSON values (m, rad, s). failed: by file, why not."""
+    """All results of the runs as JSON values (m, rad, s). failed: the reason for each file that cannot be
+    used."""
     errors = [drive.error for drive in drives if drive.error is not None]
     return {
         "runs": [_run(drive) for drive in drives],
@@ -45,12 +46,13 @@ def _run(drive: Drive) -> dict[str, Any]:
 
 
 def _finite(values: dict[str, float]) -> dict[str, float | None]:
-    """JSON has no NaN."""
+    """The values with None for numbers that are not finite, since JSON has no NaN."""
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
 def print_report(results: dict[str, Any]) -> None:
-    """A line a run, and the pooled error where there is truth; files that cannot be used come first."""
+    """Print one line per run, and the pooled error of the runs with truth; files that cannot be used come
+    first."""
     for name, reason in results["failed"].items():
         print(not_replayed_text(name, reason))
     runs = results["runs"]
@@ -114,5 +116,5 @@ def _print_pooled(error: dict[str, float]) -> None:
 
 
 def write_json(results: dict[str, Any], path: Path) -> None:
-    """The file appears whole or not at all."""
+    """Write the results as JSON, atomically."""
     write_atomically(path, json.dumps(results, indent=1, allow_nan=False) + "\n")

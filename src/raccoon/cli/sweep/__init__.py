@@ -1,4 +1,5 @@
-"""`raccoon sweep`: a team's program on hundreds of robots, batteries, lights and floors that differ."""
+"""`raccoon sweep`: play a team's program on hundreds of simulated robots with different batteries, lights and
+floors."""
 
 from __future__ import annotations
 
@@ -57,7 +58,8 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play and print; 0 whatever the program does, once it was played and recorded where that was asked."""
+    """Play the matches and print the results. Returns exit status 0 once they are played, however they end.
+    Raises ConfigError."""
     from raccoon.cli.numba_check import warn_without_numba
     from raccoon.cli.sweep.play import one, sweep_and_print
 

@@ -1,4 +1,4 @@
-"""A progress bar on the standard error output; a line every tenth where that is no terminal."""
+"""A progress bar on standard error, or one line per tenth of the matches if that is no terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ WIDTH = 30
 
 
 class Bar:
-    """Shows matches played, failures and the time that is left."""
+    """Progress bar with the number of matches played and failed and the remaining time. A context manager."""
 
     def __init__(self) -> None:
         self._begun = time.monotonic()
@@ -29,13 +29,13 @@ class Bar:
             print(file=sys.stderr)
 
     def begin(self) -> None:
-        """Called before the match on the robot of robot.toml, which comes first and may take a while."""
+        """Announce the match on the robot of robot.toml, which is played first and may take a while."""
         if self._live:
             self._shown = True
             print("the match of robot.toml's own robot comes first ...", file=sys.stderr, end="", flush=True)
 
     def show(self, played: int, total: int, failed: int) -> None:
-        """Called after each match."""
+        """Show the progress; call it after each match. played, total, failed: numbers of matches."""
         if self._first is None:
             self._first = played - 1
         tenths = 10 * played // total

@@ -1,4 +1,5 @@
-"""What the command does: a match from its arguments, a sweep of it, and what that says."""
+"""The work of `raccoon sweep`: making a match from the arguments, playing the sweep, and printing the
+results."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ from raccoon.trace.record import existing_recording
 
 
 def sweep_and_print(args: argparse.Namespace) -> int:
-    """Play all matches."""
+    """Play all matches and print the report. Returns exit status 0. Raises ConfigError."""
     if args.record is not None:
         raise ConfigError("--record is for one match: say which with --only RUN")
     check_folders(args.out)
@@ -43,7 +44,7 @@ def sweep_and_print(args: argparse.Namespace) -> int:
             played = nullcontext(crew)
             rows = sweep(match, args.runs, seed=args.seed, executor=played, out=args.out, progress=bar.show)
     except KeyboardInterrupt:
-        if args.out is not None and args.out.exists():  # else nothing was played
+        if args.out is not None and args.out.exists():  # otherwise no match was finished
             print(f"what was played is in {args.out}: the same command goes on from there", file=sys.stderr)
         raise
     print_report(match, rows, args.seed, args.given, args.table)
@@ -53,7 +54,8 @@ def sweep_and_print(args: argparse.Namespace) -> int:
 
 
 def one(args: argparse.Namespace) -> int:
-    """Play one match of a sweep again, and record it where asked to."""
+    """Play one match of a sweep again, and record it with `--record`. Returns exit status 0. Raises
+    ConfigError."""
     if not 0 <= args.only < args.runs:
         last = f"0 to {args.runs - 1}" if args.runs > 1 else "0"
         raise ConfigError(f"--only {args.only}: the sweep has {args.runs} matches (--runs), number {last}")
@@ -73,7 +75,8 @@ def one(args: argparse.Namespace) -> int:
 
 
 def match_of(args: argparse.Namespace) -> Match:
-    """The match that the arguments describe, which ends anywhere. Raises ConfigError, FileNotFoundError."""
+    """The match that the arguments describe, which may end anywhere. Raises ConfigError,
+    FileNotFoundError."""
     _check_numbers(args)
     robot = load_robot(args.robot)
     model = None if args.model is None else _model(args, robot)
@@ -97,20 +100,21 @@ def match_of(args: argparse.Namespace) -> Match:
 
 
 def _model(args: argparse.Namespace, robot: RobotConfig) -> Parameters:
-    """The robot of --model, with the tophats of robot.toml."""
+    """The robot of `--model`, with the tophats of robot.toml added."""
     model = load_model(args.model, robot)
     return replace(model, robot=replace(model.robot, tophats={**model.robot.tophats, **robot.tophats}))
 
 
 def _chain(args: argparse.Namespace, model: Parameters | None) -> Chain:
-    """The sensor chain: the one that a model found, else the firmware's."""
+    """The sensor chain: the plain one with `--plain-sensors`, else that of the model, or the firmware's if
+    there is none."""
     if args.plain_sensors:
         return Chain()
     return Chain.firmware() if model is None or model.chain == Chain() else model.chain
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
-    """Raise ConfigError, in the words and units of the command line."""
+    """Raise ConfigError for numbers out of range, in terms of the command's options and their units."""
     if not args.seconds > 0.0:
         raise ConfigError(f"--seconds {args.seconds:g}: allowed are numbers above 0")
     ends = (
@@ -139,7 +143,7 @@ def _factors(args: argparse.Namespace, robot: RobotConfig, model: Parameters | N
     if args.faults:
         usual = (*usual, *fault_factors(args.faults))
     own = {place_of(robot, each) for each in given}
-    # One for both sides replaces those of each side.
+    # A factor for both sides replaces those of single sides.
     everywhere = {(each.effect, each.parameter) for each in given if each.where is None}
     kept = [
         each

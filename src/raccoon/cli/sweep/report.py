@@ -1,4 +1,4 @@
-"""A sweep in words."""
+"""Printed report of a sweep."""
 
 from __future__ import annotations
 
@@ -13,15 +13,18 @@ from raccoon.sweep.results import Row
 from raccoon.sweep.summary import Sensitivity, Summary, failure_kind, summary
 
 MAX_ROWS = 3
-"""Parameters that are named."""
+"""Largest number of parameters in the report."""
 MIN_RANKED = 20
-"""Matches below which only what is more than chance is named: of six, any parameter explains nearly all."""
+"""Number of matches below which only significant parameters are named: with six matches, any parameter
+explains nearly all of the variance."""
 REASONS = 6
 
 
 def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str], table: Path | None) -> None:
-    """Failure rate, reasons, and what it is most sensitive to. given: the command line of the sweep; table:
-    of it, on which a match is to be drawn."""
+    """Print the failure rate, the reasons, and the parameters to which the result is most sensitive.
+
+    given: command line of the sweep. table: its table file, on which a match can be drawn.
+    """
     units = {each.name: each for each in match.factors}
     found = summary(rows, list(units))
     low, high = found.rate.interval
@@ -34,18 +37,19 @@ def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str],
 
 
 def _example_text(rows: list[Row], kind: str) -> str:
-    """Of errors of a kind, which are counted, the first one's text and match."""
+    """Match number and text of the first failure of a kind, if its text says more than the kind; otherwise
+    empty."""
     first = next(row for row in rows if row["status"] != OK and failure_kind(row) == kind)
     text = str(first["reason"]).removeprefix(kind).removeprefix(":").strip()
     return f", as match {first['run']}: {text}" if text else ""
 
 
 def _print_first_failure(rows: list[Row], given: Sequence[str], table: Path | None) -> None:
-    """The first match that failed, and the commands that play and draw it: to copy."""
+    """Print the commands that play and draw the first failed match, ready to copy."""
     run = next((row["run"] for row in rows if row["status"] != OK), None)
     if run is not None:
         recording = f"run-{run}.jsonl.gz"
-        # In front of the rest, which may end with what belongs to an option, or begin with --.
+        # In front of the other arguments, which may end with an option's values, or contain --.
         words = ("raccoon", "sweep", "--only", str(run), "--record", recording, *given[1:])
         drawn = ("raccoon", "view", recording, *(() if table is None else ("--table", str(table))))
         print(f"  see one: {shlex.join(words)}\n           {shlex.join(drawn)}")
@@ -66,7 +70,7 @@ def _print_sensitivities(found: Summary, units: dict[str, Factor]) -> None:
 
 
 def _groups(each: Sensitivity, of: str, unit: str) -> str:
-    """Outcomes of the worst and of the best group."""
+    """Text of the outcomes in the worst and in the best group of a parameter's values."""
     worst = max(each.groups, key=lambda group: group[2])
     best = min(each.groups, key=lambda group: group[2])
     parts = []
@@ -78,7 +82,7 @@ def _groups(each: Sensitivity, of: str, unit: str) -> str:
 
 
 def print_row(row: Row) -> None:
-    """One match, a line a value."""
+    """Print one match, one line per value."""
     for name, value in row.items():
         if isinstance(value, float):
             print(f"{name:48} {'' if math.isnan(value) else f'{value:.6g}'}")

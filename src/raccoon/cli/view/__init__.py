@@ -1,4 +1,5 @@
-"""`raccoon view`: a recorded drive over its table, as a picture or an animation, and what was said in it."""
+"""`raccoon view`: draw a recorded drive over its table, as a picture or an animation, and print its
+messages."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 HELP = "draw a recorded drive over the table, and print its steps, remarks and notes"
 MAX_EVENTS_SHOWN = 100
-"""Lines that are printed of a recording; a program may note something in every cycle."""
+"""Largest number of printed messages; a program may write a note in every cycle."""
 ELSEWHERE = (
     "the drive goes through a wall of the Botball-size table, so it was driven elsewhere and is drawn alone: "
     "--table FILE names its table, --start X Y DEG where on it it began"
@@ -27,7 +28,7 @@ SLOWEST, FASTEST = 0.01, 1000.0
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    # The word of what is drawn, once asked for: `view run RECORDING` is the same.
+    # This word was once required: `view run RECORDING` means the same.
     parser.add_argument("what", nargs="?", help=argparse.SUPPRESS)
     parser.add_argument("recording", type=Path, help="a recording with truth or estimates in it")
     parser.add_argument(
@@ -44,7 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw one drive."""
+    """Draw one drive and print its messages. Returns exit status 0. Raises ConfigError, TraceError."""
     from raccoon.cli.view.drive import goes_through_wall, load_drive
     from raccoon.sim.world.table import World
 

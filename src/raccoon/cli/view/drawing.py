@@ -1,4 +1,4 @@
-"""A table and a drive over it, drawn with matplotlib."""
+"""Drawing of a table and a drive over it with matplotlib."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TRUTH, BELIEF = "#1f4e9c", "#c0392b"
 
 
 def write_picture(drive: Drive, world: World, path: Path) -> None:
-    """Draw the whole drive into an SVG or PNG file, by its ending."""
+    """Draw the whole drive and write it to an SVG or PNG file, by the file's ending."""
     figure, axes = _table(world, drive)
     for which, trail in _trails(axes, drive):
         trail.set_data(which.x, which.y)
@@ -33,7 +33,7 @@ def write_picture(drive: Drive, world: World, path: Path) -> None:
 
 
 def _trails(axes: Any, drive: Drive) -> list[tuple[Trajectory, Any]]:
-    """An empty trail for where the robot was, one for where it believed to be, and which is which."""
+    """The drive's trajectories, true and estimated, each with an empty line that is to show it."""
     kinds = ((drive.truth, TRUTH, "-", "truth"), (drive.estimate, BELIEF, "--", "as the robot believes"))
     trails = [
         (which, axes.plot([], [], style, color=colour, linewidth=1.2, label=label)[0])
@@ -45,7 +45,7 @@ def _trails(axes: Any, drive: Drive) -> list[tuple[Trajectory, Any]]:
 
 
 def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int:
-    """Draw the drive as a GIF that plays `speed` times as fast; the number of frames."""
+    """Draw the drive as an animated GIF at `speed` times real time. Returns the number of frames."""
     from PIL import Image
 
     figure, axes = _table(world, drive)
@@ -70,10 +70,10 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
         return Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB").quantize()
 
     figure.set_dpi(ANIMATION_DPI)
-    # Not matplotlib's writer: a Ctrl-C while it has no frame yet ends in an error of its own.
+    # Not with matplotlib's writer, which turns a Ctrl-C before its first frame into another error.
     first, *others = [draw(frame) for frame in range(count)]
     buffer = BytesIO()
-    # In the hundredths of a second that a GIF counts in; longer where there are no more frames.
+    # ms, in whole hundredths of a second as a GIF counts; longer if the number of frames is limited.
     duration = 10 * max(2, round(100 * drive.seconds / speed / count))
     first.save(buffer, format="gif", save_all=True, append_images=others, duration=duration, loop=0)
     write_atomically(path, buffer.getvalue())
@@ -111,7 +111,7 @@ def _draw_table_parts(axes: Any, world: World) -> None:
         axes.add_patch(_rectangle(axes, world.start_box, fill=False, edgecolor="0.5", linestyle=":"))
     table = None if world.area is None else _rectangle(axes, world.area, transform=axes.transData)
     for line in world.lines:
-        axes.add_patch(_line_patch(line)).set_clip_path(table)  # the round ends are outside it
+        axes.add_patch(_line_patch(line)).set_clip_path(table)  # cut off the round ends beyond the table
     for wall in world.walls:
         axes.plot(
             *zip(wall.start, wall.end, strict=True), color="#8d6e63", linewidth=3.0, solid_capstyle="round"
@@ -121,7 +121,7 @@ def _draw_table_parts(axes: Any, world: World) -> None:
 
 
 def _line_patch(line: Line) -> Any:
-    """A line as the simulated tophats see it: all that is within half a width of its points' way."""
+    """A patch of a line as the simulated tophats see it: everything within half a width of the polyline."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -136,7 +136,7 @@ def _line_patch(line: Line) -> Any:
 
 
 def _rectangle(axes: Any, box: Box, **style: Any) -> Any:
-    """What is to be seen of a box: light and ramps may reach everywhere."""
+    """The visible part of a box as a patch: light and ramps may extend without limit."""
     from matplotlib.patches import Rectangle
 
     (left, right), (low, high) = (
@@ -159,7 +159,7 @@ def _robot(axes: Any, drive: Drive, row: int, *, filled: bool) -> tuple[Any, Any
 
 
 def _outline(path: Trajectory, row: int, body: BodyConfig) -> tuple[Any, Any]:
-    """Corners of the robot's box (4, 2), and x and y of a line from its middle to its front."""
+    """Corners of the robot's outline, (4, 2), and x and y of a line from its centre to its front, m."""
     heading = path.heading[row]
     ahead, aside = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     middle, side = np.array([path.x[row], path.y[row]]), 0.5 * body.width

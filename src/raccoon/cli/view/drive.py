@@ -1,4 +1,4 @@
-"""Where a recorded robot was, as a reference saw it and as it believed; and what was said on the way."""
+"""A recorded drive to draw: the true and the estimated trajectory, and the recorded messages."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from raccoon.trace.problems import without_repeats
 
 Floats = NDArray[np.float64]
 WALL_TOLERANCE_M = 0.01
-"""m by which a robot that pushes at a wall may seem to stand in it."""
+"""Depth, m, by which a robot that pushes against a wall may seem to overlap it."""
 TRUTH = ("truth.x", "truth.y", "truth.heading")
 ESTIMATE = ("estimate.drive.0", "estimate.drive.1", "estimate.drive.2")
-"""The first three numbers of the robot's drive estimate, of which only these are drawn."""
+"""Columns of the first three numbers of the robot's drive estimate, the pose; only these are drawn."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Poses over time: time s, x and y m, heading rad."""
+    """Poses over time: time in s, x and y in m, heading in rad."""
 
     time: Floats
     x: Floats
@@ -35,15 +35,15 @@ class Trajectory:
     heading: Floats
 
     def pose(self, row: int) -> tuple[float, float, float]:
-        """x, y and heading of a row."""
+        """x, y (m) and heading (rad) of a row."""
         return float(self.x[row]), float(self.y[row]), float(self.heading[row])
 
     def row_at(self, time: float) -> int:
-        """The first row from a moment on; the last one where there is none."""
+        """The first row at or after a time, s; the last row if there is none."""
         return min(int(np.searchsorted(self.time, time)), len(self.time) - 1)
 
     def moved_to(self, x: float, y: float, heading: float) -> Trajectory:
-        """The same path from another start pose."""
+        """The path, relative to the origin, moved to another start pose (m, m, rad)."""
         cosine, sine = math.cos(heading), math.sin(heading)
         return Trajectory(
             self.time,
@@ -55,9 +55,11 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive to draw. truth or estimate may be absent, not both. body: the robot's outline, the
-    usual one where the recording does not say. said: what the recording has in words, each with its s.
-    problems: what is damaged in it, or could not be read."""
+    """A drive to draw. truth or estimate may be None, but not both.
+
+    body: the robot's outline, the default one if the recording does not contain it. said: recorded messages,
+    each with its time, s. problems: what is damaged in the recording or could not be read.
+    """
 
     truth: Trajectory | None
     estimate: Trajectory | None
@@ -67,27 +69,27 @@ class Drive:
 
     @property
     def best(self) -> Trajectory:
-        """The truth where it is known."""
+        """The true trajectory if it is known, otherwise the estimate."""
         path = self.truth or self.estimate
         assert path is not None
         return path
 
     @property
     def seconds(self) -> float:
-        """How long it took."""
+        """Duration, s."""
         return float(self.best.time[-1] - self.best.time[0])
 
     @property
     def length(self) -> float:
-        """m along the path."""
+        """Length of the path, m."""
         return float(np.sum(np.hypot(np.diff(self.best.x), np.diff(self.best.y))))
 
 
 def load_drive(path: Path, start: Sequence[float] | None = None) -> Drive:
-    """The drive in a recording.
+    """Load the drive in a recording.
 
-    start: x, y (m) and heading (deg) on the table, which both paths are moved to; by default truth stays
-    where it is and the estimate begins where truth does. Raises TraceError where there is neither.
+    start: x, y (m) and heading (deg) on the table, to which both paths are moved; by default the truth stays
+    where it is and the estimate begins on it. Raises TraceError if the recording is empty or has neither.
     """
     with show_progress():
         run = load_run(path)
@@ -103,7 +105,7 @@ def load_drive(path: Path, start: Sequence[float] | None = None) -> Drive:
     if truth is not None and placed is not None:
         truth = _relative_to_pose(truth).moved_to(*placed)
     if truth is not None and estimate is not None:
-        # Either may begin later, or may have been cut off before: they meet at the first moment of both.
+        # Either may begin later than the other: they are made to meet at the first time that both cover.
         first = max(truth.time[0], estimate.time[0])
         estimate = _relative_to_pose(estimate, estimate.row_at(first)).moved_to(
             *truth.pose(truth.row_at(first))
@@ -117,7 +119,8 @@ def load_drive(path: Path, start: Sequence[float] | None = None) -> Drive:
 
 
 def goes_through_wall(path: Trajectory, body: BodyConfig, walls: Iterable[Wall]) -> bool:
-    """Whether the robot is on both sides of a wall, or goes through it, as it only does where none is."""
+    """Whether the path crosses a wall, or the robot stands on both sides of one: then there was no such
+    wall."""
     front, back, side = (
         body.front - WALL_TOLERANCE_M,
         -body.back + WALL_TOLERANCE_M,
@@ -132,7 +135,7 @@ def goes_through_wall(path: Trajectory, body: BodyConfig, walls: Iterable[Wall])
 
 
 def _crosses_wall(start: Floats, end: Floats, wall: Wall) -> bool:
-    """Whether a wall cuts one of the ways from a start to its end."""
+    """Whether a wall intersects one of the segments from `start` to `end`, (n, 2) each."""
     foot = np.array(wall.start)
     along = np.array(wall.end) - foot
     beside = _cross_products(along, start - foot) * _cross_products(along, end - foot)
@@ -141,7 +144,7 @@ def _crosses_wall(start: Floats, end: Floats, wall: Wall) -> bool:
 
 
 def _cross_products(first: Floats, second: Floats) -> Floats:
-    """The vectors' cross products, above 0 where the second one points to the left of the first."""
+    """Cross products of 2-D vectors, positive where the second one points to the left of the first."""
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
@@ -150,19 +153,19 @@ def _truth(run: Run) -> Trajectory | None:
 
 
 def _estimate(run: Run) -> Trajectory | None:
-    """Poses that the robot noted, in whatever form the recording is kept."""
+    """The poses that the robot estimated, in any format of the recording."""
     return _path(run, ESTIMATE) if all(name in run.recording for name in ESTIMATE) else None
 
 
 def _path(run: Run, pose: tuple[str, str, str]) -> Trajectory | None:
-    """The poses in these columns, where there are two at least."""
+    """The poses in these columns; None if fewer than two are complete."""
     columns = [run.recording[name] for name in ("t", *pose)]
     known = ~np.isnan(np.stack(columns)).any(axis=0)
     return Trajectory(*(column[known] for column in columns)) if known.sum() > 1 else None
 
 
 def _relative_to_pose(path: Trajectory, row: int = 0) -> Trajectory:
-    """The path seen from its pose at a row."""
+    """The path relative to its pose at a row."""
     x, y, heading = path.pose(row)
     moved = Trajectory(path.time, path.x - x, path.y - y, path.heading)
     return moved.moved_to(0.0, 0.0, -heading)
