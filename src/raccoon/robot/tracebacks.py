@@ -19,7 +19,7 @@ WHOLE = "RACCOON_TRACEBACK"
 """Environment variable; if it is not empty, everything is printed."""
 
 _PACKAGE = str(Path(__file__).parents[1]) + os.sep
-_STANDARD = sysconfig.get_paths()["stdlib"] + os.sep
+_INSTALLED = tuple(sysconfig.get_paths()[each] + os.sep for each in ("stdlib", "purelib", "platlib"))
 
 
 def install_hook() -> None:
@@ -67,7 +67,7 @@ def _own_frames(trace: TracebackType | None, elsewhere: bool) -> tuple[Traceback
 
 def _is_of_program(step: TracebackType) -> bool:
     file = step.tb_frame.f_code.co_filename
-    return not file.startswith((_PACKAGE, _STANDARD, "<frozen "))
+    return not file.startswith((_PACKAGE, *_INSTALLED, "<frozen "))
 
 
 def _is_in_words(step: TracebackType) -> bool:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from traceback import extract_tb
 
+import numpy as np
 import pytest
 
 from raccoon import do, straight
@@ -24,6 +25,10 @@ def _called_by_the_library() -> None:
         robot.run(do(lambda _: float("none")))
 
 
+def _called_by_another_library() -> None:
+    np.apply_along_axis(lambda _: float("none"), 0, np.ones(2))
+
+
 def _broken_library() -> None:
     did_you_mean("name", [1])  # type: ignore[list-item]
 
@@ -33,6 +38,7 @@ def _broken_library() -> None:
     [
         (_refused, ["program()", "straight(500.0)"], True),
         (_called_by_the_library, ["program()", "robot.run(do(", 'float("none")'], True),
+        (_called_by_another_library, ["program()", "np.apply_along_axis(", 'float("none")'], True),
         (_broken_library, ["program()", "did_you_mean(", "nearest_name(", ".lower()"], False),
     ],
 )
@@ -57,6 +63,7 @@ def test_a_program_sees_its_own_lines_and_the_sentence(
     places = [next(n for n, text in enumerate(shown) if line in text) for line in lines]
     assert places == sorted(places)
     assert ("src/raccoon" in said) is not left_out
+    assert "site-packages" not in said
     assert (f"left out: {WHOLE}=1 in the environment shows them" in said) is left_out
 
 
