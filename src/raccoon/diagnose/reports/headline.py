@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from itertools import chain
 
+from raccoon.diagnose.fleet.other_robots import far_constants_text
 from raccoon.diagnose.fleet.silent_recordings import CANNOT_TELL_PREFIXES
 from raccoon.diagnose.reports.plain_names import PLAIN_NAMES
 from raccoon.diagnose.reports.unknown_text import depends_text
@@ -54,6 +55,16 @@ def verdict_text(diagnosis: Diagnosis) -> str:
             f"{len(diagnosis.rejected)} causes {hidden} would not show in it at their usual size."
         )
     return VERDICTS[Verdict.ADEQUATE]
+
+
+def other_robot_question(diagnosis: Diagnosis) -> str:
+    """What to ask before anything is done about the causes, where they are what another robot would have; ""
+    elsewhere."""
+    far = far_constants_text(diagnosis)
+    return far and (
+        f"Is this recording of the robot of robot.toml ({far})? If not, name that robot's (--robot); if it "
+        "is, measure these first."
+    )
 
 
 def visible_sizes_text(diagnosis: Diagnosis) -> str:

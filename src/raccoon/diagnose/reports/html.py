@@ -11,7 +11,12 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.reports.cause_text import describe_cause
-from raccoon.diagnose.reports.headline import reason_it_cannot_tell, verdict_text, visible_sizes_text
+from raccoon.diagnose.reports.headline import (
+    other_robot_question,
+    reason_it_cannot_tell,
+    verdict_text,
+    visible_sizes_text,
+)
 from raccoon.diagnose.reports.numbers import format_std, format_value
 from raccoon.diagnose.reports.pictures import (
     cause_figure,
@@ -55,6 +60,7 @@ def render_page(diagnosis: Diagnosis, title: str) -> str:
         diagnosis=diagnosis,
         verdict=str(diagnosis.verdict).replace("_", " "),
         headline=_headline(diagnosis),
+        asked=other_robot_question(diagnosis),
         sentence=verdict_text(diagnosis).rstrip(":.") + ".",
         seen=visible_sizes_text(diagnosis) or _reason_sentence(diagnosis),
         told=[describe_cause(each) for each in diagnosis.causes],

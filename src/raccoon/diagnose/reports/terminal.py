@@ -7,8 +7,9 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
+from raccoon.diagnose.fleet.other_robots import ROBOT_TOML_QUESTION
 from raccoon.diagnose.hypotheses.cause_catalogue import TURN_SCALE_CAUSES
-from raccoon.diagnose.reports.headline import verdict_text, visible_sizes_text
+from raccoon.diagnose.reports.headline import other_robot_question, verdict_text, visible_sizes_text
 from raccoon.diagnose.reports.numbers import parameter_text
 from raccoon.diagnose.reports.similar_causes import similar_size_text
 from raccoon.diagnose.reports.unknown_text import depends_text, shape_text
@@ -60,6 +61,8 @@ def terminal_report(diagnosis: Diagnosis) -> str:
 
 
 def _lines(diagnosis: Diagnosis) -> Iterator[str]:
+    if asked := other_robot_question(diagnosis):
+        yield asked
     yield verdict_text(diagnosis)
     for cause in diagnosis.causes:
         yield from _cause_lines(cause, diagnosis)
@@ -94,17 +97,20 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def unrepeated_notes(diagnosis: Diagnosis) -> list[str]:
-    """The notes that are not already listed under what the recording cannot show."""
+    """The notes that are not already listed under what the recording cannot show, or asked at first."""
     said = {
         each.removeprefix(NOT_IDENTIFIABLE_PREFIX)
         for each in reasons_not_named(diagnosis)
         if each.startswith(NOT_SHOWN_PREFIX)
     }
     lists = tuple(f"not checked, since {each}: " for each in said)  # these list the same causes
+    asked = ROBOT_TOML_QUESTION if other_robot_question(diagnosis) else "\0"
     return [
         each
         for each in diagnosis.notes
-        if each.removeprefix(NOT_IDENTIFIABLE_PREFIX) not in said and not each.startswith(lists)
+        if each.removeprefix(NOT_IDENTIFIABLE_PREFIX) not in said
+        and not each.startswith(lists)
+        and not each.endswith(asked)
     ]
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from diagnoses import make_diagnosis
 from raccoon.core.schema import Bounds
+from raccoon.diagnose.fleet.other_robots import ROBOT_TOML_QUESTION
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.cause_text import describe_cause, explanation_sentence
@@ -181,6 +182,28 @@ def test_the_terminal_says_cause_number_evidence_refusals_and_what_to_do() -> No
         "To learn more: ten counted full turns.", "0.120 +- 0.010 ohm", "Note: a note.",
     ):  # fmt: skip
         assert part in text
+
+
+def test_before_the_causes_of_another_robot_it_is_asked_whose_the_recording_is() -> None:
+    """They began with "calibrate the motors", and the question was the last note."""
+    far = [
+        replace(CAUSE, id=name, where=None, parameters={"factor": ParameterResult(factor, 0.01, "", 1.0)})
+        for name, factor in (("motor.back_emf_constant", 0.667), ("drive.track_width", 1.376))
+    ]
+    note = f"motor.back_emf_constant is off by -33 %: {ROBOT_TOML_QUESTION}"
+    other = replace(FOUND, causes=tuple(far), notes=(note,))
+    asked = (
+        "Is this recording of the robot of robot.toml "
+        "(motor.back_emf_constant -33 %, drive.track_width +38 %)? If not"
+    )
+    text = terminal_report(other)
+    assert text.startswith(asked)
+    assert note not in text
+    page = render_page(other, "run")
+    assert page.index(asked) < page.index("Causes, and")
+    own = replace(other, causes=tuple(far[:1]))
+    assert note in terminal_report(own)
+    assert asked not in terminal_report(own)
 
 
 def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_path: Path) -> None:

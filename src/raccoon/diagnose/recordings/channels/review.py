@@ -14,7 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import column_names, has_readings
 from raccoon.diagnose.findings.deviations import without_deviation_notes
-from raccoon.diagnose.fleet.other_robots import ROBOT_CONSTANTS, is_far_off
+from raccoon.diagnose.fleet.other_robots import ROBOT_CONSTANTS, ROBOT_TOML_QUESTION, is_far_off
 from raccoon.diagnose.recordings.channels.faulty import CheckedColumns
 from raccoon.diagnose.recordings.channels.missing import describe_absence
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
@@ -140,5 +140,5 @@ def wrong_robot_notes(causes: Sequence[CauseResult]) -> tuple[str, ...]:
     for each in causes:
         if is_far_off(each):
             percent = 100.0 * (each.parameters["factor"].value - 1.0)
-            return (f"{each.name} is off by {percent:+.0f} %: is this robot.toml of this robot?",)
+            return (f"{each.name} is off by {percent:+.0f} %: {ROBOT_TOML_QUESTION}",)
     return ()
