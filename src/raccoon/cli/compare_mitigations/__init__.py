@@ -1,4 +1,4 @@
-"""`raccoon compare-mitigations`: what each remedy for battery and motor differences is worth, measured."""
+"""`raccoon compare-mitigations`: measure what each remedy for differences of battery and motors is worth."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure and print, with what the paper says held to it. Exit status 0 when it ran."""
+    """Measure all mitigations and print the tables, with the paper's claims compared. Returns exit status 0.
+    Raises ConfigError."""
     from raccoon.cli.compare_mitigations.measure import group_by_cell, measure_all
     from raccoon.cli.compare_mitigations.results import stored
     from raccoon.cli.compare_mitigations.table import draw, markdown
@@ -75,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
         found = measure_all(robots, args.seed, args.workers, tape_std=args.tape, known=known, done=done)
     cells = group_by_cell(found)
     text = markdown(cells, robots)
-    try:  # files first: a pipe that is closed ends the command where it prints
+    try:  # files first: a closed pipe ends the command when it prints
         if args.markdown is not None:
             write_atomically(args.markdown, text)
         if args.plot is not None:
@@ -86,7 +87,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _note(args: argparse.Namespace, every: int) -> Callable[[Number, dict[str, Ends]], None]:
-    """What happens with each robot that was driven: it is stored, and how far the work is is said."""
+    """The function to call for each robot that was driven: it stores the result and reports progress. every:
+    robots in all."""
     import sys
 
     from raccoon.cli.compare_mitigations.results import writer
@@ -109,7 +111,7 @@ def _note(args: argparse.Namespace, every: int) -> Callable[[Number, dict[str, E
 
 
 def _robots(args: argparse.Namespace) -> dict[str, int]:
-    """Robots of each column that is wanted. Raises ConfigError."""
+    """Number of robots of each requested column. Raises ConfigError."""
     from raccoon.cli.compare_mitigations.robots import CONDITIONS
 
     if args.robots is not None and args.quick:

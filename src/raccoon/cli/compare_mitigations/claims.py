@@ -1,4 +1,4 @@
-"""What the paper says of the mitigations, held to the measured cells."""
+"""The paper's claims about the mitigations, compared with the measured cells."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ FUSION, PID, IMU, STATIC = (
     "static k",
 )
 ALIKE = 1e-3
-"""m. Nearer than that two methods are alike: both go by a tape that is read to no better."""
+"""Difference, m, up to which two methods count as equal: both depend on a tape that is read no more
+precisely."""
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """Something the paper says; held: whether the numbers do, None where they were not measured."""
+    """A claim of the paper, the measured numbers, and whether they support it (held; None if not
+    measured)."""
 
     text: str
     numbers: str
@@ -32,17 +34,17 @@ class Claim:
 
 
 def error_percentile(ends: list[End], field: str) -> float:
-    """95th percentile of one error."""
+    """95th percentile of one error, in the unit of the field of `End`."""
     return float(np.percentile([getattr(each, field) for each in ends], PERCENTILE))
 
 
 def goal_distance_percentile(ends: list[End]) -> float:
-    """95th percentile of how far from the goal it ends, m."""
+    """95th percentile of the distance from the goal at the end, m."""
     return float(np.percentile([math.hypot(each.distance, each.lateral) for each in ends], PERCENTILE))
 
 
 def claims(cells: Cells) -> list[Claim]:
-    """The paper's ranking, each step held to the numbers (m from the goal after 1 m)."""
+    """The paper's ranking, each step compared with the measured distance from the goal after 1 m."""
     return [
         _claim_better(cells, "A fresh battery helps", "fresh battery", "none", BATTERY),
         _claim_alike(

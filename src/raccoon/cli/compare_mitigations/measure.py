@@ -1,4 +1,5 @@
-"""Every mitigation drives every manoeuvre on every robot; the true ends are kept."""
+"""Measurement of the mitigations: each drives every manoeuvre on every robot, and the true errors at the end
+are kept."""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ SCALING = VoltageScaling(COMPETITION_VOLTAGE)
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Errors of a manoeuvre: distance and lateral m, heading rad; s it took."""
+    """Errors at the end of a manoeuvre: distance along and lateral to the goal's heading (m), heading (rad);
+    its duration in seconds."""
 
     distance: float
     lateral: float
@@ -63,22 +65,23 @@ class End:
 
 
 Ends = dict[str, End]
-"""By manoeuvre."""
+"""Errors by manoeuvre."""
 Cells = dict[tuple[str, str, str], list[End]]
-"""By mitigation, condition and manoeuvre."""
+"""Errors of all robots by mitigation, condition and manoeuvre."""
 
 
 class Candidate:
-    """A robot of the table; what several mitigations need of it is made once."""
+    """A robot of the table. What several mitigations need is computed once."""
 
     def __init__(self, each: Trial, config: RobotConfig, tape_std: float) -> None:
         self.trial = each
         self.config = config
-        self._tape_std = max(tape_std, 1e-6)  # a calibration by a perfect tape is refused
+        self._tape_std = max(tape_std, 1e-6)  # calibrate_drive refuses a tape without error
 
     @cached_property
     def calibrated(self) -> RobotConfig:
-        """After a taped metre on the robot as it was tuned, with the same tape that times are tuned by."""
+        """The configuration after a calibration drive of 1 m on the robot as it was tuned, by the tape with
+        which times are tuned."""
         each = self.trial
         with Robot(_port(each.tuned, self.config, each.seed + 1), self.config) as robot:
             return calibrate_drive(
@@ -121,21 +124,21 @@ def _static_k(robot: Candidate) -> Ends:
 
 
 class WithoutGyro:
-    """The robot without an IMU."""
+    """A port that hides the IMU of another port."""
 
     def __init__(self, port: Port) -> None:
         self._port = port
 
     def read(self) -> Inputs:
-        """Everything else."""
+        """The readings without gyro and accelerometer."""
         return replace(self._port.read(), gyro=None, accel=None)
 
     def write(self, outputs: Outputs) -> None:
-        """As it is."""
+        """Pass the command on."""
         self._port.write(outputs)
 
     def close(self) -> None:
-        """As it is."""
+        """Close the other port."""
         self._port.close()
 
 
@@ -152,7 +155,7 @@ def _drive_closed(name: str, gyro: bool, candidate: Candidate) -> End:
     with Robot(port if gyro else WithoutGyro(port), config) as robot:
         robot.run(wait(1.0))
         begin = robot.time
-        with suppress(MotionTimeout):  # where it stands then is its error
+        with suppress(MotionTimeout):  # its error is then that of where it stands
             robot.run(ACTIONS[name])
         seconds = robot.time - begin
         robot.run(wait(0.3))
@@ -198,16 +201,17 @@ def measure_robot(
     methods: Iterable[str] = tuple(METHODS),
     tape_std: float = TAPE_STD,
 ) -> dict[str, Ends]:
-    """All manoeuvres of one robot under each mitigation. tape_std: m, of the tape that all go by."""
+    """The errors of one robot in all manoeuvres under each mitigation. tape_std: standard deviation of the
+    tape, m."""
     config = RobotConfig()
     robot = Candidate(trial(condition, number, seed, config, tape_std), config, tape_std)
     return {method: METHODS[method](robot) for method in methods}
 
 
 Number = tuple[str, int]
-"""Condition and number of one robot."""
+"""One robot: its condition and its number."""
 Found = dict[Number, dict[str, Ends]]
-"""By robot, then by mitigation."""
+"""Errors by robot, then by mitigation."""
 
 
 def _job(job: tuple[str, int, int, float]) -> dict[str, Ends]:
@@ -218,8 +222,8 @@ def _job(job: tuple[str, int, int, float]) -> dict[str, Ends]:
 
 @contextmanager
 def _quiet_log() -> Iterator[None]:
-    """Inside, the log "raccoon" says nothing: remarks on a robot whose motor was replaced on purpose tell
-    nobody to calibrate."""
+    """Context in which the log "raccoon" shows errors only: advice to calibrate helps nobody if a motor was
+    replaced on purpose."""
     log = logging.getLogger("raccoon")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -238,9 +242,10 @@ def measure_all(
     known: Mapping[Number, dict[str, Ends]] | None = None,
     done: Callable[[Number, dict[str, Ends]], None] = lambda _robot, _ends: None,
 ) -> Found:
-    """So many robots of each condition; in several processes where there is more than one.
+    """Measure these numbers of robots of each condition. processes: number to use, 0 for one per core.
 
-    known: robots that need not be driven again. done: called with each robot that was driven.
+    known: results of robots that need not be driven again. done: called with each robot that was driven and
+    its errors.
     """
     found = {robot: ends for robot, ends in (known or {}).items() if robot[1] < robots.get(robot[0], 0)}
     missing = [robot for robot in interleaved(robots) if robot not in found]
@@ -254,13 +259,14 @@ def measure_all(
 
 
 def interleaved(robots: Mapping[str, int]) -> list[Number]:
-    """All robots, every column filled at the same pace, so that a part of the work is a part of each."""
+    """All robots in an order that fills every column at the same pace, so that a part of the work contains a
+    part of each."""
     every = [(condition, number) for condition, count in robots.items() for number in range(count)]
     return sorted(every, key=lambda robot: (robot[1] + 0.5) / robots[robot[0]])
 
 
 def group_by_cell(found: Found) -> Cells:
-    """The ends of all robots by mitigation, condition and manoeuvre."""
+    """The errors of all robots, grouped by mitigation, condition and manoeuvre."""
     cells: Cells = {}
     for (condition, _), methods in sorted(found.items()):
         for method, ends in methods.items():

@@ -1,4 +1,4 @@
-"""What was driven, one line a robot, so that work that was stopped goes on where it was."""
+"""File of results, one line per robot, so that interrupted work can continue."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ BEGIN = '{"condition": '
 
 
 def stored(path: Path, seed: int, tape_std: float) -> Found:
-    """The robots in a file of results; none where there is no file. A line that was cut off is left out.
+    """The robots in a file of results; empty if there is no file. An incomplete line is ignored.
 
-    Raises ConfigError where the results are those of another seed or tape, or the file is none of results.
+    Raises ConfigError if the results are of another seed or tape, or the file contains no results.
     """
     try:
         return _found(path, path.read_text("utf-8") if path.exists() else "", seed, tape_std)
-    except UnicodeDecodeError as error:  # whose representation holds the whole file
+    except UnicodeDecodeError as error:  # its repr would contain the whole file
         raise ConfigError(f"{path}: not a file of results: {error}; take another") from None
     except (KeyError, TypeError, AttributeError) as error:
         raise ConfigError(f"{path}: not a file of results: {error!r}; take another") from None
@@ -32,7 +32,7 @@ def _found(path: Path, text: str, seed: int, tape_std: float) -> Found:
         try:
             row = json.loads(line)
         except ValueError:
-            if line[: len(BEGIN)] != BEGIN[: len(line)]:  # not one that was cut off
+            if line[: len(BEGIN)] != BEGIN[: len(line)]:  # not an incomplete line of results
                 raise ConfigError(
                     f"{path}: not a file of results: it has {line[:40]!r}; take another"
                 ) from None
@@ -48,7 +48,7 @@ def _found(path: Path, text: str, seed: int, tape_std: float) -> Found:
 
 
 def writer(path: Path, seed: int, tape_std: float) -> Callable[[Number, dict[str, Ends]], None]:
-    """What adds a robot to a file of results."""
+    """A function that appends a robot to a file of results."""
 
     def add(robot: Number, ends: dict[str, Ends]) -> None:
         row = {
@@ -69,7 +69,7 @@ def _plain(ends: dict[str, Ends]) -> dict[str, dict[str, dict[str, float]]]:
 
 
 def _cut_off(path: Path) -> bool:
-    """Whether the last line lacks its end."""
+    """Whether the last line lacks its newline."""
     with path.open("rb") as file:
         if file.seek(0, 2) == 0:
             return False

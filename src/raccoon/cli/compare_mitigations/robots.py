@@ -1,4 +1,4 @@
-"""The robots that the mitigations are tried on: as they were tuned, and as they come to the table."""
+"""The robots on which the mitigations are tried, as they were when tuned and as they are in the run."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from raccoon.model.paper import COMPETITION_VOLTAGE, MOTORS, TESTING_VOLTAGE, Pa
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 
-TABLE_BATTERY = 6.6  # V, where the battery is not what differs
-TAPE_STD = 0.001  # m, of a distance read off a tape
-OFFSET_STD = 30.0  # counts, of real controllers' back-EMF at rest
+TABLE_BATTERY = 6.6  # V, in conditions that do not vary the battery
+TAPE_STD = 0.001  # m, standard deviation of a distance measured by tape
+OFFSET_STD = 30.0  # counts, standard deviation of real controllers' back-EMF at rest
 PAIRINGS = [(left, right) for left in range(3) for right in range(3)]
 Pair = tuple[PaperMotor, PaperMotor]
 Trio = tuple[PaperMotor, PaperMotor, PaperMotor]
@@ -23,10 +23,11 @@ Trio = tuple[PaperMotor, PaperMotor, PaperMotor]
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One robot. tuned: when its program was made and it was calibrated; run: when it counts.
+    """One robot.
 
-    fresh: the same run with a full battery in the place of whatever is in it, both times. matched: with the
-    two best matching of three motors. tape: m, by which its two taped distances are off. seed: of its noise.
+    tuned: at the time when its program was tuned and it was calibrated. run: when it is measured. fresh: both
+    again, each time with a full battery instead. matched: both again, with the two best matching of three
+    motors. tape: errors of its two taped distances, m. seed: of its noise.
     """
 
     tuned: Parameters
@@ -39,7 +40,11 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What differs: the motors when tuned and in the run, the batteries, and anything else in the run."""
+    """What differs between robots: the motors, when tuned and in the run, the battery voltages (V), and
+    further effects in the run.
+
+    motors: left, right and spare. replacement: right motor in the run, None: the same.
+    """
 
     motors: Trio
     replacement: PaperMotor | None = None
@@ -50,9 +55,10 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A column of the table. draw: its robot of a number, from that robot's own random numbers and motors.
+    """A column of the table.
 
-    robots: of the full table.
+    draw: the situation of a robot, from its random generator, its number and its drawn motors. robots: number
+    in the full table.
     """
 
     draw: Callable[[Generator, int, Trio], Situation]
@@ -60,12 +66,13 @@ class Condition:
 
 
 def nominal_motor() -> PaperMotor:
-    """The middle of the paper's three."""
+    """A motor with the mean constants of the paper's three."""
     return _motor(*(fmean(each) for each in _columns()))
 
 
 def drawn_motor(random: Generator) -> PaperMotor:
-    """One from the spread of the paper's three."""
+    """A motor drawn from normal distributions with mean and standard deviation of the paper's three, no
+    constant below 0.3 of its mean."""
     return _motor(*(max(0.3 * fmean(each), random.normal(fmean(each), stdev(each))) for each in _columns()))
 
 
@@ -82,14 +89,15 @@ def _motor(current: float, resistance: float, constant: float) -> PaperMotor:
 
 
 def _paper_trio(number: int) -> Trio:
-    """A pairing of the paper's motors, all nine in turn, and the lowest of the others as the third."""
+    """A pairing of the paper's motors, all nine in turn, with the first remaining motor as the third."""
     left, right = PAIRINGS[number % 9]
     third = min({0, 1, 2} - {left, right})
     return MOTORS[left], MOTORS[right], MOTORS[third]
 
 
 def _spread_level(number: int, ratio: float) -> float:
-    """Numbers 0, 1, 2... laid evenly over the paper's range of batteries, V, however many there are."""
+    """Battery voltage of robot `number`, V: a sequence that covers the paper's range evenly, however many
+    robots there are."""
     return TESTING_VOLTAGE + (COMPETITION_VOLTAGE - TESTING_VOLTAGE) * ((0.5 + number * ratio) % 1.0)
 
 
@@ -118,7 +126,8 @@ def _drawn_pairs(_random: Generator, _number: int, drawn: Trio) -> Situation:
 
 
 def _match(random: Generator, number: int, drawn: Trio) -> Situation:
-    """The paper's nine pairings, then drawn motors; the batteries by a two-dimensional even sequence."""
+    """The paper's nine pairings first, then drawn motors; the two battery voltages follow an even
+    two-dimensional sequence."""
     tuned, run = (_spread_level(number, ratio) for ratio in (0.7548776662466927, 0.5698402909980532))
     effects = (
         ("battery.discharge", {"volts_per_coulomb": random.uniform(0.0, 0.02)}),
@@ -157,11 +166,12 @@ CONDITIONS: dict[str, Condition] = {
     "wheel slip": Condition(_slipping, 30),
     "slope": Condition(_sloping, 30),
 }
-"""By name; docs/mitigations.md says what each of them is."""
+"""The conditions by name; docs/mitigations.md describes each of them."""
 
 
 def trial(condition: str, number: int, seed: int, config: RobotConfig, tape_std: float = TAPE_STD) -> Trial:
-    """Robot `number` of a condition; the same for every mitigation, its motors for every condition."""
+    """Robot `number` of a condition. It is the same for every mitigation, and its drawn motors are the same
+    in every condition. tape_std: m."""
     motors = default_rng((seed, number))
     drawn = drawn_motor(motors), drawn_motor(motors), drawn_motor(motors)
     random = default_rng((seed, list(CONDITIONS).index(condition), number))
@@ -190,13 +200,14 @@ def trial(condition: str, number: int, seed: int, config: RobotConfig, tape_std:
 
 
 def _closest(motors: Trio) -> Pair:
-    """The two of three whose free speeds differ least."""
+    """The two of three motors whose free speeds differ least."""
     pairs = ((motors[0], motors[1]), (motors[0], motors[2]), (motors[1], motors[2]))
     return min(pairs, key=lambda pair: abs(pair[0].speed - pair[1].speed))
 
 
 def _body(config: RobotConfig, random: Generator) -> Parameters:
-    """A robot whose track and gyro are known as well as robot.toml says, behind the firmware's filters."""
+    """A robot whose true track width and gyro scale scatter by the standard deviations in robot.toml and
+    whose back-EMF has offsets, behind the firmware's filters."""
     track, gyro = config.model.drive.track_width, config.model.imu.gyro_scale
     body = Parameters.from_robot(config).with_chain(Chain.firmware())
     body = body.with_effect("drive.track_width", factor=random.normal(1.0, track.std / track.value))
@@ -213,7 +224,7 @@ def _with_motors(body: Parameters, motors: Pair, battery: float) -> Parameters:
         nominal = model.left if side == "left" else model.right
         resistance = motor.armature_resistance / nominal.armature_resistance.value
         constant = motor.back_emf_constant / nominal.back_emf_constant.value
-        # What the free-running current says of friction, less its viscous part.
+        # Friction torque from the free-running current, less its viscous part.
         coulomb = max(0.02, motor.friction_torque - model.friction.viscous.value * motor.speed)
         parameters = (
             parameters.with_effect("motor.armature_resistance", side, factor=resistance)

@@ -1,4 +1,4 @@
-"""The measured cells as tables and as a picture."""
+"""The measured cells as Markdown tables and as a picture."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def markdown(cells: Cells, robots: Mapping[str, int]) -> str:
-    """Every table, then the claims. robots: of each condition."""
+    """All tables, then the claims, as Markdown. robots: number in each condition."""
     counts = ", ".join(f"{name} {count}" for name, count in robots.items())
     parts = [
         f"95th percentiles: distance mm / lateral mm / heading deg / time s. Robots a column: {counts}.\n"
@@ -48,7 +48,8 @@ def _numbers(ends: list[End]) -> str:
 
 
 def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:
-    """A map for each manoeuvre: mm from the goal, of the turn its degrees; by mitigation and condition."""
+    """Draw one map per manoeuvre, by mitigation and condition: the distance from the goal in mm, for the turn
+    the error in degrees."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(13.0, 9.0), layout="constrained")
@@ -72,7 +73,7 @@ def _mm_off(ends: list[End]) -> float:
 
 
 def _map(panel: Axes, values: np.ndarray, title: str, conditions: tuple[str, ...]) -> None:
-    """Colours by the logarithm, with the numbers in them."""
+    """Draw a map coloured by the logarithm of its values, with the values as text."""
     scale = np.log10(np.maximum(values, 0.05))
     panel.imshow(scale, cmap="RdYlGn_r", aspect="auto", vmin=-1.0, vmax=2.5)
     for (row, column), value in np.ndenumerate(values):

@@ -1,4 +1,4 @@
-"""Driving by time, as a team without sensors does: duties for so many seconds, tuned on the robot once."""
+"""Driving by time, as a team without sensors does: duties for measured times, tuned on the robot once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.sim.effects.parameters import Parameters
 
 BRAKE_TIME_S = 0.25  # s with the motors shorted after each leg
-MAX_LEG_S = 30.0  # s of a leg, whatever happens
+MAX_LEG_S = 30.0  # s, bound on the duration of a leg
 QUARTER_TURN = 0.5 * math.pi
 TURN_DUTY = 0.5
 TUNING_LEGS = (2.0, 5.0)  # s
@@ -22,9 +22,8 @@ TUNING_LEGS = (2.0, 5.0)  # s
 class TimedDrive:
     """How a program without odometry drives.
 
-    duty: of straight legs. trims: factors of the left and of the right motor (static
-    compensation). scaling: of the voltage, None without. gyro: hold the heading on straight legs, and turn by
-    it.
+    duty: of straight legs. trims: factors of the left and the right motor (static compensation). scaling: of
+    the voltage, None for none. gyro: hold the heading on straight legs and turn by the gyro.
     """
 
     duty: float = 1.0
@@ -34,13 +33,14 @@ class TimedDrive:
 
     @property
     def blind(self) -> bool:
-        """True where no sensor is asked on the way."""
+        """Whether the program reads no sensor while driving."""
         return self.scaling is None and not self.gyro
 
     def duties(
         self, left: float, right: float, correction: float, battery_voltage: float | None
     ) -> tuple[float, float]:
-        """What the motors get."""
+        """Duties of the left and the right motor after correction, trims and voltage scaling. correction:
+        duty that turns the robot to the left. battery_voltage: V."""
         wanted = (left - correction) * self.trims[0], (right + correction) * self.trims[1]
         wanted = max(-1.0, min(1.0, wanted[0])), max(-1.0, min(1.0, wanted[1]))
         if self.scaling is None:
@@ -53,9 +53,10 @@ class TimedDrive:
 
 @dataclass(frozen=True, slots=True)
 class TunedTimes:
-    """What tuning found: s for a metre and s of run-up (t = run_up + metre * |distance|); the turn's end.
+    """The result of tuning: times of straight legs, run_up + metre * |distance|, and the end of a turn.
 
-    turn: s for a quarter turn, or rad before it at which to stop where the gyro turns.
+    run_up: s. metre: s/m. turn: time of a quarter turn, s, or with the gyro, the angle before its end at
+    which to stop, rad.
     """
 
     run_up: float
@@ -71,7 +72,8 @@ def leg(
     until: Callable[[float], bool],
     hold: float | None,
 ) -> None:
-    """Duties (before trims and scaling) until a test of the seconds holds, then stand."""
+    """Drive with these duties (before trims and scaling) until a test of the elapsed time, s, is true, then
+    brake. hold: heading to hold, rad, None for none."""
     begin = robot.time
     while not until(robot.time - begin) and robot.time - begin < MAX_LEG_S:
         correction = 0.0 if hold is None else max(-0.2, min(0.2, 2.0 * (hold - robot.heading)))
@@ -80,13 +82,13 @@ def leg(
 
 
 def straight_leg(robot: Vehicle, way: TimedDrive, tuned: TunedTimes, distance: float, heading: float) -> None:
-    """Straight by time."""
+    """Drive straight by time. distance: m. heading: to hold if there is a gyro, rad."""
     seconds = tuned.run_up + tuned.metre * distance
     leg(robot, way, way.duty, way.duty, after(seconds), heading if way.gyro else None)
 
 
 def quarter_turn(robot: Vehicle, way: TimedDrive, tuned: TunedTimes, heading: float = QUARTER_TURN) -> None:
-    """To the left, by time, or to the gyro's `heading`."""
+    """Turn left by time, or with the gyro, to `heading`, rad."""
 
     def there(_seconds: float) -> bool:
         return robot.heading >= heading - tuned.turn
@@ -95,16 +97,16 @@ def quarter_turn(robot: Vehicle, way: TimedDrive, tuned: TunedTimes, heading: fl
 
 
 def after(limit: float) -> Callable[[float], bool]:
-    """True once so many seconds are over."""
+    """A test that is true from `limit` seconds on."""
     return lambda seconds: seconds >= limit
 
 
 def tune(
     way: TimedDrive, parameters: Parameters, config: RobotConfig, tape: tuple[float, float]
 ) -> TunedTimes:
-    """Times that drive distances and quarter turns on this robot: what a patient team finds by tape.
+    """The times that drive distances and quarter turns on this robot, as a patient team finds them by tape.
 
-    tape: m by which the two taped distances are off. The quarter turn is found without any error.
+    tape: errors of the two taped distances, m. The quarter turn is found without error.
     """
     points = []
     for seconds, error in zip(TUNING_LEGS, tape, strict=True):
@@ -130,7 +132,8 @@ def _turn_end(way: TimedDrive, parameters: Parameters, config: RobotConfig) -> f
 
 
 def matched_trims(parameters: Parameters, config: RobotConfig) -> tuple[float, float]:
-    """Static compensation: the faster motor slowed by what straight drives of this robot show."""
+    """The trims of static compensation, left and right: the faster motor is slowed by the ratio that straight
+    drives of this robot show."""
     trims = (1.0, 1.0)
     for _ in range(3):
         robot = simulated_vehicle(parameters, config, 1, blind=True, noise=False)

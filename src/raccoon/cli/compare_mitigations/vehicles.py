@@ -1,7 +1,8 @@
-"""Simulated robots that a timed program drives; no estimators in between.
+"""Simulated robots driven by a timed program, without estimators.
 
-A program that asks no sensor on its way needs no sensors simulated: its duties are put down and the plant
-runs along them at once, to the same pose as tick by tick (but for rounding), in a tenth of the time.
+A program that reads no sensor while driving needs no simulated sensors: its duties are collected and the
+plant runs along them at once. That gives the same pose as cycle by cycle (but for rounding) in a tenth of the
+time.
 """
 
 from __future__ import annotations
@@ -25,44 +26,44 @@ BRAKE = (True, True, False, False)
 
 
 class Vehicle(Protocol):
-    """What a timed program sees of a robot, and its true pose."""
+    """Interface of a robot for a timed program, with its true pose."""
 
     heading: float
-    """rad, the gyro's integral since it was learnt; 0 where there is none."""
+    """Integral of the gyro's rate since its bias was learnt, rad; 0 without a gyro."""
 
     @property
     def time(self) -> float:
-        """s."""
+        """Time since the start, s."""
         ...
 
     @property
     def battery_voltage(self) -> float | None:
-        """V as the controller reads it."""
+        """Battery voltage as the controller reads it, V."""
         ...
 
     @property
     def truth(self) -> Truth:
-        """The pose at the end."""
+        """The present true pose."""
         ...
 
     def tick(self, left: float, right: float) -> None:
-        """Duties for a cycle; the motors are shorted at 0."""
+        """Drive one cycle with these duties; a motor at duty 0 is shorted."""
         ...
 
     def stand(self, seconds: float, learn: bool = False) -> None:
-        """Motors shorted; learn: the gyro's bias."""
+        """Brake with shorted motors for `seconds`. learn: learn the gyro's bias."""
         ...
 
 
 def simulated_vehicle(
     parameters: Parameters, config: RobotConfig, seed: int, *, blind: bool, noise: bool = True
 ) -> Vehicle:
-    """A robot at rest. blind: its program asks no sensor on the way."""
+    """A robot at rest. blind: its program reads no sensor while driving. noise: of its sensors."""
     return BlindVehicle(parameters) if blind else SensingVehicle(parameters, config, seed, noise)
 
 
 class SensingVehicle:
-    """With all its sensors, cycle by cycle."""
+    """A robot with all its sensors, simulated cycle by cycle."""
 
     def __init__(self, parameters: Parameters, config: RobotConfig, seed: int, noise: bool) -> None:
         self._port = SimPort(
@@ -74,22 +75,22 @@ class SensingVehicle:
 
     @property
     def time(self) -> float:
-        """s."""
+        """Time since the start, s."""
         return self._inputs.time
 
     @property
     def battery_voltage(self) -> float | None:
-        """V as the controller reads it."""
+        """Battery voltage as the controller reads it, V."""
         return self._inputs.battery_voltage
 
     @property
     def truth(self) -> Truth:
-        """The present pose."""
+        """The present true pose."""
         assert self._inputs.truth is not None
         return self._inputs.truth
 
     def tick(self, left: float, right: float) -> None:
-        """Duties for a cycle."""
+        """Drive one cycle with these duties."""
         self._port.write(Outputs(duty=(left, right, 0.0, 0.0), brake=BRAKE))
         before = self._inputs.time
         self._inputs = self._port.read()
@@ -98,7 +99,7 @@ class SensingVehicle:
         self.heading += (self._rate - self._bias) * (self._inputs.time - before)
 
     def stand(self, seconds: float, learn: bool = False) -> None:
-        """Motors shorted; learn: the gyro's bias."""
+        """Brake with shorted motors for `seconds`. learn: learn the gyro's bias."""
         rates = []
         for _ in range(round(seconds * RATE_HZ)):
             self.tick(0.0, 0.0)
@@ -109,7 +110,7 @@ class SensingVehicle:
 
 
 class BlindVehicle:
-    """Without any sensor: writes the duties down, and runs along them when it is asked where it is."""
+    """A robot without sensors: it collects the duties, and simulates them when its pose is requested."""
 
     heading = 0.0
     battery_voltage = None
@@ -120,21 +121,21 @@ class BlindVehicle:
 
     @property
     def time(self) -> float:
-        """s."""
+        """Time since the start, s."""
         return len(self._duties) / RATE_HZ
 
     def tick(self, left: float, right: float) -> None:
-        """Duties for a cycle."""
+        """Drive one cycle with these duties."""
         self._duties.append((left, right))
 
     def stand(self, seconds: float, learn: bool = False) -> None:
-        """Motors shorted."""
+        """Brake with shorted motors for `seconds`."""
         del learn  # there is no gyro
         self._duties.extend([(0.0, 0.0)] * round(seconds * RATE_HZ))
 
     @property
     def truth(self) -> Truth:
-        """The pose at the end of all duties."""
+        """The true pose at the end of all duties."""
         rows = np.array([*self._duties, (0.0, 0.0)])
         commands = Commands.of_wheels(np.arange(len(rows)) / RATE_HZ, rows[:, 0], rows[:, 1])
         final = State._make(rollout(self._parameters, commands, channels=()).final[0])

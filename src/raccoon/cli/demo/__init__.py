@@ -1,4 +1,4 @@
-"""`raccoon demo`: the paper's claims on simulated robots, and what the library leaves of them."""
+"""`raccoon demo`: the paper's claims reproduced on simulated robots, open loop and with the library."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run it; 0 when every error with the library is within the promised limits."""
+    """Run the demo. Returns 0 if every error with the library is within the promised limits, otherwise 1."""
     from raccoon.cli.demo.show import show
     from raccoon.cli.numba_check import warn_without_numba
 

@@ -1,4 +1,5 @@
-"""The mission of the demo, written with the public API alone: once by time, once with the library."""
+"""The mission of the demo, written with the public API only: once open loop, by time, and once with the
+library."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ REST_AT_START_S = 1.0  # s at the start, as a robot waits for its start light
 
 
 def goal() -> Pose:
-    """Where the mission is meant to end."""
+    """The pose where the mission should end."""
     pose = Pose()
     for leg, angle in zip(LEGS, (*TURNS, 0.0), strict=True):
         pose = pose.ahead(leg).turned(angle)
@@ -23,7 +24,7 @@ def goal() -> Pose:
 
 
 def closed_loop_mission() -> Action[Any]:
-    """Closed loop: distances and angles."""
+    """The mission in closed loop, by distances and angles."""
     first, second, third = LEGS
     return seq(
         wait(REST_AT_START_S),
@@ -37,9 +38,10 @@ def closed_loop_mission() -> Action[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """What a team times on its table and writes into its program, all at full power.
+    """The times that a team measures on its table and writes into its program, all at full power.
 
-    per_metre: s/m. per_radian: s/rad. metre_lost m, radian_lost rad: what starting and stopping cost.
+    per_metre: s/m. per_radian: s/rad. metre_lost (m), radian_lost (rad): way and angle lost by starting and
+    stopping.
     """
 
     per_metre: float
@@ -48,16 +50,16 @@ class Times:
     radian_lost: float
 
     def leg(self, distance: float) -> float:
-        """s at full power for `distance` m."""
+        """Time at full power for `distance` m, s."""
         return (distance + self.metre_lost) * self.per_metre
 
     def spin(self, angle: float) -> float:
-        """s at full power on the spot for `angle` rad."""
+        """Time at full power for a turn on the spot by `angle` rad, s."""
         return (abs(angle) + self.radian_lost) * self.per_radian
 
 
 def timed_mission(times: Times) -> Action[Any]:
-    """Open loop: full power for so many seconds."""
+    """The mission in open loop: full power for these times."""
     first, second, third = LEGS
     left, right = TURNS
     pause = wait(0.3)

@@ -1,4 +1,4 @@
-"""The demo's picture: every path, by time and with the library."""
+"""The demo's picture: all paths, by time and with the library."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ Results = list[tuple[Trial, Outcome, Outcome]]
 
 
 def draw(results: Results, path: Path) -> None:
-    """Two panels over the same field, open loop left, closed loop right, and the mark from near by."""
+    """Draw two panels of the same field, open loop left and closed loop right with an inset of the goal, to a
+    file."""
     figure = Figure(figsize=(12.0, 4.6), layout="constrained")
     opened, closed = figure.subplots(1, 2, sharex=True, sharey=True)
     _field(opened, [(trial, outcome) for trial, outcome, _ in results], "by time, at full power")
@@ -38,7 +39,7 @@ def draw(results: Results, path: Path) -> None:
 
 
 def _field(panel: Axes, outcomes: list[tuple[Trial, Outcome]], title: str) -> None:
-    """All true paths of one way to drive."""
+    """Draw all true paths of one kind of driving, and the intended one."""
     worst = max(outcome.end for _, outcome in outcomes)
     digits = 1 if worst < 0.01 else 0
     panel.set_title(f"{title}: up to {1e3 * worst:.{digits}f} mm from the mark", fontsize=11)
@@ -54,7 +55,7 @@ def _field(panel: Axes, outcomes: list[tuple[Trial, Outcome]], title: str) -> No
 
 
 def _near(panel: Axes, outcomes: list[tuple[Trial, Outcome]]) -> None:
-    """The ends around the mark, in mm, with the promise's circle where it is in sight."""
+    """Draw the end points around the goal, in mm, with the circle of the promised limit if it is visible."""
     mark = goal()
     inset = panel.inset_axes((0.05, 0.36, 0.40, 0.52))
     inset.set_title("the mark, mm", fontsize=8)

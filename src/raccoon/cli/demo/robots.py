@@ -1,4 +1,4 @@
-"""Simulated robots with the paper's batteries and motors, and what becomes of the mission on each."""
+"""Simulated robots with the paper's batteries and motors, and the demo's mission on each of them."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.sim.port import SimPort
 
-NAME = "demo"  # of the robot: its recordings are known by it
+NAME = "demo"  # of the robot, by which the demo's recordings are recognized
 BATTERIES = (6.1, 6.6, 7.0)
 # As measured on another fleet; two motors at 0.2 A then lose the 0.05 V of the paper's worked example.
 BATTERY_RESISTANCE = 0.12
-SETTLE = 0.5  # s after the end, until everything stands
-TAPE_STD = 0.0005  # m, of a person reading a tape
+SETTLE = 0.5  # s after the end of a drive, for the robot to come to rest
+TAPE_STD = 0.0005  # m, standard deviation of a tape reading
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One robot: battery V, index of the paper's motor on each side, seed of its noise."""
+    """One robot: battery voltage (V), index of the paper's motor on each side, seed of its noise."""
 
     battery: float
     left: int
@@ -49,7 +49,10 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Where a mission really ended against where it was meant to. end: m. heading: rad. path: (x, y) in m."""
+    """Errors of a mission's true end relative to its goal, and its true path.
+
+    end: distance, m. heading: rad. path: (x, y), m.
+    """
 
     end: float
     heading: float
@@ -57,13 +60,14 @@ class Outcome:
 
 
 def configuration() -> RobotConfig:
-    """The robot as its team believes it to be: nominal motors and battery, before any calibration."""
+    """The robot as its team knows it: nominal motors and battery, before any calibration."""
     model = NominalModel(battery=BatteryModel(internal_resistance=Measured(BATTERY_RESISTANCE, 0.03)))
     return RobotConfig(name=NAME, model=model)
 
 
 def simulated_port(trial: Trial, run: int) -> SimPort:
-    """The robot as it is: this battery, these motors, noise on."""
+    """The simulated robot of a trial, with its battery and motors, with noise. run: number that varies the
+    noise's seed."""
     return _port(
         trial.battery, BATTERY_RESISTANCE, MOTORS[trial.left], MOTORS[trial.right], trial.seed * 1000 + run
     )
@@ -86,7 +90,8 @@ def _port(voltage: float, resistance: float, left: PaperMotor, right: PaperMotor
 
 
 def _with_motor(parameters: Parameters, config: RobotConfig, side: str, motor: PaperMotor) -> Parameters:
-    """The paper takes a motor's current as the same at every speed: Coulomb friction and no other."""
+    """The parameters with one of the paper's motors. The paper assumes the same motor current at every speed:
+    that is Coulomb friction without any other friction."""
     nominal = config.model.left if side == "left" else config.model.right
     resistance = motor.armature_resistance / nominal.armature_resistance.value
     constant = motor.back_emf_constant / nominal.back_emf_constant.value
@@ -99,7 +104,7 @@ def _with_motor(parameters: Parameters, config: RobotConfig, side: str, motor: P
 
 
 def true_pose(robot: Robot) -> Truth:
-    """Where the simulator has the robot."""
+    """The robot's true pose in the simulator. Raises ValueError if the port gives none."""
     inputs: Inputs | None = robot.inputs
     if inputs is None or inputs.truth is None:
         raise ValueError("the port gives no truth")
@@ -109,7 +114,7 @@ def true_pose(robot: Robot) -> Truth:
 def run_mission(
     trial: Trial, mission: Action[Any], config: RobotConfig, record: Path | None = None
 ) -> Outcome:
-    """Drive a mission on a fresh placement of the robot and measure where it ends."""
+    """Drive a mission on a newly placed robot and measure where it ends."""
     with open_robot(config, port=simulated_port(trial, 1), record=record, seed=trial.seed) as robot:
         path: list[tuple[float, float]] = []
         body = with_true_path(mission, path)
@@ -123,13 +128,13 @@ def run_mission(
 
 
 def replay_program(robot: Robot) -> None:
-    """What was run for the recording, for replaying it."""
+    """The program that was recorded, for its replay."""
     robot.run(closed_loop_mission())
     robot.run(wait(SETTLE))
 
 
 def with_true_path(mission: Action[Any], path: list[tuple[float, float]]) -> Action[Any]:
-    """The mission, with the true path written down beside it."""
+    """The mission, with the true position of every cycle appended to `path`."""
 
     def look(robot: Robot) -> None:
         here = true_pose(robot)
@@ -139,12 +144,12 @@ def with_true_path(mission: Action[Any], path: list[tuple[float, float]]) -> Act
 
 
 def open_loop(trial: Trial, times: Times) -> Outcome:
-    """The mission by time alone."""
+    """The outcome of the mission by time alone."""
     return run_mission(trial, timed_mission(times), configuration())
 
 
 def calibrated_config(trial: Trial) -> RobotConfig:
-    """The configuration after this robot's own calibration drive of 60 cm with a taped distance."""
+    """The configuration after this robot's own calibration drive of 60 cm, measured by tape."""
     tape = random.Random(f"tape {trial.seed}")
     with open_robot(configuration(), port=simulated_port(trial, 0), seed=trial.seed) as robot:
         robot.run(wait(REST_AT_START_S))
@@ -158,17 +163,17 @@ def calibrated_config(trial: Trial) -> RobotConfig:
 
 
 def closed_loop(trial: Trial, record: Path | None = None) -> Outcome:
-    """The mission with the library, after the robot's own calibration."""
+    """The outcome of the mission with the library, after the robot's own calibration."""
     return run_mission(trial, closed_loop_mission(), calibrated_config(trial), record)
 
 
 def run_both(trial: Trial, times: Times, record: Path | None) -> tuple[Trial, Outcome, Outcome]:
-    """The mission open loop and with the library."""
+    """The outcomes of the mission, open loop and with the library."""
     return trial, open_loop(trial, times), closed_loop(trial, record)
 
 
 def trials(seed: int) -> list[Trial]:
-    """Every battery with every pairing of the paper's motors."""
+    """The trials: every battery with every pairing of the paper's motors."""
     pairs = [(left, right) for left in range(len(MOTORS)) for right in range(len(MOTORS))]
     return [
         Trial(battery, left, right, seed * 100 + number)
@@ -179,7 +184,8 @@ def trials(seed: int) -> list[Trial]:
 
 
 def measure_times(seed: int) -> Times:
-    """What a team times on its own table: half-empty battery, two motors of kind 2, full power."""
+    """The times that a team measures on its own table: half-empty battery, two motors of kind 2, full
+    power."""
     trial = Trial(BATTERIES[0], 1, 1, seed)
     metres = [_driven_distance(trial, seconds) for seconds in (1.5, 3.0)]
     radians = [_turned_angle(trial, seconds) for seconds in (0.3, 0.6)]
@@ -206,17 +212,17 @@ def _drive_timed(port: SimPort, left: float, right: float, seconds: float) -> Tr
 
 @dataclass(frozen=True, slots=True)
 class Claims:
-    """The paper's two claims on this simulator: shares, 0.159 for 15.9 %."""
+    """The paper's two claims on this simulator, as relative gains: 0.159 for 15.9 %."""
 
     battery: float
     motors: float
 
 
 def measure_claims(seed: int) -> Claims:
-    """How far full power takes the robot in the same 1.5 s at speed, as in the paper's two examples.
+    """Compare how far full power drives the robot in the same 1.5 s at speed, as in the paper's two examples.
 
-    battery: two of the assumed motors on a fresh and on a half-empty battery. motors: two fast against two
-    slow motors on a supply that holds 6.6 V, as they were measured.
+    battery: two of the assumed motors on a fresh battery relative to a half-empty one. motors: two fast
+    motors relative to two slow ones, on a supply that holds 6.6 V, as they were measured.
     """
     assumed = PaperMotor(
         "assumed", battery_speeds()[0], AVERAGE_CURRENT, ASSUMED_RESISTANCE, ASSUMED_BACK_EMF_CONSTANT

@@ -1,4 +1,4 @@
-"""Run the demo's three parts and print what came out."""
+"""The three parts of the demo and the printing of their results."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ Results = list[tuple[Trial, Outcome, Outcome]]
 
 
 def show(folder: Path, seed: int, workers: int) -> int:
-    """The whole demo; 0 when the library keeps its promises."""
+    """Run the whole demo. Returns 0 if the library keeps its promised limits, otherwise 1. Raises
+    ConfigError."""
     check_seed(seed)
     begin = time.perf_counter()
     if folder.exists() and not folder.is_dir():
@@ -55,7 +56,7 @@ def show(folder: Path, seed: int, workers: int) -> int:
 
 
 def _check_trace(trace: Path) -> None:
-    """Raise ConfigError where the recording that would be replaced is of no demo, but somebody's match."""
+    """Raise ConfigError if the recording to be replaced is not one of a demo."""
     there = existing_recording(trace)
     if there is None:
         return

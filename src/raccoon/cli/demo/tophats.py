@@ -1,4 +1,4 @@
-"""The paper's eight tophat conditions: calibrated on one drive, judged on another."""
+"""The paper's eight tophat conditions: calibration on one drive, test on another."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REFUSED_CONTRAST = 700
 
 @dataclass(frozen=True, slots=True)
 class TophatResult:
-    """One condition: what the calibration says, and the share of a second drive's readings it gets wrong."""
+    """One condition: its calibration, and the share of a second drive's readings that it misclassifies."""
 
     condition: TophatReading
     calibration: TophatCalibration
@@ -24,7 +24,8 @@ class TophatResult:
 
 
 def tophat_results(seed: int) -> list[TophatResult]:
-    """Calibrate on a 60 cm drive over a 15 mm line in each condition, then classify another such drive."""
+    """In each condition, calibrate on a 60 cm drive over a 15 mm line, and classify the readings of another
+    such drive."""
     results = []
     for number, condition in enumerate(TOPHAT_READINGS):
         rng = np.random.default_rng((seed, number))
@@ -41,6 +42,6 @@ def _misclassified_share(
     if calibration.threshold is None:
         return 1.0
     samples, darkness = drive_over_line(rng, condition)
-    clear = (darkness < 0.05) | (darkness > 0.95)  # at an edge neither answer is wrong
+    clear = (darkness < 0.05) | (darkness > 0.95)  # at an edge both answers are acceptable
     black = samples[clear] > calibration.threshold
     return float(np.mean(black != (darkness[clear] > 0.5)))
