@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 
-TYPE_CHECKING = False  # as typing has it, without its import
+TYPE_CHECKING = False  # as in typing, which takes long to import
 if TYPE_CHECKING:
     from collections.abc import Sequence
 

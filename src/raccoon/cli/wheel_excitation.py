@@ -76,7 +76,7 @@ def required_room(config: RobotConfig) -> float:
     model = config.model
     seconds = LEVEL_TIME_S * (
         sum(DUTY_LEVELS) + sum(DUTY_LEVELS[:-1])
-    )  # of full power: up the levels and down again
+    )  # at full power, for the levels up and down again
     volts = FRESH_BATTERY_FACTOR * model.battery.open_circuit_voltage.value
     slowest = min(each.back_emf_constant.value for each in (model.left, model.right))
     return math.ceil(10.0 * seconds * volts / slowest * model.drive.wheel_radius.value) / 10.0
