@@ -170,8 +170,8 @@ def _without_faults_in_others(drive: Drive) -> tuple[Drive, list[str]]:
 
 
 def _behind_firmware(drive: Drive) -> Drive:
-    """The drive with its device's filter and firmware in the robot, and the columns as that firmware needs
-    them."""
+    """The drive with its device's filter and firmware in the robot, and with the firmware's truncation of
+    back-EMF undone in the columns."""
     robot = with_device_filter(drive.device, drive.robot)
     firmware, has_device_filter = firmware_of(drive.device), robot is not drive.robot
     if firmware is None:

@@ -1,1 +1,1 @@
-"""Wheel angles beside a reference of the pose, without commands."""
+"""The diagnosis of wheel angles with a reference of the pose, without commands."""

@@ -1,4 +1,4 @@
-"""Checks wheels and reference of a recording: none may jump, stand still or count backwards."""
+"""Checks of wheels and reference: no jumps, no wheel that stands still or counts backwards."""
 
 from __future__ import annotations
 
@@ -19,26 +19,25 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MIN_JUMP_RATIO, USUAL_QUANTILE = 20.0, 0.98
-"""Rate of a jump over the usual largest rate, which is this quantile of the rates."""
+"""Least rate of a jump, relative to the usual largest rate, which is this quantile of the rates."""
 MIN_JUMP_SPEED = 5.0
-"""m/s of a jump at least: no small robot is as fast."""
+"""Least speed of a jump, m/s: no small robot is as fast."""
 MIN_BEMF_RATIO, MIN_BEMF_SPEED = 5.0, 1.0
-"""The same for back-EMF: ratio to the usual largest, and least m/s that it means."""
+"""The same for back-EMF: ratio to the usual largest reading, and least speed, m/s."""
 MAX_DISTANCE_M = 1e6
-"""m; no counter and no reference of a robot reaches it."""
+"""Upper bound of the distance by a robot's counter or reference, m."""
 MAX_SPIKE_ROWS = 3
-"""Successive rows of a spike; more are a shift of the zero, as of a counter that was reset."""
+"""Largest number of rows of a spike; more are a shift of the zero, as of a counter that was reset."""
 MIN_ROWS = 50
-"""Numbers of a column from which spikes are searched."""
+"""Least number of values in a column that is searched for spikes."""
 WINDOW_S = 0.5
-"""s over which turns of the wheels and of the reference are compared."""
+"""Time over which turns of the wheels and the reference are compared, s."""
 MIN_TURN_RAD = 0.5
-"""rad that a robot must turn to compare them."""
+"""Least total turn for the comparison, rad."""
 BACKWARDS_FACTOR = -0.4
-"""Fitted factor on a wheel's distance below which it counts backwards."""
+"""Fitted factor on a wheel's distance below which the wheel counts backwards."""
 MAX_CONDITION = 10.0
-"""Condition number of both wheels' distances above which they are not told apart: in turns on the spot both
-turn as one."""
+"""Condition number of both wheels' distances above which they are not separable, as in turns on the spot."""
 
 
 def without_spikes(
@@ -46,8 +45,8 @@ def without_spikes(
 ) -> tuple[Columns, tuple[SensorFault, ...]]:
     """The columns without single values that jump there and back, and their faults.
 
-    Raises CalibrationError for a counter or a reference that continues elsewhere after a jump, or that
-    reaches `MAX_DISTANCE_M`.
+    Raises CalibrationError for a counter or reference that continues elsewhere after a jump, or that reaches
+    `MAX_DISTANCE_M`.
     """
     cleaned = dict(columns)
     faults: list[SensorFault] = []
@@ -78,8 +77,8 @@ def _spike_faults(name: str, spikes: Sequence[float]) -> list[SensorFault]:
 
 
 def _without_fast_bemf(counts: Array, metres_per_second: float) -> tuple[Array, list[float]]:
-    """Back-EMF without readings of a wheel that is faster by far than it ever is, and these.
-    metres_per_second: m/s of a count."""
+    """Back-EMF without readings far above the wheel's usual maximum, and these readings. metres_per_second:
+    speed of one count, m/s."""
     size = np.abs(np.nan_to_num(counts))
     is_spike = (size > MIN_BEMF_RATIO * np.quantile(size, USUAL_QUANTILE)) & (
         size * metres_per_second > MIN_BEMF_SPEED
@@ -90,7 +89,7 @@ def _without_fast_bemf(counts: Array, metres_per_second: float) -> tuple[Array, 
 
 
 def _without_jumps(time: Array, values: Array, name: str, metres: float) -> tuple[Array, list[float]]:
-    """Values without spikes, and the spikes. metres: m that a unit of the column is worth."""
+    """Values without spikes, and the spikes. metres: worth of the column's unit, m."""
     rows = np.flatnonzero(np.isfinite(values) & np.isfinite(time))
     spikes: list[float] = []
     while len(rows) >= MIN_ROWS:
@@ -112,7 +111,7 @@ def _without_jumps(time: Array, values: Array, name: str, metres: float) -> tupl
 
 
 def _find_spike_rows(jumps: NDArray[np.intp], count: int) -> slice | None:
-    """The few rows of `count` that are off at the first jump; None where all rows after it are off."""
+    """The rows of a spike at the first jump, out of `count` rows; None if all rows after it are displaced."""
     first = int(jumps[0])
     if len(jumps) > 1 and jumps[1] - first <= MAX_SPIKE_ROWS:
         return slice(first + 1, int(jumps[1]) + 1)
@@ -134,7 +133,7 @@ def _jump_text(name: str, step: float, when: float) -> str:
 
 
 def check_wheels(run: Manoeuvre, robot: RobotConfig) -> None:
-    """Raise CalibrationError where a wheel never turns although the robot does, or counts backwards."""
+    """Raise CalibrationError if a wheel never turns although the robot does, or counts backwards."""
     if run.truth is None or not len(run.known_rows):
         return
     known = run.known_rows

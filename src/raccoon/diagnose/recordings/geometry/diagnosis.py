@@ -1,5 +1,5 @@
-"""The diagnosis of wheel angles and a reference of the pose (motion capture), without commands: the
-geometry."""
+"""The diagnosis of the geometry from wheel angles and a reference of the pose (motion capture), without
+commands."""
 
 from __future__ import annotations
 
@@ -48,16 +48,15 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MIN_GAIN = 0.03
-"""Share of the held-out error that a cause must save."""
+"""Least relative reduction of the held-out error by a named cause."""
 MAX_ERROR_RATIO = 3.0
-"""Held-out error over that of the fitted runs, above which no size of wheels explains it."""
+"""Ratio of the held-out error to that of the fitted runs above which no size of wheels explains it."""
 MAX_FACTOR = 2.5
-"""Factor by which wheels and track may be off, as in a drive with commands
-(`plausibility/implausible.py`)."""
+"""Largest factor on wheels and track, as in a drive with commands (`plausibility/implausible.py`)."""
 FITTED_SHARE = 0.7
 """Share of a single run that is fitted; the rest is held out."""
 MAX_STEP_S = 0.9
-"""Longest s of a row. Counters lose nothing between rows, so this is for a time in milliseconds, which
+"""Longest row, s. Counters lose nothing between rows, so this only detects a time in milliseconds, which
 advances by 1 or more."""
 POSITION, HEADING = "truth position", "truth.heading"
 NO_COMMANDS = "not identifiable: motor.N.duty is missing, so what drove the wheels is unknown"
@@ -70,11 +69,11 @@ def diagnose_geometry(
     holdout: Sequence[Columns] = (),
     device: Device = SI_WORDS,
 ) -> Diagnosis:
-    """Compare dead reckoning with the reference, over one or many runs of the same robot.
+    """Compare dead reckoning with the reference, over one or several runs of the same robot.
 
-    holdout: runs to judge on; without them every second run, or the last 30 % of a single one. What one
-    turning direction cannot tell is `not_identifiable`, and so is what a column hides that is not usable.
-    Raises TraceError for a time or a reference in other units.
+    holdout: runs on which to judge; by default every second run, or the last 30 % of a single one. What turns
+    in one direction alone or an unusable column do not determine is `not_identifiable`. Raises TraceError for
+    a time or a reference in other units.
     """
     begin = time.perf_counter()
     try:
@@ -105,12 +104,12 @@ def diagnose_geometry(
 def prepare_run(
     columns: Columns, robot: RobotConfig, device: Device = SI_WORDS
 ) -> tuple[Manoeuvre, tuple[SensorFault, ...]]:
-    """A recording as a run that can be fitted, and faults of single values that were left out.
+    """A recording as a run that can be fitted, and the faults of single values that were left out.
 
-    Raises CalibrationError naming a column that is not usable, and TraceError for a time or a reference in
-    other units.
+    Raises CalibrationError that names an unusable column, and TraceError for a time or a reference in other
+    units.
     """
-    times = np.unique(np.asarray(columns["t"], float))  # a sample that was written twice does no harm here
+    times = np.unique(np.asarray(columns["t"], float))  # duplicate samples are harmless here
     check_time(times[np.isfinite(times)], MAX_STEP_S)
     columns, faults = without_spikes(columns, robot, device)
     check_reference(columns, robot, device)
@@ -120,7 +119,7 @@ def prepare_run(
 
 
 def describe_impossible_factor(factors: Array) -> str:
-    """A note where a wheel or the track has a factor that no robot of this robot.toml has; "" where none has.
+    """A note if a wheel or the track has a factor that is impossible for this robot.toml; "" otherwise.
 
     A reference that never moved, and counters in another unit, gave factors at the bounds of the fit, each
     with a probability of 0.99.
@@ -177,7 +176,7 @@ def _judge(fit: GeometryFit, begin: float) -> Diagnosis:
         for each in all_candidates
         if each in unhelpful or not each.is_significant
     ]
-    # A slightly wrong initial heading turns the whole path, which is no departure from the wheels.
+    # A slightly wrong initial heading rotates the whole path, which is no departure from the wheels.
     shape_errors = [
         each.errors(factors, from_start=False)
         for each, factors in ((fit, after_factors), (in_sample, fit.factors))
@@ -204,7 +203,7 @@ def _judge(fit: GeometryFit, begin: float) -> Diagnosis:
 
 
 def _unexplained(before: PoseErrors, after: PoseErrors, is_unexplained: bool) -> Unexplained:
-    """The unexplained rest, where it is more than chance and wheels make."""
+    """The unexplained rest, if it is more than chance and wheels explain."""
     if not is_unexplained:
         return Unexplained(0.0)
     share = after.position**2 / max(before.position**2, 1e-300)
@@ -251,7 +250,7 @@ def _rejected_without_commands() -> tuple[Rejected, ...]:
 
 
 def _curves(fit: GeometryFit, before: Array, after: Array) -> tuple[Curve, ...]:
-    """Distance from the reference along the held-out runs, one after the other."""
+    """Distance from the reference along the held-out runs in sequence, m."""
     times, curves, offset = [], [], 0.0
     for each in fit.heldout:
         pair = [np.hypot(*truth_residuals(factors, fit.robot, each)[:, :2].T) for factors in (before, after)]

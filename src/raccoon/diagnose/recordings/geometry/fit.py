@@ -1,4 +1,5 @@
-"""Errors of dead reckoning with factors on wheels and track width, and the factors that may be causes."""
+"""Errors of dead reckoning with factors on wheels and track width, and the factors that are candidate
+causes."""
 
 from __future__ import annotations
 
@@ -18,14 +19,14 @@ from raccoon.estimate.drive_calibration.paths import shape_residuals, truth_resi
 Array = NDArray[np.float64]
 
 MIN_SIGMAS = 3.0
-"""Standard deviations from the configured value above which a factor is a cause."""
+"""Least difference of a cause's factor from the configured value, in standard deviations."""
 MIN_FACTOR_CHANGE = 0.001
-"""Change of a factor that is no cause: a wheel that is 0.1 % off is as good as a wheel gets."""
+"""Largest change of a factor that is no cause: a wheel's radius is known to 0.1 % at best."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoseErrors:
-    """Pooled root mean squares: position m, heading rad."""
+    """Pooled root mean square errors: position, m; heading, rad."""
 
     position: float
     heading: float
@@ -33,8 +34,8 @@ class PoseErrors:
 
 @dataclass(frozen=True, slots=True)
 class GeometryFit:
-    """Factors (3,) on left distance, right distance and track width, with stds, and the fitted and held-out
-    runs."""
+    """Fitted factors (3,) on left distance, right distance and track width, with stds; the fitted and
+    held-out runs."""
 
     robot: RobotConfig
     factors: Array
@@ -43,8 +44,8 @@ class GeometryFit:
     heldout: Sequence[Manoeuvre]
 
     def errors(self, factors: Array, from_start: bool = True) -> PoseErrors:
-        """Errors over the held-out runs, each started at the reference's pose, or at the pose that fits
-        best."""
+        """Errors over the held-out runs, each started at the reference's pose (from_start) or at the
+        best-fitting pose."""
         residuals_of = truth_residuals if from_start else shape_residuals
         residuals = [residuals_of(factors, self.robot, each) for each in self.heldout]
         errors = np.concatenate(residuals)
@@ -55,11 +56,11 @@ class GeometryFit:
 
 
 DEPARTURE_WINDOW_S = 1.0
-"""s over which the departure of a robot from its wheels is measured."""
+"""Time over which the departure of a robot from its wheels' path is measured, s."""
 
 
 def describe_departure(fit: GeometryFit, factors: Array) -> str:
-    """A sentence on where the held-out runs depart most from the paths of their wheels."""
+    """A sentence on the largest departure of the held-out runs from the paths of their wheels."""
     largest, when = 0.0, 0.0
     for each in fit.heldout:
         errors, time = truth_residuals(factors, fit.robot, each), each.t[each.known_rows]
@@ -79,7 +80,7 @@ def describe_departure(fit: GeometryFit, factors: Array) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A factor that may be a cause. factors: its effect on (left, right, track)."""
+    """A factor that may be a cause. factors (3,): its effect on left, right and track."""
 
     id: str
     where: str | None
@@ -97,8 +98,8 @@ class Candidate:
 
 
 def candidates(fit: GeometryFit) -> list[Candidate]:
-    """The factor of the track, and that of both wheels; where these differ significantly one of each
-    wheel."""
+    """The candidate factors: of the track, and of both wheels; or of each wheel if the two differ
+    significantly."""
     left, right, track = (float(each) for each in fit.factors)
     left_std, right_std, track_std = (float(each) for each in fit.stds)
     found = [Candidate("drive.track_width", None, track, track_std, np.array([1.0, 1.0, track]))]
@@ -116,5 +117,5 @@ def candidates(fit: GeometryFit) -> list[Candidate]:
 
 
 def combine_factors(parts: Sequence[Candidate]) -> Array:
-    """Factors (3,) of all candidates together."""
+    """Product of the factors (3,) of these candidates."""
     return np.asarray(np.prod([np.ones(3), *(each.factors for each in parts)], axis=0))

@@ -1,4 +1,4 @@
-"""Causes and sentences about a wheel's radius or the track width."""
+"""Causes and their sentences for wheel radius and track width."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def geometry_cause(
     rank: int,
     robot: RobotConfig,
 ) -> CauseResult:
-    """The cause with its sentence. without: errors where it alone is left out. errors: before, after and the
+    """The cause with its sentence. without: errors if it alone is left out. errors: before, after, and noise
     floor.
 
-    A counter of back-EMF whose ticks were not calibrated is worth what K_E says, so a wheel is not told from
-    its motor.
+    If ticks of a back-EMF counter were not calibrated, their worth depends on K_E, so a wheel's radius is not
+    distinguishable from its motor's K_E.
     """
     before, after, floor = errors
     rivals = (
@@ -55,8 +55,8 @@ def geometry_cause(
 
 
 def _is_told_from_motor(candidate: Candidate, robot: RobotConfig) -> bool:
-    """Whether the candidate is no radius, or its wheels' counters were calibrated: else it may be the
-    motor."""
+    """Whether the candidate is distinguishable from K_E: it is no radius, or its wheels' counters were
+    calibrated."""
     sides = SIDES if candidate.where is None else (candidate.where,)
     calibrated = all(robot.wheel_motor(side).radians_per_tick is not None for side in sides)
     return candidate.id != "drive.wheel_radius" or calibrated
@@ -77,9 +77,8 @@ def _sentence(candidate: Candidate, robot: RobotConfig) -> str:
 
 
 def _advice(candidate: Candidate, robot: RobotConfig) -> str:
-    """What to do. robot.toml has one radius for both wheels and a scale for each; odometry needs their
-    product.
-    """
+    """Advice. robot.toml has one radius for both wheels and a scale for each; odometry needs their
+    product."""
     if candidate.where is None:
         radius = robot.model.drive.wheel_radius.value * candidate.factor
         return f"put wheel_radius = {radius:.5f} (m) into [model.drive] of robot.toml"

@@ -1,1 +1,1 @@
-"""Recordings of single motors, and of one motor's response to a step of power."""
+"""The diagnosis of single motors, and of one motor's step response."""

@@ -1,4 +1,4 @@
-"""The diagnosis of single motors: each as an axis, the battery behind them, and faulty sensors."""
+"""The diagnosis of single motors: each as an axis, their battery, and faulty sensors."""
 
 from __future__ import annotations
 
@@ -30,28 +30,29 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_DEAD_CURRENT_A = 0.01
-"""A driven motor that never draws more has a dead current sensor."""
+"""Largest current of a driven motor, A, at which its current sensor is dead."""
 MAX_CURRENT_A = 100.0
-"""No motor of a robot draws more."""
+"""Upper bound of a motor's current, A."""
 MAX_REST_CURRENT_A = 0.06
-"""A larger current at rest without voltage is an offset of the sensor: the best ones drift by 0.02."""
+"""Largest current at rest without voltage, A; a larger one is an offset of the sensor (the best drift by
+0.02)."""
 MAX_REST_SPEED_SHARE = 0.02
-"""Speed over the largest one below which a motor stands."""
+"""Speed over the largest one below which a motor stands still."""
 MIN_CURRENT_R2 = 0.3
-"""R2 of the current regressed on voltage and speed, below which it is not this motor's current."""
+"""R2 of the regression of the current on voltage and speed below which it is not this motor's current."""
 MIN_SAMPLES = 50
-"""Samples from which something is said of them."""
+"""Least number of samples for a check."""
 MAX_STEP_S = 0.9
-"""Longest s between samples, even of a slow axis."""
+"""Longest time between samples, s, even of a slow axis."""
 MAX_BATTERY_V = 100.0
-"""Largest V of a battery's reading."""
+"""Largest battery reading, V."""
 NO_LOAD_CHANGE = "not visible: battery.voltage, or what the motors take, never changes"
 _WORST_FIRST = (Verdict.UNKNOWN, Verdict.PARTLY, Verdict.EXPLAINED, Verdict.ADEQUATE)
 
 
 @dataclass(frozen=True, slots=True)
 class _CheckedMotor:
-    """Columns without the faulty readings of a motor, their faults, and notes."""
+    """Columns without a motor's faulty readings, their faults, and notes."""
 
     columns: dict[str, Array]
     faults: tuple[SensorFault, ...]
@@ -59,7 +60,7 @@ class _CheckedMotor:
 
 
 def motor_ports(columns: Columns) -> list[int]:
-    """Ports with an effort (force, torque, voltage) and a motion."""
+    """Ports with both an effort (force, torque, voltage) and a motion."""
     ports = sorted({port for kind in EFFORT_UNITS for port in ports_in(columns, "motor", kind)})
     return [
         port
@@ -73,9 +74,9 @@ def _has_any(columns: Columns, port: int, kinds: Mapping[str, str]) -> bool:
 
 
 def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | None = None) -> Diagnosis:
-    """One diagnosis of all motors of a recording and the battery behind them.
+    """One diagnosis of all motors of a recording and of their battery.
 
-    Raises TraceError where no motor has both an effort and a motion.
+    Raises TraceError if no motor has both an effort and a motion.
     """
     begin = time.perf_counter()
     check_time(np.asarray(columns["t"], float), MAX_STEP_S)
@@ -106,8 +107,8 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
 
 
 def _check_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]]:
-    """The columns without invalid samples of the battery's reading, and their faults. Raises TraceError for a
-    reading in another unit."""
+    """The columns without invalid samples of the battery, and the faults. Raises TraceError for another
+    unit."""
     cleaned = dict(columns)
     battery = cleaned.get(BATTERY)
     if battery is None:
@@ -132,13 +133,14 @@ def _axis_name(robot: RobotConfig, port: int, ports: list[int]) -> AxisName:
 
 
 def _check_motor(columns: dict[str, Array], port: int) -> _CheckedMotor:
-    """Leave out a saturated speed and a current that is none, and reverse a motor with swapped wires."""
+    """Leave out a saturated speed and an implausible current, and correct the sign of a motor with swapped
+    wires."""
     names = [f"motor.{port}.{kind}" for kind in ("voltage", "current", "speed")]
     voltage, current, speed = (columns.get(name) for name in names)
     faults: list[SensorFault] = []
     notes: list[str] = []
     if voltage is not None and speed is not None and _is_inverted(voltage, speed):
-        if current is not None and float(np.nansum(voltage * current)) > 0.0:  # it flows as commanded
+        if current is not None and float(np.nansum(voltage * current)) > 0.0:  # not inverted as well
             columns[names[1]] = current = -current
         columns[names[0]] = voltage = -voltage
         notes.append(f"motor {port} turns against its command: its wires are swapped; the sign was corrected")
@@ -198,7 +200,7 @@ def _current_fault(name: str, voltage: Array, current: Array, speed: Array | Non
 
 
 def _rest_current(voltage: Array, current: Array, speed: Array) -> float:
-    """Median current without voltage and motion, A; 0 where there are too few such samples."""
+    """Median current without voltage and motion, A; 0 if there are too few such samples."""
     still = (voltage == 0.0) & (
         np.abs(speed) < MAX_REST_SPEED_SHARE * float(np.percentile(np.abs(speed), 95.0))
     )
@@ -272,7 +274,7 @@ def _join_diagnoses(
 
 
 def _rank(causes: list[CauseResult]) -> tuple[CauseResult, ...]:
-    """Causes ranked by how much held-out error each removes, relative to the noise."""
+    """Causes ranked by the reduction of the held-out error, relative to the noise."""
 
     def worth(each: CauseResult) -> float:
         return -(each.gain.heldout_rmse_before - each.gain.heldout_rmse_after)

@@ -1,7 +1,7 @@
-"""Faults of a speed reading in a step response, which is too little for a motor model.
+"""Faults of a speed reading in a step response, which is not enough for a motor model.
 
-A single power step with a coarse, filtered reading shows the reading's behaviour (a stale start that a filter
-forgets, repeated samples) and when the motor began to move, but no motor constants: a step of one size at one
+A single power step with a coarse, filtered reading shows faults of the reading (a stale start that decays in
+the filter, repeated samples) and when the motor began to move, but no motor constants: one step at one
 battery voltage has one steady speed, on which K_E, friction and the reading's scale act alike.
 """
 
@@ -15,19 +15,19 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MAX_DECAY_RATIO = 0.5
-"""Ratio of a sample to the one before, below which it belongs to a stale value that decays."""
+"""Ratio of a sample to the one before below which both belong to a decaying stale value."""
 MIN_MOVING_SHARE = 0.1
-"""Reading over the later typical one, above which a motor moves."""
+"""Reading of a moving motor, as a share of the typical later one."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingFaults:
     """Faults of a reading in a step response.
 
-    stale: the first value, where it is a stale one that decays (else None). decay: ratio of a sample to the
-    one before while it decays, so 1 - decay is the filter's gain (None without a stale start). repeats: share
-    of samples that repeat the one before. dead_time: s from the command to the first motion. decay_std:
-    standard deviation of decay.
+    stale: first value, if it is stale and decays (else None). decay: ratio of successive samples during the
+    decay, so 1 - decay is the filter's gain (None without a stale start). repeats: share of samples that
+    equal the one before. dead_time: from the command to the first motion, s. decay_std: standard deviation of
+    decay.
     """
 
     stale: float | None
@@ -38,7 +38,7 @@ class ReadingFaults:
 
 
 def reading_faults(time: Array, speed: Array) -> ReadingFaults:
-    """Examine a reading (n,) recorded at `time` (n,) after one power step at time[0]; NaN is left out."""
+    """Examine a reading (n,) at `time` (n,) after a single power step at time[0]; NaN values are left out."""
     known = np.isfinite(speed)
     begin, time, speed = float(time[0]), time[known], speed[known]
     falling = _count_decaying(speed)
@@ -55,7 +55,8 @@ def reading_faults(time: Array, speed: Array) -> ReadingFaults:
 
 
 def _count_decaying(speed: Array) -> int:
-    """How many samples from the first one are each less than half of the one before, with the same sign."""
+    """Number of samples from the first one that are each less than half of the one before, with the same
+    sign."""
     count = 0
     while (
         count + 1 < len(speed)
@@ -67,8 +68,8 @@ def _count_decaying(speed: Array) -> int:
 
 
 def _dead_time(time: Array, speed: Array, start: int) -> float | None:
-    """First time after the stale start at which the reading passes a tenth of its later typical size. time:
-    s since the command."""
+    """First time after the stale start at which the reading exceeds a tenth of its typical later size. time:
+    since the command, s."""
     later = np.abs(speed[len(speed) // 2 :])
     limit = MIN_MOVING_SHARE * float(np.median(later))
     if not limit > 0.0:

@@ -1,4 +1,4 @@
-"""The diagnosis of one motor's step response: faults of the reading, and when the motor began to move."""
+"""The diagnosis of one motor's step response: faults of the reading, and the dead time."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_STEP_S = 0.9
-"""Longest s between samples."""
+"""Longest time between samples, s."""
 MIN_READINGS = 10
-"""Numbers that a column must have to be a reading."""
+"""Least number of values in a column that is a reading."""
 MIN_REPEATED_SHARE = 0.02
-"""Share of samples that repeat the one before, above which that is a fault."""
+"""Share of repeated samples above which they are a fault."""
 MIN_STALE_SPEED = 0.4
-"""rad/s; a smaller stale value is less than one count per sample."""
+"""Least stale value that is reported, rad/s: a smaller one is less than one count per sample."""
 SHARED_CONSTANTS = (
     "not identifiable: one step gives one steady speed, which cannot tell K_E, friction and the reading's "
     "scale apart"
@@ -44,7 +44,7 @@ UNIDENTIFIABLE_CAUSES = (
 
 
 def step_port(columns: Columns) -> int | None:
-    """The port of a single motor with one power all the time; None where the recording is no such step."""
+    """The port of a single motor with a constant power; None for other recordings."""
     ports = ports_in(columns, "motor", "duty")
     if len(ports) != 1:
         return None
@@ -56,7 +56,7 @@ def step_port(columns: Columns) -> int | None:
 
 
 def _rows_from_command(columns: Columns, port: int) -> Columns:
-    """The columns from the first row with a command: the dead time counts from there."""
+    """The columns from the first row with a command, from which the dead time counts."""
     first = int(np.argmax(np.isfinite(columns[f"motor.{port}.duty"])))
     return {name: each[first:] for name, each in columns.items()}
 
@@ -69,9 +69,10 @@ def _reading_name(columns: Columns, port: int) -> str | None:
 
 
 def diagnose_step_response(columns: Columns, port: int) -> Diagnosis:
-    """Diagnose faults of the reading and the dead time; one step cannot tell motor constants.
+    """Diagnose faults of the reading and the dead time; one step does not determine motor constants.
 
-    Raises TraceError for a time that goes back or is in another unit: the dead time would be wrong as well.
+    Raises TraceError for a time that goes back or is in another unit, which would also make the dead time
+    wrong.
     """
     begin = time.perf_counter()
     columns = _rows_from_command(columns, port)
@@ -143,7 +144,7 @@ def _sensor_faults(name: str, faults: ReadingFaults, repeats: float) -> list[Sen
 
 
 def _repeated_share(columns: Columns, port: int, faults: ReadingFaults) -> float:
-    """Share of repeated samples: those that the reader blanked behind the filter, else equal neighbours."""
+    """Share of repeated samples: those that the reader blanked after the filter, else equal neighbours."""
     clean, recorded = columns.get(f"motor.{port}.speed"), columns.get(f"motor.{port}.speed_recorded")
     if clean is None or recorded is None:
         return faults.repeats

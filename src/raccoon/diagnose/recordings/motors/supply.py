@@ -1,4 +1,4 @@
-"""Judges whether the battery behind motors with recorded voltages and currents sags."""
+"""Judges the sag of the battery behind motors with recorded voltages and currents."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ Array = NDArray[np.float64]
 
 BATTERY_RESISTANCE = "battery.internal_resistance"
 MIN_GAIN = 0.1
-"""Share of the held-out error that the resistance, or then a second branch, must save."""
+"""Least relative reduction of the held-out error by the resistance, or then by a second branch."""
 MIN_CLEAR_SIGMAS, MIN_CLEAR_GAIN = 10.0, 0.01
-"""Standard deviations from 0 above which a resistance that saves less is named, and what it must save
-then."""
+"""Standard deviations from 0 above which a resistance with a smaller reduction is named, and that
+reduction."""
 BRANCH_TIME_CONSTANTS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-"""Time constants, s, of a battery's second branch; the one that fits best is taken."""
+"""Time constants of a battery's second branch, s; the best-fitting one is used."""
 MIN_SAMPLES = 100
-"""Samples that are needed."""
+"""Least number of samples."""
 JACKKNIFE_BLOCKS = 8
-"""Blocks of time that are left out one by one for a standard deviation (a jackknife)."""
+"""Number of blocks of time of the jackknife for a standard deviation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """What the battery's voltage shows. cause: the resistance, where it helps held-out data."""
+    """Result for the battery. cause: its resistance, if that improves held-out data."""
 
     channel: ChannelResult
     cause: CauseResult | None
@@ -38,11 +38,11 @@ class Supply:
 
 
 def judge_supply(time: Array, voltage: Array, power: Array) -> Supply | None:
-    """Judge the battery's resistance, assumed 0 so far. voltage: V of the battery. power: W that the motors
-    take.
+    """Judge the battery's resistance, which is assumed to be 0 so far. voltage: of the battery, V. power:
+    that the motors take, W.
 
-    The current is power over voltage, and the model V = V0 - R I, fitted before the row that the command
-    steps give and judged after it. None where too little is known, or one of both never changes.
+    The current is power over voltage; the model V = V0 - R I is fitted before the row that the command steps
+    determine and judged after it. None if too little is known, or voltage or power never changes.
     """
     known = np.isfinite(voltage) & np.isfinite(power)
     if known.sum() < MIN_SAMPLES or not (np.ptp(power[known]) > 0.0 and np.ptp(voltage[known]) > 0.0):
@@ -90,7 +90,8 @@ def _reject_branch(gain: float) -> Rejected:
 
 
 def _fit_and_score(voltage: Array, columns: Array, split: int) -> tuple[float, Array, float]:
-    """RMS error after the split; coefficients fitted before it; jackknife std of the last one."""
+    """RMS error after the split; coefficients fitted before it; jackknife standard deviation of the last
+    one."""
     rows = np.arange(split)
     numbers = np.linalg.lstsq(columns[:split], voltage[:split], rcond=None)[0]
     jackknifed = [
@@ -109,7 +110,7 @@ def _fit_and_score(voltage: Array, columns: Array, split: int) -> tuple[float, A
 
 
 def _low_passed(time: Array, current: Array, constant: float) -> Array:
-    """The current behind a first-order low-pass."""
+    """The current after a first-order low-pass with this time constant (s)."""
     out = np.empty_like(current)
     out[0] = 0.0
     kept = np.exp(-np.diff(time) / constant)
@@ -132,7 +133,7 @@ def _cause(channel: ChannelResult, found: ParameterResult) -> CauseResult:
 
 
 def motor_power(columns: Mapping[str, Array], ports: list[int]) -> tuple[Array | None, tuple[str, ...]]:
-    """W that all motors take together, and the columns that are missing for it."""
+    """Total power of all motors, W, or None; and the columns that are missing for it."""
     names = [f"motor.{port}.{kind}" for port in ports for kind in ("voltage", "current")]
     missing = tuple(
         name for name in names if name not in columns or np.isfinite(columns[name]).sum() < MIN_SAMPLES

@@ -1,4 +1,4 @@
-"""Checks that volts and speed of a motor are in the units, and with the signs, that their names promise."""
+"""Checks of a motor's voltage and speed: units and signs."""
 
 from __future__ import annotations
 
@@ -16,35 +16,36 @@ Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
 MIN_SAMPLES = 50
-"""Samples below which a reading is not checked."""
+"""Least number of samples of a reading that is checked."""
 MIN_BATTERY_V = 3.0
-"""V of a battery from which no experiment gives a motor less than 1 V all the time."""
+"""Battery voltage, V, above which no experiment keeps a motor below 1 V all the time."""
 MAX_VOLTS_RATIO = 1.3
-"""Times the battery's voltage that no driver gives a motor."""
+"""Voltage over the battery's that no driver gives a motor."""
 MIN_OPPOSITE_SHARE = 0.2
-"""Reading in the other direction over the larger one, from which a motor goes both ways."""
+"""Share of the larger reading that the reading in the other direction must reach for a motor that goes both
+ways."""
 MAX_K_E_RATIO = 3.0
-"""Ratio of two motors' K_E that no robot has: with their gears they are of one size."""
+"""Ratio of two motors' K_E that no robot has: with their gears they are of similar size."""
 MIN_SATURATION_STEP = 0.005
-"""Step, over the largest speed, from which a speed reaches it at once and is saturated. A speed without noise
-approaches its final value slowly, and stays there too."""
+"""Least step with which a speed reaches its limit if it is saturated, as a share of the largest speed. A
+speed without noise approaches its final value slowly and stays there too."""
 
 
 def speed_saturation_fault(name: str, speed: Array) -> SensorFault | None:
-    """The fault of a saturated speed, None where it is not. Such a speed gave a friction twice as large."""
+    """The fault of a saturated speed, None otherwise. Such a speed made friction twice as large."""
     fault = saturation_fault(name, "speed", speed)
     known = speed[np.isfinite(speed)]
     if fault is None:
         return None
     at_limit = (known == known.max()) | (known == known.min())
     arrivals = np.flatnonzero(at_limit[1:] & ~at_limit[:-1])
-    before = np.maximum(arrivals - 1, 0)  # the last one may be anywhere between
+    before = np.maximum(arrivals - 1, 0)  # the sample just before may be in between
     step = float(np.median(np.abs(known[arrivals + 1] - known[before]))) if len(arrivals) else 0.0
     return fault if step > MIN_SATURATION_STEP * float(np.abs(known).max()) else None
 
 
 def check_volts(columns: Columns, port: int) -> None:
-    """Raise TraceError where volts or speed are in another unit, or without their sign."""
+    """Raise TraceError if voltage or speed are in another unit or lack their sign."""
     voltage, speed = (columns.get(f"motor.{port}.{kind}") for kind in ("voltage", "speed"))
     battery = columns.get(BATTERY)
     if voltage is None or not np.isfinite(voltage).any():
@@ -72,8 +73,7 @@ def check_volts(columns: Columns, port: int) -> None:
 
 
 def _has_varying_values(values: Array) -> bool:
-    """Whether there are enough numbers, and not one value alone: what is missing or stuck has faults of its
-    own."""
+    """Whether there are enough values and they vary; missing or stuck readings have their own faults."""
     known = values[np.isfinite(values)]
     return len(known) >= MIN_SAMPLES and float(np.ptp(known)) > 0.0
 
@@ -87,8 +87,8 @@ def _is_one_way(values: Array) -> bool:
 
 
 def unlike_motor_notes(identified: Mapping[str, ParameterResult]) -> tuple[str, ...]:
-    """A note where the K_E of two motors differ as with a speed in another unit: with rpm or degrees per
-    second friction and inertia are too small by the same factor. identified: numbers by name."""
+    """A note if the K_E of two motors differ as with a speed in another unit: with rpm or degrees per second,
+    friction and inertia are too small by the same factor. identified: parameters by name."""
     constants = {name: each.value for name, each in identified.items() if name.endswith(".back_emf")}
     if len(constants) < 2 or not min(constants.values()) > 0.0:
         return ()

@@ -1,1 +1,1 @@
-"""What is said again of a drive's diagnosis: one fault under several names, numbers that no robot has."""
+"""Plausibility of a drive's diagnosis: one fault that looks like several causes, and impossible values."""

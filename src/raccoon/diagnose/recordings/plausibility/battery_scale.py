@@ -1,9 +1,9 @@
-"""A battery's reading with a wrong scale: one fault that looks like several causes.
+"""A battery reading with a wrong scale: one fault that looks like several causes.
 
-The simulated motors get the volts of the battery's reading. Where that is s times too high, so is everything
-in volts: the battery's voltage is s times robot.toml's, and the back-EMF reading seems 1 / s of what it
-should be. Where wheels and gyro are compared, the gyro's scale, a radius, K_E or the track seems wrong by s
-or 1 / s.
+The simulated motors get the voltage of the battery's reading. If that is s times too high, so is every
+voltage: the battery's is s times robot.toml's, and the back-EMF reading appears 1 / s of its expected value.
+In the comparison of wheels and gyro, the gyro's scale, a radius, K_E or the track width appears wrong by s or
+1 / s.
 """
 
 from __future__ import annotations
@@ -26,20 +26,18 @@ SCALE_POWERS = {
     "drive.track_width": 1.0,
     "motor.back_emf_constant": 1.0,
 }
-"""Power of s that each of them seems to have where it stands for the ratio of wheels and gyro."""
+"""Power of s by which each of them appears wrong if it stands for the ratio of wheels and gyro."""
 KIPR_VOLTS_PER_COUNT = 0.009175
-"""V per count in the C library's curve of the charge."""
+"""Volts per count in the C library's battery function."""
 KIPR_TOLERANCE = 0.01
-"""Relative difference from that curve within which a scale is attributed to it."""
+"""Relative difference from it within which a scale is attributed to the library."""
 SEE_BATTERY = (
     f"A wrong scale of the battery's reading would cause an error of this size: see {BATTERY_VOLTAGE} first."
 )
 
 
 def explain_by_battery_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
-    """The diagnosis in which causes that a wrong scale of the battery's reading would make are attributed to
-    it.
-    """
+    """The diagnosis with causes that a wrong scale of the battery's reading explains attributed to it."""
     by_name = {each.name: each for each in found.causes}
     voltage, scale = by_name.get(BATTERY_VOLTAGE), by_name.get(BEMF_SCALE)
     if voltage is None or scale is None or not any(each.name == BATTERY_COLUMN for each in found.channels):

@@ -1,11 +1,11 @@
-"""Commands in another scale than -1 to 1, as 127 for a driver's 100: one fault that looks like several
+"""Commands in another scale than -1 to 1 (such as 127 for a driver's 100): one fault that looks like several
 causes.
 
-Where the columns hold s times what the motors got, the simulated motors get s times their volts. All speeds
-are s times the true ones, so the back-EMF reading seems 1 / s of what it should be, and so does what wheels
-and gyro are compared by. Currents and torques are s times the true ones, so is the fitted friction, and the
-battery's load, duty times current, is s squared times the true one: its resistance seems 1 / s squared of
-what it is.
+If the columns hold s times the true commands, the simulated motors get s times their voltage. All speeds are
+s times the true ones, so the back-EMF reading appears 1 / s of its expected value, as does whatever links
+wheels and gyro. Currents and torques, and so the fitted friction, are s times the true ones. The battery's
+load, duty times current, is s squared times the true one, so its resistance appears 1 / s squared of the true
+one.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ SCALE_POWERS = {
     "friction.coulomb": -1.0,
     "battery.internal_resistance": 2.0,
 }
-"""Power of the back-EMF's scale that each of them seems to have."""
+"""Power of the back-EMF's scale by which each of them appears wrong."""
 MIN_EXPLAINED_CAUSES = 2
-"""Causes that it must explain: a single one may fit by chance, or by another fault."""
+"""Least number of causes that it must explain: a single one may fit by chance or by another fault."""
 SEE_BEMF_SCALE = f"Commands of another scale would cause an error of this size: see {BEMF_SCALE} first."
 
 
 def explain_by_command_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
-    """The diagnosis in which causes that a wrong scale of the commands would make are attributed to it."""
+    """The diagnosis with causes that a wrong scale of the commands explains attributed to it."""
     by_name = {each.name: each for each in found.causes}
     scale = by_name.get(BEMF_SCALE)
     if (
@@ -58,7 +58,8 @@ def explain_by_command_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
 
 
 def _is_explained(cause: CauseResult, scale: CauseResult, prior_std: float) -> bool:
-    """Whether a cause's number is what the same commands would make of it; prior_std: of robot.toml's."""
+    """Whether the same commands explain a cause's value. prior_std: standard deviation of robot.toml's
+    value."""
     power = SCALE_POWERS.get(cause.id)
     if power is None or cause.where is not None or len(cause.parameters) != 1:
         return False

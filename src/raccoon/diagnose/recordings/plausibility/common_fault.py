@@ -1,4 +1,4 @@
-"""One fault of a recording that looks like several causes: described at one, and referred to by the
+"""One fault of a recording that looks like several causes: explained at one, and referred to by the
 others."""
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from dataclasses import replace
 from raccoon.diagnose.result import Diagnosis, ParameterResult
 
 MIN_RELATIVE_ERROR = 0.01
-"""Relative error of a scale below which it explains nothing."""
+"""Least relative error of a scale that explains anything."""
 MAX_SIGMAS_APART = 2.5
-"""Standard deviations within which two numbers agree with one fault."""
+"""Standard deviations within which two values agree with one fault."""
 
 
 def attribute_to_one_fault(
     found: Diagnosis, primary: str, explanation: str, explained: Collection[str], see: str
 ) -> Diagnosis:
-    """The diagnosis in which the cause of the name `primary` has the fault as its explanation, and those of
-    the names `explained` have `see` appended to theirs."""
+    """The diagnosis with `explanation` as the explanation of the cause `primary`, and `see` appended to those
+    of the causes `explained`."""
     explanations = {primary: explanation} | {
         each.name: f"{each.explanation} {see}" for each in found.causes if each.name in explained
     }
@@ -29,7 +29,7 @@ def attribute_to_one_fault(
 
 
 def inverse_with_error(factor: ParameterResult) -> tuple[float, str]:
-    """1 over a factor, and in words its difference from 1 with the standard deviation."""
+    """The inverse of a factor, and its difference from 1 in percent with its standard deviation, as text."""
     inverse = 1.0 / factor.value
     size = f"{100.0 * abs(inverse - 1.0):.1f} +- {100.0 * inverse * factor.std / factor.value:.1f} %"
     return inverse, size

@@ -1,7 +1,7 @@
 """An encoder with a wrong number of ticks per turn: one fault that looks like two causes.
 
-Where it reads s times the speed, the motor seems to have 1 / s of its K_E, and the wheel's radius, or
-whatever stands for the ratio of wheels and gyro, seems 1 / s of what it is.
+If it reads s times the speed, the motor's K_E appears 1 / s of the true one, and so does the wheel's radius,
+or whatever stands for the ratio of wheels and gyro.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from raccoon.diagnose.result import CauseResult, Diagnosis
 
 BACK_EMF_CONSTANT = "motor.back_emf_constant"
 SCALE_POWERS = {"drive.wheel_radius": 1.0, "imu.gyro_scale": 1.0, "drive.track_width": -1.0}
-"""Power of K_E's factor that each of them seems to have where it stands for the ratio of wheels and gyro."""
+"""Power of K_E's factor by which each of them appears wrong if it stands for the ratio of wheels and gyro."""
 
 
 def explain_by_encoder_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
-    """The diagnosis in which causes that a wrong number of ticks per turn would make are attributed to it."""
+    """The diagnosis with causes that a wrong number of ticks per turn explains attributed to it."""
     sides = {"left": robot.drive.left, "right": robot.drive.right}
     compared, causes = {each.name for each in found.channels}, found.causes
     for each in causes:
@@ -40,7 +40,7 @@ def explain_by_encoder_scale(found: Diagnosis, robot: RobotConfig) -> Diagnosis:
 
 
 def _is_explained(cause: CauseResult, constant: CauseResult) -> bool:
-    """Whether the other's number is what the same encoder would make of it."""
+    """Whether the same encoder explains the cause's value."""
     power = SCALE_POWERS.get(cause.id)
     other_factor, constant_factor = cause.parameters.get("factor"), constant.parameters.get("factor")
     if (

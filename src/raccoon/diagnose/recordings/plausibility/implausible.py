@@ -1,4 +1,5 @@
-"""Implausible numbers of a diagnosis: hints at wrong units, a wrong time, and commands that are speeds."""
+"""Implausible values in a diagnosis: hints at wrong units, a wrong time base, and commands that are
+speeds."""
 
 from __future__ import annotations
 
@@ -35,8 +36,8 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class PlausibleRange:
-    """Plausible range of a cause's parameter, as a factor on robot.toml's number, or the number itself where
-    robot.toml has 0. hint: what to check outside it. parameter: its name."""
+    """Plausible range of a cause's parameter, as a factor on robot.toml's value, or as the value itself if
+    robot.toml has 0. hint: what to check outside the range. parameter: its name."""
 
     low: float
     high: float
@@ -71,28 +72,28 @@ PLAUSIBLE_RANGES: Mapping[str, PlausibleRange] = {
         0.0, 0.3, f"No motor driver has a deadband that large: {_CHECK_UNITS}.", "duty"
     ),
 }
-"""By id of the cause. Unmeasured robots, with wheels from 21 to 50 mm and inertias from 4 to 60 g m2, are all
-inside these ranges of the default robot.toml."""
+"""Plausible ranges by id of the cause. All unmeasured robots, with wheels from 21 to 50 mm and inertias from
+4 to 60 g m2, are inside these ranges of the default robot.toml."""
 TIME_PARAMETERS = {"drive.inertia": "factor", "bemf.filter_lag": "time_constant"}
-"""Parameters that a time that runs too fast or too slow changes, by id of the cause."""
+"""Parameters that a time base that is too fast or too slow changes, by id of the cause."""
 MIN_LOG_STRETCH, MAX_LOG_DIFFERENCE = 0.3, 0.25
-"""Logarithm of the factor that both must have for that, and of the ratio by which they may differ."""
+"""Least logarithm of the factors of both parameters for a wrong time base, and largest logarithm of their
+ratio."""
 MIN_LOG_ROW_ERROR, MAX_LOG_ROW_DIFFERENCE, MAX_ROW_SIGMAS = 0.03, 0.02, 2.0
 """Logarithm of the ratio of a row to whole cycles from which time may be wrong; logarithm of the ratio within
 which a filter is off by the same factor (a time 10 % off made it 1.102 to 1.106 and 0.897 times what it was);
 and standard deviations for a less certain number, as an inertia."""
 MAX_LOOP_FACTOR = 0.5
-"""Factor of both motors' resistance (or inertia, which may stand in its place) below which a speed loop
-drives.
-"""
+"""Factor of both motors' resistance (or of the inertia, which may stand in for it) below which a speed loop
+drives the motors."""
 LOOP_CAUSES = ("motor.armature_resistance", "drive.inertia")
 
 
 def diagnose_speed_commands(
     columns: Columns, robot: RobotConfig, firmware: Firmware | None
 ) -> Diagnosis | None:
-    """The diagnosis of commands that are clearly speeds; None for others. A search over a loop's commands
-    takes minutes, and names nothing. Raises TraceError as `diagnose`."""
+    """The diagnosis of commands that are clearly speeds; None for other commands. A search with the commands
+    of a speed loop would take minutes and name nothing. Raises TraceError as `diagnose` does."""
     begin = time.perf_counter()
     loop = find_speed_loop(arrange_columns(columns, robot), robot)
     if loop is not None:
@@ -105,7 +106,7 @@ def diagnose_speed_commands(
 
 
 def with_plausibility_hints(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagnosis:
-    """The diagnosis with hints at implausible numbers, or that the commands are no duties."""
+    """The diagnosis with hints at implausible values, or with the fault that the commands are no duties."""
     if found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE):
         return found
     is_too_quick = any(
@@ -134,7 +135,7 @@ def _factor(cause: CauseResult, parameter: str = "factor") -> float:
 
 
 def _stretched_time_notes(found: Diagnosis) -> tuple[str, ...]:
-    """A note where everything that takes time is stretched by the same factor, as by a wrong t."""
+    """A note if all time constants are stretched by the same factor, as by a wrong t."""
     by_id = {each.id: each for each in found.causes if each.id in TIME_PARAMETERS and each.where is None}
     if len(by_id) < len(TIME_PARAMETERS):
         return ()
@@ -150,13 +151,13 @@ def _stretched_time_notes(found: Diagnosis) -> tuple[str, ...]:
 
 
 def _log_row_error(columns: Columns, robot: RobotConfig) -> float:
-    """Logarithm of the ratio of a row's duration by t to the nearest whole number of controller cycles."""
+    """Logarithm of the ratio of a row's duration, by t, to the nearest whole number of controller cycles."""
     cycles = median_step(np.asarray(columns["t"], float)) * robot.controller.rate_hz
     return math.log(cycles / max(round(cycles), 1))
 
 
 def _with_wrong_time_hint(cause: CauseResult, row_error: float) -> CauseResult:
-    """The cause with a hint at a wrong t, where its time is stretched by the same factor as the rows."""
+    """The cause, with a hint at a wrong t if its time is stretched by the same factor as the rows."""
     parameter = TIME_PARAMETERS.get(cause.id)
     if parameter is None or cause.where is not None or abs(row_error) < MIN_LOG_ROW_ERROR:
         return cause
@@ -189,8 +190,8 @@ def _with_range_hint(cause: CauseResult) -> CauseResult:
 def _with_speed_commands(
     found: Diagnosis, robot: RobotConfig, loop: SpeedLoop, *, is_certain: bool
 ) -> Diagnosis:
-    """The diagnosis of commands that are followed as a speed loop follows them. Where that is certain nothing
-    that was named holds."""
+    """The diagnosis of commands that the wheels follow as under a speed loop. If that is certain, all causes
+    are withdrawn."""
     left, right = (f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right))
     holds = "hold a speed, not a duty" if is_certain else "seem to hold a speed, not a duty"
     text = (

@@ -1,4 +1,4 @@
-"""Numbers of [model] that a calibration in robot.toml overrides, so that a robot's program does not use
+"""Values of [model] that a calibration in robot.toml overrides, so that the robot's programs do not use
 them."""
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from raccoon.diagnose.result import CauseResult
 
 
 def overridden_model_notes(causes: Sequence[CauseResult], robot: RobotConfig) -> tuple[str, ...]:
-    """A note where a named cause is a number of [model] that a program of this robot does not use."""
+    """A note if a named cause is a value of [model] that this robot's programs do not use."""
     ports = {"left": (robot.drive.left,), "right": (robot.drive.right,)}
     keys = [
         (f"motor.{port}.{key}", f"model.{number}")
@@ -18,7 +18,7 @@ def overridden_model_notes(causes: Sequence[CauseResult], robot: RobotConfig) ->
         for port in ports.get(cause.where or "", (robot.drive.left, robot.drive.right))
         for key, numbers in robot.motor(port).before_model().items()
         for number in numbers
-        if number.startswith(cause.id)  # drive.inertia is that of driving straight
+        if number.startswith(cause.id)  # drive.inertia: the inertia of straight driving
     ]
     if not keys:
         return ()

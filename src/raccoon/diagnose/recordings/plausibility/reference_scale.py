@@ -1,7 +1,7 @@
-"""A reference, such as a camera, with a wrong scale of lengths: one fault that looks like two causes.
+"""A reference, such as a camera, with a wrong length scale: one fault that looks like two causes.
 
-Where its distances are s times the true ones, the wheels seem s times as large, and s times as far apart. A
-robot.toml whose lengths are all wrong by this factor looks the same, and is the rarer of the two.
+If its distances are s times the true ones, the wheels appear s times as large and s times as far apart. A
+robot.toml whose lengths are all wrong by this factor looks the same, but is rarer.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ TRACK_BY_REFERENCE = "track width by the reference"
 
 
 def explain_by_reference_scale(found: Diagnosis) -> Diagnosis:
-    """The diagnosis with a hint where a wrong scale of the reference alone would explain track and radius."""
+    """The diagnosis, with a hint if a wrong scale of the reference alone explains track width and radius."""
     lengths = {each.name: each for each in found.causes if each.name in (TRACK_WIDTH, WHEEL_RADIUS)}
     if len(lengths) < 2 or TRACK_BY_REFERENCE not in found.identified:
         return found

@@ -1,8 +1,9 @@
-"""Commands that were rounded for the log: their ramps are stairs that no motor got.
+"""Commands that were rounded for the log: their ramps are stairs, which the motors did not get.
 
-The ramps of a contest's drive with duties of one digit gave a sound robot four causes. Whole percent are what
-many programs send, and are right then. But where a program calculates its commands, half a percent of the
-battery is some counts at a wheel for as long as a command holds: a sound robot had a scrub of 6 mN m.
+Rounded to one digit, the ramps of a contest's drive gave a fault-free robot four causes. Whole percent are
+what many programs send, and then right. But if a program calculates its commands, half a percent of the
+battery's voltage is some counts at a wheel for as long as a command holds: a fault-free robot got a scrub of
+6 mN m.
 """
 
 from __future__ import annotations
@@ -19,18 +20,18 @@ from raccoon.diagnose.result import Diagnosis, Verdict
 Columns = Mapping[str, NDArray[np.float64]]
 
 COARSE_STEPS = (0.1, 0.05)
-"""Rounding steps of commands that are checked."""
+"""Rounding steps of commands that are detected, duty."""
 PERCENT_STEP, MIN_CALCULATED_COMMANDS = 0.01, 30
-"""A finer rounding step, and number of different commands from which these are calculated: nobody writes down
-so many."""
+"""A finer rounding step, duty, and the number of different commands above which they are calculated, since
+nobody writes so many into a program."""
 MIN_COMMANDS, MIN_SINGLE_STEPS, MIN_SINGLE_STEP_SHARE = 6, 20, 0.5
-"""Different commands, changes by a single step, and their share of all changes, from which a column looks
-rounded. The share is 0.8 and more in drives that ramp, and 0.3 in one that mostly jumps, where rounding
-matters little. A program with a few powers of its own jumps between them."""
+"""Least number of different commands, of changes by a single step, and their least share of all changes for a
+column that looks rounded. The share is at least 0.8 in drives that ramp, and 0.3 in one that mostly jumps,
+where rounding matters little. A program with a few powers of its own jumps between them."""
 
 
 def with_rounding_doubt(found: Diagnosis, columns: Columns) -> Diagnosis:
-    """The diagnosis with a note, and at most partly explained, where commands look rounded."""
+    """The diagnosis; if commands look rounded, with a note and explained at most in part."""
     steps = {name: _rounding_step(each) for name, each in columns.items() if name.endswith(".duty")}
     steps = {name: each for name, each in steps.items() if each}
     if found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE):
@@ -47,8 +48,8 @@ def with_rounding_doubt(found: Diagnosis, columns: Columns) -> Diagnosis:
 
 
 def _with_percent_note(found: Diagnosis, columns: Columns) -> Diagnosis:
-    """The diagnosis with a note on causes whose effect is smaller than that of rounding to whole percent,
-    where commands are in whole percent and look calculated."""
+    """The diagnosis; if calculated commands are in whole percent, with a note on causes whose effect is
+    smaller than that of this rounding."""
     names = [
         name for name, each in columns.items() if name.endswith(".duty") and _is_calculated_in_percent(each)
     ]
@@ -70,14 +71,14 @@ def _with_percent_note(found: Diagnosis, columns: Columns) -> Diagnosis:
 
 
 def _is_calculated_in_percent(duty: NDArray[np.float64]) -> bool:
-    """Whether there are many different commands, all of whole percent."""
+    """Whether there are many different commands, all in whole percent."""
     percents = np.rint(duty[np.isfinite(duty)] / PERCENT_STEP)
     errors = np.abs(duty[np.isfinite(duty)] - PERCENT_STEP * percents).max(initial=0.0)
     return bool(errors < 1e-6) and len(np.unique(percents)) >= MIN_CALCULATED_COMMANDS
 
 
 def _rounding_step(duty: NDArray[np.float64]) -> float:
-    """The rounding step of which the commands are multiples; 0 where they do not look rounded."""
+    """The rounding step of the commands, duty; 0 if they do not look rounded."""
     known = duty[np.isfinite(duty)]
     for step in COARSE_STEPS:
         multiples = np.rint(known / step)
