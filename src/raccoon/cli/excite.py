@@ -152,7 +152,7 @@ def _choose_best(args: argparse.Namespace, robot: RobotConfig) -> str:
         raise ConfigError(f"no manoeuvre stays within {args.within:g} m and {longest:g} s: allow more")
     for each in advice:
         reach = f"reach {each.reach:.2f} m, {each.seconds:.1f} s"
-        nearest = f", least told from {each.nearest}" if each.nearest else ""
+        nearest = f", hardest to tell from {each.nearest}" if each.nearest else ""
         print(f"{each.manoeuvre:16s} evidence {each.evidence:7.1f}  {reach}{nearest}")
     if advice[0].evidence < MIN_EVIDENCE:
         print(

@@ -59,7 +59,7 @@ Columns = Mapping[str, Array]
 MAX_ERROR_OF_SAME_ROBOT = 6.0
 """Error of the better model on the held-out recording, in units of the noise, above which that is probably
 another robot's, although the model improves there. Recordings of robots with one robot.toml had 2 to 4.5."""
-NOTHING_MOVES = "the commands never change, or no wheel answers them"
+NOTHING_MOVES = "the commands never change, or no wheel responds to them"
 SAME_ROBOT = "is it the same robot, with the same battery and load?"
 
 

@@ -359,7 +359,7 @@ def test_what_cannot_be_fitted_together_is_said_with_its_name(
     assert refused(one, short).startswith(f"{begin}{short}: the recording has 60 samples over 0.")
     trace = tmp_path / "trace.jsonl.gz"
     record(trace)
-    said = f"--together: {one} is of no controller that it names, {trace} of the controller simulator"
+    said = f"--together: {one} is of an unnamed controller, {trace} of the controller simulator"
     assert refused(one, trace) == f"{begin}{said}"
     for place in ("red", "blue"):
         (tmp_path / place).mkdir()

@@ -42,7 +42,7 @@ def test_the_advice_names_the_nearest_rival(
     assert excite("--cause", "friction.viscous") == 0
     said, doing = capsys.readouterr()
     assert "s: what creep would show" in doing
-    assert "least told from" in said.splitlines()[0]
+    assert "hardest to tell from" in said.splitlines()[0]
     evidence = [float(each) for each in re.findall(r"evidence +([\d.]+)", said)]
     assert evidence == sorted(evidence, reverse=True)
     assert evidence[0] > 30.0

@@ -95,7 +95,7 @@ def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagno
 
 def _controller_text(device: Device) -> str:
     """Text that names the controller of a recording, if the recording does."""
-    return "no controller that it names" if device == SI_WORDS else f"the controller {device.name}"
+    return "an unnamed controller" if device == SI_WORDS else f"the controller {device.name}"
 
 
 _NUMBERED = re.compile(r"recording (\d+)")

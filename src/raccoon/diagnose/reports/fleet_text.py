@@ -203,7 +203,7 @@ def _cause_line(each: FleetCause, fleet: Fleet) -> str:
     size = low if low == high else f"{low} to {high}"
     odd = outliers_text(each)
     unit = f" {each.unit}" if each.unit else ""
-    alike = f"; not told from {', '.join(each.rivals)}" if each.rivals else ""
+    alike = f"; not distinguishable from {', '.join(each.rivals)}" if each.rivals else ""
     share = f"{100 * each.share:.0f} %"
     if each.telling < count:
         share += f" of {each.telling} that can tell"
@@ -237,7 +237,7 @@ def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
     `named` recordings only their number."""
     standing = each.standing
     if each.instead:
-        return f"in the place of {each.instead}"
+        return f"instead of {each.instead}"
     if standing.since or standing.until:
         return _since_when(each, fleet)
     if each.common:

@@ -19,7 +19,7 @@ VERDICTS: Mapping[Verdict, str] = {
     Verdict.ADEQUATE: "The simulation fits this recording: nothing that matters is wrong.",
     Verdict.NOT_IDENTIFIABLE: "This recording cannot tell.",
 }
-FITS_WHERE_ANSWERED = "Where its motors answered, the simulation fits this recording."
+FITS_WHERE_ANSWERED = "Where its motors turned, the simulation fits this recording."
 NOT_VISIBLE_PREFIX = "not visible"
 """Beginning of the reason of a cause that would not show at its usual size."""
 MIN_HIDDEN_CAUSES = 5

@@ -49,7 +49,7 @@ MIN_PROBE_LEAD_RATIO = 1.5
 """The same for leads: a cause that explains a few large moments and not the rest of the drive is none."""
 MIN_SHARE_BESIDE_UNKNOWN = 0.33
 """Share of a taken probe's lead that a cause beside it needs as its lead."""
-EXPLAINS_NOTHING = "explains nothing that is left"
+EXPLAINS_NOTHING = "explains none of the remaining error"
 MAX_CAUSES = 14
 """Number of causes at which a search ends, however large the residual: no robot has so many."""
 OUTPERFORMED_LEAD = 5.0

@@ -27,7 +27,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.provenance import Origin
 
 JUDGED = tuple(
-    Rejected(each, "explains nothing that is left")
+    Rejected(each, "explains none of the remaining error")
     for each in ("battery.discharge", "motor.heating", "friction.viscous", "drive.inertia", "bemf.offset")
 )
 
@@ -246,7 +246,7 @@ def test_a_column_of_the_page_in_which_nothing_stands_is_left_out(
 ) -> None:
     monkeypatch.setattr(html_fleet, "figure_to_base64_png", lambda _: "AAAA")
     fleet = {f"run{i}": diagnosis(cause("bemf.scale", 1.06)) for i in range(4)}
-    columns = ("far from the others", "not told from", "sensors")
+    columns = ("far from the others", "not distinguishable from", "sensors")
     for found, there in ((fleet, ()), (fleet | {"run4": diagnosis(broken=True)}, ("sensors",))):
         save_fleet_html(fleet_of(found), tmp_path / "fleet.html")
         page = (tmp_path / "fleet.html").read_text()
@@ -350,7 +350,7 @@ def test_what_most_recordings_do_not_tell_a_cause_from_is_said_with_it(tmp_path:
     (found,) = fleet_of(fleet).causes
     assert found.rivals == ("motor.back_emf_constant@left",)
     text = fleet_report(fleet_of(fleet))
-    assert "1.06; not told from motor.back_emf_constant@left" in text
+    assert "1.06; not distinguishable from motor.back_emf_constant@left" in text
     assert (
         "motor.back_emf_constant@right (or motor.back_emf_constant@left) jumps from 0.05 to 1.06 with run5"
         in text

@@ -46,7 +46,7 @@ FOUND = Diagnosis(
     (ChannelResult("motor.0.bemf", "counts", 40.0, 11.0, 10.0, 0.4),),
     (CAUSE,),
     (
-        Rejected("drive.slope", "explains nothing that is left"),
+        Rejected("drive.slope", "explains none of the remaining error"),
         Rejected("imu.gyro_scale", "not identifiable: imu.gyro.z is missing"),
     ),
     Unexplained(0.12, ("heading",)),
@@ -218,7 +218,7 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
         "Error of the gyro&#39;s reading varies by 0.02", "it depends on heading",
         "lower than assumed; or it is scale of the back-EMF (left).", "cannot tell it from bemf.scale@left",
         "What was considered and not named",
-        "explains nothing that is left",
+        "explains none of the remaining error",
         "What this recording cannot show", "ten counted full turns", "a note",
     ):  # fmt: skip
         assert part in text

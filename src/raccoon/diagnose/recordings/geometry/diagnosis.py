@@ -171,7 +171,10 @@ def _judge(fit: GeometryFit, begin: float) -> Diagnosis:
     )
     rejected = [
         Rejected(
-            each.name, "inside its deviation" if each not in unhelpful else "it does not help unseen runs"
+            each.name,
+            "within its standard deviation"
+            if each not in unhelpful
+            else "it does not improve the held-out runs",
         )
         for each in all_candidates
         if each in unhelpful or not each.is_significant

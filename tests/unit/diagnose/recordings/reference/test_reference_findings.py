@@ -381,7 +381,7 @@ def judged(factor: float) -> Diagnosis:
     noise = 0.01 * np.random.default_rng(3).standard_normal(400)
     curve = Curve("imu.gyro.z", "rad/s", time, factor * true + noise, factor * true, factor * true)
     channel = ChannelResult("imu.gyro.z", "rad/s", 0.01, 0.01, 0.01, 0.5)
-    rejected = (Rejected("drive.wheel_radius", "explains nothing that is left"),)
+    rejected = (Rejected("drive.wheel_radius", "explains none of the remaining error"),)
     model = Parameters.from_robot(search_start(spinning(gyro=factor), ROBOT).robot)
     return make_diagnosis(channels=(channel,), rejected=rejected, model=model, curves=(curve,))
 
