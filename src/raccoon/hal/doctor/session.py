@@ -1,5 +1,5 @@
-"""Sessions of the examination: collect a port's cycles under a command, and stop the motors at the end in any
-case. Besides, statistics of these cycles."""
+"""Sessions of the examination, which collect a port's cycles under a command and stop the motors at the end
+in any case, and statistics of the cycles."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Find out which firmware answers, without moving anything.
+"""Detection of the firmware that answers, without moving anything.
 
-Only zeros are sent: the stock firmware ignores them, RaccoonOS takes them for "motors and servos off".
+Sends only zeros: the stock firmware ignores them, RaccoonOS takes them for "motors and servos off".
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ ATTEMPTS = 30
 PAUSE_SECONDS = 0.1
 
 FRAMES = 10
-"""Whole stock frames that hold two frames of any RaccoonOS at any shift."""
+"""Number of complete stock frames that contain two frames of any RaccoonOS at any shift."""
 
 
 def probe(link: Link, clock: Clock) -> Dialect:
-    """The firmware behind the link, aligned. Waits up to 3 s for a controller that is still starting.
+    """The dialect of the firmware behind the link, which is aligned then. Waits up to 3 s for a controller
+    that is still starting.
 
-    Raises HardwareError where none answers or none that this library speaks; the message says what was seen.
+    Raises HardwareError if no firmware answers or none that this library speaks; the message says what was
+    received.
     """
     seen = b""
     for attempt in range(ATTEMPTS):
@@ -35,7 +37,7 @@ def probe(link: Link, clock: Clock) -> Dialect:
         dialect = _recognise(link, seen)
         if dialect is not None:
             return dialect
-        if attempt == 0:  # later ones begin anywhere in a frame of unknown length
+        if attempt == 0:  # later attempts begin anywhere in a frame of unknown length
             _refuse_known_strangers(seen)
     raise HardwareError(_describe_seen(seen))
 
@@ -60,7 +62,7 @@ def _recognise_raccoon(link: Link, stream: bytes, version: int) -> Dialect | Non
     index = raccoon.find_shift(stream, version)
     if index is None:
         return None
-    # The link stands at byte `behind` of a frame; clock the rest of it.
+    # The link is at byte `behind` of a frame: transfer the rest of that frame.
     behind = (len(stream) - index) % length
     if behind:
         link.transfer(bytes(length - behind))
@@ -68,7 +70,8 @@ def _recognise_raccoon(link: Link, stream: bytes, version: int) -> Dialect | Non
 
 
 def _refuse_known_strangers(stream: bytes) -> None:
-    """Raise for a firmware that answers well but in a version this library does not speak."""
+    """Raise HardwareError for a firmware that answers correctly, but in a version that this library does not
+    speak."""
     first = stream[0]
     if first == stock.START and stream[1] == 0 and len(set(stream[3:89])) > 1:
         raise HardwareError(

@@ -1,1 +1,1 @@
-"""What the port does with each cycle: bytes become good frames, and what is wrong with them is said."""
+"""The checks of each cycle: they turn bytes into valid frames and report what is wrong with them."""

@@ -1,7 +1,7 @@
-"""What a controller's words tell about its health: staleness, IMU, motors and battery.
+"""Health checks on a controller's words: staleness, IMU, motors and battery.
 
-Each watcher looks at one thing, is fed once a cycle and answers whether it is wrong now. None of them knows
-the firmware; none reads a clock.
+Each watcher checks one thing, is updated once a cycle and returns whether it is wrong now. None of them
+depends on the firmware; none reads a clock.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, GRAVITY, MOTOR_PORTS, Ve
 
 
 class Liveness:
-    """Whether words still change, measured by how often they used to.
+    """Whether words still change, compared with their usual rate of change.
 
-    Noise changes the low bits of a live controller all the time; how often depends on the build, so the limit
-    is `patience` of the usual intervals, but within `shortest` and `longest` seconds. A pause in which nobody
-    looked is none of them.
+    Noise changes the low bits of a live controller all the time; how often depends on the build. So the limit
+    is `patience` times the mean interval between changes, bounded by `shortest` and `longest` seconds. A
+    pause without updates does not count.
     """
 
     PAUSE = 0.1
-    """s between two looks."""
+    """s between two updates from which they count as a pause."""
 
     def __init__(self, shortest: float, longest: float, patience: float = 10.0) -> None:
         self._shortest, self._longest, self._patience = shortest, longest, patience
@@ -33,7 +33,7 @@ class Liveness:
         self.age = 0.0
 
     def update(self, words: bytes, time: float) -> bool:
-        """True where the words have been the same for too long. `fresh`: they are new in this cycle."""
+        """Whether the words are the same for too long. Sets `fresh`: they are new in this cycle."""
         unseen, self._looked = time - self._looked, time
         if unseen > self.PAUSE:
             self._first += unseen
@@ -50,7 +50,7 @@ class Liveness:
 
     @property
     def limit(self) -> float:
-        """Seconds without a change that are too long."""
+        """The longest time without a change, s."""
         if self._changes < 5:
             return self._longest
         usual = (self._changed_at - self._first) / self._changes
@@ -64,24 +64,24 @@ class Liveness:
 
 
 class LifeWatch:
-    """Whether a controller that must give a sign of life gives none: its main loop hangs.
+    """Detects a controller whose main loop hangs: it gives no sign of life although it must.
 
-    The low bits of ADC and IMU show life but need not: filters swallow noise, an IMU may be dead or read once
-    a second. Turning wheels always show it, in the counters. So silence says something only of a robot whose
-    wheels turned when it was last heard of, or that is driven and does not start. At rest it may last, and a
-    pause in which nobody looked is none.
+    The low bits of ADC and IMU show life but need not: filters suppress noise, an IMU may be dead or read
+    once a second. Turning wheels always show it, in the counters. So silence means something only if the
+    wheels turned at the last sign of life, or if the motors are driven and do not start. At rest silence may
+    last; a pause without updates does not count.
 
-    silence: s without a sign of life that was due.
+    silence: s without a sign of life although one was due.
     """
 
     TURNING = 64.0
-    """Back-EMF counts from which no wheel stops between two words."""
+    """Back-EMF in counts from which a wheel cannot stop within one period of the words."""
     DRIVEN = 0.25
-    """Duty that turns any motor."""
+    """Duty from which any motor turns."""
     WHILE_TURNING, FROM_REST, GENTLY_FROM_REST = (0.05, 0.2), (0.3, 0.5), (0.5, 1.0)
-    """s of silence after which words are stale, and after which the controller hangs."""
+    """s of silence from which the words are stale, and s from which the controller hangs."""
     LONGEST_LOOK = 0.04
-    """s from one look to the next that count as silence, at most."""
+    """Longest part of the time between two updates that counts as silence, s."""
 
     def __init__(self) -> None:
         self._last: bytes | None = None
@@ -91,7 +91,8 @@ class LifeWatch:
         self.silence = 0.0
 
     def update(self, words: bytes, time: float, bemf: Sequence[float], duties: Sequence[float]) -> None:
-        """Take a cycle. bemf: counts, as last known before it. duties: what drove the motors until now."""
+        """Update. bemf: counts, last known before this cycle. duties: those that drove the motors until
+        now."""
         self._since += max(time - self._looked - self.LONGEST_LOOK, 0.0)
         self._looked = time
         if words != self._last:
@@ -108,28 +109,28 @@ class LifeWatch:
 
     @property
     def is_stale(self) -> bool:
-        """Whether the words are old ones that only look like new ones."""
+        """Whether the words are old although they look new."""
         return self.silence > self._limits[0]
 
     @property
     def has_hung(self) -> bool:
-        """Whether to give the controller up."""
+        """Whether the controller hangs and must be given up."""
         return self.silence > self._limits[1]
 
 
 class ImuWatch:
-    """Whether the IMU's words can be true: a plausible turn rate, and gravity about 1 g. And whether they can
-    be used: where the controller stands on edge, its vertical axis does not tell how the robot turns.
+    """Whether the IMU's words are plausible (turn rate, and gravity of about 1 g) and usable: if the
+    controller stands on edge, its vertical axis does not measure the robot's turn.
 
-    Rates are rad/s, forces m/s2. A robot whose motors are off may turn all the same, where
-    somebody puts it right or knocks against it; but not as fast as a gyro that wanders.
+    Rates are rad/s, accelerations m/s2. A robot with its motors off may still turn if somebody moves it or
+    bumps into it, but less fast than a gyro that wanders.
     """
 
     FASTEST = 10.0
     FASTEST_AT_REST = 6.0
     GRAVITY_RANGE = (4.9, 14.7)
     MAX_FORCE = 70.0
-    """4 g on three axes, the ends of the chip. A damaged frame may say anything, or no number at all."""
+    """4 g on three axes, the range of the chip. A damaged frame may contain any number, or NaN."""
     MIN_UPRIGHT = 4.9
     SMOOTHING = 0.05
     PENALTY_SECONDS = 1.0
@@ -144,11 +145,12 @@ class ImuWatch:
         self._score = 0.0
 
     def is_distrusted(self, time: float) -> bool:
-        """Whether the words are, or lately were, impossible. Who failed at rest is cleared at rest alone."""
+        """Whether the words are, or lately were, impossible. If they failed at rest, only good words at rest
+        clear it."""
         return self._wrong or self._rest_failed or time < self._until
 
     def update(self, gyro: Vector, accel: Vector, at_rest: bool, time: float) -> None:
-        """Judge new words."""
+        """Check new words; gyro in rad/s, accel in m/s2."""
         norm = math.sqrt(accel[0] * accel[0] + accel[1] * accel[1] + accel[2] * accel[2])
         felt = norm <= self.MAX_FORCE
         if felt:
@@ -173,23 +175,23 @@ class ImuWatch:
 
 
 class MotorWatch:
-    """A motor that is driven and gives no back-EMF: stalled, unplugged, or its fuse or driver has tripped.
+    """Detects a driven motor without back-EMF: stalled, unplugged, or its fuse or driver has tripped.
 
-    The driver reports nothing, so this disagreement is the only sign. A motor that was turning is missed
-    within a few cycles; one that starts is given time, and so is one that is to turn faster. After a pause
-    each of them starts: who stops the motors of a program that is late may have stopped it.
+    The driver reports nothing, so this contradiction is the only sign. A motor that was turning is detected
+    within a few cycles; one that starts or accelerates gets more time. After a pause every motor counts as
+    starting, because the supervisor may have stopped it.
     """
 
     DRIVEN = 0.25
     SHARE = 0.3
-    """Of the back-EMF that the duties of late make of a free motor."""
+    """Threshold as a share of the back-EMF that a free motor has at the recent duties."""
     LATELY = 0.1
-    """s, as a wheel takes to follow its duty."""
+    """Time constant of the smoothed duty, s: the time in which a wheel follows its duty."""
     SECONDS_FROM_MOTION = 0.02
     SECONDS_FROM_REST = 0.25
     USUAL_BATTERY = 6.6
     PAUSE = 0.1
-    """s between two cycles."""
+    """s between two cycles from which they count as a pause."""
 
     def __init__(self) -> None:
         self._signs = [0] * MOTOR_PORTS
@@ -199,10 +201,10 @@ class MotorWatch:
         self._time = 0.0
 
     def update(self, duties: Sequence[float], bemf: Sequence[float], time: float) -> bool:
-        """True where any motor is at fault. duties: what drove the motors until now."""
+        """Whether any motor is at fault. duties: those that drove the motors until now. bemf: counts."""
         wrong = False
         dt, self._time = time - self._time, time
-        if dt > self.PAUSE:  # what is read now may be a mean over it
+        if dt > self.PAUSE:  # the back-EMF read now may be a mean over the pause
             self._signs, self._last_motion = [0] * MOTOR_PORTS, list(duties)
             return False
         share = dt / (self.LATELY + dt) if dt > 0.0 else 0.0
@@ -221,7 +223,7 @@ class MotorWatch:
         least = min(sign * duty, max(sign * self._last_motion[port], 0.0))
         per_duty = self.SHARE * self.USUAL_BATTERY / BEMF_VOLTS_PER_COUNT
         if bemf * sign >= least * per_duty:
-            # Nothing is expected yet of one that was driven the other way: that it reads so is no motion.
+            # Just after a reversal `least` is 0: a reading above it is no proof of motion yet.
             self._turned[port] = self._turned[port] or bemf * sign >= self.DRIVEN * per_duty
             self._since[port] = time
             return False
@@ -230,28 +232,28 @@ class MotorWatch:
 
 
 class RestWatch:
-    """Motors without a command that nevertheless report motion: an offset of the back-EMF conversion.
+    """Detects motors that report motion without a command: an offset of the back-EMF conversion.
 
-    It turns into phantom distance. Coasting down takes a while and changes the reading; an offset does not.
-    known: counts of each motor that are calibrated, and so turn into none.
+    An offset adds up to phantom distance. It is told from coasting by its constant reading. known: the
+    calibrated offset of each motor, counts, which is compensated and so causes none.
     """
 
     SETTLE = 0.3
-    """Seconds without a command and without a change."""
+    """s without a command and without a change after which the motors are at rest."""
     STEADY = 15.0
-    """Counts around the smoothed reading."""
+    """Largest difference from the smoothed reading of a steady motor, counts."""
     SMOOTHING = 0.05
     LARGEST = 12.0
-    """Counts beyond the known ones, smoothed."""
+    """Largest difference of the smoothed reading from the known offset, counts."""
 
     def __init__(self, known: Sequence[float] = (0.0,) * MOTOR_PORTS) -> None:
-        self._since: float | None = -math.inf  # before its first command it stands
+        self._since: float | None = -math.inf  # before the first command the motors are at rest
         self._known = tuple(known)
         self._smooth = list(known)
         self.offset = list(known)
 
     def update(self, duties: Sequence[float], bemf: Sequence[float], time: float) -> bool:
-        """True where a motor at rest reports motion. `offset` keeps the latest readings at rest."""
+        """Whether a motor at rest reports motion. `offset`: the latest readings at rest, counts, smoothed."""
         steady = True
         for port, value in enumerate(bemf):
             error = value - self._smooth[port]
@@ -266,16 +268,16 @@ class RestWatch:
         return any(map(self._moves, self.offset, self._known))
 
     def _moves(self, offset: float, known: float) -> bool:
-        # A dead zone may hide a known one.
+        # A dead zone may hide a known offset: a reading near 0 is right, too.
         return abs(offset) > self.LARGEST and abs(offset - known) > self.LARGEST
 
     def is_resting(self, time: float) -> bool:
-        """Whether the motors have stood for a while."""
+        """Whether the motors have been at rest for longer than `SETTLE`."""
         return self._since is not None and time - self._since > self.SETTLE
 
 
 class BatteryWatch:
-    """A battery so low that the controller may restart; smoothed, for a start of the motors pulls it down."""
+    """Detects a battery so low that the controller may restart; smoothed, as starting motors pull it down."""
 
     LOWEST = 5.7
     RECOVERED = 5.9
@@ -287,7 +289,7 @@ class BatteryWatch:
         self.voltage = 0.0
 
     def update(self, voltage: float, time: float) -> bool:
-        """True while the smoothed voltage is too low."""
+        """Whether the smoothed voltage is too low: below `LOWEST`, then until it is above `RECOVERED`."""
         if self._time is None:
             self.voltage = voltage
         else:

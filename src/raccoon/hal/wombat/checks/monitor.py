@@ -1,4 +1,4 @@
-"""Turns good frames into `Inputs`: says what is wrong with a cycle and leaves out what cannot be used."""
+"""Conversion of valid frames into `Inputs`: adds the faults of a cycle and leaves out unusable words."""
 
 from __future__ import annotations
 
@@ -23,21 +23,24 @@ from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
 
 NO_WORDS: Words = (None,) * 4
 MAX_RESTING_BEMF = 15.0
+"""Counts of back-EMF, without its offset, from which a robot is not at rest."""
 LATE_CYCLES = 1.5
-"""Cycles."""
+"""A cycle that takes more periods than this is late."""
 MISSING_SECONDS = 0.05
-"""Words that an IMU never sends (all bits alike) are forgiven that long: it may still be starting."""
+"""s for which words that no IMU sends (all bytes equal) are tolerated: it may still be starting."""
 ANALOG_SETTLING = 0.1
-"""s after a restart in which analog words rise from 0, by the stock filter in steps of a tenth of the way."""
+"""s after a restart during which analog words still rise from 0: the stock filter moves by a tenth of the
+difference at each step."""
 IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE = 0.06, 3.0, 5.0
+"""Bounds on the time without new IMU words, s, s, and its usual limit in mean intervals (see `Liveness`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Measured rates in Hz; None where there is not enough to measure.
+    """Measured rates in Hz; None if there is not enough data.
 
-    cycle: of this port. bemf: updates of the position counters. imu: new IMU words. expected_bemf: what
-    `bemf` is taken to be when ticks are worked out; None where they do not depend on it.
+    cycle: of this port. bemf: updates of the position counters. imu: new IMU words. expected_bemf: the `bemf`
+    that the conversion of ticks assumes; None if the ticks do not depend on it.
     """
 
     cycle: float | None
@@ -47,10 +50,10 @@ class Rates:
 
 
 class Monitor:
-    """Watches the words of every cycle.
+    """Checks the words of every cycle.
 
-    period: seconds of a cycle. watch_analog: ports to check. resting_bemf: counts of each motor at
-    standstill, as far as they are calibrated.
+    period: s of a cycle. watch_analog: analog ports to check for saturation. resting_bemf: calibrated
+    back-EMF of each motor at standstill, counts; 0 if not calibrated.
     """
 
     def __init__(
@@ -81,14 +84,14 @@ class Monitor:
 
     @property
     def rates(self) -> Rates:
-        """What was measured so far."""
+        """The rates measured so far."""
         elapsed = self._time - (self._first or 0.0)
         cycle = self._cycles / elapsed if self._cycles > 0 and elapsed > 0.0 else None
         return Rates(cycle, self._dialect.bemf_rate_hz, self._imu.rate_hz, self._dialect.expected_rate_hz)
 
     @property
     def standstill_bemf(self) -> tuple[float, ...]:
-        """Mean back-EMF counts of each motor while it was at rest."""
+        """Smoothed back-EMF of each motor at its latest rest, counts."""
         return tuple(self._rest.offset)
 
     def inputs(
@@ -100,9 +103,10 @@ class Monitor:
         faults: list[Fault],
         duties: Sequence[float],
     ) -> Inputs:
-        """The cycle at `time`. duties: what drove the motors until now.
+        """The `Inputs` of the cycle at `time`, s. reading: None if no usable frame came. faults: those found
+        so far; extended here. duties: those that drove the motors until now.
 
-        Raises HardwareError where the controller's main loop hangs.
+        Raises HardwareError if the controller's main loop hangs.
         """
         self._count_cycle(time, faults)
         if Fault.RESET in faults:
@@ -114,7 +118,7 @@ class Monitor:
         else:
             self._check_counters(bemf, time, faults)
         if bemf is not None:
-            # 0 is rest all the same: a dead zone hides an offset.
+            # A reading of 0 is rest whatever the offset: a dead zone hides it.
             self._bemf = [each and each - rest for each, rest in zip(bemf, self._resting_bemf, strict=True)]
             self._watch_motors(bemf, time, duties, faults)
         self._watch_board(reading, time, faults)
@@ -138,7 +142,7 @@ class Monitor:
         self._time = time
 
     def _are_stale(self, reading: Reading, time: float, duties: Sequence[float], faults: list[Fault]) -> bool:
-        """Whether positions and back-EMF are old words that only look like new ones."""
+        """Whether positions and back-EMF are old although they look new."""
         life = self._life
         life.update(self._dialect.life_words(reading.reply), time, self._bemf, duties)
         if life.is_stale:
@@ -152,16 +156,15 @@ class Monitor:
         return life.is_stale
 
     def _counting_motors(self, words: Words) -> Words:
-        """The words of the motors whose counters count."""
+        """The words of each motor; None for one whose counter is stuck."""
         stuck = self._stuck
         if not any(stuck):
             return words
         return tuple(None if still else word for still, word in zip(stuck, words, strict=True))
 
     def _check_counters(self, bemf: Bemf | None, time: float, faults: list[Fault]) -> None:
-        """See which counters do not count, or count what no motor turns; once one does again, the way in
-        between is missing from it.
-        """
+        """Find the counters that do not count, or whose back-EMF is frozen. When one counts again, the
+        distance in between is missing, so that is a position jump."""
         before, self._stuck = self._stuck, self._dialect.stuck_counters
         if any(self._stuck):
             faults.append(Fault.BEMF_INVALID)
@@ -177,7 +180,7 @@ class Monitor:
     def _watch_motors(self, bemf: Bemf, time: float, duties: Sequence[float], faults: list[Fault]) -> None:
         words: Sequence[float] = bemf
         frozen = self._repeats.frozen
-        if any(frozen):  # of such a motor nothing is known, neither that it stands nor that it moves at rest
+        if any(frozen):  # such a motor must look neither stalled nor moving at rest: its state is unknown
             duties = [0.0 if dead else duty for dead, duty in zip(frozen, duties, strict=True)]
             resting = self._resting_bemf
             words = [r if dead else each for dead, each, r in zip(frozen, bemf, resting, strict=True)]

@@ -1,4 +1,4 @@
-"""Makes good frames out of what the bus gives: dead, shifted, torn and strange ones are dealt with here."""
+"""Reception of frames: handles dead, shifted, torn and foreign ones and returns valid ones."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
 from raccoon.hal.wombat.link.link import Link
 
 PATIENCE_SECONDS = 0.5
-"""A link that carries nothing usable for longer is lost."""
+"""s without a usable frame after which the link is lost."""
 ALIGN_ATTEMPTS = 3
 MAX_DISOBEYED_FRAMES = 40
-"""Frames in a row whose command does not show in the controller."""
+"""Frames in a row whose command does not show in the controller, after which raccoon gives up."""
 MAX_RESTARTS, RESTART_SECONDS = 3, 10.0
 LONGEST_TRANSFER_SECONDS, TRANSFER_ATTEMPTS = 0.01, 3
-"""s that a transfer may take, on a slow bus 5 ms, before it is made again, and how often it is made: where
-the program did not run in the middle of it, nobody knows whether the words are of before or after that."""
+"""Longest transfer that is not repeated, s (on a slow bus one takes 5 ms), and most attempts. If the program
+was interrupted during a transfer, its words may be from before or after that."""
 
 
 class Receiver:
-    """Exchanges frames and accepts the good ones; keeps the positions.
+    """Exchanges frames, accepts the valid ones and accumulates the positions.
 
-    `begin_cycle` begins a cycle, `exchange` and `poll` belong to it; `faults` and `bemf` are the cycle's, and
-    `time` is when their words were taken, s of the clock.
+    `begin_cycle` starts a cycle; `exchange` and `poll` belong to it. `faults` and `bemf` are those of the
+    cycle; `time` is when its words were taken, s of the clock.
     """
 
     def __init__(self, dialect: Dialect, link: Link, clock: Clock) -> None:
@@ -47,23 +47,23 @@ class Receiver:
 
     @property
     def position(self) -> Words:
-        """64-bit positions in ticks."""
+        """Positions in ticks, counted in 64 bits."""
         return self._dialect.ticks(self._counters.totals)
 
     def begin_cycle(self) -> None:
-        """Begin a cycle."""
+        """Start a cycle: clear its faults and back-EMF."""
         self.faults = []
         self.bemf = None
 
     def exchange(self, frame: bytes) -> bytes:
-        """One transfer. The reply shows the state before this frame, so after the one sent before it. One
-        that fails says nothing."""
+        """One transfer. The reply shows the state before this frame, so after the previous one. A failed
+        transfer returns zeros."""
         self._expected, self._sent = self._sent, frame
         try:
             reply, self._failure = self._link.transfer(frame), ""
         except HardwareError as error:
             reply, self._failure = bytes(len(frame)), str(error)
-        # In every reply: the next command wipes out the marks of a restart.
+        # Tested in every reply: the next command overwrites the signs of a restart.
         if self._previous is not None and self._dialect.has_restarted(reply, self._previous):
             self._has_restarted = True
         if self._dialect.is_aligned(reply):
@@ -71,15 +71,15 @@ class Receiver:
         return reply
 
     def poll(self, frame: bytes) -> Reading | None:
-        """Send a command and take what came back, None where nothing usable did.
+        """Send a command and return the reading that came back; None if it was unusable.
 
-        Raises HardwareError where the link or the controller is lost.
+        Raises HardwareError if the link or the controller is lost.
         """
         before = self.time
         reply = self._timed_exchange(frame)
         time = self.time
         if time - before > PATIENCE_SECONDS:
-            self._unusable_since = None  # nobody looked meanwhile: of that pause the link says nothing
+            self._unusable_since = None  # the program paused: that says nothing about the link
         if not self._dialect.is_aligned(reply):
             recovered = self._recover(reply, time)
             if recovered is None:
@@ -95,7 +95,7 @@ class Receiver:
         return reading
 
     def _timed_exchange(self, frame: bytes) -> bytes:
-        """An exchange of which is known when it was."""
+        """An exchange with `time` at its start. One that took too long for that is repeated."""
         for _ in range(TRANSFER_ATTEMPTS):
             self.time = self._clock.now()
             reply = self.exchange(frame)
@@ -142,9 +142,13 @@ class Receiver:
     def _read_again(
         self, differences: Counts, seconds: float, credible: bool
     ) -> tuple[Reading, Counts | None] | None:
-        """Read again to tell a torn word from a counter that has really jumped: then without differences.
-        Counters count on meanwhile: on a slow bus an update or two fall between the looks. credible: whether
-        the other words of the first look can be."""
+        """Read again to distinguish a torn word from a counter that really jumped.
+
+        Returns the second reading and its differences (None after a jump), or None if both are unusable.
+        differences: of the first reading. credible: whether the other words of the first reading are
+        possible. The counters keep counting: on a slow bus they are updated once or twice between the
+        readings.
+        """
         first = self.time
         reply = self._timed_exchange(self._sent)
         later = self.time - first
@@ -162,7 +166,7 @@ class Receiver:
         if not self._are_near(apart, later):
             self.faults.append(Fault.TORN)
             return None
-        # Both looks agree on a place where the motors cannot have got to: it is gone on from there.
+        # Both readings agree on a position that the motors cannot have reached: continue from there.
         self.faults.append(Fault.POSITION_JUMP)
         return second, None
 
@@ -194,7 +198,7 @@ class Receiver:
             )
 
     def _recover(self, reply: bytes, time: float) -> bytes | None:
-        """An aligned frame in place of a dead or shifted one, or None."""
+        """An aligned frame in place of a dead or shifted one; None if there is none."""
         if reply == reply[:1] * len(reply):
             self.faults.append(Fault.LINK_DEAD)
             self._wait_or_give_up(time, self._failure or f"the link says 0x{reply[0]:02X} and nothing else")
@@ -214,7 +218,7 @@ class Receiver:
         return None
 
     def _refuse_stranger(self, reply: bytes) -> None:
-        """Raise where another firmware answers, and still does so when asked again."""
+        """Raise HardwareError if another firmware answers, and does so a second time."""
         stranger = self._dialect.describe_foreign(reply)
         if stranger is not None:
             again = self.exchange(bytes(self._dialect.length))
@@ -222,7 +226,7 @@ class Receiver:
                 raise HardwareError(f"{Fault.LINK_DEAD}: {stranger}")
 
     def _wait_or_give_up(self, time: float, complaint: str) -> None:
-        """Nothing usable in this cycle: give up where that lasts."""
+        """Handle a cycle without a usable frame; raises HardwareError if that lasts too long."""
         if self._unusable_since is None:
             self._unusable_since = time
         elif time - self._unusable_since > PATIENCE_SECONDS:

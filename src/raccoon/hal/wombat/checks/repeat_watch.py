@@ -1,4 +1,4 @@
-"""Motors whose back-EMF repeats itself although they turn."""
+"""Detection of motors whose back-EMF repeats itself although they turn."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from raccoon.core.readings import BEMF_FROZEN_SECONDS, MOTOR_PORTS
 
 
 class RepeatWatch:
-    """Whether a motor's back-EMF comes from a converter that has stopped: noise changes every one that works.
+    """Detects back-EMF from a converter that has stopped: noise changes the words of a working one.
 
-    Near 0 words may repeat themselves: filters swallow the noise, and a dead zone hides more.
-    most: counts beyond which a firmware measures nothing, and holds the last word by itself (None: there is
-    no such end). frozen: of each motor, whether it repeats itself.
+    Words near 0 may repeat: filters suppress the noise, and a dead zone hides more. most: the largest
+    back-EMF that the firmware measures, counts; beyond it the firmware holds its last word (None: no such
+    limit). frozen: for each motor, whether its back-EMF repeats itself.
     """
 
     TURNING = 64.0
-    """Counts."""
+    """Back-EMF in counts from which words must not repeat."""
     NEAR = 0.85
-    """Of the most that a firmware measures: a motor may go beyond it from here between two conversions."""
+    """Upper limit for that as a share of `most`: from here a motor may exceed `most` between two
+    conversions."""
     PAUSE = 0.1
-    """s between two words, of which nobody knows what lay between."""
+    """s between two words above which their equality means nothing."""
 
     def __init__(self, most: float | None = None) -> None:
         self._max_repeats = math.inf if most is None else self.NEAR * most
@@ -31,7 +32,7 @@ class RepeatWatch:
         self.frozen = (False,) * MOTOR_PORTS
 
     def update(self, bemf: Sequence[float], time: float) -> None:
-        """Take new words, in counts as the controller reports them."""
+        """Update with new back-EMF words, in counts as the controller reports them; time in s."""
         dt, self._time = time - self._time, time
         if dt > self.PAUSE:
             dt = 0.0

@@ -1,1 +1,1 @@
-"""The bytes to and from the co-processor: the bus, who may use it, and the wire that resets."""
+"""The link to the co-processor: the SPI bus, its lock and the reset line."""

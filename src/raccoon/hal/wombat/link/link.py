@@ -1,4 +1,4 @@
-"""The byte pipe to the co-processor: what a port needs of it."""
+"""Protocols of the link to the co-processor and of its reset line: what a port needs of them."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from typing import Protocol
 
 
 class Link(Protocol):
-    """Full-duplex transfers: as many bytes come back as go out."""
+    """Full-duplex transfers, which return as many bytes as they send."""
 
     def transfer(self, frame: bytes) -> bytes:
-        """Clock the frame out and return what came in meanwhile. Raises HardwareError where that fails."""
+        """Send the frame and return the bytes received meanwhile. Raises HardwareError if the transfer
+        fails."""
         ...
 
     def close(self) -> None:
-        """Let go of the device. May be called twice."""
+        """Close the device. May be called twice."""
         ...
 
 
 class ResetLine(Protocol):
-    """The wire that restarts the co-processor: the last resort when it no longer listens."""
+    """The line that restarts the co-processor: the last resort if it no longer responds."""
 
     def pulse(self) -> None:
-        """Hold the line low for a moment. Raises HardwareError where that fails."""
+        """Hold the line low for a moment. Raises HardwareError if that fails."""
         ...

@@ -1,4 +1,5 @@
-"""One program at a time: the bus belongs to whoever holds its lock, and other owners are named."""
+"""The lock of the bus, which gives it to one program at a time, and the detection of other programs that use
+it."""
 
 from __future__ import annotations
 
@@ -12,18 +13,20 @@ from raccoon.core.errors import HardwareError
 
 LOCK_FOLDERS = (Path("/run/lock"), Path("/var/lock"), Path("/tmp"))
 RACCOON_READER = "stm32_data_reader"
-"""RaccoonOS's own service; comm names are cut to 15 characters."""
+"""Name of RaccoonOS's own service. The kernel cuts names of processes to `COMM_LENGTH` characters."""
 SCREEN = "botui"
-"""The controller's screen reads the bus between our frames; our complete commands survive that."""
+"""Name of the program of the controller's screen. It reads the bus between raccoon's frames; that does no
+harm, because each of these holds the complete command."""
 COMM_LENGTH = 15
 WAIT_SECONDS = 1.0
-"""A program that was just killed is still being stopped by its supervisor."""
+"""s to wait for the lock: the supervisor of a program that was just killed holds it until the motors are
+stopped."""
 
 
 class BusLock:
     """Exclusive use of a device among programs of this library, from construction to `release`.
 
-    Raises HardwareError where another program owns the bus: it says which one and what to do.
+    Raises HardwareError if another program owns the bus; the message names it and says what to do.
     """
 
     def __init__(self, device: str, *, folder: Path | None = None, proc: Path = Path("/proc")) -> None:
@@ -37,13 +40,13 @@ class BusLock:
             ) from error
         try:
             self._acquire(device)
-            # Not before: a supervisor has the bus open until the motors of its dead program stand.
+            # After the lock: a supervisor has the bus open until it has stopped its dead program's motors.
             refuse_other_owners(device, proc)
         except BaseException:
             os.close(self.descriptor)
             raise
         self._held = True
-        with suppress(OSError):  # a note for others: another user's file may be locked, not written
+        with suppress(OSError):  # only a note for others; another user's file can be locked but not written
             os.ftruncate(self.descriptor, 0)
             os.pwrite(self.descriptor, f"{os.getpid()}\n".encode(), 0)
 
@@ -61,7 +64,7 @@ class BusLock:
                 raise HardwareError(f"the lock of {device} cannot be taken: {error}") from error
 
     def _owner(self) -> str:
-        """What the file says of its owner, where there is such a process, and what to do."""
+        """The owner that the lock file names, if its process exists, and what to do."""
         owner = os.pread(self.descriptor, 32, 0).decode("ascii", "replace").strip()
         if owner == str(os.getpid()):
             return "this program itself: leave its first `with open_robot(...)` before the next"
@@ -69,17 +72,17 @@ class BusLock:
         return f"another robot program (process {owner if known else 'unknown'}): stop it first"
 
     def release(self) -> None:
-        """Let others use the device. May be called twice."""
+        """Release the lock for others. May be called twice."""
         if self._held:
             self._held = False
             os.close(self.descriptor)
 
 
 def _open_for_all(path: Path) -> int:
-    """A descriptor of the lock file, which every user may lock from now on, whoever made it.
+    """Open the lock file and make it lockable by every user, whoever created it.
 
-    What a program that was started with sudo leaves must not shut the team's own user out, nor the other way
-    round: the kernel refuses O_CREAT on another user's file in a folder like /run/lock, even to root.
+    The file of a program that was started with sudo must not lock out the team's own user, nor the other way
+    round: in a folder like /run/lock the kernel refuses O_CREAT on another user's file, even to root.
     """
     while True:
         try:
@@ -89,10 +92,10 @@ def _open_for_all(path: Path) -> int:
         except FileNotFoundError:
             try:
                 descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-            except FileExistsError:  # made by another program in between
+            except FileExistsError:  # another program created it in between
                 continue
-        with suppress(PermissionError):  # it is another user's
-            os.fchmod(descriptor, 0o666)  # the umask has taken some of it away
+        with suppress(PermissionError):  # the file is another user's
+            os.fchmod(descriptor, 0o666)  # the umask has removed some of these bits
         return descriptor
 
 
@@ -104,9 +107,9 @@ def _folder() -> Path:
 
 
 def refuse_other_owners(device: str, proc: Path = Path("/proc")) -> None:
-    """Raise HardwareError where a process that this library cannot share the bus with has it.
+    """Raise HardwareError if a process that this library cannot share the bus with has it open.
 
-    Open files of other users can only be seen by root; RaccoonOS's service is recognised by its name, too.
+    Only root sees the open files of other users, so RaccoonOS's service is recognised by its name as well.
     """
     for process in proc.iterdir():
         if not process.name.isdigit() or int(process.name) == os.getpid():

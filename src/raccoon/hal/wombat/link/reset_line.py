@@ -1,4 +1,4 @@
-"""The wire from the Raspberry Pi to the co-processor's reset pin: GPIO23, active low."""
+"""The line from the Raspberry Pi to the co-processor's reset pin: GPIO23, active low."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GPIO_CHIP = "/dev/gpiochip0"
 RESET_PIN = 23
 PULSE_SECONDS = 0.01
 
-# Of linux/gpio.h: gpiohandle_request (64 offsets, flags, 64 values, label, count, descriptor) and its data.
+# From linux/gpio.h: gpiohandle_request (64 offsets, flags, 64 values, label, count, descriptor) and its data.
 GET_LINE_HANDLE, SET_LINE_VALUES = 0xC16CB403, 0xC040B409
 OUTPUT = 1 << 1
 _REQUEST = struct.Struct("=64I I 64s 32s I i")
@@ -22,14 +22,14 @@ _REQUEST = struct.Struct("=64I I 64s 32s I i")
 class GpioResetLine:
     """Restarts the co-processor, which switches its motor drivers off.
 
-    The pin is taken at the pulse and given back after it: whatever flashes the firmware finds it free.
+    The pin is in use only during the pulse, so that a program that flashes the firmware finds it free.
     """
 
     def __init__(self, chip: str = GPIO_CHIP) -> None:
         self._chip = chip
 
     def pulse(self) -> None:
-        """Hold the line low for 10 ms. Raises HardwareError where the pin cannot be had."""
+        """Hold the line low for 10 ms. Raises HardwareError if the pin is not available."""
         try:
             chip = os.open(self._chip, os.O_RDWR | os.O_CLOEXEC)
             try:
@@ -38,7 +38,7 @@ class GpioResetLine:
                 os.close(chip)
             try:
                 time.sleep(PULSE_SECONDS)
-            finally:  # Ctrl-C in the middle of it must not leave the controller held down
+            finally:  # Ctrl-C during the pulse must not leave the controller in reset
                 try:
                     fcntl.ioctl(line, SET_LINE_VALUES, bytes((1,)).ljust(64, b"\0"))
                 finally:
@@ -49,7 +49,7 @@ class GpioResetLine:
             ) from error
 
     def _take(self, chip: int) -> int:
-        """Make the pin an output that is low at once; returns the descriptor of the line."""
+        """Make the pin an output at low level; returns the descriptor of the line."""
         request = bytearray(
             _REQUEST.pack(RESET_PIN, *(0,) * 63, OUTPUT, bytes(64), b"raccoon".ljust(32, b"\0"), 1, 0)
         )

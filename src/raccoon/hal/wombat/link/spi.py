@@ -1,4 +1,4 @@
-"""The SPI bus that the co-processor hangs on."""
+"""The SPI bus to the co-processor."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from raccoon.core.fork_ownership import leave_in_forks
 
 SPI_DEVICE = "/dev/spidev0.0"
 SPEED_HZ = 16_000_000
-"""Within what both firmwares accept."""
+"""Clock rate of the bus, Hz, which both firmwares accept."""
 GAP_US = 50
-"""The co-processor needs a pause after each frame."""
+"""Pause that the co-processor needs after each frame, us."""
 NO_WOMBAT = (
     "on a computer that is no Wombat run a program by `raccoon simulate PROGRAM`, or write "
     'port = "sim" under [controller] in robot.toml'
@@ -20,8 +20,8 @@ NO_WOMBAT = (
 class SpiLink:
     """The Wombat's SPI bus through spidev (`pip install '.[wombat]'` in the clone), for this program alone.
 
-    Raises HardwareError where spidev or the device is missing or not permitted or another program owns the
-    bus, and says what to do.
+    Raises HardwareError if spidev or the device is missing, access is denied or another program owns the bus;
+    the message says what to do.
     """
 
     def __init__(self, device: str = SPI_DEVICE) -> None:
@@ -31,8 +31,8 @@ class SpiLink:
             raise HardwareError(
                 f"the package spidev is missing: {install('wombat')}, or apt install python3-spidev;"
                 f" {NO_WOMBAT}"
-            ) from None  # a laptop's traceback ends with what to write
-        from raccoon.hal.wombat.link.lock import BusLock  # Linux alone; the emulator runs anywhere
+            ) from None  # on a laptop the traceback ends with the remedy
+        from raccoon.hal.wombat.link.lock import BusLock  # only on Linux; the emulator runs anywhere
 
         self._device = device
         self.lock = BusLock(device)
@@ -49,7 +49,7 @@ class SpiLink:
         device = self._device
         try:
             self._spi.open_path(device)
-            # They persist on the device from whoever used it before.
+            # The settings of the last program that used the device persist.
             self._spi.mode = 0
             self._spi.bits_per_word = 8
             self._spi.max_speed_hz = SPEED_HZ
@@ -64,7 +64,7 @@ class SpiLink:
 
     @property
     def target(self) -> str:
-        """The bus as a supervisor is told of it."""
+        """The bus in the notation of the supervisor, `spi:DEVICE:HERTZ`."""
         return f"spi:{self._device}:{SPEED_HZ}"
 
     def transfer(self, frame: bytes) -> bytes:
@@ -77,7 +77,8 @@ class SpiLink:
             raise HardwareError(f"a transfer on {self._device} failed: {error}") from error
 
     def leave(self) -> None:
-        """See `raccoon.core.fork_ownership`: the bus would be in use after this program."""
+        """See `raccoon.core.fork_ownership`: a forked process would keep the bus in use after this program's
+        end."""
         self.close()
 
     def close(self) -> None:
