@@ -1,4 +1,4 @@
-"""From a 16-bit encoder word to a position that does not wrap, and that does not jump unnoticed."""
+"""Conversion of the base's 16-bit encoder words into positions that do not wrap; jumps are reported."""
 
 from __future__ import annotations
 
@@ -7,25 +7,29 @@ from raccoon.core.readings import Fault
 TICKS_PER_SECOND = 0.5 / (0.036 * 2.0 * 3.141592653589793 / 508.8)
 """Ticks a second at the base's top speed: 0.5 m/s on wheels of 72 mm."""
 _MARGIN = 1.5
+"""Plausible speed over the top speed."""
 _SHORTEST_ELAPSED = 0.06
-"""s; frames bunch up in the serial adapter, so two of them may arrive closer together than they were made."""
+"""Shortest time between frames, s, in the plausibility limit: the serial adapter delivers frames in bursts,
+closer together than they were sent."""
 _NEAR_ZERO = 200
+"""Ticks within which a counter may have restarted."""
 _GAP = 0.5
 """s without a frame after which the base may have been switched off and on."""
 
 
 class WheelCounter:
-    """Sums modular differences of the base's counter. `position` is in ticks and starts at 0."""
+    """Unwraps the counter of one wheel. `position` is in ticks and starts at 0."""
 
     def __init__(self) -> None:
         self.position = 0
         self._word: int | None = None
 
     def update(self, word: int, elapsed: float) -> Fault | None:
-        """Take the counter's next word, `elapsed` s after the last.
+        """Update with the counter's next word, `elapsed` s after the last.
 
-        A difference the wheel cannot have made is left out and named: RESET where the counter started again
-        (after a gap any count near 0 is taken for that), POSITION_JUMP otherwise.
+        A difference that the wheel cannot have made is not added; the fault is returned: RESET if the counter
+        restarted (after a gap any count near 0 is taken for that), POSITION_JUMP otherwise. None if all is
+        well.
         """
         last, self._word = self._word, word
         if last is None:

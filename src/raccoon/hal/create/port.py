@@ -26,13 +26,13 @@ from raccoon.hal.create.protocol import BAUD, Mode, Sensors, StreamDecoder
 from raccoon.hal.serial_line import CHUNK_LIMIT, SerialLine
 
 RADIANS_PER_TICK = 2.0 * math.pi / 508.8
-"""rad of a wheel in one encoder tick (OI specification, packet 43)."""
+"""Turn of a wheel in one encoder tick, rad (OI specification, packet 43)."""
 
 CREATE_2 = Device(
     name="create-2",
     bemf_volts=BEMF_VOLTS_PER_COUNT,  # there is no back-EMF; the word is always None
-    # An encoder knows no volts. This value makes the default K_E give RADIANS_PER_TICK; with another K_E
-    # robot.toml must say radians_per_tick = 0.012349.
+    # An encoder does not measure volts. This value gives RADIANS_PER_TICK with the default K_E; with another
+    # K_E robot.toml must set radians_per_tick = 0.012349.
     position_counts_seconds=RADIANS_PER_TICK * MotorModel().back_emf_constant.value / BEMF_VOLTS_PER_COUNT,
     gyro_rad_s=1.0,  # no IMU
     accel_m_s2=1.0,
@@ -40,42 +40,43 @@ CREATE_2 = Device(
     bemf_lag=0.0,  # encoders are not filtered
 )
 SERIAL_PORT = "/dev/ttyUSB0"
-"""Where the first USB cable of a Create 2 appears."""
+"""Device file of the first USB cable of a Create 2."""
 CYCLE_TIMEOUT_S = 0.05
-"""s without a frame after which a cycle is handed over empty: three stream periods and some."""
+"""s without a frame after which a cycle without words is returned: a little more than three stream
+periods."""
 SILENCE_S = 0.5
 """s without a frame after which the interface is started again."""
 PATIENCE_S = 5.0
-"""s of listening without a frame after which the base is given up: time to put a plug back in."""
+"""s of reading without a frame after which the base is given up: time to plug the cable in again."""
 MAX_READS_PER_CYCLE = 20
-"""In one cycle: more than what a cable's driver keeps, 64 KiB."""
+"""Reads in one cycle: more than enough for the 64 KiB that a cable's driver buffers."""
 _ANALOG_REST = (None,) * (ANALOG_PORTS - 4)
 _MOTOR_REST = (None,) * (MOTOR_PORTS - 2)
 
 
 class Guard(Protocol):
-    """Somebody who stops the wheels when this program no longer can."""
+    """Stops the wheels when this program no longer can (`raccoon.hal.supervise.supervisor.Supervisor`)."""
 
     def beat(self) -> None:
-        """The program is alive."""
+        """Signal that the program is alive."""
         ...
 
     def close(self, *, stopped: bool = True) -> None:
-        """The program has stopped the wheels itself, or could not."""
+        """End the guard. stopped: whether the program has stopped the wheels itself."""
         ...
 
 
 class CreatePort:
-    """The base behind a serial line; one cycle is one stream frame (15 ms).
+    """The base on a serial line; one cycle is one stream frame (15 ms).
 
-    mode: FULL obeys always; SAFE stops by itself at a cliff, which a black line may look like.
-    speed: duty commands a share of 500 mm/s to the base's own speed controller instead of a share of the
-    battery voltage. guard: stops the wheels if this program dies; the base has no watchdog.
+    mode: FULL always obeys; SAFE stops by itself at a cliff, and a black line may look like one. speed: duty
+    commands a share of 500 mm/s to the base's own speed controller instead of a share of the battery voltage.
+    guard: stops the wheels if this program dies; the base has no watchdog.
 
     Words: `position` encoder ticks (0 left, 1 right); `analog` 0..3 the cliff signals from left to right,
-    turned round (4095 - signal) so that black reads higher, as with a tophat; `digital` 0 bump left,
-    1 bump right, 2 wheel drop left, 3 wheel drop right, 4..7 cliffs from left to right, 8 clean button,
-    9 spot button; `battery` mV; `extra` battery.current (A, out of the battery), motor.0.current and
+    inverted (4095 - signal) so that black reads higher, as with a tophat; `digital` 0 bump left, 1 bump
+    right, 2 wheel drop left, 3 wheel drop right, 4..7 cliffs from left to right, 8 clean button, 9 spot
+    button; `battery` mV; `extra` battery.current (A, positive out of the battery), motor.0.current and
     motor.1.current (A).
     """
 
@@ -96,19 +97,20 @@ class CreatePort:
         self._decoder = StreamDecoder()
         self._wheels = (WheelCounter(), WheelCounter())
         self._last_frame = self._clock.now()
-        self._listened = 0.0  # s since then; in a pause of the program nobody listens
+        self._listened = 0.0  # s of reading since then, without pauses of the program
         self._closed = False
         self._start()
 
     @property
     def real_time(self) -> bool:
-        """Whether cycles come by the wall's clock."""
+        """Whether cycles follow real time."""
         return isinstance(self._clock, RealClock)
 
     def read(self) -> Inputs:
-        """The next stream frame; after 50 ms of silence a cycle without words and with LINK_DEAD.
+        """The cycle of the next stream frame; after 50 ms of silence a cycle without words and with the fault
+        LINK_DEAD.
 
-        Raises HardwareError after 5 s of silence; a pause in which nobody read is none.
+        Raises HardwareError after 5 s of silence; pauses in which the program did not read do not count.
         """
         begin = self._clock.now()
         frames = self._next_frames()
@@ -128,18 +130,19 @@ class CreatePort:
         self._beat()
 
     def leave(self) -> None:
-        """See `raccoon.core.fork_ownership`: a forked process that ends stops no wheels of its parent."""
+        """See `raccoon.core.fork_ownership`: a forked process must not stop the wheels of its parent when it
+        ends."""
         self._closed = True
 
     def close(self) -> None:
-        """Stop the wheels and give the base back. May be called twice."""
+        """Stop the wheels and release the base. May be called twice."""
         if self._closed:
             return
         self._closed = True
         stopped = False
         try:
             stopped = self._line.write(protocol.release())
-        finally:  # Ctrl-C in the middle of it: the guard is to stop the wheels then
+        finally:  # after Ctrl-C during the write, the guard stops the wheels
             self._line.close()
             if self._guard is not None:
                 self._guard.close(stopped=stopped)
@@ -164,8 +167,8 @@ class CreatePort:
         self._line.write(protocol.start(self._mode))
 
     def _next_frames(self) -> list[Sensors]:
-        # The select inside the line waits in real time, so the number of waits is bounded as well: a trickle
-        # of garbage must not keep the cycle here when the clock is a stepped one.
+        # The line's `select` waits in real time, so the number of waits is bounded as well: with a stepped
+        # clock a trickle of garbage must not hold up the cycle.
         deadline = self._clock.now() + CYCLE_TIMEOUT_S
         frames: list[Sensors] = []
         for _ in range(MAX_READS_PER_CYCLE):
@@ -173,7 +176,7 @@ class CreatePort:
             if self._line.openings != self._openings:
                 self._start()
             frames += self._decoder.feed(data)
-            # A whole chunk is of a pause in which nobody read: the newest frame lies behind it.
+            # A full chunk comes from a pause in which nothing was read: the newest frame follows it.
             done = frames and len(data) < CHUNK_LIMIT
             if done or not data or self._clock.now() >= deadline:
                 break
@@ -206,9 +209,9 @@ class CreatePort:
         return _inputs(sensors, now, self._wheels, tuple(dict.fromkeys(faults)))
 
     def _check_obeying(self, sensors: Sensors, now: float) -> bool:
-        """Whether the base is in a mode in which its wheels obey; where not, ask for it again.
+        """Whether the base is in the commanded mode; if not, the mode is commanded again.
 
-        It leaves SAFE by itself when a wheel drops or a cliff shows up: that mode is not forced back while a
+        The base leaves SAFE by itself if a wheel drops or a cliff appears: the mode is not commanded while a
         wheel hangs, and never more often than every half second.
         """
         if sensors.mode == self._mode:
@@ -219,7 +222,7 @@ class CreatePort:
             self._line.write(protocol.start(self._mode))
         return (
             not self._obeyed_at and now - self._mode_asked_at < SILENCE_S
-        )  # the first frames may be older than our wish
+        )  # the first frames may be older than the command
 
 
 def _inputs(
@@ -269,7 +272,7 @@ def open_create(path: str = SERIAL_PORT, *, mode: Mode = Mode.FULL, speed: bool 
     """Open the Create 2 on a serial port; its wheels stop when the program ends, is killed or hangs.
 
     mode: FULL always obeys, SAFE stops at a cliff. speed: whether a duty of 1 is 500 mm/s, which the base
-    keeps, instead of full power. Raises HardwareError when the port is missing, forbidden or taken,
+    controls, instead of full power. Raises HardwareError if the port is missing, forbidden or in use,
     ValueError for a mode in which no wheel obeys.
     """
     from raccoon.hal.supervise.supervisor import Supervisor

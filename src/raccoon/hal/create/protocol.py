@@ -20,7 +20,7 @@ HEADER = 19
 
 
 class Mode(IntEnum):
-    """OI mode (packet 35). The wheels obey in SAFE and FULL alone."""
+    """OI mode (packet 35). The wheels obey only in SAFE and FULL."""
 
     OFF = 0
     PASSIVE = 1
@@ -32,7 +32,7 @@ _START, _SAFE, _FULL = 128, 131, 132
 _DRIVE_DIRECT, _DRIVE_PWM = 145, 146
 _STREAM, _PAUSE_RESUME, _STOP_INTERFACE = 148, 150, 173
 
-# (packet id, struct code, field of Sensors), in the order they are asked for and therefore sent.
+# (packet id, struct code, field of Sensors), in the order in which they are requested and sent.
 PACKETS: tuple[tuple[int, str, str], ...] = (
     (7, "B", "bumps_and_wheel_drops"),
     (9, "B", "cliff_left"),
@@ -60,11 +60,11 @@ _PAYLOAD_LENGTH = FRAME_LENGTH - 3
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """One stream frame in the words of the base.
+    """One stream frame, in the units of the base.
 
-    bumps_and_wheel_drops: bit 0 bump right, 1 bump left, 2 wheel drop right, 3 wheel drop left.
-    buttons: bit 0 clean, 1 spot. current_ma: negative while the battery discharges.
-    cliff signals: 0..4095, stronger reflection is higher. encoders: 0..65535, modular.
+    bumps_and_wheel_drops: bit 0 bump right, 1 bump left, 2 wheel drop right, 3 wheel drop left. buttons: bit
+    0 clean, 1 spot. current_ma: negative while the battery discharges. cliff signals: 0..4095, higher for a
+    stronger reflection. encoders: 0..65535, wrapping.
     """
 
     bumps_and_wheel_drops: int
@@ -91,39 +91,43 @@ class Sensors:
 
 
 def start(mode: Mode) -> bytes:
-    """Take control in `mode` (SAFE or FULL), wheels stopped, and have the sensors streamed."""
+    """The bytes that take control in `mode` (SAFE or FULL), stop the wheels and start the sensor stream."""
     return bytes((_START,)) + enter(mode) + drive_direct(0, 0) + stream(_IDS)
 
 
 def enter(mode: Mode) -> bytes:
-    """Change to SAFE (the base stops itself at a cliff or a dropped wheel) or FULL (it does not)."""
+    """The bytes that change to SAFE (the base stops itself at a cliff or a dropped wheel) or FULL (it does
+    not). Raises ValueError for another mode."""
     if mode not in (Mode.SAFE, Mode.FULL):
         raise ValueError(f"mode is {mode!r}: allowed are SAFE and FULL")
     return bytes((_SAFE if mode is Mode.SAFE else _FULL,))
 
 
 def stream(packets: tuple[int, ...]) -> bytes:
-    """Have these packets sent every 15 ms."""
+    """The bytes that request these packets every 15 ms."""
     return bytes((_STREAM, len(packets), *packets))
 
 
 def drive_direct(left_mm_s: int, right_mm_s: int) -> bytes:
-    """Wheel speeds in mm/s, held by the base's own controller. Raises ValueError outside -500..500."""
+    """The bytes that set wheel speeds in mm/s, which the base controls. Raises ValueError outside
+    -500..500."""
     return _wheels(_DRIVE_DIRECT, left_mm_s, right_mm_s, SPEED_LIMIT_MM_S, "speed in mm/s")
 
 
 def drive_pwm(left: int, right: int) -> bytes:
-    """Wheel drive in 1/255 of the battery voltage. Raises ValueError outside -255..255."""
+    """The bytes that set the wheels' duties in 1/255 of the battery voltage. Raises ValueError outside
+    -255..255."""
     return _wheels(_DRIVE_PWM, left, right, PWM_LIMIT, "PWM")
 
 
 def stop() -> bytes:
-    """Wheels stopped, whatever drives them."""
+    """The bytes that stop the wheels in either way of driving."""
     return drive_pwm(0, 0) + drive_direct(0, 0)
 
 
 def release() -> bytes:
-    """Wheels stopped, stream off, interface closed: the base is an ordinary Roomba again."""
+    """The bytes that stop the wheels and the stream and close the interface: the base is an ordinary Roomba
+    again."""
     return stop() + bytes((_PAUSE_RESUME, 0, _START, _STOP_INTERFACE))
 
 
@@ -135,7 +139,7 @@ def _wheels(opcode: int, left: int, right: int, limit: int, unit: str) -> bytes:
 
 
 class StreamDecoder:
-    """Finds stream frames in a byte stream that may be cut, garbled or joined in the middle."""
+    """Finds stream frames in a byte stream that may be cut, corrupted or joined in mid-frame."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -149,7 +153,7 @@ class StreamDecoder:
         while len(buffer) - at >= FRAME_LENGTH:
             sensors = _decode(buffer, at)
             if sensors is None:
-                # Only one byte: a header inside damaged data must not hide the true one right behind it.
+                # Skip one byte only: a header in damaged data must not hide the true one right behind it.
                 at += 1
             else:
                 at += FRAME_LENGTH

@@ -1,1 +1,1 @@
-"""A process of its own that stops the motors of a program that was killed or hangs, on any controller."""
+"""A separate process that stops the motors of a program that was killed or hangs, on any controller."""

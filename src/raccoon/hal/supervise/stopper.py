@@ -1,16 +1,17 @@
-"""A process that stops the motors when the robot program is killed or hangs. Standard library only.
+"""The process that stops the motors when the robot program is killed or hangs. Standard library only.
 
 Run as a script, never imported by the program: `python -I -S stopper.py TARGET SECONDS HELD FRAME...`.
-Standard input is the program's lifeline: a byte now and then says that it is alive, "q" that it has stopped
-the motors itself. When the lifeline breaks, the frames (hexadecimal) go out on TARGET: `spi:DEVICE:HERTZ`,
-`tty:DEVICE:BAUD` or `unix:PATH` (an emulator in another process). When it is silent for SECONDS, the frame
-goes out that lies in the file with the descriptor HELD, so that a program that only waits drops nothing its
-servos hold; where none lies there, the others do. Nothing of what they stop has a watchdog of its own.
+Standard input is the program's lifeline: a byte now and then shows that the program is alive, "q" that it has
+stopped the motors itself. When the lifeline closes, the frames FRAME (hexadecimal) are sent to TARGET:
+`spi:DEVICE:HERTZ`, `tty:DEVICE:BAUD` or `unix:PATH` (an emulator in another process). When it is silent for
+SECONDS, the frame in the file with the descriptor HELD is sent instead, so that a program that only waits
+does not drop what its servos hold; if that file is empty, the frames FRAME. None of the controllers has a
+watchdog of its own.
 """
 
 from __future__ import annotations
 
-import _signal as signal  # type: ignore[import-not-found]  # the module signal brings enum with it, a megabyte
+import _signal as signal  # type: ignore[import-not-found]  # the module signal imports enum, a megabyte
 import os
 import select
 import sys
@@ -22,13 +23,13 @@ if TYPE_CHECKING:
 REPEATS = 5
 PAUSE_SECONDS = 0.01
 
-# Of linux/spi/spidev.h: set mode, bits and speed; one transfer.
+# From linux/spi/spidev.h: set mode, bits and speed; one transfer.
 SPI_WRITE_MODE, SPI_WRITE_BITS, SPI_WRITE_SPEED = 0x40016B01, 0x40016B03, 0x40046B04
 SPI_TRANSFER = 0x40206B00
 
 
 def send_spi(place: str, frames: list[bytes]) -> None:
-    """Clock the frames out on a spidev device, with the bare system calls."""
+    """Send the frames on a spidev device by system calls alone; place: `DEVICE:HERTZ`."""
     import fcntl
     from array import array
     from struct import pack
@@ -50,7 +51,8 @@ def send_spi(place: str, frames: list[bytes]) -> None:
 
 
 def send_unix(path: str, frames: list[bytes]) -> None:
-    """Send the frames to an emulator behind a socket: length (2 bytes, little-endian), then the bytes."""
+    """Send the frames to an emulator behind a socket, each as its length (2 bytes, little-endian) and its
+    bytes."""
     import socket
 
     with socket.socket(socket.AF_UNIX) as connection:
@@ -63,7 +65,7 @@ def send_unix(path: str, frames: list[bytes]) -> None:
 
 
 def send_tty(place: str, frames: list[bytes]) -> None:
-    """Write the frames to a serial device (an iRobot Create): 8N1, raw, at the speed given."""
+    """Write the frames to a serial device (an iRobot Create), 8N1, raw; place: `DEVICE:BAUD`."""
     import termios
 
     device, speed = place.rsplit(":", 1)
@@ -76,7 +78,7 @@ def send_tty(place: str, frames: list[bytes]) -> None:
         for frame in frames:
             os.write(descriptor, frame)
             select.select([], [], [], PAUSE_SECONDS)
-    except termios.error as error:  # no OSError; a plug that bounces is gone again between open and set-up
+    except termios.error as error:  # is no OSError; occurs if the contact bounces between open and set-up
         raise OSError(*error.args) from error
     finally:
         os.close(descriptor)
@@ -86,9 +88,11 @@ SENDERS = {"spi": send_spi, "tty": send_tty, "unix": send_unix}
 
 
 def supervise(lifeline: int, seconds: float, stop: Callable[[], None], hold: Callable[[], None]) -> None:
-    """Return when the program has ended well or is gone: `stop` then. `hold` whenever it is silent.
+    """Watch the lifeline until the program has ended. Calls `stop` if it ended without "q", and `hold` each
+    time that it has been silent for `seconds`.
 
-    The program may come back after a pause (a debugger, a stopped process); it drives on by its next frame.
+    The program may resume after a pause (a debugger, a stopped process); its next frame drives the robot
+    again.
     """
     limit: float | None = None
     while True:
@@ -107,7 +111,7 @@ def supervise(lifeline: int, seconds: float, stop: Callable[[], None], hold: Cal
 
 
 def main(arguments: list[str]) -> None:
-    """Set signals aside, then watch."""
+    """Ignore signals that end a process, then supervise."""
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(each, signal.SIG_IGN)
     kind, place = arguments[0].split(":", 1)
@@ -126,7 +130,7 @@ def main(arguments: list[str]) -> None:
         held = os.pread(int(arguments[2]), 4096, 0)
         send([held] if held else frames)
 
-    os.write(1, b"r")  # ready: signals are set, nothing is left to import but a few small modules
+    os.write(1, b"r")  # ready: signals are ignored, only a few small modules are left to import
     supervise(0, float(arguments[1]), stop, hold)
 
 

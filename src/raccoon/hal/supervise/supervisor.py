@@ -1,4 +1,4 @@
-"""The program's end of the supervisor: starts it, and tells it now and then that the program is alive."""
+"""The program's side of the supervisor: starts the process and signals to it that the program is alive."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ from raccoon.core.errors import HardwareError
 from raccoon.core.fork_ownership import leave_in_forks
 
 SILENCE_SECONDS = 0.5
-"""A program that says nothing for so long hangs."""
+"""s without a beat after which a program counts as hanging."""
 BEAT_SECONDS = 0.1
-"""Beats more often than that are not passed on: the supervisor need not wake up for each cycle."""
+"""Shortest time between two beats that are passed on, s: the supervisor need not wake up in each cycle."""
 START_SECONDS = 10.0
-"""An interpreter that has not started by then hangs; a busy Raspberry Pi 3 takes one or two."""
+"""s after which an interpreter that has not started hangs; a busy Raspberry Pi 3 takes 1 to 2 s."""
 
 
 class Supervisor:
-    """A process of its own that stops the motors when this one is killed, crashes or hangs.
+    """A separate process that stops the motors if this one is killed, crashes or hangs.
 
-    target: where the stop goes, `spi:DEVICE:HERTZ` or `unix:PATH`. frames: what stops. A program that lives
-    and says nothing for half a second gets what `hold` was told last instead, where it was told something.
-    keep: descriptors that the process inherits and so keeps open until the motors are stopped (the lock of
-    the bus). Raises HardwareError where it cannot be started.
+    target: where the frames are sent, `spi:DEVICE:HERTZ`, `tty:DEVICE:BAUD` or `unix:PATH`. frames: those
+    that stop everything. If the program lives but sends no beat for half a second, the last frame given to
+    `hold` is sent instead, if there is one. keep: descriptors (the lock of the bus) that the process
+    inherits, so that they stay open until the motors are stopped. Raises HardwareError if the process cannot
+    be started.
     """
 
     def __init__(
@@ -40,7 +41,7 @@ class Supervisor:
         script = Path(__file__).with_name("stopper.py")
         # Isolated, without site packages: it starts fast and stays small.
         command = [sys.executable, "-I", "-S", "-B", str(script), target, str(SILENCE_SECONDS)]
-        # Memory that both see: a servo on its way changes the frame in every cycle and need wake up nobody.
+        # Shared memory: a moving servo changes the frame in every cycle, which must not wake up the process.
         self._held = os.memfd_create("raccoon-hold")
         try:
             self._process = subprocess.Popen(
@@ -74,27 +75,29 @@ class Supervisor:
         return self._process.pid
 
     def beat(self) -> None:
-        """Say that the program is alive. Raises HardwareError where the supervisor is gone."""
+        """Signal that the program is alive. Raises HardwareError if the supervisor is gone."""
         now = time.monotonic()
         if now < self._next_beat:
             return
         self._next_beat = now + BEAT_SECONDS
         try:
             os.write(self._lifeline, b".")
-        except BlockingIOError:  # it is busy stopping motors, and will read on
+        except BlockingIOError:  # the supervisor is busy stopping motors; it reads later
             return
         except OSError as error:
             raise HardwareError(f"the supervisor process {self.pid} is gone: restart the program") from error
 
     def hold(self, frame: bytes) -> None:
-        """What is sent from now on while the program lives and says nothing; always of the same length."""
+        """Set the frame that is sent if the program lives but is silent. All these frames must have one
+        length. Raises HardwareError if that fails."""
         try:
             os.pwrite(self._held, frame, 0)
         except OSError as error:
             raise HardwareError(f"the supervisor process cannot be told what to hold: {error}") from error
 
     def leave(self) -> None:
-        """See `raccoon.core.fork_ownership`: with a copy of the lifeline it would miss this program's end."""
+        """See `raccoon.core.fork_ownership`: with a copy of the lifeline in a forked process, the supervisor
+        would not notice this program's end."""
         if not self._closed:
             self._closed = True
             assert self._process.stdin is not None
@@ -102,7 +105,8 @@ class Supervisor:
             os.close(self._held)
 
     def close(self, *, stopped: bool = True) -> None:
-        """End it. stopped: the motors are off; otherwise it stops them first. May be called twice."""
+        """End the process. stopped: the motors are off; otherwise the process stops them first. May be called
+        twice."""
         if self._closed:
             return
         self._closed = True
