@@ -167,7 +167,8 @@ def _with_model_numbers(robot: RobotConfig, model: Parameters) -> RobotConfig:
 
 
 def resolve_robot(run: Run, named: Path | None) -> ResolvedRobot:
-    """The robot of a run, its robot.toml, and a note if it was not named and had to be guessed.
+    """The robot of a run, the robot.toml it comes from (None if none was needed), and a note if it had to be
+    guessed.
 
     named: a robot.toml given by the user. Raises ConfigError, and TraceError for a recording without samples.
     """
