@@ -1,4 +1,4 @@
-"""What ports have in common that add the readings of a sensor to another port."""
+"""Common base of the ports that add the readings of a sensor to another port."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ Faults = tuple[Fault, ...]
 
 
 class Closable(Protocol):
-    """A sensor, as far as it is let go here."""
+    """A sensor that can be closed."""
 
     def close(self) -> None:
-        """Let it go."""
+        """Release the sensor."""
         ...
 
 
 class AddedSensorPort:
-    """Passes commands on; the wrapped port is closed first, so that motors stop whatever the sensor does."""
+    """Passes commands on to the wrapped port, which is closed before the sensor, so that the motors stop
+    whatever the sensor does."""
 
     def __init__(self, port: Port, sensor: Closable) -> None:
         self._port = port
@@ -28,7 +29,7 @@ class AddedSensorPort:
 
     @property
     def real_time(self) -> bool:
-        """Whether the wrapped port's cycles come by the wall's clock."""
+        """Whether the wrapped port's cycles follow real time."""
         return in_real_time(self._port)
 
     def write(self, outputs: Outputs) -> None:
@@ -36,7 +37,7 @@ class AddedSensorPort:
         self._port.write(outputs)
 
     def close(self) -> None:
-        """Motors off, both released."""
+        """Close the port, which stops the motors, then the sensor."""
         try:
             self._port.close()
         finally:
@@ -44,5 +45,5 @@ class AddedSensorPort:
 
 
 def with_loss(faults: Faults, lost: bool) -> Faults:
-    """`faults` with SENSOR_LOST where the sensor is; another added one may have said so already."""
+    """`faults` and, if `lost`, SENSOR_LOST, unless another added sensor has added it already."""
     return (*faults, Fault.SENSOR_LOST) if lost and Fault.SENSOR_LOST not in faults else faults

@@ -1,7 +1,7 @@
-"""A serial line that survives being unplugged, and never makes its reader wait longer than it says.
+"""A serial line that survives being unplugged and whose reads have a time-out.
 
-pyserial's own defaults wait for ever, share a port with any other program and leave an unplugged device to
-the caller; here every wait has an end, the port is taken exclusively, and a lost device is opened again.
+By default pyserial waits for ever, shares a port with any other program and leaves an unplugged device to the
+caller. Here every wait is bounded, the port is opened exclusively, and a lost device is opened again.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from raccoon.core.clock import Clock
 from raccoon.core.errors import HardwareError
 
 RETRY = 0.5
-"""s from one attempt to open a device again to the next."""
+"""s between two attempts to open a lost device again."""
 WRITE_TIMEOUT = 0.02
-"""s; a command is a few bytes and the kernel buffers 4096, so only a dead line takes that long."""
+"""Time-out of a write, s: a command is a few bytes and the kernel buffers 4096, so only a dead line takes
+that long."""
 CHUNK_LIMIT = 4096
-"""Most bytes taken in one read, so that a flood cannot hold up the cycle."""
+"""Most bytes read at once, so that a flood of data cannot hold up the cycle."""
 
 
 class SerialDevice(Protocol):
@@ -35,9 +36,9 @@ class SerialDevice(Protocol):
 
 
 def open_serial(path: str, baud: int) -> SerialDevice:
-    """Open `path` at `baud`, 8N1, for us alone; neither reads nor writes ever block for long.
+    """Open `path` at `baud`, 8N1, exclusively; reads do not block and writes not longer than the time-out.
 
-    Raises OSError (serial.SerialException is one) when it cannot.
+    Raises OSError (serial.SerialException is one) if that fails.
     """
     import termios
 
@@ -45,15 +46,16 @@ def open_serial(path: str, baud: int) -> SerialDevice:
 
     try:
         return serial.Serial(path, baud, timeout=0, write_timeout=WRITE_TIMEOUT, exclusive=True)
-    except termios.error as error:  # no OSError; a plug that bounces is gone again between open and set-up
+    except termios.error as error:  # is no OSError; occurs if the contact bounces between open and set-up
         raise OSError(*error.args) from error
 
 
 class SerialLine:
-    """Bytes to and from one device; after an unplug it is opened again, every RETRY s at most.
+    """A byte stream to and from one device; after an unplug the device is opened again, at most every RETRY
+    s.
 
     `openings` counts successful openings: a protocol that sees it change must start from the beginning.
-    Raises HardwareError when the device cannot be opened the first time.
+    Raises HardwareError if the device cannot be opened the first time.
     """
 
     def __init__(self, path: str, baud: int, clock: Clock) -> None:
@@ -74,7 +76,7 @@ class SerialLine:
         return self._device is not None
 
     def read(self, timeout: float) -> bytes:
-        """What has arrived, at the latest after `timeout` s; empty on silence and while unplugged."""
+        """The bytes received, after at most `timeout` s; empty on silence and while unplugged."""
         if self._device is None and not self._reopen():
             self._pause(timeout)
             return b""
@@ -88,7 +90,7 @@ class SerialLine:
             return b""
 
     def write(self, data: bytes) -> bool:
-        """Send `data`; False where it could not be sent whole (unplugged, or the line does not take it)."""
+        """Send `data`; False if it was not sent completely (unplugged, or the line does not accept it)."""
         if self._device is None:
             return False
         try:
@@ -99,12 +101,12 @@ class SerialLine:
             return False
 
     def reopen(self) -> None:
-        """Let a device go that is open but dead; the next read after the retry time opens it again."""
+        """Close a device that is open but dead; the next read after the retry time opens it again."""
         self._next_attempt = self._clock.now() + RETRY
         self._drop()
 
     def close(self) -> None:
-        """Give the device back. May be called twice."""
+        """Close the device. May be called twice."""
         self._closed = True
         self._drop()
 
@@ -129,7 +131,7 @@ class SerialLine:
                 device.close()
 
     def _pause(self, timeout: float) -> None:
-        # Without a device nothing else paces the caller, and a loop without a pause would eat the processor.
+        # Without a device nothing else paces the caller; a loop without a pause would use a whole core.
         if timeout > 0.0:
             self._clock.sleep_until(self._clock.now() + timeout)
 

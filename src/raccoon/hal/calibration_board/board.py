@@ -1,4 +1,4 @@
-"""The calibration board on its USB line: polled once a cycle, never waited for."""
+"""The calibration board on its USB line, polled once a cycle without waiting."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from raccoon.hal.serial_line import SerialLine
 BAUD = 921_600
 """A USB line has no rate; the board ignores the number."""
 FRESH_S = 0.1
-"""s; what the board said longer ago is not where the robot is."""
+"""s without a frame after which the board counts as silent and its pose is not used."""
 DEAD_S = 2.0
 """s without an IMU sample after which the line is opened again."""
 
@@ -29,7 +29,7 @@ class CalibrationBoard:
         self._heard = self._sampled = clock.now()
 
     def poll(self) -> None:
-        """Take in what has arrived; returns at once."""
+        """Process the frames received; returns at once."""
         data = self._line.read(0.0)
         now = self._clock.now()
         if self._line.openings != self._openings:
@@ -48,7 +48,7 @@ class CalibrationBoard:
 
     @property
     def silent(self) -> bool:
-        """True where the board has said nothing for a while."""
+        """Whether the board has sent no frame for `FRESH_S`."""
         return self._clock.now() - self._heard > FRESH_S
 
     @property
@@ -57,15 +57,15 @@ class CalibrationBoard:
 
     @property
     def problem(self) -> str:
-        """Why there is no pose; empty where there is one."""
+        """Why there is no pose; empty if there is one."""
         return "the board is silent; is it plugged in?" if self.silent else self.tracker.problem
 
     def truth(self) -> Truth | None:
-        """The pose of the middle of the wheel axis, or None unless it can be trusted."""
+        """The pose of the middle of the wheel axis, or None if it cannot be trusted."""
         return None if self.silent else self.tracker.truth()
 
     def close(self) -> None:
-        """Give the line back. May be called twice."""
+        """Close the line. May be called twice."""
         self._line.close()
 
     def _begin_again(self, now: float) -> None:

@@ -38,7 +38,7 @@ def crc8(data: bytes | bytearray | memoryview) -> int:
 
 @dataclass(frozen=True, slots=True)
 class ImuSample:
-    """Raw words, 1 kHz. accel: 8192 a g; gyro: 16.384 a deg/s, bias already taken off."""
+    """One IMU sample, 1 kHz, counts. accel: 8192 per g; gyro: 16.384 per deg/s, bias already subtracted."""
 
     time_ms: int
     accel: tuple[int, int, int]
@@ -52,7 +52,8 @@ class ImuSample:
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """Counts the floor moved under the sensor since the last frame; squal below 40 is poor tracking."""
+    """Counts by which the floor moved under the sensor since the last frame; squal below 40 is poor
+    tracking."""
 
     time_ms: int
     dx: int
@@ -64,7 +65,7 @@ class Flow:
 
 @dataclass(frozen=True, slots=True)
 class BoardStatus:
-    """How the board sees its own sensors: 0 is well, anything else an error code of its drivers."""
+    """State of the board's own sensors: 0 is well, anything else an error code of its drivers."""
 
     time_ms: int
     imu: int
@@ -171,7 +172,7 @@ _READERS: dict[tuple[int, int], Callable[[int, bytes], Frame]] = {
 
 
 class FrameDecoder:
-    """Finds frames in a byte stream that may be cut, garbled or joined in the middle."""
+    """Finds frames in a byte stream that may be cut, corrupted or joined in mid-frame."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -188,7 +189,7 @@ class FrameDecoder:
             if reader is not None and end > len(buffer):
                 break
             if reader is None or crc8(memoryview(buffer)[at + 1 : end - 1]) != buffer[end - 1]:
-                # Only one byte: a start byte inside damaged data must not hide the true one right behind it.
+                # Skip one byte only: a start byte in damaged data must not hide the true one right behind it.
                 at += 1
                 continue
             _, _, _, time_ms = _HEAD.unpack_from(buffer, at)

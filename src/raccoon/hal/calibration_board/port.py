@@ -1,4 +1,4 @@
-"""A port that adds what a reference system sees."""
+"""A port that adds the pose of a reference system."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from raccoon.hal.serial_line import SerialLine
 
 
 class ReferencePort(AddedSensorPort):
-    """Wraps `port`: `truth` becomes the board's pose, and None wherever that cannot be trusted.
+    """Wraps `port`: `truth` becomes the board's pose, or None if that cannot be trusted.
 
-    `extra` gains reference.turn_rate (rad/s) and reference.quality (surface quality of the flow sensor).
-    A silent board adds the fault SENSOR_LOST; it never delays a cycle. The pose is as old as the board's
-    newest frame, up to 10 ms (its attitude comes at 100 Hz).
+    `extra` gains reference.turn_rate (rad/s) and reference.quality (surface quality of the flow sensor). A
+    silent board adds the fault SENSOR_LOST; it never delays a cycle. The pose is as old as the board's newest
+    frame, up to 10 ms (its attitude comes at 100 Hz).
     """
 
     def __init__(self, port: Port, board: CalibrationBoard) -> None:
@@ -26,7 +26,7 @@ class ReferencePort(AddedSensorPort):
         self._board = board
 
     def read(self) -> Inputs:
-        """The wrapped port's next cycle, with the reference in it."""
+        """The wrapped port's next cycle with the reference added."""
         inputs = self._port.read()
         board = self._board
         board.poll()
@@ -41,6 +41,6 @@ class ReferencePort(AddedSensorPort):
 
 
 def open_reference(port: Port, path: str = "/dev/ttyACM0", mounting: Mounting = CENTRED) -> ReferencePort:
-    """Wrap `port` with the calibration board on `path`. Raises HardwareError when the board is not there."""
+    """Wrap `port` with the calibration board on `path`. Raises HardwareError if the board is not there."""
     clock = RealClock()
     return ReferencePort(port, CalibrationBoard(SerialLine(path, BAUD, clock), clock, mounting))

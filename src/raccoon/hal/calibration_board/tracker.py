@@ -1,8 +1,8 @@
-"""Where the robot is, from what an optical flow sensor and an attitude report.
+"""The pose of the robot from an optical flow sensor and an attitude.
 
-The sensor sits at r = (forward, left) in the robot frame. Its own path is the sum of the flow turned by the
+The sensor is at r = (forward, left) in the robot frame. Its own path is the sum of the flow rotated by the
 heading; the middle of the wheel axis is that path minus R(heading) r. A reference that may be wrong is worse
-than none: once motion was missed the pose is invalid until `restart`.
+than none: once motion was missed, the pose is invalid until `restart`.
 """
 
 from __future__ import annotations
@@ -15,21 +15,22 @@ from raccoon.core.readings import Status, Truth
 from raccoon.hal.calibration_board.frames import Accumulator, Flow, FlowCalibration, Frame, Orientation
 
 POOR_SQUAL = 40
-"""Surface quality below which the flow sensor does not follow the floor."""
+"""Surface quality below which the flow sensor does not track the floor."""
 FRAME_GAP = 0.05
-"""s without flow or without tracking that may be bridged by what comes next."""
+"""s without flow or without tracking after which the pose is lost; a shorter gap is bridged by the next
+frame."""
 ACCUMULATOR_GAP = 0.25
-"""The same where the board sums the flow itself."""
+"""The same for flow, if the board sums the flow itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """How the board sits on the robot. Nothing is taken from the board's own offset.
+    """Mounting of the board on the robot. The board's own offset is not used.
 
     forward, left: m from the middle of the wheel axis to the flow sensor. rotation: rad counter-clockwise
-    from the robot's forward to the sensor's x axis. x_sign, y_sign, yaw_sign: -1 where the board counts the
-    other way round; push the robot forward, to the left and turn it counter-clockwise to find them.
-    Raises ConfigError for a sign that is neither 1 nor -1, or a number that is not finite.
+    from the robot's forward to the sensor's x axis. x_sign, y_sign, yaw_sign: -1 if the board counts in the
+    opposite direction; push the robot forward, to the left and turn it counter-clockwise to find them. Raises
+    ConfigError for a sign that is neither 1 nor -1, or a number that is not finite.
     """
 
     forward: float = 0.0
@@ -49,11 +50,12 @@ class Mounting:
 
 
 CENTRED = Mounting()
-"""In the middle of the wheel axis, x forward, y left."""
+"""Mounting in the middle of the wheel axis, x forward, y left."""
 
 
 class FlowTracker:
-    """Sums frames to a pose. `lost` says why the pose is invalid, and is empty while it is not."""
+    """Integrates frames to a pose. `lost` says why the pose is lost; empty if it is not. turn_rate: rad/s.
+    squal: surface quality of the last flow."""
 
     def __init__(self, mounting: Mounting = CENTRED) -> None:
         self._mounting = mounting
@@ -69,7 +71,7 @@ class FlowTracker:
         self.restart()
 
     def restart(self, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
-        """Say where the robot stands now (m, m, rad).
+        """Set the pose at which the robot stands now (m, m, rad).
 
         Without a call the pose is 0, 0, 0 where the robot stood when the first `truth` came: let it rest
         until then.
@@ -81,7 +83,7 @@ class FlowTracker:
         self._sensor_x, self._sensor_y = x + forward, y + left
 
     def lose(self, reason: str) -> None:
-        """The pose cannot be trusted any more; the first reason is kept. The next flow starts a new sum."""
+        """Declare the pose lost; the first reason is kept. The next flow starts a new sum."""
         self.lost = self.lost or reason
         self._flow_time = self._good_time = self._sums = None
 
@@ -93,11 +95,11 @@ class FlowTracker:
 
     @property
     def problem(self) -> str:
-        """Why there is no pose; empty where there is one."""
+        """Why there is no pose; empty if there is one."""
         return self.lost or self._missing()
 
     def truth(self) -> Truth | None:
-        """The pose, or None unless it can be trusted."""
+        """The pose, or None if it cannot be trusted."""
         if self.status is not Status.OK:
             return None
         heading = self._heading()
@@ -105,7 +107,7 @@ class FlowTracker:
         return Truth(self._sensor_x - forward, self._sensor_y - left, heading)
 
     def take(self, frame: Frame) -> None:
-        """Use one frame; frames must come in the order of the board."""
+        """Process one frame; frames must come in the order of the board."""
         match frame:
             case FlowCalibration():
                 self._take_calibration(frame)
@@ -159,7 +161,7 @@ class FlowTracker:
         self._flow_time = frame.time_ms
         self._judge_quality(frame)
         if first:
-            self._flow_yaw = self._yaw  # what it counts happened before anybody listened
+            self._flow_yaw = self._yaw  # the first frame counts motion before the program listened
         elif self._sums is None:
             self._move(frame.dx, frame.dy)
 
@@ -189,7 +191,8 @@ class FlowTracker:
             self._move(_difference(last[0], frame.x), _difference(last[1], frame.y))
 
     def _move(self, dx: int, dy: int) -> None:
-        """Add a step of the sensor, turned by the heading half way between this step and the last."""
+        """Add a step of the sensor, dx and dy counts, rotated by the heading half way between this step and
+        the last."""
         if self._counts_per_metre is None or self._yaw is None:
             return
         before = self._yaw if self._flow_yaw is None else self._flow_yaw
@@ -214,5 +217,5 @@ def _difference(last: int, now: int) -> int:
 
 
 def _elapsed(last_ms: int, now_ms: int) -> float:
-    """s between two stamps of the board's modular uint32 clock; negative where it went back."""
+    """s between two time stamps of the board's modular uint32 clock; negative if it went back."""
     return _difference(last_ms, now_ms) / 1000.0

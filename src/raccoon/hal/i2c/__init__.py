@@ -1,4 +1,4 @@
-"""Sensors added on an I2C bus: a second gyro, an ammeter for the battery."""
+"""Sensors added on an I2C bus: another gyro, an ammeter for the battery."""
 
 from raccoon.hal.i2c.bus import I2cBus
 from raccoon.hal.i2c.ina import Ina219, Ina226, PowerSample, find_monitor

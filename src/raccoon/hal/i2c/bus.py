@@ -1,4 +1,4 @@
-"""One I2C bus of the computer, safe for several threads, with errors that say what to look at."""
+"""An I2C bus of the computer, safe for several threads, with error messages that say what to check."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ WOMBAT_RESERVED: Mapping[int, str] = {
     0x58: "the serial number in the EEPROM",
     0x68: "the clock DS1340",
 }
-"""What a Wombat itself has on bus 1."""
+"""Addresses of a Wombat's own devices on bus 1."""
 BLOCK_LIMIT = 32
-"""Bytes of one SMBus block transfer."""
+"""Largest SMBus block transfer, bytes."""
 _FIRST_ADDRESS, _LAST_ADDRESS = 0x08, 0x77  # the others are reserved by the I2C specification
 
 
@@ -42,13 +42,12 @@ def open_smbus(path: str) -> Smbus:
 
 
 class I2cBus:
-    """Registers of devices on one bus. Every transfer is bounded by the kernel's time-out (1 s on a
+    """Access to the registers of devices on one bus. The kernel's time-out bounds every transfer (1 s on a
     Raspberry Pi).
 
-    smbus2 keeps the address of the last transfer in the object: without the lock two threads could exchange
-    their chips between choosing one and talking to it.
-    bus: number of /dev/i2c-N, or a path. reserved: addresses that belong to the board itself.
-    Raises HardwareError when the bus cannot be opened.
+    smbus2 keeps the address of the last transfer in its object: without the lock one thread could address a
+    device and another thread transfer to it. bus: number of /dev/i2c-N, or a path. reserved: addresses that
+    belong to the board itself. Raises HardwareError if the bus cannot be opened.
     """
 
     def __init__(
@@ -67,7 +66,8 @@ class I2cBus:
             raise HardwareError(f"I2C bus {self.path}: {_opening_reason(error)}") from error
 
     def claim(self, address: int, device: str) -> None:
-        """Check that `device` may live at `address`; raises ConfigError where the board itself does."""
+        """Check that `device` may use `address`; raises ConfigError if it is out of range or the board's
+        own."""
         if not _FIRST_ADDRESS <= address <= _LAST_ADDRESS:
             raise ConfigError(f"{device} at {address:#04x}: allowed are the addresses 0x08 to 0x77")
         if address in self._reserved:
@@ -77,7 +77,8 @@ class I2cBus:
             )
 
     def read(self, address: int, register: int, count: int) -> bytes:
-        """`count` bytes (1..32) from `register` on. Raises HardwareError when the device does not answer."""
+        """Read `count` bytes (1..32) from `register` on. Raises HardwareError if the device does not answer,
+        ValueError for another count."""
         if not 1 <= count <= BLOCK_LIMIT:
             raise ValueError(f"count is {count}: allowed are 1 to {BLOCK_LIMIT} bytes")
         with self._lock:
@@ -92,7 +93,7 @@ class I2cBus:
         return data
 
     def write(self, address: int, register: int, data: bytes) -> None:
-        """Write `data` from `register` on. Raises HardwareError when the device does not answer."""
+        """Write `data` from `register` on. Raises HardwareError if the device does not answer."""
         with self._lock:
             try:
                 self._opened().write_i2c_block_data(address, register, list(data))
@@ -100,10 +101,11 @@ class I2cBus:
                 raise self._failed(address, error) from error
 
     def scan(self) -> dict[int, str]:
-        """Addresses in use and by whom: "device", "kernel driver", or what the board has there.
+        """Addresses in use and what is there: "device", "kernel driver", or the name of the board's own
+        device.
 
         Reads one byte from every address, which changes nothing in the devices known here. Raises
-        HardwareError when the bus is stuck.
+        HardwareError if the bus is stuck.
         """
         found = {}
         for address in range(_FIRST_ADDRESS, _LAST_ADDRESS + 1):
@@ -113,7 +115,7 @@ class I2cBus:
         return found
 
     def close(self) -> None:
-        """Give the bus back, unless a transfer hangs in it. May be called twice."""
+        """Close the bus, unless a transfer hangs in it. May be called twice."""
         if not self._lock.acquire(timeout=0.2):
             return
         try:

@@ -1,8 +1,8 @@
-"""The battery monitors INA219 and INA226: volts of the battery and amperes out of it.
+"""The battery monitors INA219 and INA226: voltage of the battery and current out of it.
 
-Texas Instruments, INA219 (SBOS448) and INA226 (SBOS547). Current is the voltage across the shunt over its
-resistance; that needs none of the chips' calibration registers, so nothing is lost when one restarts.
-Wired with the battery on IN+ and the robot on IN-, so that what the robot draws is positive.
+Texas Instruments, INA219 (SBOS448) and INA226 (SBOS547). The current is the voltage across the shunt over its
+resistance; this needs none of the chips' calibration registers, so nothing is lost when a chip restarts. The
+battery is on IN+ and the robot on IN-, so that the current which the robot draws is positive.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _TEXAS_INSTRUMENTS = 0x5449
 
 @dataclass(frozen=True, slots=True)
 class PowerSample:
-    """voltage in V; current in A, positive out of the battery, None where the shunt's range was left."""
+    """voltage in V; current in A, positive out of the battery, None beyond the shunt's range."""
 
     voltage: float
     current: float | None
@@ -36,16 +36,16 @@ class _Chip:
     bus_shift: int
 
 
-# 16 V range, shunt +-320 mV, mean of 8 conversions each (4.26 ms), running on and on.
+# 16 V range, shunt +-320 mV, mean of 8 conversions each (4.26 ms), continuous.
 _INA219 = _Chip("ina219", 0x1DDF, 10e-6, 31_990, 4e-3, 3)
-# Mean of 4 conversions of 1.1 ms each, running on and on; shunt +-81.9 mV.
+# Mean of 4 conversions of 1.1 ms each, continuous; shunt +-81.9 mV.
 _INA226 = _Chip("ina226", 0x4327, 2.5e-6, 32_760, 1.25e-3, 0)
 _INA219_AFTER_RESET = 0x399F
 _RESET = 0x8000
 
 
 class _Monitor:
-    """What both chips have in common. shunt: ohm."""
+    """Common part of both chips. shunt: its resistance, ohm."""
 
     _chip: _Chip
 
@@ -61,11 +61,11 @@ class _Monitor:
 
     @property
     def limit(self) -> float:
-        """A at the end of the shunt's range."""
+        """Largest current that can be measured, A."""
         return self._chip.shunt_limit * self._chip.shunt_volts / self._shunt
 
     def set_up(self) -> None:
-        """Identify and configure the chip. Raises HardwareError when it is another one."""
+        """Identify and configure the chip. Raises HardwareError for another chip."""
         self._identify()
         _write_word(self._bus, self._address, _CONFIG, self._chip.config)
         kept = _word(self._bus, self._address, _CONFIG)
@@ -76,7 +76,7 @@ class _Monitor:
             )
 
     def read(self) -> PowerSample:
-        """The newest sample. Raises HardwareError when the chip is gone or was reset."""
+        """The newest sample. Raises HardwareError if the chip does not answer or was reset."""
         if _word(self._bus, self._address, _CONFIG) != self._chip.config:
             raise HardwareError(f"{self.name} at {self._address:#04x} lost its configuration: it was reset")
         shunt = _signed(_word(self._bus, self._address, _SHUNT))
@@ -94,7 +94,7 @@ class Ina219(_Monitor):
     _chip = _INA219
 
     def _identify(self) -> None:
-        # The chip has no number to read; what its configuration is after a reset is the best there is.
+        # The chip has no identification register; its configuration after a reset is the best substitute.
         _write_word(self._bus, self._address, _CONFIG, _RESET)
         found = _word(self._bus, self._address, _CONFIG)
         if found != _INA219_AFTER_RESET:
@@ -117,7 +117,8 @@ class Ina226(_Monitor):
 
 
 def find_monitor(bus: I2cBus, address: int = DEFAULT_ADDRESS, *, shunt: float) -> Ina219 | Ina226:
-    """The monitor at `address`, set up. Raises HardwareError when there is neither of the two."""
+    """The monitor at `address`, set up. Raises HardwareError if there is neither of the two chips,
+    ConfigError for an address or a shunt (ohm) that is not allowed."""
     _check(bus, address, "a battery monitor", shunt)
     monitor: Ina219 | Ina226
     if _is_ina226(bus, address):

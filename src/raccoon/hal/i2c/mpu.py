@@ -1,8 +1,8 @@
 """The InvenSense MPU-6050, 6500, 9250 and 9255: gyro and accelerometer.
 
 Registers and scales: InvenSense, "MPU-6000 and MPU-6050 Register Map" (RM-MPU-6000A) and "MPU-9250 Register
-Map" (RM-MPU-9250A). The sensor runs at 1 kHz behind its 41 Hz low-pass and is polled: a sample is never
-older than 1 ms when it is read, and one burst reads accelerometer, temperature and gyro of the same moment.
+Map" (RM-MPU-9250A). The sensor samples at 1 kHz behind its 41 Hz low-pass and is polled: a sample is at most
+1 ms old when it is read, and one burst reads accelerometer, temperature and gyro of the same moment.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from raccoon.core.readings import GRAVITY
 from raccoon.hal.i2c.bus import I2cBus
 
 DEFAULT_ADDRESS = 0x69
-"""AD0 high. With AD0 low it would be 0x68, where a Wombat has its clock chip."""
+"""The address with AD0 high. With AD0 low it would be 0x68, that of a Wombat's clock chip."""
 
 _RATE_DIVIDER, _CONFIG, _GYRO_CONFIG, _ACCEL_CONFIG, _ACCEL_CONFIG_2 = 0x19, 0x1A, 0x1B, 0x1C, 0x1D
 _DATA, _USER_CONTROL, _POWER_1, _POWER_2, _WHO_AM_I = 0x3B, 0x6A, 0x6B, 0x6C, 0x75
@@ -28,7 +28,7 @@ _ACCEL_COUNTS_PER_G = 8192
 _WORDS = struct.Struct(">7h")
 _CLIPPED = 32_760
 _FROZEN_AFTER = 100
-"""Equal readings in a row: the noise of the sensor alone changes a bit far more often."""
+"""Equal readings in a row after which the sensor is frozen: its noise changes a bit far more often."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,8 @@ _GYRO_RANGES = {250: (0x00, 131.072), 500: (0x08, 65.536), 1000: (0x10, 32.768),
 
 @dataclass(frozen=True, slots=True)
 class ImuSample:
-    """Words in the robot's axes; gyro is None where an axis was at its limit. temperature in Celsius."""
+    """One sample in the robot's axes, counts; gyro is None if an axis was at its limit. temperature in
+    Celsius."""
 
     gyro: tuple[int, int, int] | None
     accel: tuple[int, int, int]
@@ -63,9 +64,9 @@ class ImuSample:
 class Mpu:
     """One sensor on `bus`.
 
-    axes: which of its axes, with sign, looks along the robot's x (forward), y (left) and z (up), for example
-    ("-y", "x", "z"). gyro_range_deg_s: 250, 500, 1000 or 2000.
-    Raises ConfigError for an address of the board itself, axes that are no rotation, or an unknown range.
+    axes: the sensor's axes, with sign, along the robot's x (forward), y (left) and z (up), for example ("-y",
+    "x", "z"). gyro_range_deg_s: 250, 500, 1000 or 2000. Raises ConfigError for an address of the board
+    itself, axes that are no rotation, or another range.
     """
 
     def __init__(
@@ -95,7 +96,8 @@ class Mpu:
         return self._chip.name
 
     def set_up(self) -> None:
-        """Identify, wake and configure the sensor. Raises HardwareError for another chip or a deaf one."""
+        """Identify, wake and configure the sensor. Raises HardwareError for another chip or one that does not
+        answer."""
         identity = self._bus.read(self._address, _WHO_AM_I, 1)[0]
         if identity not in _CHIPS:
             known = ", ".join(f"{key:#04x} ({chip.name})" for key, chip in _CHIPS.items())
@@ -115,10 +117,11 @@ class Mpu:
         self._last, self._repeats = b"", 0
 
     def read(self) -> ImuSample:
-        """The newest sample. Raises HardwareError when the sensor is gone, asleep, frozen or was reset."""
+        """The newest sample. Raises HardwareError if the sensor does not answer, is asleep or frozen, or was
+        reset."""
         data = self._bus.read(self._address, _DATA, _WORDS.size)
         self._check_alive(data)
-        # All but the MPU-6050 are awake after a loss of power, and then read four times the turn rate.
+        # After a loss of power all but the MPU-6050 are awake, in another range: four times the turn rate.
         if self._bus.read(self._address, _CONFIG, len(self._ranges)) != self._ranges:
             raise HardwareError(f"{self.name} at {self._address:#04x} lost its configuration: it was reset")
         ax, ay, az, temperature, gx, gy, gz = _WORDS.unpack(data)
@@ -180,7 +183,7 @@ def _parse_axes(axes: Sequence[str]) -> tuple[tuple[int, int], tuple[int, int], 
 
 @dataclass(frozen=True, slots=True)
 class GyroBias:
-    """Mean turn rates at rest about x, y, z (rad/s) and the standard deviation of one sample."""
+    """Mean turn rates at rest about x, y, z, rad/s, and the standard deviations of one sample, rad/s."""
 
     rate: tuple[float, float, float]
     std: tuple[float, float, float]
@@ -196,7 +199,7 @@ def measure_bias(
 ) -> GyroBias:
     """Gyro bias of a robot at rest, from `samples` readings 5 ms apart.
 
-    Raises CalibrationError where the rate varies by more than `limit` rad/s: the robot moved.
+    Raises CalibrationError if the standard deviation of the rate exceeds `limit` rad/s: the robot moved.
     """
     clock = clock or RealClock()
     readings: list[tuple[int, int, int]] = []

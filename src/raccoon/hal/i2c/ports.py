@@ -19,15 +19,16 @@ from raccoon.hal.i2c.sampler import Sampler, Source
 T = TypeVar("T")
 
 STALE_S = 0.1
-"""s without a new sample after which a sensor is lost."""
+"""s without a new sample after which a sensor counts as lost."""
 IMU_PERIOD = 0.004
-"""s; a little shorter than a 200 Hz cycle, so that every cycle finds a new sample."""
+"""Sampling period of the IMU, s: a little shorter than a 200 Hz cycle, so that every cycle finds a new
+sample."""
 POWER_PERIOD = 0.01
-"""s; the monitors average over 8.5 to 9 ms."""
+"""Sampling period of the battery monitor, s; the monitors average over 8.5 to 9 ms."""
 
 
 class _FreshSamples(Generic[T]):
-    """Tells a new sample from one already used, and a lost sensor from a slow one."""
+    """Distinguishes a new sample from one already used, and a lost sensor from a slow one."""
 
     def __init__(self, source: Source[T]) -> None:
         self._source = source
@@ -35,7 +36,7 @@ class _FreshSamples(Generic[T]):
         self._seen: float | None = None
 
     def take(self, time: float) -> T | None:
-        """The newest sample if it is new; `time` is that of the cycle."""
+        """The newest sample if it has not been taken yet, else None. time: that of the cycle, s."""
         if self._seen is None:
             self._seen = time
         newest = self._source.newest
@@ -55,12 +56,12 @@ class _SampledPort(AddedSensorPort, Generic[T]):
 
 
 class ImuPort(_SampledPort[ImuSample]):
-    """Wraps `port`: gyro and accel become those of an added IMU, or `extra` gains them as imu2.*.
+    """Wraps `port`: the words gyro and accel become those of an added IMU, or `extra` gains them as imu2.*.
 
-    With replace_words the Device changes with the words (name, gyro_rad_s, accel_m_s2), and the controller's
-    own IMU is never used instead: a lost sensor leaves None and the fault SENSOR_LOST. Without, `extra` gains
-    imu2.gyro.x|y|z (rad/s), imu2.accel.x|y|z (m/s2) and imu2.temperature (Celsius) in every cycle with a
-    sample.
+    With replace_words the Device changes with the words (name, gyro_rad_s, accel_m_s2), `extra` gains
+    imu.temperature (Celsius), and the controller's own IMU is never a substitute: if the sensor is lost, the
+    words are None and the fault SENSOR_LOST is added. Without replace_words, `extra` gains imu2.gyro.x|y|z
+    (rad/s), imu2.accel.x|y|z (m/s2) and imu2.temperature (Celsius) in every cycle with a new sample.
     """
 
     def __init__(
@@ -107,8 +108,8 @@ class ImuPort(_SampledPort[ImuSample]):
 class BatteryMonitorPort(_SampledPort[PowerSample]):
     """Wraps `port`: `extra` gains battery.voltage (V) and battery.current (A, positive out of the battery).
 
-    Both only in cycles with a new sample; the current is left out where it was beyond the shunt's range. A
-    lost monitor adds the fault SENSOR_LOST.
+    Both exist only in cycles with a new sample; the current is left out beyond the shunt's range. A lost
+    monitor adds the fault SENSOR_LOST.
     """
 
     def read(self) -> Inputs:
@@ -141,12 +142,12 @@ def open_imu(
     axes: Sequence[str] = ("x", "y", "z"),
     replace_words: bool = True,
 ) -> ImuPort:
-    """Wrap `port` with an MPU-6050/6500/9250.
+    """Wrap `port` with an MPU-6050/6500/9250/9255.
 
-    bus: its number or path. axes: which of the chip's axes look forward, left and up, such as "-y".
-    replace_words: whether its readings take the place of the controller's gyro and accelerometer, or are
-    recorded beside them (`imu2.gyro.x` in rad/s, `imu2.accel.x` in m/s2). Raises HardwareError where there is
-    none at `address`, ConfigError for axes or an address that are not allowed.
+    bus: its number or path. axes: the chip's axes along forward, left and up, such as "-y". replace_words:
+    whether its readings replace the controller's gyro and accelerometer, or are recorded beside them
+    (`imu2.gyro.x` in rad/s, `imu2.accel.x` in m/s2). Raises HardwareError if there is none at `address`,
+    ConfigError for axes or an address that are not allowed.
     """
     wires = I2cBus(bus)
     try:
@@ -165,8 +166,8 @@ def open_battery_monitor(
 ) -> BatteryMonitorPort:
     """Wrap `port` with an INA219 or INA226: the battery's voltage in V and current in A, positive out of it.
 
-    bus: its number or path. shunt: ohm. Raises HardwareError where there is neither at `address`, ConfigError
-    for a shunt or an address that is not allowed.
+    bus: its number or path. shunt: its resistance, ohm. Raises HardwareError if there is neither chip at
+    `address`, ConfigError for a shunt or an address that is not allowed.
     """
     wires = I2cBus(bus)
     try:

@@ -1,9 +1,8 @@
-"""A helper thread that reads a slow sensor and hands over its newest sample.
+"""A background thread that reads a slow sensor and provides its newest sample.
 
 A bus transfer takes a millisecond and a stuck bus a second; a cycle of 5 ms can wait for neither. So the
-thread waits and the cycle takes what is there. Replay stays exact all the same: which sample a cycle found
-is decided before the cycle's Inputs exist, those Inputs are what is recorded, and nothing above them asks
-the thread.
+thread waits and the cycle takes the newest sample. Replay is exact nevertheless: the cycle takes its sample
+before its Inputs exist, these Inputs are recorded, and nothing above them uses the thread.
 """
 
 from __future__ import annotations
@@ -19,13 +18,14 @@ T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 
 FAILURES_UNTIL_SETUP = 3
-"""Readings in a row that must fail before the sensor is set up again; one bad transfer is nothing unusual."""
+"""Failed readings in a row after which the sensor is set up again; a single failed transfer is nothing
+unusual."""
 REST_AFTER_FAILURE_S = 0.1
-"""s; a dead sensor is not asked as often as a living one, for the sake of its neighbours on the bus."""
+"""Pause after a failure, s: a dead sensor is read less often, to keep the bus free for other devices."""
 
 
 class Sensor(Protocol[T_co]):
-    """Something to set up and then read again and again; both may raise OSError."""
+    """A sensor that is set up and then read repeatedly; both may raise OSError."""
 
     def set_up(self) -> None: ...
 
@@ -34,14 +34,14 @@ class Sensor(Protocol[T_co]):
 
 @dataclass(frozen=True, slots=True)
 class Numbered(Generic[T]):
-    """A sample and its number, by which a new one is told from the last."""
+    """A sample and its number, which distinguishes a new sample from the last."""
 
     number: int
     value: T
 
 
 class Source(Protocol[T]):
-    """Where a port takes samples from."""
+    """The source of a port's samples."""
 
     @property
     def newest(self) -> Numbered[T] | None:
@@ -52,9 +52,9 @@ class Source(Protocol[T]):
 
 
 class Sampler(Generic[T]):
-    """Reads `sensor` every `period` s once started; `step` does one round for those who want no thread.
+    """Reads `sensor` every `period` s once started; `step` reads once without a thread.
 
-    error: why the last reading failed, empty where it did not.
+    error: why the last reading failed, empty if it did not. on_close: called by `close`.
     """
 
     def __init__(
@@ -77,16 +77,16 @@ class Sampler(Generic[T]):
 
     @property
     def newest(self) -> Numbered[T] | None:
-        # One reference, replaced whole: a reader sees the old sample or the new one, never a mixture.
+        # One reference, replaced atomically: a reader sees the old sample or the new one, never a mixture.
         return self._newest
 
     def start(self) -> None:
-        """Begin to read in the background."""
+        """Start to read in the background."""
         self._thread = threading.Thread(target=self._run, name="raccoon-i2c", daemon=True)
         self._thread.start()
 
     def step(self) -> bool:
-        """Read once; False where that failed."""
+        """Read once; False if that failed."""
         try:
             if self._failures >= FAILURES_UNTIL_SETUP:
                 self._sensor.set_up()
