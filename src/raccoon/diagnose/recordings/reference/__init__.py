@@ -1,1 +1,1 @@
-"""A reference of the pose beside a drive: motion capture, or a simulator's true pose."""
+"""A reference of the pose recorded with a drive: motion capture, or a simulator's true pose."""

@@ -1,4 +1,4 @@
-"""Factors of gyro, track width and wheels by a reference of the pose."""
+"""Factors on gyro, track width and wheels, determined by a reference of the pose."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ from raccoon.diagnose.recordings.reference.units import check_stretches
 Array = NDArray[np.float64]
 
 MAX_STD = 0.02
-"""Standard deviation of a factor from which it is not determined."""
+"""Largest relative standard deviation of a factor that counts as determined."""
 MIN_STD = 0.001
-"""Least standard deviation of a factor: filters and lags differ between turns by as much."""
+"""Lower bound of a factor's standard deviation: filters and lags differ between turns by as much."""
 TUKEY_CONSTANT, MAD_TO_STD, SMALL_SAMPLE_CORRECTION, REWEIGHTINGS = 4.685, 1.4826, 5.0, 40
-"""Tukey's constant, with 95 % efficiency for normal errors; standard deviation over a median absolute
-deviation, and its correction for small samples (Rousseeuw and Leroy 1987); iterations of the weights."""
+"""Tukey's constant, with 95 % efficiency for normal errors; ratio of standard deviation to median absolute
+deviation, and its correction for small samples (Rousseeuw and Leroy 1987); number of reweighting
+iterations."""
 MIN_INFLUENCE_SLOPE = 0.2
-"""Mean slope of Tukey's influence function (1 without outliers) below which too much was left out."""
+"""Least mean slope of Tukey's influence function (1 without outliers); below it too much was left out."""
 
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """A number over the assumed one, with its standard deviation."""
+    """A value over the assumed one, with its standard deviation."""
 
     value: float
     std: float
@@ -43,11 +44,11 @@ class Factor:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceFactors:
-    """Factors by a reference, None where it does not determine them.
+    """Factors by a reference, None if it does not determine them.
 
-    gyro: the gyro's reading over the turn rate. track: the track width over robot.toml's. left, right: the
-    distance of a wheel over what its reading says at robot.toml's radius and K_E. wheel_ratio: the right
-    one's over the left one's, which is known better than either.
+    gyro: gyro reading over turn rate. track: track width over robot.toml's. left, right: distance of a wheel
+    over that by its reading at robot.toml's radius and K_E. wheel_ratio: right over left, which is known
+    better than either.
     """
 
     gyro: Factor | None = None
@@ -58,9 +59,9 @@ class ReferenceFactors:
 
 
 def factors_of_reference(columns: Columns, robot: RobotConfig, device: Device) -> ReferenceFactors:
-    """The factors by a recording's `truth.*`.
+    """The factors by a recording's `truth.*` columns.
 
-    Raises TraceError naming the column where it is in another unit or mirrored.
+    Raises TraceError that names a column in another unit or mirrored.
     """
     stretches = cut_stretches(columns, robot, device)
     if stretches is None:
@@ -76,7 +77,7 @@ def factors_of_reference(columns: Columns, robot: RobotConfig, device: Device) -
     if by_way is None or by_turn is None:
         return found
     mean_length, mean_turn = _mean_factor(by_way), _mean_factor(by_turn)
-    if not (mean_turn.value > 0.0 and mean_length.value > 0.0):  # as of a robot that never turned
+    if not (mean_turn.value > 0.0 and mean_length.value > 0.0):  # for example a robot that never turned
         return found
     track_factor = Factor(
         mean_length.value / mean_turn.value, math.hypot(mean_length.std, mean_turn.std, MIN_STD)
@@ -112,8 +113,8 @@ def _mean_factor(fitted: tuple[Array, Array]) -> Factor:
 
 
 def _wheel_factor(by_turn: tuple[Array, Array], index: int, track: Factor) -> Factor:
-    """One wheel's factor, from its share in turns: with a marker beside the robot's middle only these
-    tell."""
+    """One wheel's factor, from its contribution to turns: only these determine it if the marker is not at the
+    robot's middle."""
     values, covariance = by_turn
     value, std = float(values[index]), math.sqrt(float(covariance[index, index]))
     return Factor(value * track.value, math.hypot(std * track.value, value * track.std))
@@ -126,8 +127,8 @@ def _wheel_ratio(by_turn: tuple[Array, Array]) -> Factor:
 
 
 def _fit_robustly(J: Array, y: Array) -> tuple[Array, Array] | None:
-    """Robust least squares (iteratively reweighted), in which outlying stretches do not count, and the
-    covariance; None where too few stretches move."""
+    """Coefficients by robust least squares (iteratively reweighted), in which outlying stretches do not
+    count, and their covariance; None if too few stretches move."""
     moving = np.abs(J[:, :-1]).sum(axis=1) > 1e-6
     if moving.sum() < max(MIN_SAMPLES // 5, 2 * J.shape[1]) or np.linalg.matrix_rank(J) < J.shape[1]:
         return None
@@ -138,8 +139,8 @@ def _fit_robustly(J: Array, y: Array) -> tuple[Array, Array] | None:
         root = np.sqrt(weights)
         numbers = np.linalg.lstsq(J * root[:, None], y * root, rcond=None)[0]
         residuals = y - J @ numbers
-        # Huber's weights first: from a start that outliers have shifted, Tukey's may drop good stretches. The
-        # scale stays fixed then: updated with Tukey's weights it would drop more and more of few stretches.
+        # Huber's weights come first: from a start shifted by outliers, Tukey's may reject good stretches.
+        # Then the scale is fixed: if updated with Tukey's weights, it would reject ever more stretches.
         if iteration < REWEIGHTINGS // 2:
             scale = (
                 MAD_TO_STD * (1.0 + SMALL_SAMPLE_CORRECTION / freedom) * float(np.median(np.abs(residuals)))

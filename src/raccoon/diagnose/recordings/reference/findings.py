@@ -1,4 +1,4 @@
-"""Adds what a reference of the pose decided to the diagnosis of a search that started from it."""
+"""Adds what a reference of the pose determined to the diagnosis of the search that started from it."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from raccoon.diagnose.result import (
 from raccoon.sim.effects.parameters import SIDES, Parameters
 
 SCALE_CAUSES = ("motor.armature_resistance", "drive.inertia", "friction.coulomb")
-"""With one of these wrong as well, a K_E off by as much as the radius acts as the radius does, with other
-values of these."""
+"""Causes beside which a K_E that is off by as much as the radius has the same effect as the radius, with
+other values of these causes."""
 RATIO = "times robot.toml's"
 SAID_BY_REFERENCE = "The recorded reference says so."
 
@@ -45,8 +45,8 @@ SAID_BY_REFERENCE = "The recorded reference says so."
 def with_reference_findings(
     found: Diagnosis, start: SearchStart, model: Parameters | None = None
 ) -> Diagnosis:
-    """The diagnosis of a search from `start` relative to robot.toml: with what the reference decided as
-    causes, and what it measured."""
+    """The diagnosis of a search from `start`, relative to robot.toml: with causes that the reference
+    determined, and the factors that it measured."""
     if start.reference == ReferenceFactors():
         return found
     named = dict(start.significant)
@@ -66,7 +66,7 @@ def with_reference_findings(
 
 
 def _relative_to_robot(found: Diagnosis, start: SearchStart) -> Diagnosis:
-    """The diagnosis with the radius, and the model, relative to robot.toml's numbers."""
+    """The diagnosis with the radius and the model relative to robot.toml's values."""
     factors = {id_: each.value for id_, each in start.factors.items()}
     found = replace(
         found, model=None if found.model is None else rebase_model(found.model, start.configured, factors)
@@ -85,7 +85,7 @@ def _relative_to_robot(found: Diagnosis, start: SearchStart) -> Diagnosis:
             text = explanation_sentence(each.id, each.where, values)
             each = replace(each, parameters=values, explanation=text)
             if abs(values["factor"].value - number.nominal) < MAX_BASE_STDS * values["factor"].std:
-                continue  # the search undid the reference's factor: something else was wrong
+                continue  # the search undid the reference's factor: another cause is behind it
         causes.append(each)
     return replace(found, causes=tuple(causes))
 
@@ -93,8 +93,8 @@ def _relative_to_robot(found: Diagnosis, start: SearchStart) -> Diagnosis:
 def _with_reference_causes(
     found: Diagnosis, start: SearchStart, named: Mapping[str, float], model: Parameters | None
 ) -> Diagnosis:
-    """The diagnosis with causes that the reference decided. They scale the gyro's reading and nothing else,
-    so the errors without one follow from the readings with it."""
+    """The diagnosis with causes that the reference determined. They only scale the gyro's reading, so the
+    errors without one follow from the readings with it."""
     factors = {id_: start.factors[id_] for id_ in named}
     if not found.curves:
         return found
@@ -142,7 +142,7 @@ def _with_reference_causes(
 def _with_track_cause(
     found: Diagnosis, start: SearchStart, sigmas: float, model: Parameters | None
 ) -> Diagnosis:
-    """The diagnosis with a track width that the reference shows, and no reading does without a gyro."""
+    """The diagnosis with a track width that the reference determines, and without a gyro no reading does."""
     factor, assumed = start.factors[TRACK_WIDTH], assumed_factor(model, TRACK_WIDTH)
     values = {"factor": ParameterResult(assumed * factor.value, assumed * factor.std, "", assumed)}
     normalised = [each.rmse_after / each.noise_floor for each in found.channels if each.noise_floor > 0.0]
@@ -158,7 +158,7 @@ def _with_track_cause(
 
 
 def _rivals(id_: str, found: Diagnosis) -> tuple[str, ...]:
-    """Causes that cannot be told from one that the reference gave."""
+    """Causes that are indistinguishable from one that the reference determined."""
     scaled = any(each.id in SCALE_CAUSES and each.where is None for each in found.causes)
     return (BACK_EMF_CONSTANT,) if id_ == WHEEL_RADIUS and scaled else ()
 
@@ -166,7 +166,7 @@ def _rivals(id_: str, found: Diagnosis) -> tuple[str, ...]:
 def _with_origins(
     model: Parameters | None, causes: Sequence[CauseResult], factors: Mapping[str, Factor]
 ) -> Parameters | None:
-    """The model with the origin of what the reference decided."""
+    """The model with the origins of the effects that the reference determined."""
     if model is None:
         return None
     for each in causes:
@@ -177,7 +177,7 @@ def _with_origins(
 
 
 def _verdict(found: Diagnosis, share: float) -> Verdict:
-    """The verdict of a diagnosis with one more cause that matters."""
+    """The verdict of a diagnosis with a further cause that is not negligible."""
     if found.verdict is Verdict.ADEQUATE:
         return Verdict.EXPLAINED
     if found.unexplained.depends_on or share >= MAX_UNEXPLAINED_SHARE:
@@ -186,8 +186,8 @@ def _verdict(found: Diagnosis, share: float) -> Verdict:
 
 
 def _rescale_shares(share: float, original: float, before: float, after: float) -> tuple[float, float]:
-    """The unexplained share, and the factor on all causes' shares, where the error before any cause is larger
-    by what the reference decided."""
+    """The unexplained share, and the factor on all causes' shares, when the error before any cause grows from
+    `original` to `before` by the factors of the reference. after: error with all causes."""
     reachable = 1.0 if share > 0.99 else (after**2 - share * original**2) / (1.0 - share)
     reachable = min(max(reachable, 1.0), after**2)
     possible, possible_before = max(before**2 - reachable, 1e-6), max(original**2 - reachable, 1e-6)
@@ -196,21 +196,21 @@ def _rescale_shares(share: float, original: float, before: float, after: float) 
 
 
 def _prior_std(robot: RobotConfig) -> float:
-    """Relative standard deviation that robot.toml leaves to gyro scale, track width and radius together."""
+    """Combined relative standard deviation of gyro scale, track width and radius in robot.toml."""
     model = robot.model
     numbers = (model.imu.gyro_scale, model.drive.track_width, model.drive.wheel_radius)
     return math.hypot(*(each.std / each.value for each in numbers))
 
 
 def _radius_std(start: SearchStart) -> float:
-    """Standard deviation of a radius that the reference gave, with what robot.toml leaves open in K_E."""
+    """Standard deviation of the radius factor by the reference, including that of K_E in robot.toml."""
     factor, motors = start.factors[WHEEL_RADIUS], (start.configured.model.left, start.configured.model.right)
     reading = max(each.back_emf_constant.std / each.back_emf_constant.value for each in motors)
     return math.hypot(factor.std, factor.value * reading)
 
 
 def _rejected(found: Diagnosis, start: SearchStart) -> list[Rejected]:
-    """What the reference decided and is no cause, with its factor as the reason."""
+    """Causes that the reference determined not to be present, with their factor as the reason."""
     named = {each.id for each in found.causes}
     reasons = []
     for id_ in start.decided:
@@ -225,8 +225,8 @@ def _rejected(found: Diagnosis, start: SearchStart) -> list[Rejected]:
 
 
 def _identified(found: Diagnosis, start: SearchStart, model: Parameters | None) -> dict[str, ParameterResult]:
-    """The factors by the reference: of the wheels' radii with readings as the causes and the model have them,
-    or of the radius over K_E where a cause may be a radius as well."""
+    """The factors by the reference. Those of the wheels' radii use the counts per turn of the causes and the
+    model; if such a cause may be a radius as well, the radius over K_E is given instead."""
     reference, motors = start.reference, (start.configured.model.left, start.configured.model.right)
     factors = {"gyro scale": reference.gyro, "track width": reference.track}
     is_radius_known = all(_is_told_from_radius(found.causes, side) for side in SIDES)
@@ -261,7 +261,7 @@ def _reading_causes(causes: Sequence[CauseResult], side: str) -> list[CauseResul
 
 
 def _is_told_from_radius(causes: Sequence[CauseResult], side: str) -> bool:
-    """Whether no named cause of a wheel's counts may be its radius as well."""
+    """Whether no named cause of a wheel's counts per turn may be its radius instead."""
     rivals = (rival for each in _reading_causes(causes, side) for rival in each.confounded_with)
     return not any(rival.partition("@")[0] == WHEEL_RADIUS for rival in rivals)
 
@@ -269,8 +269,8 @@ def _is_told_from_radius(causes: Sequence[CauseResult], side: str) -> bool:
 def _reading_factor(
     causes: Sequence[CauseResult], side: str, k_e: Measured, model: Parameters | None
 ) -> Factor:
-    """Factor of a wheel's counts over robot.toml's by the causes, and by the model where no cause is named.
-    Its std is relative, and that of robot.toml's K_E where no cause gives another."""
+    """Factor on a wheel's counts per turn relative to robot.toml by the causes, and by the model for effects
+    that are not named. Its std is relative, and that of robot.toml's K_E if no cause gives K_E."""
     named = _reading_causes(causes, side)
     factors = [each.parameters["factor"] for each in named]
     values, stds = [each.value for each in factors], [each.std / each.value for each in factors]

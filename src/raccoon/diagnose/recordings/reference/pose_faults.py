@@ -1,4 +1,4 @@
-"""Faults of a reference of the pose: it is frozen while the robot moves, has gaps, or misses columns."""
+"""Faults of a reference of the pose: frozen while the robot moves, gaps, missing columns."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ Columns = Mapping[str, Array]
 
 POSE_COLUMNS = ("truth.x", "truth.y", "truth.heading")
 MIN_FAULT_S = 1.0
-"""s for which a column must be frozen or blank: a slow reference is blank or held between two samples."""
+"""Least duration of a frozen or blank column, s: a slow reference is blank or held between two samples."""
 MIN_TURN_RATE = 0.2
-"""rad/s from which a robot turns: of one held by a wall the reference rightly stands still."""
+"""Least turn rate of a turning robot, rad/s: if a wall holds the robot, the reference rightly stands
+still."""
 MIN_TURN, MIN_DISTANCE = 0.5, 0.1
-"""rad and m that a robot must have moved meanwhile. On an arc of that length both x and y change."""
+"""Least turn, rad, and distance, m, that the robot moved meanwhile. On an arc of that length both x and y
+change."""
 
 
 def check_pose(columns: Columns, robot: RobotConfig) -> tuple[dict[str, Array], tuple[SensorFault, ...]]:
-    """The `truth.*` columns of the pose with NaN where they are frozen, and their faults. Empty where there
-    is no reference."""
+    """The `truth.*` columns of the pose with NaN where they are frozen, and their faults. Empty without a
+    reference."""
     pose = {name: np.asarray(columns[name], float) for name in POSE_COLUMNS if name in columns}
     if not any(np.isfinite(each).any() for each in pose.values()):
         return {}, ()
@@ -60,14 +62,14 @@ def check_pose(columns: Columns, robot: RobotConfig) -> tuple[dict[str, Array], 
             pose[name] = values
     if missing := [name for name in POSE_COLUMNS if name not in pose]:
         text = f"{missing[0]} is not in the recording: the rest of its reference is not used without it"
-        if missing != list(POSE_COLUMNS[:2]):  # a heading alone tells the gyro's scale
+        if missing != list(POSE_COLUMNS[:2]):  # a heading alone determines the gyro's scale
             faults.append(SensorFault(missing[0], "missing", text))
     return pose, tuple(faults)
 
 
 def _cumulative_motion(columns: Columns, robot: RobotConfig) -> tuple[Array, Array] | None:
-    """Distance driven on arcs and angle turned up to each row, by the robot's own sensors, over
-    `MIN_DISTANCE` and `MIN_TURN`; None where the sensors do not tell."""
+    """Cumulative distance on arcs and cumulative turn up to each row by the robot's own sensors, in units of
+    `MIN_DISTANCE` and `MIN_TURN`; None without the sensors."""
     model, drive = robot.model, robot.drive
     wheels = [
         _wheel_speed(columns, port, robot.motor(port).inverted, motor.back_emf_constant.value)
@@ -103,7 +105,7 @@ def _wheel_speed(columns: Columns, port: int, inverted: bool, k_e: float) -> Arr
 
 
 def _find_frozen(time: Array, values: Array, motion: Array) -> list[tuple[int, int]]:
-    """First and last rows of stretches in which known values are constant although the robot moves enough."""
+    """First and last row of each stretch with constant readings although the robot moves enough."""
     known = np.flatnonzero(np.isfinite(values))
     starts = np.concatenate([[0], np.flatnonzero(np.diff(values[known]) != 0.0) + 1])
     ends = np.concatenate([starts[1:], [len(known)]]) - 1
@@ -116,7 +118,7 @@ def _find_frozen(time: Array, values: Array, motion: Array) -> list[tuple[int, i
 
 
 def _find_gaps(time: Array, known: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Times, s, between which there is no number for long; missing rows are no gaps."""
+    """Start and end, s, of long spans with rows but without a number in them; missing rows are no gaps."""
     edges = np.concatenate([[time[0]], time[known], [time[-1]]])
     usual = median_step(time[known])
     gaps = np.flatnonzero(np.diff(edges) > max(MIN_FAULT_S, 4.0 * usual))

@@ -1,8 +1,8 @@
-"""The robot from which a search starts that has a reference of the pose.
+"""The start of a search for a recording with a reference of the pose.
 
 Gyro scale, track width and wheel radius all act on the gyro alone, which reads scale r w / b. A reference
-gives the scale and the track width independently, so a search starts from a robot that has these numbers, and
-considers neither as a cause. The third, the wheels' radius, is then shown by the gyro.
+determines the scale and the track width independently, so the search starts from a robot with these values
+and considers neither as a cause. The gyro then shows the third, the wheels' radius.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from raccoon.sim.effects.parameters import SIDES, Parameters
 
 GYRO_SCALE, TRACK_WIDTH, WHEEL_RADIUS = "imu.gyro_scale", "drive.track_width", "drive.wheel_radius"
 READING_CAUSES = ("bemf.scale", "motor.back_emf_constant")
-"""Causes, other than lengths, that make the counts of a turning wheel larger than assumed."""
+"""Causes, other than lengths, that increase the counts of a turning wheel."""
 DECIDED_BY_REFERENCE = (GYRO_SCALE, TRACK_WIDTH)
-"""Causes that a reference decides whatever else is wrong. Of the radius it gives only the product with the
-counts per turn, which depend on K_E and the reading's scale."""
+"""Causes that a reference determines whatever else is wrong. It determines the radius only as a product with
+the counts per turn, which depend on K_E and the reading's scale."""
 MIN_LOG_RADIUS_SHIFT = 0.25
-"""Logarithm of a factor on the radius from which a search would not find it from robot.toml's number."""
+"""Logarithm of the radius factor beyond which a search does not find the radius from robot.toml's value."""
 MAX_AGREEING_SIGMAS, MAX_AGREEING_STD = 2.5, 0.007
 """Standard deviations within which a reference confirms robot.toml, and largest standard deviation of its
-factor for that. What it neither confirms nor contradicts is left to the search."""
+factor for that. A value that is neither confirmed nor contradicted is left to the search."""
 
 
 @dataclass(frozen=True, slots=True)
 class SearchStart:
     """The start of a search.
 
-    configured: the robot without the reference. robot: with the reference's numbers. factors: these over
-    robot.toml's, by id. significant: standard deviations by which some differ from robot.toml, by id: these
-    are causes. reference: all factors by the reference.
+    configured: the robot without the reference. robot: with the reference's values. factors: of these values
+    relative to robot.toml's, by id. significant: by id, the standard deviations by which some differ from
+    robot.toml; these are causes. reference: all factors by the reference.
     """
 
     configured: RobotConfig
@@ -49,21 +49,21 @@ class SearchStart:
 
     @property
     def decided(self) -> tuple[str, ...]:
-        """Causes that the search need not consider."""
+        """Causes that the reference determined and the search need not consider."""
         return tuple(each for each in DECIDED_BY_REFERENCE if each in self.factors)
 
     def undecided(self, causes: Sequence[Cause]) -> list[Cause]:
-        """The causes that the search still has to consider."""
+        """The causes that the search must still consider."""
         return [each for each in causes if each.id not in self.decided]
 
 
 def search_start(
     columns: Columns, robot: RobotConfig, model: Parameters | None = None, device: Device = SI_WORDS
 ) -> SearchStart:
-    """The start of a search over this recording; without a reference it is robot.toml's robot.
+    """The start of a search for this recording; without a reference, robot.toml's robot.
 
-    model: effects of the simulation, if it has any. Raises TraceError where the reference is in another unit
-    than the format's.
+    model: effects of the simulation, if any. Raises TraceError if the reference is in another unit than the
+    format's.
     """
     reference = factors_of_reference(columns, robot, device)
     factors: dict[str, Factor] = {}
@@ -88,7 +88,7 @@ def search_start(
 
 
 def _weighted_mean(one: Factor, two: Factor) -> Factor:
-    """Inverse-variance mean of two estimates; the second where it is exact."""
+    """Inverse-variance weighted mean of two estimates; the second one if it is exact."""
     if two.std == 0.0:
         return two
     weights = (one.std**-2, two.std**-2)
@@ -97,7 +97,7 @@ def _weighted_mean(one: Factor, two: Factor) -> Factor:
 
 
 def assumed_factor(model: Parameters | None, id_: str) -> float:
-    """The factor that the simulation's effects have already; of the wheels their mean."""
+    """The factor that the simulation's effects already have; for the wheels their mean."""
     if model is None:
         return 1.0
     if id_ != WHEEL_RADIUS:
@@ -110,8 +110,8 @@ def _relative_to(factor: Factor, assumed: float) -> Factor:
 
 
 def _radius_factor(reference: ReferenceFactors, model: Parameters | None) -> Factor | None:
-    """Mean factor of both wheels' radii over what the simulation assumes, by its counts per turn; None where
-    a wheel's is not known."""
+    """Mean factor of both wheels' radii relative to the simulation, given its counts per turn; None if one is
+    unknown."""
     sides = []
     for side, factor in zip(SIDES, (reference.left, reference.right), strict=True):
         if factor is None:

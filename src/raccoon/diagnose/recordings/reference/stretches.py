@@ -1,7 +1,7 @@
-"""Turn and distance over short stretches, of a reference of the pose and of the sensors compared with it.
+"""Turn and distance over short stretches, by a reference of the pose and by the sensors compared with it.
 
-Stretches are compared, not the whole path: a robot held by a wall for half a second spoils that half second,
-and not all that follows.
+Stretches are compared, not the whole path: if a wall holds the robot for half a second, only that half second
+is spoilt, and not everything after it.
 """
 
 from __future__ import annotations
@@ -25,25 +25,24 @@ Columns = Mapping[str, Array]
 STRETCH_S = 0.5
 """Duration of a stretch, s."""
 MIN_SAMPLES = 50
-"""Samples of a reference that are needed, and a fifth as many stretches."""
+"""Least number of samples of a reference; a fifth as many stretches are needed."""
 MIN_TURN, MIN_DISTANCE = math.pi, 0.3
-"""rad and m that a recording must turn and drive to be compared."""
+"""Least total turn, rad, and distance, m, of a recording for a comparison."""
 SPEED_HALF_WINDOW_S = 0.02
-"""s to either side over which a speed is differenced: single ticks say little."""
+"""Half-width, s, of the window over which a speed is differenced: single ticks say little."""
 TICK_TOLERANCE = 0.02
-"""Relative difference by which a tick may be worth more or less than its device says, as by a firmware's
-clock."""
+"""Tolerance on the device's worth of a tick, for example for a firmware's clock."""
 MAX_MISALIGNMENT = 0.35
-"""rad between the direction in which a reference moves and its heading; less is how a marker is mounted."""
+"""Largest angle, rad, between a reference's motion and its heading that is due to the marker's mounting."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoseStretches:
     """Motion over stretches; each array is (stretches,), or (stretches, 2) for both wheels.
 
-    time: s, of all rows. ends: rows at which stretches begin and end. seconds: their durations. turn, way: of
-    the reference, rad and m; way is None without a position. gyro: turn, rad, and rise of the rate, rad/s.
-    wheels: distances, m, and rise of the speeds, m/s.
+    time: of all rows, s. ends: rows at which stretches begin and end. seconds: durations. turn, way: of the
+    reference, rad and m; way is None without a position. gyro: turn, rad, and increase of the turn rate,
+    rad/s. wheels: distances, m, and increase of the speeds, m/s.
     """
 
     time: Array
@@ -56,7 +55,7 @@ class PoseStretches:
 
 
 def cut_stretches(columns: Columns, robot: RobotConfig, device: Device) -> PoseStretches | None:
-    """The stretches of a recording; None where its reference has too few samples."""
+    """The stretches of a recording; None if its reference has too few samples."""
     heading = columns.get("truth.heading")
     if heading is None or np.isfinite(heading).sum() < MIN_SAMPLES:
         return None
@@ -73,7 +72,8 @@ def cut_stretches(columns: Columns, robot: RobotConfig, device: Device) -> PoseS
 
 
 def heading_at(time: Array, heading: Array, period: float) -> Array:
-    """The reference's heading at every row, unwrapped."""
+    """The reference's heading at every row, interpolated and unwrapped. period: of a full turn, in its
+    unit."""
     known = np.isfinite(heading)
     return np.interp(time, time[known], np.unwrap(heading[known], period=period))
 
@@ -89,11 +89,11 @@ def _gyro_turns(columns: Columns, time: Array, ends: NDArray[np.intp]) -> tuple[
 def wheel_distances(
     columns: Columns, robot: RobotConfig, device: Device, time: Array, ends: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Distances of both wheels over stretches, m, and rise of their speeds, m/s; None where they are not
-    known.
+    """Distances of both wheels over stretches, m, and increase of their speeds, m/s; None if unknown.
 
-    Where back-EMF is recorded, ticks are worth what robot.toml's K_E says, as in the simulation, whatever
-    they were calibrated to, and whatever the device says where the readings contradict it."""
+    If back-EMF is recorded, the worth of a tick follows from robot.toml's K_E as in the simulation, whatever
+    its calibration, and whatever the device says if the readings contradict it.
+    """
     motors = {
         port: replace(each, radians_per_tick=None) if f"motor.{port}.bemf" in columns else each
         for port, each in robot.motors.items()
@@ -112,8 +112,8 @@ def wheel_distances(
 
 
 def _measured_tick(columns: Columns, robot: RobotConfig, time: Array, ends: NDArray[np.intp]) -> float | None:
-    """Back-EMF in a tick of the counters, counts times seconds, by the faster stretches; None without both
-    readings. A CSV's counters are those of any firmware, and one's tick is 181 of another's."""
+    """Back-EMF per tick of the counters, counts times seconds, by the faster stretches; None without both
+    readings. A CSV's counters may be those of any firmware, and one firmware's tick is 181 of another's."""
     ticks = []
     for port in (robot.drive.left, robot.drive.right):
         counts = _filled_column(columns, f"motor.{port}.bemf", time)
@@ -128,7 +128,7 @@ def _measured_tick(columns: Columns, robot: RobotConfig, time: Array, ends: NDAr
 
 
 def _filled_column(columns: Columns, name: str, time: Array) -> Array | None:
-    """A column interpolated over blanks; None where it has too few numbers."""
+    """A column interpolated over blanks; None if it has too few values."""
     values = columns.get(name)
     if values is None or np.isfinite(values).sum() < MIN_SAMPLES:
         return None
@@ -137,7 +137,7 @@ def _filled_column(columns: Columns, name: str, time: Array) -> Array | None:
 
 
 def _rate_of_change(time: Array, along: Array) -> Array:
-    """Rate of change over a few samples. A late sensor has seen less by its delay times the rise of this."""
+    """Rate of change over a few samples. A late sensor misses its delay times the increase of this rate."""
     ahead, behind = (
         np.interp(time + each, time, along) for each in (SPEED_HALF_WINDOW_S, -SPEED_HALF_WINDOW_S)
     )
@@ -174,6 +174,6 @@ def _distance_along_heading(
 
 
 def stretch_starts(time: Array, first: float, last: float, seconds: float) -> NDArray[np.intp]:
-    """Rows of `time` at which stretches of so many seconds begin, from `first` to before `last`."""
+    """Rows of `time` at which stretches of this duration (s) begin, from `first` to before `last`."""
     begins = np.arange(first, last, seconds)
-    return np.searchsorted(time, begins[begins < last])  # arange may go a rounding beyond its end
+    return np.searchsorted(time, begins[begins < last])  # rounding may take arange beyond its end

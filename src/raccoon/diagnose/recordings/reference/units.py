@@ -1,4 +1,4 @@
-"""Checks units and signs of a reference of the pose by gyro and wheels."""
+"""Checks of a reference's units and signs by gyro and wheels."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ Array = NDArray[np.float64]
 DEGREES = 180.0 / math.pi
 LENGTH_UNITS = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37}
 MIN_UNIT_FACTOR = 15.0
-"""Factor beyond which a unit is wrong, since no robot.toml is that wrong."""
+"""Factor beyond which the unit is wrong, since no robot.toml is off by as much."""
 MAX_SENSOR_RATIO, MIN_CORRELATION = 2.5, 0.8
-"""Ratio within which two sensors agree, and correlation from which they see the same motion."""
+"""Largest ratio of two sensors that agree, and least correlation of sensors that see the same motion."""
 SENSOR_EXPLANATIONS = {
     "imu.gyro.z": "the gyro's axis points down",
     "the wheels": "left and right are swapped",
 }
-"""Another explanation where a single sensor turns against a reference."""
+"""Alternative explanations for a single sensor that turns opposite to a reference."""
 MAX_MIRROR_RATIO = 0.85
-"""Ratio of what right and mirrored signs explain, below which a reference is clearly mirrored: along one line
-both explain the same."""
+"""Ratio of the motion explained with right and with mirrored signs below which a reference is clearly
+mirrored; along a single line both explain the same."""
 
 
 def check_reference(columns: Columns, robot: RobotConfig, device: Device) -> None:
-    """Raise TraceError where `truth.*` is in another unit than the format's, or mirrored."""
+    """Raise TraceError if `truth.*` is in another unit than the format's, or mirrored."""
     stretches = cut_stretches(columns, robot, device)
     if stretches is not None:
         check_stretches(stretches, columns, robot, device)
@@ -76,8 +76,8 @@ def check_stretches(stretches: PoseStretches, columns: Columns, robot: RobotConf
 
 
 def unrelated_reference_note(columns: Columns, robot: RobotConfig, device: Device) -> str:
-    """A note on a reference that correlates with neither gyro nor wheels, though these turn and drive; ""
-    where it does, and without a reference."""
+    """A note if the reference correlates with neither gyro nor wheels although these turn and drive; ""
+    otherwise."""
     stretches = cut_stretches(columns, robot, device)
     if stretches is None or stretches.wheels is None:
         return ""
@@ -109,7 +109,7 @@ def _abs_correlation(one: Array, other: Array) -> float:
 
 
 def _turn_ratio(turn: Array, others: Mapping[str, Array]) -> float | None:
-    """How many times as much the reference turns as the sensors; None where these do not agree on that."""
+    """Ratio of the reference's turn to the sensors'; None if the sensors disagree on it."""
     factors = []
     for each in others.values():
         if abs(float(np.corrcoef(each, turn)[0, 1])) < MIN_CORRELATION:
@@ -143,9 +143,9 @@ def _check_turns(turn: Array, others: Mapping[str, Array], allowed: tuple[float,
 
 @dataclass(frozen=True, slots=True)
 class _PositionMotion:
-    """How a position moves along its heading. along: sum over stretches of the wheels' distance times the
-    movement in the heading's frame, complex. mirrored: the same with the sign of y changed. size: upper bound
-    of both. way: sum of the squared distances of the wheels."""
+    """Motion of a position along its heading. along: sum over stretches of the wheels' distance times the
+    motion in the heading's frame, complex. mirrored: the same with the sign of y reversed. size: upper bound
+    of both. way: sum of the wheels' squared distances."""
 
     along: complex
     mirrored: complex
@@ -154,7 +154,7 @@ class _PositionMotion:
 
 
 def _position_motion(columns: Columns, robot: RobotConfig, device: Device) -> _PositionMotion | None:
-    """None where too little is known, or nothing moves."""
+    """The motion of the reference's position; None if too little is known or nothing moves."""
     time = np.asarray(columns["t"], float)
     place = position_at(columns, time)
     if place is None:
@@ -180,7 +180,7 @@ def _position_motion(columns: Columns, robot: RobotConfig, device: Device) -> _P
 
 
 def _check_position(columns: Columns, robot: RobotConfig, device: Device) -> None:
-    """Raise TraceError where the position does not move along the heading, or not as far as the wheels."""
+    """Raise TraceError if the position does not move along the heading, or not as far as the wheels."""
     motion = _position_motion(columns, robot, device)
     if motion is None:
         return

@@ -1,1 +1,1 @@
-"""Which rows of a recording are used."""
+"""Selection of the rows of a recording that are used."""

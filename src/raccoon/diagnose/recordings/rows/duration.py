@@ -1,4 +1,4 @@
-"""Limits how much of a drive is simulated: pauses without rows, rest, and its whole duration."""
+"""Limits how much of a drive is simulated: pauses without rows, rest, and the total duration."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 MAX_PAUSE_S = 5.0
-"""s to which a longer pause without rows is shortened. The simulator steps through it millisecond by
-millisecond and nothing is compared: a day of it would need more memory than there is."""
+"""Duration, s, to which a longer pause without rows is shortened. The simulator steps through it in
+milliseconds without a comparison: a pause of a day would need more memory than there is."""
 MAX_DURATION_S = 240.0
-"""s of one recording that are diagnosed, for which 1 GB of memory is needed. A match has 120."""
+"""Longest diagnosed duration of one recording, s, which needs 1 GB of memory. A match has 120 s."""
 MAX_LISTED_PAUSES = 3
-"""Pauses whose times a note lists."""
+"""Largest number of pauses whose times a note lists."""
 MARGIN_S = 10.0
-"""s before the first command and after the last one that are kept: more of a robot that stands shows nothing,
-and costs as much as driving. A minute may pass until the light starts a match."""
+"""Time that is kept before the first command and after the last one, s: more of a standing robot shows
+nothing and costs as much as driving. A minute may pass until the light starts a match."""
 _COMMAND, _BRAKE = re.compile(r"motor\.\d+\.(duty|voltage|force|torque)"), re.compile(r"motor\.\d+\.brake")
 
 
 def limit_duration(columns: Columns, *, shorten_pauses: bool = True) -> tuple[Columns, tuple[str, ...]]:
-    """The columns with short pauses and of no more than `MAX_DURATION_S`, and what is to be said of that.
+    """The columns with shortened pauses and at most `MAX_DURATION_S`, and notes on the changes.
 
-    shorten_pauses: whether pauses may be in it at all.
+    shorten_pauses: whether pauses are shortened.
     """
     time = np.asarray(columns["t"], float)
     if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
-        return columns, ()  # not a time at all, which `check_time` refuses
+        return columns, ()  # an invalid time, for which `check_time` raises an error
     time, pause_notes = _shorten_pauses(time) if shorten_pauses else (time, ())
     commands = {name: hold_until_next(each) for name, each in columns.items() if _COMMAND.fullmatch(name)}
     driven = np.any([each != 0.0 for each in commands.values()], axis=0)
@@ -42,7 +42,7 @@ def limit_duration(columns: Columns, *, shorten_pauses: bool = True) -> tuple[Co
     if part_notes:
         held = {**commands, **_filled_brake_columns(columns)}
         columns = {name: each[driven_part] for name, each in {**columns, "t": time}.items()}
-        for name, each in held.items():  # the command of the first row may have been given before it
+        for name, each in held.items():  # the command in force may have been given before the first row
             columns[name] = np.concatenate([each[driven_part][:1], columns[name][1:]])
     elif pause_notes:
         columns = {**columns, "t": time}
@@ -77,9 +77,8 @@ def _shorten_pauses(time: Array) -> tuple[Array, tuple[str, ...]]:
 
 
 def _select_driven_rows(time: Array, driven: NDArray[np.bool_]) -> tuple[slice, tuple[str, ...]]:
-    """Rows from `MARGIN_S` before the first command to `MARGIN_S` after the last one; where these are more
-    than `MAX_DURATION_S`, the part in which wheels are driven for longest. And a note where rows are left
-    out."""
+    """Rows from `MARGIN_S` before the first command to `MARGIN_S` after the last one; if that is longer than
+    `MAX_DURATION_S`, the part with the most driving. Also a note if rows are left out."""
     whole = slice(0, len(time))
     rows = np.flatnonzero(driven)
     if len(rows) == 0:

@@ -1,8 +1,8 @@
-"""Refuses drives that were resampled by linear interpolation.
+"""Rejects drives that were resampled by linear interpolation.
 
-Between two samples a command holds and then jumps. Interpolated it is a ramp, which a motor follows as it
-would follow late commands: sound robots resampled to 2 and 1 ms showed a latency of 4 and 6 ms, each with a
-probability of 1.
+A command holds between two samples and then jumps. Interpolated, it is a ramp, and the motor appears to
+respond to late commands: fault-free robots resampled to 2 and 1 ms showed a latency of 4 and 6 ms, each with
+a probability of 1.
 """
 
 from __future__ import annotations
@@ -18,44 +18,48 @@ from raccoon.diagnose.drives.bins import runs_of_true
 Columns = Mapping[str, NDArray[np.float64]]
 
 MIN_CHANGING_ROWS = 200
-"""Rows in which a reading changes, below which it is not checked for straight lines."""
+"""Least number of rows in which a reading changes for a check of straight lines."""
 LINE_TOLERANCE = 1e-5
 """Relative difference of two successive steps up to which they are on one straight line."""
 MIN_INTERPOLATED_SHARE = 0.08
-"""Share of changing rows that are on a straight line. It is 0.2 with five rows for two samples, and 0.02 at
-most without interpolation."""
+"""Least share of changing rows on straight lines in an interpolated recording. It is 0.2 with five rows for
+two samples, and 0.02 at most without interpolation."""
 MAX_LINE_ROWS = 50
-"""Rows of one line that count. Without noise a wheel that accelerates evenly is on one for longer."""
+"""Largest number of rows of a line that counts. Without noise, a wheel that accelerates uniformly is on one
+for longer."""
 MAX_DEVICE_LEVELS = 20_000
-"""A reading's largest value over its finest step up to which it counts as quantised by a device, in whatever
-unit: among whole counts many steps are equal. Interpolated values have as many levels as digits."""
+"""Ratio of a reading's largest value to its finest step up to which a device quantised it, in whatever unit:
+with whole counts many steps are equal. Interpolated values have as many levels as digits."""
 INTERPOLATED_MESSAGE = (
     "the recording was interpolated to another rate, so it is no longer known when commands changed. Export "
     "the rows as they were recorded, or with the last value held"
 )
 MIN_STILL_ROWS, MIN_STEP_SIZE, MAX_STEP_ROWS = 3, 0.05, 8
-"""Rows for which a command stays before and after a step, size of a step that is checked, and most rows that
-it takes."""
+"""Least number of rows for which a command is constant before and after a step; least size of a step; and
+largest number of rows that it takes."""
 MIN_STEPS, MIN_INTERPOLATED_STEP_SHARE = 8, 0.8
-"""Checked steps, and share of them that are straight lines and no jumps."""
+"""Least number of steps, and least share of them that are straight lines and no jumps."""
 STEP_LINE_TOLERANCE = 0.03
-"""Part of a step by which its rows, except the first and the last, may differ on a straight line."""
+"""Tolerance on the changes of a step's inner rows for a straight line, as a share of the step."""
 MIN_ROWS_BETWEEN_ALONE, MIN_FIRST_SHARE_STD, MAX_LARGEST_SHARE_STD = 1.7, 0.05, 0.03
-"""Mean number of rows within a step from which the other two decide alone. After interpolation the share of a
-step that its first row makes is random (its standard deviation is 0.1 to 0.2; it is 0 for a filter, and for a
-ramp in a fixed number of rows), and the largest share is constant (0.01; not for a ramp of a fixed rate)."""
+"""Mean number of rows within a step above which the other two thresholds decide alone. After interpolation,
+the first row's share of a step is random (its standard deviation is 0.1 to 0.2; it is 0 for a filter, and for
+a ramp over a fixed number of rows), and the largest share is constant (0.01; not for a ramp of a fixed
+rate)."""
 MIN_ROWS_BETWEEN, MIN_LONG_STEPS, ROWS_TIMES_SHARE_TOLERANCE, MAX_SHARE_RATIO = 1.12, 3, 0.15, 1.05
-"""For fewer rows, down to the first (with one, as at the same rate, nothing wrong was named): in steps long
-enough to hold a whole row, the share that one makes times the mean number of rows must be 1 within the
-tolerance (0.09 at most was seen; for a ramp it is less), and no row of any step may make more than that."""
+"""Criteria for fewer rows, down to the first number (with one row, as at the same rate, nothing wrong was
+named): in steps long enough to hold a whole row, that row's share times the mean number of rows must be 1
+within the tolerance (0.09 at most was seen; for a ramp it is less than 1), and no row of any step may exceed
+that share."""
 MIN_VARIATION_RATIO = 0.5
-"""Coefficient of variation of the steps' largest changes over that of their largest shares. It is smaller
-where a ramp of fixed rate was recorded at some rows only: the larger the step, the smaller its shares."""
+"""Ratio of the coefficients of variation of the steps' largest changes and of their largest shares. It is
+smaller if a ramp of a fixed rate was recorded at some rows only: the larger the step, the smaller its
+shares."""
 
 
 def check_not_interpolated(columns: Columns) -> None:
-    """Raise TraceError where a recording was interpolated: in many rows the readings of all wheels are on
-    straight lines, or commands step through rows in between."""
+    """Raise TraceError if a recording was interpolated: the readings of all wheels are on straight lines in
+    many rows, or commands step through intermediate rows."""
     for name, each in columns.items():
         if name.endswith(".duty") and _has_interpolated_steps(each[np.isfinite(each)]):
             text = f"{name} has rows with values between two commands"
@@ -70,7 +74,7 @@ def check_not_interpolated(columns: Columns) -> None:
 
 
 def _has_interpolated_steps(duty: NDArray[np.float64]) -> bool:
-    """Whether most steps of a command pass through rows whose share of the step is random."""
+    """Whether most steps of a command pass through rows with a random share of the step."""
     lines, jumps = _find_line_steps(duty)
     if len(lines) < MIN_STEPS or len(lines) < MIN_INTERPOLATED_STEP_SHARE * (len(lines) + jumps):
         return False
@@ -96,8 +100,8 @@ def _has_interpolated_steps(duty: NDArray[np.float64]) -> bool:
 
 
 def _find_line_steps(duty: NDArray[np.float64]) -> tuple[list[tuple[float, NDArray[np.float64]]], int]:
-    """Isolated steps of a command along a straight line, as the step's size and each row's share of it; and
-    the number of isolated steps that are no such line."""
+    """Isolated steps of a command along a straight line, each with its size and the rows' shares of it; and
+    the number of other isolated steps."""
     changes = np.diff(duty)
     spans = runs_of_true(changes != 0.0)
     next_starts = [*(start for start, _ in spans[1:]), len(duty)]
@@ -120,7 +124,7 @@ def _coefficient_of_variation(sizes: list[float]) -> float:
 
 
 def _interpolated_share(values: NDArray[np.float64]) -> float:
-    """Of the rows in which a reading changes, the share on a short straight line."""
+    """Share of a reading's changing rows that are on a short straight line."""
     known = values[np.isfinite(values)]
     steps = np.diff(known)
     changing = steps[1:] != 0.0

@@ -1,4 +1,4 @@
-"""Which rows of a recording are used: each once, and no more than can be simulated."""
+"""Selects the rows of a recording that are used: each once, and no more than can be simulated."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ Columns = Mapping[str, NDArray[np.float64]]
 
 
 def select_rows(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
-    """The columns in the rows that are used, and notes on the rows that are not.
+    """The columns in the rows that are used, and notes on the others.
 
     Raises TraceError for a drive in another unit of time, or with interpolated rows.
     """
-    if kind is Kind.MOTORS:  # what an axis did in a pause is not known
+    if kind is Kind.MOTORS:  # the motion of an axis in a pause is unknown
         return limit_duration(columns, shorten_pauses=False)
     if kind is not Kind.DRIVE:
         return columns, ()
-    check_step(columns["t"])  # of a time in microseconds each row would come after a long pause
+    check_step(columns["t"])  # with a time in microseconds each row would follow a long pause
     check_not_interpolated(columns)
     columns, held_notes = without_held_rows(without_empty_rows(columns))
     columns, duration_notes = limit_duration(columns)
@@ -38,7 +38,7 @@ def select_rows(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]
 
 
 def select_unique_rows(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
-    """`select_rows` after rows that repeat a time were left out."""
+    """`select_rows` after samples with duplicate times are removed."""
     columns, duplicate_notes = without_duplicate_times(columns)
     columns, notes = select_rows(columns, kind)
     return columns, (*duplicate_notes, *notes)
@@ -47,7 +47,7 @@ def select_unique_rows(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str
 def select_unique_rows_of_each(
     recordings: Sequence[Columns], kind: Kind
 ) -> tuple[list[Columns], tuple[str, ...]]:
-    """`select_unique_rows` of every recording after the first; notes and errors give its number."""
+    """`select_unique_rows` for every recording after the first; notes and errors give its number."""
     selected, notes = [], []
     for number, each in enumerate(recordings, 1):
         with naming_recording(number):
