@@ -140,7 +140,7 @@ def _check_motor(columns: dict[str, Array], port: int) -> _CheckedMotor:
     faults: list[SensorFault] = []
     notes: list[str] = []
     if voltage is not None and speed is not None and _is_inverted(voltage, speed):
-        if current is not None and float(np.nansum(voltage * current)) > 0.0:  # not inverted as well
+        if current is not None and float(np.nansum(voltage * current)) > 0.0:  # its sign is the command's
             columns[names[1]] = current = -current
         columns[names[0]] = voltage = -voltage
         notes.append(f"motor {port} turns against its command: its wires are swapped; the sign was corrected")

@@ -28,7 +28,7 @@ SCALE_POWERS = {
 }
 """Power of s by which each of them appears wrong if it stands for the ratio of wheels and gyro."""
 KIPR_VOLTS_PER_COUNT = 0.009175
-"""Volts per count in the C library's battery function."""
+"""Volts per count that the C library's battery charge function assumes."""
 KIPR_TOLERANCE = 0.01
 """Relative difference from it within which a scale is attributed to the library."""
 SEE_BATTERY = (

@@ -80,9 +80,10 @@ MIN_LOG_STRETCH, MAX_LOG_DIFFERENCE = 0.3, 0.25
 """Least logarithm of the factors of both parameters for a wrong time base, and largest logarithm of their
 ratio."""
 MIN_LOG_ROW_ERROR, MAX_LOG_ROW_DIFFERENCE, MAX_ROW_SIGMAS = 0.03, 0.02, 2.0
-"""Logarithm of the ratio of a row to whole cycles from which time may be wrong; logarithm of the ratio within
-which a filter is off by the same factor (a time 10 % off made it 1.102 to 1.106 and 0.897 times what it was);
-and standard deviations for a less certain number, as an inertia."""
+"""Logarithm of the ratio of a row to whole cycles above which the time may be wrong; largest difference from
+it of the logarithm of a parameter's factor that it explains (a time 10 % off made a filter 1.102 to 1.106 and
+0.897 times what it was); and the same in standard deviations, for a less certain parameter such as the
+inertia."""
 MAX_LOOP_FACTOR = 0.5
 """Factor of both motors' resistance (or of the inertia, which may stand in for it) below which a speed loop
 drives the motors."""

@@ -1,1 +1,1 @@
-"""Reflectance sensors: readings over white and black, and what explains them."""
+"""The diagnosis of reflectance sensors (tophats) by their readings over white and black."""

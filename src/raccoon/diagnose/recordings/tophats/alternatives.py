@@ -1,4 +1,4 @@
-"""Alternative explanations of two levels: other causes, another make of sensor, counts of fewer bits."""
+"""Alternative explanations of the two levels: other causes, another make of sensor, counts of fewer bits."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from raccoon.diagnose.recordings.tophats.sentences import (
 )
 
 MAX_TIE_COST = 3.0
-"""Cost above the best fit's up to which another fit does about as well."""
+"""Cost above the best fit's up to which another fit counts as equally good."""
 MOUNTING_HEIGHTS_M = (0.003, 0.025)
-"""m; lowest and highest mounting of a sensor above the floor."""
+"""Lowest and highest mounting height of a sensor above the floor, m."""
 
 
 def find_rivals(fits: Sequence[LevelFit], best: LevelFit, id_: str, levels_read: int) -> tuple[str, ...]:
-    """Causes of other fits that do about as well without this one. Where one level is left, and where the
-    causes' numbers are not what was fitted, all causes that fit the levels. Two parameters fit any two
-    levels, so beside a pair all other causes. levels_read: how many levels are not clipped."""
+    """Causes of other, equally good fits without this cause. If only one level is left, or the causes' values
+    approximate what was fitted, these are all causes that fit the levels. Two parameters fit any two levels,
+    so the rivals of a pair are all other causes. levels_read: number of levels that are not clipped."""
     if best.parameter_count > 1:
         return tuple(sorted(set(CHANGE_WIDTHS) - set(best.ids)))
     is_ambiguous = levels_read < 2 or not best.is_exact
@@ -46,7 +46,8 @@ def find_rivals(fits: Sequence[LevelFit], best: LevelFit, id_: str, levels_read:
 def alternative_notes(
     port: int, levels: SurfaceLevels, nominal: NominalSensor, fits: Sequence[LevelFit], best: LevelFit
 ) -> tuple[str, ...]:
-    """Notes on an older sensor or counts of fewer bits that would read the same as what is named."""
+    """Notes on an older sensor or counts of fewer bits that would give the same readings as the named
+    cause."""
     notes = []
     older = [
         each
@@ -66,7 +67,8 @@ def alternative_notes(
 
 
 def _find_fewer_bits(levels: SurfaceLevels, nominal: NominalSensor, best: LevelFit) -> ReadingScale | None:
-    """A scale of fewer bits on which a single cause explains the levels at a lower cost than the best fit."""
+    """A scale of fewer bits on which a single cause explains the levels at a lower cost than the best fit, or
+    None."""
 
     def is_better(found: list[LevelFit]) -> bool:
         return any(

@@ -1,4 +1,4 @@
-"""Checks of a tophat's readings and labels: impossible counts, other units, labels of something else."""
+"""Checks of a tophat's readings and labels: impossible counts, other units, wrong labels."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from raccoon.model.reflectance import FULL_SCALE
 Array = NDArray[np.float64]
 
 MAX_SWAPPED_AGREEMENT = 0.1
-"""Share of readings that agree with their labels, below which black and white are exchanged."""
+"""Share of readings that agree with their labels below which black and white are exchanged."""
 MAX_VOLTS = 5.5
-"""Largest reading in volts, or as a share of the range."""
+"""Largest reading that may be in volts, or a share of the range."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingScale:
-    """Another scale than counts of 12 bits. counts_per_step: counts in one of its steps. max_reading: its
+    """A scale other than counts of 12 bits. counts_per_step: counts of one of its steps. max_reading: its
     largest reading."""
 
     words: str
@@ -35,12 +35,12 @@ FEWER_BITS = (
     ReadingScale("readings of 10 bits (0..1023)", 4.0, 1023.0),
     ReadingScale("readings of 8 bits (0..255)", 16.0, 255.0),
 )
-"""KIPR's analog10() and analog8()."""
+"""The scales of KIPR's analog10() and analog8()."""
 SCALES = (*FEWER_BITS, ReadingScale("percent", (FULL_SCALE + 1.0) / 100.0, 100.0))
 
 
 def without_impossible_counts(counts: Array, port: int) -> tuple[Array, tuple[SensorFault, ...]]:
-    """The readings with NaN in place of what the converter cannot give, and the fault these are."""
+    """The readings with NaN in place of values that the converter cannot give, and the fault."""
     impossible = (counts < 0.0) | (counts > FULL_SCALE)
     if not impossible.any():
         return counts, ()
@@ -51,8 +51,8 @@ def without_impossible_counts(counts: Array, port: int) -> tuple[Array, tuple[Se
 
 
 def describe_wrong_labels(time: Array, counts: Array, surface: Array | None, port: int) -> str:
-    """That labels by which nothing can be told are of something else or of another time, where the readings
-    alone tell white from black; "" where they do not, and where labels are swapped."""
+    """Text on labels that belong to something else or to another time: the readings alone separate white from
+    black, and the labels do not. "" otherwise, and if the labels are swapped."""
     by_readings = "" if surface is None else sort_levels(time, counts, None)
     if surface is None or isinstance(by_readings, str) or not by_readings.is_sorting_certain:
         return ""
@@ -67,9 +67,9 @@ def describe_wrong_labels(time: Array, counts: Array, surface: Array | None, por
 
 
 def describe_other_unit(counts: Array, levels: SurfaceLevels | str, nominal: NominalSensor) -> str:
-    """What the readings seem to be where they are no counts of 12 bits; "" where they are.
+    """Text on the scale of the readings if they are no counts of 12 bits; "" if they are.
 
-    levels: of the readings, or why there are none.
+    levels: of the readings, or the reason for having none.
     """
     known = counts[np.isfinite(counts)]
     if len(known) and float(known.max()) <= MAX_VOLTS and not np.all(known == np.rint(known)):
@@ -95,8 +95,8 @@ def find_scale(
     scales: Sequence[ReadingScale],
     is_good: Callable[[list[LevelFit]], bool],
 ) -> ReadingScale | None:
-    """The first of these scales on which the levels may be. is_good: whether what is fitted on one is
-    good."""
+    """The first of these scales that the levels may have, or None. is_good: decides on the fits in a
+    scale."""
     if levels.clipped != (0, 0):
         return None
     table = levels.surface_levels(np.ones(len(levels.time), np.bool_))

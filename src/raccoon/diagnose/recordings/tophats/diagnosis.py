@@ -1,9 +1,9 @@
-"""Reflectance recordings: is it light from outside, the sensor's gain, its height, or noise?
+"""The diagnosis of reflectance recordings by ambient light, the sensor's gain, its height, or noise.
 
-The simulated reading is factor * counts(height) + offset. White and black are two levels, so one of the three
-can be told from the others, and two together only by what usual deviations are; where that does not decide,
-all that fit are listed. A level that is cut off says only that it is beyond, so then one number is left.
-Levels that jump are judged before and after apart; levels that drift have no one cause.
+The simulated reading is factor * counts(height) + offset. White and black are two levels, so a single cause
+of the three is distinguishable, and a pair only by usual deviations; if these do not decide, all fitting
+causes are listed. A clipped level only shows that it is beyond the range, so then a single level is left. If
+the levels jump, the parts before and after are judged separately; levels that drift have no single cause.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
 MAX_STEP_S = 0.9
-"""Longest s between samples: a sensor held over a surface may be read slowly; a time in ms advances by
-more."""
+"""Longest time between samples, s: a sensor held over a surface may be read slowly, but a time in ms advances
+by more."""
 Columns = Mapping[str, Array]
 
 
 def tophat_ports(columns: Columns, robot: RobotConfig) -> list[int]:
-    """Analog ports of the robot's tophats that were recorded; all recorded ones where it names none."""
+    """Analog ports of the robot's tophats that were recorded; all recorded ones if it names none."""
     recorded = _recorded_ports(columns)
     named = [each.analog for each in robot.tophats.values() if each.analog in recorded]
     return named or recorded
@@ -45,7 +45,7 @@ def _recorded_ports(columns: Columns) -> list[int]:
 
 
 def _unjudged_notes(columns: Columns, ports: list[int]) -> tuple[str, ...]:
-    """A note on ports that were recorded but are no tophat of the robot."""
+    """A note on recorded ports that are no tophat of the robot."""
     others = [port for port in _recorded_ports(columns) if port not in ports]
     if not others:
         return ()
@@ -64,9 +64,9 @@ def diagnose_tophats(
     of_a_drive: bool = False,
 ) -> Diagnosis:
     """Compare recorded tophats with the simulated ones. truth_free: do not use `truth.surface.N`. of_a_drive:
-    of a recording that was not made for them, so what could not be judged is no news.
+    the recording was not made for tophats, so what could not be judged is not reported.
 
-    Raises TraceError for a time that is no number, does not advance or is in another unit.
+    Raises TraceError for a time that is not a number, does not advance or is in another unit.
     """
     begin = clock.perf_counter()
     check_time(columns["t"], MAX_STEP_S)
@@ -111,7 +111,7 @@ def diagnose_tophats(
 
 
 def _rejected_missing(columns: Columns, robot: RobotConfig, of_a_drive: bool) -> list[Rejected]:
-    """The causes of tophats that the robot has and the recording has not, rejected."""
+    """The causes of the robot's tophats that the recording lacks, as rejected."""
     recorded = _recorded_ports(columns)
     ports = [] if of_a_drive else sorted({each.analog for each in robot.tophats.values()} - set(recorded))
     return [

@@ -1,8 +1,8 @@
-"""Fits white and black levels of a tophat by light from outside, gain, height, or several of them.
+"""Fits a tophat's white and black levels by ambient light, gain, height, or several of them.
 
-In the contract light is an added offset. Real light lowers both levels, black far more, and the older make of
-the sensor differs in both (`raccoon.model.reflectance`), as no offset and no factor does. So levels are
-compared with these as well, and what fits is expressed in the contract's numbers.
+In the contract, light is an added offset. Real light lowers both levels, black far more, and the older make
+of sensor differs in both (`raccoon.model.reflectance`), unlike any offset or factor. So both are fitted as
+well, and the result is expressed in the contract's parameters.
 """
 
 from __future__ import annotations
@@ -29,28 +29,30 @@ from raccoon.sim.tophats import SENSOR_GENERATION
 Array = NDArray[np.float64]
 
 CHANGE_WIDTHS = {AMBIENT_LIGHT: 200.0, GAIN: 0.2, HEIGHT: 0.006}
-"""Twice the catalogue's width of a usual deviation."""
+"""Scales of the causes' changes: twice the catalogue's width of a usual deviation."""
 LIGHT = "light"
-"""Real light, fitted in place of an offset."""
+"""Name of real light, which is fitted in place of an offset."""
 OLDER_GENERATION = "old"
 PARAMETER_COST = 6.0
-"""Cost of each fitted parameter, and of assuming the other make of sensor."""
+"""Cost of each fitted parameter, and of the assumption of the other make of sensor."""
 MIN_DOUBT_HEIGHT = 0.005
-"""m below which the uncertainty of black no longer grows: it would explain any level."""
+"""Height, m, below which the uncertainty of black no longer increases, since it would then explain any
+level."""
 MAX_STEPS = 40
-"""Most steps of a fit."""
+"""Largest number of steps of a fit."""
 MAX_MISFIT = 9.0
-"""Misfit up to which levels count as explained."""
+"""Largest misfit of levels that count as explained."""
 MAX_PROBABILITY_OF_PAIR = 0.8
-"""Largest probability of a cause where two are named: of sensors with two hidden causes whose levels needed
-two, three of four names were right."""
+"""Largest probability of a cause if two are named: on sensors with two hidden causes whose levels needed two,
+three of four names were right."""
 USUAL_LIGHT = 0.1
 """Largest share of direct sun in recorded calibrations."""
 
 
 @dataclass(frozen=True, slots=True)
 class NominalSensor:
-    """What the simulation assumes of one sensor."""
+    """The simulation's assumptions on one sensor: offset, counts; factor; height, m; sd of its noise,
+    counts."""
 
     offset: float = 0.0
     factor: float = 1.0
@@ -78,13 +80,13 @@ class NominalSensor:
 
 @dataclass(frozen=True, slots=True)
 class LevelFit:
-    """Causes, `ids`, with their values and standard deviations.
+    """A fit of causes `ids`, with the values of their changes and standard deviations.
 
-    misfit: squared whitened residuals of the levels. cost: misfit plus the costs of the deviations and of
-    `parameter_count`, the number of fitted parameters. light: share of direct sun, where light lowers the
-    levels, and level_drops: by how many counts over white and black; the offset is then minus their mean.
-    generation: the make of sensor that was assumed; where it is not the simulation's, the factor is the one
-    that is least wrong. The misfit is that of the light and of the make themselves.
+    misfit: sum of the squared whitened residuals of the levels. cost: misfit plus the costs of the deviations
+    and of the `parameter_count` fitted parameters. light: share of direct sun, if light lowers the levels.
+    level_drops: counts by which it lowers white and black; the offset is minus their mean. generation:
+    assumed make of sensor; if it is not the simulation's, the factor is the best approximation. The misfit is
+    that with the light and make themselves.
     """
 
     ids: tuple[str, ...]
@@ -99,20 +101,20 @@ class LevelFit:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the numbers of the causes give the levels that were fitted."""
+        """Whether the causes' values reproduce the fitted levels exactly."""
         return self.light == 0.0 and self.generation == SENSOR_GENERATION
 
 
 def _clip_height(height: float) -> float:
-    """The height, m, clipped to where the reflectance model holds."""
+    """The height, m, clipped to the validity range of the reflectance model."""
     return float(np.clip(height, MIN_HEIGHT, MAX_HEIGHT))
 
 
 def fit_levels(table: Array, nominal: NominalSensor, clipped: tuple[int, int] = (0, 0)) -> list[LevelFit]:
-    """Fits without a cause, with each cause alone, and with several; each parameter has its cost.
+    """Fits without a cause, with each single cause, and with several; each parameter has its cost.
 
-    table: `SurfaceLevels.surface_levels`. clipped: `SurfaceLevels.clipped`. A clipped level only says that it
-    is beyond the range, and the one level that is left does not tell two causes.
+    table: from `SurfaceLevels.surface_levels`. clipped: `SurfaceLevels.clipped`. A clipped level only shows
+    that it is beyond the range, and the single other level does not distinguish two causes.
     """
     single_causes: list[tuple[str, ...]] = [(), *((each,) for each in CHANGE_WIDTHS)]
     if clipped != (0, 0):
@@ -148,7 +150,8 @@ def _fit_causes(
 def _gauss_newton(
     table: Array, nominal: NominalSensor, free: tuple[str, ...], clipped: tuple[int, int], generation: str
 ) -> tuple[Array, float, Array]:
-    """Gauss-Newton: coordinates of the causes, misfit of the levels, and stds of the coordinates."""
+    """Gauss-Newton fit: coordinates of the causes, misfit of the levels, standard deviations of the
+    coordinates."""
     black, level, weights = table[:, 0], table[:, 1], 1.0 / table[:, 2]
 
     def residual(u: Array) -> Array:
@@ -158,7 +161,7 @@ def _gauss_newton(
     def slopes(u: Array, r: Array) -> Array:
         return np.column_stack([(residual(u + 1e-4 * row) - r) / 1e-4 for row in np.eye(len(free))])
 
-    # The root of light is fitted, which keeps light positive; from 0 itself it would not move.
+    # The square root of light is fitted, which keeps light positive; at 0 the gradient would vanish.
     u = np.array([0.3 if each == LIGHT else 0.0 for each in free])
     for _ in range(MAX_STEPS if free else 0):
         r = residual(u)
@@ -176,7 +179,7 @@ def _gauss_newton(
 
 
 def _changes(free: Sequence[str], u: Array) -> dict[str, float]:
-    """Changes of the causes, and the light, at these coordinates."""
+    """Changes of the causes, and the light, at the coordinates u."""
     return {
         each: USUAL_LIGHT * float(coordinate) ** 2
         if each == LIGHT
@@ -188,8 +191,8 @@ def _changes(free: Sequence[str], u: Array) -> dict[str, float]:
 def _as_contract_numbers(
     nominal: NominalSensor, free: Sequence[str], u: Array, std: Array, misfit: float, generation: str
 ) -> LevelFit:
-    """The fit in the contract's numbers: light as an offset, and another make as a factor, that are least
-    wrong over white and black."""
+    """The fit in the contract's parameters: light as an offset and another make as a factor, by the best
+    approximation over white and black."""
     # Large deviations are rare but happen: their cost grows logarithmically.
     parameter_count = len(free) + (generation != SENSOR_GENERATION)
     cost = misfit + 2.0 * float(np.log1p(u**2).sum()) + PARAMETER_COST * parameter_count
@@ -223,15 +226,15 @@ def _as_contract_numbers(
 
 
 def _clipped_residuals(residuals: Array, black: Array, clipped: tuple[int, int]) -> Array:
-    """Residuals of the levels, 0 where a clipped level is predicted beyond the end of the range."""
+    """Residuals of the levels; 0 if a clipped level is predicted beyond the end of the range."""
     side = np.where(black > 0.5, clipped[1], clipped[0])
     below = np.where(side < 0, np.maximum(residuals, 0.0), residuals)
     return np.asarray(np.where(side > 0, np.minimum(residuals, 0.0), below))
 
 
 def probability(fits: Sequence[LevelFit], id_: str) -> float:
-    """Of a cause among all that was fitted: 0.99 at the most, `MAX_PROBABILITY_OF_PAIR` where the best has
-    two."""
+    """Probability of a cause among all fits: at most 0.99, or `MAX_PROBABILITY_OF_PAIR` if the best fit has
+    two parameters."""
     best = min(fits, key=lambda each: each.cost)
     least, most = best.cost, 0.99 if best.parameter_count < 2 else MAX_PROBABILITY_OF_PAIR
     weights = [math.exp(-0.5 * (each.cost - least)) for each in fits]

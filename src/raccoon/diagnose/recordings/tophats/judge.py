@@ -1,4 +1,4 @@
-"""The diagnosis of one tophat: its levels, what explains them, and what cannot be told."""
+"""The diagnosis of one tophat: its levels, their causes, and what is not identifiable."""
 
 from __future__ import annotations
 
@@ -58,15 +58,15 @@ from raccoon.sim.tophats import SENSOR_GENERATION
 Array = NDArray[np.float64]
 
 FITTED_SHARE = 0.7
-"""Part of the time that is fitted; the rest is held out."""
+"""Share of the time that is fitted; the rest is held out."""
 MAX_MOVE_SHARE = 0.25
-"""Movement of the levels, over their error, up to which they are explained by one cause."""
+"""Largest movement of the levels, relative to their error, at which a single cause explains them."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorDiagnosis:
-    """What was found at one port. depends_on: what the unexplained rest depends on. unexplained_share: its
-    share of the squared error."""
+    """The result at one port. depends_on: covariates of the unexplained rest. unexplained_share: its share of
+    the squared error."""
 
     channel: ChannelResult | None
     causes: tuple[CauseResult, ...] = ()
@@ -117,8 +117,8 @@ def _not_identifiable(port: int, reason: str, advice: str) -> SensorDiagnosis:
 def _judge_both_sides(
     port: int, nominal: NominalSensor, when: float, before: SurfaceLevels, after: SurfaceLevels
 ) -> SensorDiagnosis:
-    """Levels that jump at `when`, s: both parts are judged apart. The later one is how the sensor is now, so
-    its causes are named first."""
+    """Judge levels that jump at `when` (s), separately before and after. The later part is the sensor's
+    current state, so its causes are named first."""
     earlier, later = _judge_constant(before, port, nominal), _judge_constant(after, port, nominal)
     is_later_shown = bool(later.causes) or not earlier.causes
     shown, other = (later, earlier) if is_later_shown else (earlier, later)
@@ -159,8 +159,8 @@ def _join_curves(first: Curve, second: Curve) -> Curve:
 def _judge_drifting(
     levels: SurfaceLevels, port: int, nominal: NominalSensor, movement: tuple[float, float, float]
 ) -> SensorDiagnosis:
-    """Levels that drift. Where they move by more than `MAX_MOVE_SHARE` of their error they have no one cause;
-    else the cause of their mean is named."""
+    """Judge levels that drift. If they move by more than `MAX_MOVE_SHARE` of their error they have no single
+    cause; else the cause of their mean is named."""
     size, lowest, highest = movement
     largest_error = max(abs(levels.medians[side] - nominal.level(side)) for side in (0, 1))
     found = _judge_constant(levels, port, nominal, (() if size > MAX_MOVE_SHARE * largest_error else None))
@@ -174,7 +174,7 @@ def _judge_drifting(
 def _judge_constant(
     levels: SurfaceLevels, port: int, nominal: NominalSensor, allowed: tuple[str, ...] | None = None
 ) -> SensorDiagnosis:
-    """Levels that are constant. allowed: the causes that may be named, all by default."""
+    """Judge constant levels. allowed: causes that may be named, all by default."""
     is_early = levels.time < levels.time[0] + FITTED_SHARE * float(np.ptp(levels.time))
     if not all((is_early & (levels.black == side)).sum() >= 8 for side in (False, True)):
         is_early = np.ones(len(is_early), np.bool_)
@@ -244,8 +244,8 @@ def _sensor_diagnosis(
 def _with_model_sentences(
     causes: Sequence[CauseResult], port: int, best: LevelFit
 ) -> tuple[list[CauseResult], tuple[str, ...]]:
-    """The causes with sentences that name the light or the make of the sensor, and notes on how the
-    contract's numbers approximate these."""
+    """The causes with sentences on the light or the make of the sensor, and notes on their approximation by
+    the contract's parameters."""
     described, notes = [], []
     for each in causes:
         if each.id == AMBIENT_LIGHT and best.light:
@@ -287,7 +287,7 @@ def _curve(levels: SurfaceLevels, port: int, nominal: NominalSensor, best: Level
 
 
 def _parameter_result(id_: str, change: float, std: float, nominal: NominalSensor) -> ParameterResult:
-    """The changed number, clipped to the catalogue's bounds."""
+    """The changed parameter, clipped to the catalogue's bounds."""
     base = {AMBIENT_LIGHT: nominal.offset, GAIN: nominal.factor, HEIGHT: nominal.height}[id_]
     parameter = effect(id_).parameters[0]
     value, std = (base * (1.0 + change), base * std) if id_ == GAIN else (base + change, std)

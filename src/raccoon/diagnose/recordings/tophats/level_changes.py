@@ -1,4 +1,4 @@
-"""Finds levels of a tophat that change with time: a step, or a drift."""
+"""Detects levels of a tophat that change over time: a step, or a drift."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MIN_MOVE_SIGMAS = 5.0
-"""Standard deviations by which a level must move to have moved."""
+"""Least significant movement of a level, in standard deviations."""
 MIN_PIECES = 3
-"""Pieces of time with a level that are needed to tell that it moved."""
+"""Least number of pieces of time with a level for the detection of a movement."""
 STEP_CANDIDATES = 40
-"""Parts of a recording between which a step is searched at first."""
+"""Number of parts of a recording between which a step is searched first."""
 MAX_COST_RATIO = 0.5
-"""Distance of the readings from two pairs of levels, before and after a step, over that from a single pair,
-below which a step is accepted where single levels did not show a movement: its readings may pass for
+"""Ratio of the readings' distance from two pairs of levels (before and after a step) to that from a single
+pair, below which a step is accepted although single levels showed no movement: its readings may pass for
 edges."""
 
 MAX_DISTANCE_RATIO = 5.0
-"""Median distances from its level at which a reading's say in the time of a step is capped."""
+"""Cap on a reading's distance from its level, in median distances, in the search for the time of a step."""
 
 
 def find_movement(levels: SurfaceLevels) -> tuple[float, float, float] | None:
-    """Counts by which a level moves at the most, and when it is lowest and highest, s; None where both levels
-    are constant."""
+    """Largest movement of a level, counts, and the times at which it is lowest and highest, s; None if both
+    levels are constant."""
     table = levels.piece_levels(np.ones(len(levels.time), np.bool_))
     found: list[tuple[float, float, float]] = []
     length = float(np.ptp(levels.time)) / TIME_PIECES
@@ -51,7 +51,7 @@ def find_movement(levels: SurfaceLevels) -> tuple[float, float, float] | None:
 
 
 def _differ_significantly(rows: Array) -> bool:
-    """Whether two of the levels differ by more than their standard deviations allow. rows: of one surface, of
+    """Whether any two of the levels differ significantly. rows: of one surface, from
     `SurfaceLevels.piece_levels`."""
     return any(
         abs(one[2] - two[2]) >= MIN_MOVE_SIGMAS * float(np.hypot(np.hypot(one[3], two[3]), SENSOR_SPREAD))
@@ -62,11 +62,12 @@ def _differ_significantly(rows: Array) -> bool:
 def split_at_step(
     time: Array, counts: Array, surface: Array | None, levels: SurfaceLevels | str
 ) -> tuple[float, SurfaceLevels, SurfaceLevels] | None:
-    """When the levels jump, s, and the levels before and after, each sorted by itself; None where they do not
-    jump, or are not constant otherwise. levels: of all readings together, or why there are none.
+    """Time of a jump of the levels, s, and the levels before and after, each sorted separately; None if they
+    do not jump, or are not constant otherwise. levels: of all readings together, or the reason for having
+    none.
 
-    Light that lowers both levels makes black read as white did, where there are no labels: so the time of the
-    step is found by all readings, sorted or not.
+    Without labels, light that lowers both levels can make black read as white did before, so the time of the
+    step is determined from all readings, sorted or not.
     """
     known = np.isfinite(counts)
     time, counts = time[known], counts[known]
@@ -105,15 +106,15 @@ def _levels_differ(before: SurfaceLevels, after: SurfaceLevels) -> bool:
 
 def _find_step_row(time: Array, counts: Array, black: Flags | None, max_ratio: float) -> int | None:
     """Row of the first reading after a step, at which two levels before and two after fit the readings best;
-    None where they do not lower the distance from a single pair of levels to `max_ratio` of it."""
+    None if they do not reduce the distance from a single pair of levels to `max_ratio` of it."""
     single_pair = level_pair(counts, black)
     ends = np.searchsorted(time, np.linspace(time[0], time[-1], STEP_CANDIDATES + 1))
     rows = []
     for place in range(1, STEP_CANDIDATES):
         distances = _distances_before_and_after(counts, black, int(ends[place]))
-        if distances is None or ends[place - 1] == ends[place + 1]:  # in a gap there is nothing
+        if distances is None or ends[place - 1] == ends[place + 1]:  # a gap has no readings
             continue
-        # White before may pass for black after where a candidate is a little off, so candidates are compared
+        # If a candidate is slightly off, white before may pass for black after, so candidates are compared
         # after each was refined by its own levels.
         row = _refine_step_row(distances, int(ends[place]), int(ends[place - 1]), int(ends[place + 1]))
         refined = _distances_before_and_after(counts, black, row)
@@ -130,7 +131,7 @@ def _find_step_row(time: Array, counts: Array, black: Flags | None, max_ratio: f
 
 
 def _distances_before_and_after(counts: Array, black: Flags | None, row: int) -> tuple[Array, Array] | None:
-    """Distances of all readings from the levels before the row, and from those after it; None where not both
+    """Distances of all readings from the levels before the row, and from those after it; None unless both
     surfaces are seen on either side."""
     parts = slice(row), slice(row, None)
     pairs = [level_pair(counts[each], None if black is None else black[each]) for each in parts]
@@ -145,8 +146,8 @@ def _total_distance(distances: tuple[Array, Array], row: int) -> float:
 
 
 def _refine_step_row(distances: tuple[Array, Array], row: int, first: int, last: int) -> int:
-    """The row from first to last at which a step between the levels found at `row` fits best."""
-    # Readings on an edge are far from the levels, and may by chance be near those of the other side.
+    """The row from `first` to `last` at which a step between the levels found at `row` fits best."""
+    # Readings on an edge are far from the levels, and may happen to be near those on the other side.
     max_distance = MAX_DISTANCE_RATIO * float(np.median(np.append(distances[0][:row], distances[1][row:])))
     sooner, later = (np.minimum(each[first:last], max_distance) for each in distances)
     return min(first + 1 + int(np.argmin(np.cumsum(sooner - later))), len(distances[0]) - 1)

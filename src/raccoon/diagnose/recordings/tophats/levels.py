@@ -29,30 +29,30 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 TIME_PIECES = 10
-"""Pieces of time in which the levels may differ."""
+"""Number of pieces of time, between which the levels may differ."""
 MAX_NOISE = 50.0
-"""Noise, counts, that no floor makes: `floor_pattern` is 20 at the most."""
+"""Noise, counts, above which it does not come from the floor: `floor_pattern` is 20 at the most."""
 MIN_CLIPPED_SHARE = 0.1
-"""Share of a surface's readings at an end of the converter's range from which its level is clipped."""
+"""Share of a surface's readings at an end of the converter's range above which its level is clipped."""
 MIN_LIMIT_RATIO = 3.0
-"""Share of black readings at the largest value over that of white's most frequent value, from which black is
-clipped there."""
+"""Ratio of the share of black readings at the largest value to the share of white's most frequent value above
+which black is clipped there."""
 SENSOR_SPREAD = 4.0
-"""Counts; least standard deviation between sound sensors of one make on the same floor."""
+"""Lower bound of the standard deviation between sound sensors of one make on the same floor, counts."""
 MIN_VISITS = 3
-"""Visits to black that are needed where no reference labels it: a shadow falls on white once or twice, and
-its two levels are not white and black."""
+"""Least number of visits to black without labels: a shadow falls on white once or twice, and its two levels
+are not white and black."""
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceLevels:
     """Readings of one sensor sorted by surface.
 
-    time, counts, black (n,): the readings that are clearly on a surface. noise: counts, sd of a reading.
-    floor_pattern: counts, how much of that the floor itself may make. piece (n,): piece of time of each.
-    medians: counts over white and over black. clipped: for white and black, 1 where the level is clipped at
-    the converter's largest value, -1 at 0, else 0. is_sorting_certain: a reference labelled white and black,
-    or both were seen in turns.
+    time, counts, black (n,): readings that are clearly on a surface. noise: standard deviation of a reading,
+    counts. floor_pattern: part of it that may come from the floor, counts. piece (n,): index of each
+    reading's piece of time. medians: counts over white and over black. clipped: for white and black, 1 if the
+    level is clipped at the converter's largest value, -1 at 0, else 0. is_sorting_certain: a reference
+    labelled white and black, or both were seen alternately.
     """
 
     time: Array
@@ -67,18 +67,18 @@ class SurfaceLevels:
 
     @property
     def unclipped_count(self) -> int:
-        """How many of the two levels are not clipped."""
+        """Number of the two levels that are not clipped."""
         return self.clipped.count(0)
 
     def noise_number(self, assumed: float) -> ParameterResult:
-        """The noise with its standard deviation: n steps between neighbours, of which each two have a reading
-        in common, give it to sqrt(3 / n) / 2 of itself."""
+        """The noise with its standard deviation: n steps between neighbours, of which any two adjacent ones
+        share a reading, give it with a relative standard deviation of sqrt(3 / n) / 2."""
         fewest = float(min(self.black.sum(), (~self.black).sum()))
         std = float(max(0.5 * np.sqrt(3.0 / max(fewest, 1.0)), 0.02)) * self.noise
         return ParameterResult(self.noise, max(std, 0.5), "counts", assumed)
 
     def piece_levels(self, keep: Flags) -> Array:
-        """Rows of piece, black 0/1, level and its std, for pieces of time with enough readings."""
+        """Rows of (piece, black 0/1, level, std of the level), for pieces of time with enough readings."""
         rows = []
         for piece in range(TIME_PIECES):
             for black in (False, True):
@@ -89,8 +89,8 @@ class SurfaceLevels:
         return np.array(rows).reshape(-1, 4)
 
     def surface_levels(self, keep: Flags) -> Array:
-        """Rows of black 0/1, level, and its std around that of a nominal sensor: from its own spread, and
-        from differences between floors and between sensors."""
+        """Rows of (black 0/1, level, std of the level around that of a nominal sensor), which includes its
+        own scatter and the differences between floors and between sensors."""
         rows = []
         for black in (False, True):
             values = self.counts[keep & (self.black == black)]
@@ -104,7 +104,7 @@ class SurfaceLevels:
 
 
 def sort_levels(time: Array, counts: Array, surface: Array | None) -> SurfaceLevels | str:
-    """Sort the readings into levels; where that cannot be done, the reason as text.
+    """Sort the readings into levels; the reason as text if that is not possible.
 
     surface: 1 black, 0 white by a reference; without it the readings decide.
     """
@@ -125,7 +125,7 @@ def sort_levels(time: Array, counts: Array, surface: Array | None) -> SurfaceLev
     if min((is_sure & black).sum(), (is_sure & ~black).sum()) < MIN_READINGS:
         return _describe_single_surface(counts, noise if surface is None else 0.0)
     medians, clipped = _medians_and_clipping(counts[is_sure], black[is_sure])
-    # Edges are steps, not noise, and clipped readings have no noise.
+    # Edges are steps and not noise, and clipped readings show no noise.
     steady = is_sure & is_off_edges(time, black) & np.where(black, clipped[1] == 0, clipped[0] == 0)
     pairs = steady[1:] & steady[:-1] & (black[1:] == black[:-1])
     if pairs.sum() >= MIN_READINGS:
@@ -161,7 +161,7 @@ def sort_levels(time: Array, counts: Array, surface: Array | None) -> SurfaceLev
 
 
 def level_pair(counts: Array, black: Flags | None) -> tuple[float, float] | None:
-    """Median counts over white and black, by `black` or else by the readings; None where not both are
+    """Median counts over white and black, sorted by `black` or else by the readings; None unless both are
     seen."""
     if black is not None:
         sides = counts[~black], counts[black]
@@ -173,15 +173,15 @@ def level_pair(counts: Array, black: Flags | None) -> tuple[float, float] | None
 
 
 def time_pieces(time: Array) -> NDArray[np.intp]:
-    """Piece of time of each reading."""
+    """Index of each reading's piece of time."""
     share = (time - time[0]) / max(float(np.ptp(time)), 1e-9)
     return np.asarray(np.minimum(share * TIME_PIECES, TIME_PIECES - 1), np.intp)
 
 
 def _contrast_std(counts: Array, black: Flags, piece: NDArray[np.intp], noise: float) -> float:
-    """Standard deviation of the contrast between labelled surfaces. Single readings need not tell these
-    apart, and light that changes the levels from one piece of time to the next does not hide their
-    contrast."""
+    """Standard deviation of the contrast between labelled surfaces. It allows for readings that are
+    individually not separable, and excludes changes of the levels by light from one piece of time to the
+    next."""
     still = counts.astype(float)
     for index in np.unique(piece):
         for side in (False, True):
@@ -191,7 +191,7 @@ def _contrast_std(counts: Array, black: Flags, piece: NDArray[np.intp], noise: f
 
 
 def _describe_single_surface(counts: Array, noise: float) -> str:
-    """Why surfaces were not found. noise: counts, of readings without labels; 0 with labels."""
+    """Text on why both surfaces were not found. noise: of readings without labels, counts; 0 with labels."""
     if noise >= MAX_NOISE:
         return (
             f"readings differ by {noise:.0f} counts from one to the next, which hides what is white and what "
@@ -207,8 +207,8 @@ def _describe_single_surface(counts: Array, noise: float) -> str:
 
 
 def _describe_lower_limit(counts: Array, black: Flags, clipped: tuple[int, int]) -> str:
-    """That black is clipped below the converter's largest value; "" where it is not. Readings of a sensor
-    without noise are equal over white as well."""
+    """Text that black is clipped below the converter's largest value; "" if it is not. (Readings of a sensor
+    without noise are also equal over white.)"""
     white, dark = counts[~black], counts[black]
     at_end = float((dark == counts.max()).mean())
     most_common_share = float(np.unique(white, return_counts=True)[1].max()) / len(white)

@@ -1,4 +1,4 @@
-"""Noise of a reflectance sensor's readings: the sensor's own, and what the floor's pattern makes."""
+"""Noise of a reflectance sensor's readings: that of the sensor, and that of the floor's pattern."""
 
 from __future__ import annotations
 
@@ -11,21 +11,23 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MIN_READINGS = 8
-"""Readings that an estimate needs."""
+"""Least number of readings for an estimate."""
 MIN_SD = 1.0
-"""Counts; a converter's own steps are no less."""
+"""Lower bound of the noise, counts: a converter's quantisation."""
 MIN_PATTERN_RATIO = 1.5
-"""Ratio of the floor's pattern over both surfaces from which it can be told from the sensor's noise."""
+"""Ratio of the floor's patterns over both surfaces above which the pattern is separable from the sensor's
+noise."""
 OUTLIER_SDS = 5.0
-"""Standard deviations of the noise from which a step between neighbours is an outlier."""
+"""Step between neighbours, in standard deviations of the noise, above which it is an outlier."""
 FLOOR_BRIGHTNESS_SD = 0.02
 """Relative standard deviation of a floor's brightness (`raccoon.model.reflectance.read`)."""
 MAD_TO_SD = 1.4826
-"""Standard deviation of normal numbers over their median absolute deviation."""
+"""Ratio of standard deviation and median absolute deviation of a normal distribution."""
 
 
 def noise_sd(steps: Array) -> float:
-    """Standard deviation of a reading by the steps between neighbours, without those at edges and spikes."""
+    """Standard deviation of a reading from the steps between neighbours, without steps at edges and
+    spikes."""
     rough = max(MAD_TO_SD * float(np.median(np.abs(steps))), np.sqrt(2.0) * MIN_SD)
     inliers = steps[np.abs(steps) < OUTLIER_SDS * rough]
     return max(float(np.sqrt(np.mean(inliers**2) / 2.0)), MIN_SD)
@@ -34,12 +36,12 @@ def noise_sd(steps: Array) -> float:
 def sensor_noise(
     steps: Array, pairs: Flags, black: Flags, medians: tuple[float, float], noise: float
 ) -> tuple[float, float]:
-    """Standard deviation of a reading, and how much of it the floor may make. noise: the result where no
-    surface has enough readings.
+    """Standard deviation of a reading, and the part of it that may come from the floor, counts. noise: the
+    result if no surface has enough readings.
 
-    A converter's noise is the same over both surfaces; a floor's pattern grows with the slope of the reading,
-    and shows over white, and flickering lamps show over black. So with n² = e² + g² p² over either surface,
-    where p is `floor_pattern`, the noise is e; where no g solves that it is the smaller n.
+    A converter's noise is equal over both surfaces; that of a floor's pattern grows with the slope of the
+    reading and shows over white, and that of flickering lamps over black. So with n² = e² + g² p² over either
+    surface, where p is `floor_pattern`, the noise is e; if no g solves this, it is the smaller n.
     """
     found = []
     for side in (False, True):
@@ -59,18 +61,18 @@ def sensor_noise(
 
 
 def floor_pattern(level: float) -> float:
-    """Standard deviation, counts, that a floor's varying brightness makes at a level: counts = 4095 / (1 + x)
-    has the slope -counts (1 - counts / 4095) over the logarithm of light x."""
+    """Standard deviation, counts, by the floor's varying brightness at a level: counts = 4095 / (1 + x) has
+    the slope -counts (1 - counts / 4095) over the logarithm of the light x."""
     return FLOOR_BRIGHTNESS_SD * abs(level * (1.0 - level / FULL_SCALE))
 
 
 def robust_sd(values: Array) -> float:
-    """Standard deviation by the median absolute deviation, which a few outliers do not widen."""
+    """Standard deviation from the median absolute deviation, which is robust to a few outliers."""
     return MAD_TO_SD * float(np.median(np.abs(values - np.median(values))))
 
 
 def median_std(values: Array, noise: float) -> float:
-    """Standard deviation of a median, which some readings on an edge do not move. Neighbouring readings see
-    the same floor, so a tenth of them counts as independent."""
+    """Standard deviation of a median, which a few readings on an edge do not change. Neighbouring readings
+    see the same floor, so only a tenth of them counts as independent."""
     spread = max(robust_sd(values), noise)
     return float(np.sqrt(0.5 * np.pi) * spread / np.sqrt(max(len(values) / 10.0, 1.0)))

@@ -9,9 +9,9 @@ from raccoon.model.reflectance import FULL_SCALE
 AMBIENT_LIGHT, GAIN, HEIGHT, NOISE = "tophat.ambient_light", "tophat.gain", "tophat.height", "tophat.noise"
 RECALIBRATE_ADVICE = ("read white and black again in another light and at the height of the table",)
 USUAL_NOISE_COUNTS = 5.0
-"""Counts; a standing sensor has 2 to 5."""
+"""Usual noise of a standing sensor, counts (2 to 5)."""
 MILLIVOLTS_PER_COUNT, MILLIVOLT_TOLERANCE = 3300.0 / FULL_SCALE, 0.008
-"""Millivolts of a count of a 3.3 V converter, and difference of a gain from it within which readings may be
+"""Millivolts per count of a 3.3 V converter, and tolerance of a gain on it within which readings may be
 millivolts."""
 PARAMETER_NAMES = {AMBIENT_LIGHT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
 """Name of each cause's parameter in the catalogue."""
@@ -41,7 +41,7 @@ def _millivolts_hint(gain: float) -> str:
 
 
 def describe_light(port: int, light: float, falls: tuple[float, float]) -> str:
-    """Light that lowers the levels by so many counts (white, black) by the sensor's model."""
+    """Sentence on light that lowers the levels by these counts (white, black) by the sensor's model."""
     return (
         f"Light from outside, about {format_two_digits(100.0 * light)} % of direct sun, lowers tophat "
         f"{port} by {falls[0]:.0f} counts over white and {falls[1]:.0f} over black: shade it, or calibrate "
@@ -50,7 +50,7 @@ def describe_light(port: int, light: float, falls: tuple[float, float]) -> str:
 
 
 def describe_light_offset(port: int, number: ParameterResult) -> str:
-    """How an offset approximates light."""
+    """Note on the approximation of light by an offset."""
     moved = number.value - number.nominal
     return (
         f"analog.{port}: light lowers black more than white, and the offset of {moved:+.0f} counts is only "
@@ -60,7 +60,7 @@ def describe_light_offset(port: int, number: ParameterResult) -> str:
 
 
 def describe_older_sensor(port: int) -> str:
-    """A sensor of the older make where the simulation has the newer."""
+    """Sentence on a sensor of the older make, if the simulation has the newer."""
     return (
         f"Tophat {port} reads like the older make of the sensor, which is darker over both surfaces, and "
         "most over white: calibrate it on white and black (raccoon calibrate tophats), and expect it to "
@@ -69,7 +69,7 @@ def describe_older_sensor(port: int) -> str:
 
 
 def describe_older_factor(port: int, number: ParameterResult) -> str:
-    """How a factor approximates a sensor of the older make."""
+    """Note on the approximation of a sensor of the older make by a factor."""
     return (
         f"analog.{port}: the simulated sensor is of the newer make, and the factor of {number.value:.2f} is "
         f"only the best fit, off by {number.std:.2f} on each surface; gain and height together, or light, "
@@ -78,7 +78,8 @@ def describe_older_factor(port: int, number: ParameterResult) -> str:
 
 
 def describe_older_alternative(port: int, height: float) -> str:
-    """A sensor of the older make at another height, which reads the same as what is named."""
+    """Note on a sensor of the older make at another height that gives the same readings as the named
+    cause."""
     return (
         f"analog.{port}: at about {format_two_digits(1000.0 * height)} mm a sensor of the older make reads "
         "the same: measure the height, or look at its make"
@@ -86,7 +87,7 @@ def describe_older_alternative(port: int, height: float) -> str:
 
 
 def describe_fewer_bits(port: int, words: str, counts: float) -> str:
-    """Readings that may be counts of fewer bits than the recording should have."""
+    """Note on readings that may be counts of fewer bits than the recording should have."""
     return (
         f"analog.{port}: it may hold {words} instead of counts of 12 bits (0..4095); then a smaller fault "
         f"would explain it: check what writes it and, if so, multiply by {counts:g} and diagnose again"
@@ -94,7 +95,7 @@ def describe_fewer_bits(port: int, words: str, counts: float) -> str:
 
 
 def describe_unsure_surfaces(port: int, levels: tuple[float, float]) -> str:
-    """Two levels without labels that no single cause gives, and that may not be white and black."""
+    """Note on two unlabelled levels that no single cause explains and that may not be white and black."""
     return (
         f"analog.{port}: no single cause gives {levels[0]:.0f} and {levels[1]:.0f} counts, between which the "
         "readings do not alternate: it may be one surface in changing light; cross several lines, or record "
@@ -103,7 +104,7 @@ def describe_unsure_surfaces(port: int, levels: tuple[float, float]) -> str:
 
 
 def describe_saturation(port: int, clipped: tuple[int, int], causes: tuple[str, ...]) -> str:
-    """A clipped level, and what cannot be told then. causes: those that fit the other level."""
+    """Text on a clipped level, and what is then not identifiable. causes: those that fit the other level."""
     side, other = ("white", "black") if clipped[0] else ("black", "white")
     end = "4095, the largest value" if 1 in clipped else "0"
     ambiguity = f"; {other} alone cannot tell {' from '.join(causes)}" if len(causes) > 1 else ""
@@ -111,8 +112,8 @@ def describe_saturation(port: int, clipped: tuple[int, int], causes: tuple[str, 
 
 
 def noise_cause(port: int, number: ParameterResult, error: float) -> CauseResult:
-    """The cause of too much noise. error: of the readings over the floor; naming the noise does not lower
-    it."""
+    """The cause of excessive noise. error: of the readings over the floor, which naming the noise does not
+    reduce."""
     sentence = (
         f"Tophat {port} is noisy: {number.value:.0f} counts from reading to reading where "
         f"{USUAL_NOISE_COUNTS:.0f} are usual: check its plug and wires, keep it from flickering lamps, and "
@@ -122,7 +123,7 @@ def noise_cause(port: int, number: ParameterResult, error: float) -> CauseResult
 
 
 def rejection_reason(is_rival: bool) -> str:
-    """Why a cause was not named. is_rival: whether it is listed beside one that was."""
+    """Reason why a cause was not named. is_rival: whether it is listed as a rival of a named one."""
     if is_rival:
         return "it explains the levels as well as the named cause and is listed with it"
     return "another cause explains the levels better, or they are as assumed"

@@ -1,4 +1,4 @@
-"""Tells which readings of a reflectance sensor are over black, over white, and on an edge."""
+"""Sorts readings of a reflectance sensor into those over black, over white, and on an edge."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MIN_CONTRAST = 12.0
-"""Least counts between white and black."""
+"""Least contrast between white and black, counts."""
 MAX_LABEL_GAP_RATIO = 3.0
-"""Times the usual distance of two labels beyond which the surface between them is not known."""
+"""Factor on the usual distance of two labels beyond which the surface between them is unknown."""
 MIN_CONTRAST_SIGMAS = 5.0
-"""Standard deviations of the noise by which two levels must differ."""
+"""Least difference of two levels, in standard deviations of the noise."""
 EDGE_SHARE = 0.2
-"""Share of the contrast around a level; readings outside are on an edge."""
+"""Distance from a level, as a share of the contrast, beyond which readings are on an edge."""
 EDGE_S = 0.03
-"""s: a spot of 5 mm is over an edge for so long, before its middle and after, at 0.08 m/s."""
+"""Time, s, for which a spot of 5 mm is over an edge before its middle and after, at 0.08 m/s."""
 
 
 def labelled_readings(time: Array, counts: Array, surface: Array | None) -> tuple[Array, Array, Array | None]:
     """Time, counts and surface of the labelled readings; all readings and None without labels.
 
-    Labels that alternate are written when they change, and hold until the next. Of a reference that is slower
+    Alternating labels are written when they change, and hold until the next one. If a reference is slower
     than the readings, blanks between two equal labels have the same label.
     """
     known = np.flatnonzero([] if surface is None else np.isfinite(surface))
@@ -46,13 +46,13 @@ def labelled_readings(time: Array, counts: Array, surface: Array | None) -> tupl
 
 
 def count_visits(black: Flags) -> int:
-    """How often black was entered."""
+    """Number of times that black was entered."""
     return int((np.diff(black.astype(int), prepend=0) == 1).sum())
 
 
 def is_off_edges(time: Array, black: Flags) -> Flags:
-    """Whether each reading is off the edges: not beside a change of surface, nor within the time that the
-    spot takes over an edge."""
+    """Flags of readings off the edges: not beside a change of surface, nor within the time of the spot over
+    an edge."""
     changed = np.flatnonzero(np.diff(black.astype(int)) != 0)
     is_off_edge = np.ones(len(black), np.bool_)
     for row in changed:
@@ -62,8 +62,8 @@ def is_off_edges(time: Array, black: Flags) -> Flags:
 
 
 def sort_by_threshold(counts: Array, piece: NDArray[np.intp], noise: float) -> tuple[Flags, Flags] | None:
-    """Which readings are black (high) and which are certain; None where none is. Each piece of time has its
-    own threshold, since light may change."""
+    """Flags of black (high) readings, and of certain ones; None if none is certain. Each piece of time has
+    its own threshold, since light may change."""
     smoothed = _median_of_three(counts)
     overall = two_means_threshold(smoothed, noise)
     thresholds = {
@@ -88,7 +88,7 @@ def sort_by_threshold(counts: Array, piece: NDArray[np.intp], noise: float) -> t
 
 
 def _has_equal_neighbour(black: Flags) -> Flags:
-    """Whether each reading has a neighbour on the same surface: a single one is a spike."""
+    """Flags of readings with a neighbour on the same surface: a single one is a spike."""
     is_equal = black[1:] == black[:-1]
     return np.asarray(np.append(False, is_equal) | np.append(is_equal, False), np.bool_)
 
@@ -100,8 +100,8 @@ def _median_of_three(counts: Array) -> Array:
 
 
 def two_means_threshold(counts: Array, noise: float) -> tuple[float, float, float] | None:
-    """(white, threshold, black) by two-means clustering with medians; None where the readings are of a single
-    surface that drifts or is uneven: then both levels are no farther apart than each spreads."""
+    """(white, threshold, black) by two-means clustering with medians; None for readings of a single surface
+    that drifts or is uneven, whose two levels are no farther apart than each scatters."""
     if len(counts) < 2 * MIN_READINGS:
         return None
     ordered = np.sort(counts)
