@@ -75,7 +75,10 @@ class Program:
         if isinstance(mission, Action):
             return lambda robot: robot.run(mission)
         if not callable(mission) or mission is raccoon.mission:
-            raise ConfigError(f"{self.name}: it must define mission(robot), or an action named mission")
+            moved = ": move there what main() does with its robot" if hasattr(module, "main") else ""
+            raise ConfigError(
+                f"{self.name}: it must define mission(robot), or an action named mission{moved}"
+            )
         if not can_take(mission, "robot"):
             raise ConfigError(f"{self.name}: its mission must take the robot: mission(robot)")
         found: Mission = mission

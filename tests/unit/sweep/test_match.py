@@ -264,7 +264,7 @@ def test_a_program_may_import_what_lies_beside_it(tmp_path: Path) -> None:
     ("text", "reason"),
     [
         ("from raccoon import *", "p.py: it must define mission(robot), or an action named mission"),
-        ("from raccoon import *\ndef main(): pass", "p.py: it must define mission(robot), or an action"),
+        ("from raccoon import *\ndef main(): pass", "an action named mission: move there what main() does"),
         ("def mission(): pass", "p.py: its mission must take the robot: mission(robot)"),
         (
             "from raccoon import *\ndef mission(robot): straight(0.3)",
