@@ -290,7 +290,7 @@ def test_a_free_way_calibrates_and_a_tape_read_wrong_is_said(
         assert "read the tape again" in remark
     straight_drive = ["calibrate", "drive", str(file), "--robot", str(toml), "--straight"]
     assert main([*straight_drive, "0.6"]) == 0
-    assert "tape" not in capsys.readouterr().out
+    assert "look here" not in capsys.readouterr().out
     assert main([*straight_drive, "0.5"]) == 0
     assert "read the tape again" in capsys.readouterr().out
 
