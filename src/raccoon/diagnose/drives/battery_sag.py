@@ -53,7 +53,7 @@ LEVEL_PERCENTILES = (50.0, 70.0, 85.0, 95.0)
 MIN_SAG_SCATTERS, MIN_SAG_V = 4.0, 0.01
 """Least sag of a load, in scatters of the residual and in V."""
 END_SAG_SCATTERS, END_SAG_V = 1.5, 0.003
-"""The same at which a load ends: behind the reading's filter it fades."""
+"""The same at which a load ends: it fades behind the reading's filter."""
 MIN_SAG_STEPS = 1.5
 """Least sag of a load in quantisation steps of the reading."""
 MIN_REST_BINS, MIN_BINS = 3, 8
@@ -77,8 +77,8 @@ MIN_STAYING_SHARE = 0.9
 NO_LOAD_SHARE = 0.85
 """Share of back-EMF in the voltage that holds a speed, roughly: a current has the sign of the rest."""
 MIN_BRAKED_SHARE, BRAKED_BINS = 0.1, 2
-"""Least speed, as a share of the largest, at which a current against the motion counts as braking, and bins
-after it that are left out too: of braking currents a late back-EMF knows too little."""
+"""Least speed, as a share of the largest, at which a current against the motion counts as braking, and number
+of bins after it that are also left out: the delayed back-EMF determines braking currents too poorly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class SagResidual:
 
     @classmethod
     def of_form(cls, log: Log, regressors: Regressors) -> SagResidual | None:
-        """The same, for one form of the wheels' sag."""
+        """The residual for one form of the wheels' sag."""
         battery, wheels = log.channel("battery"), [log.wheel(side) for side in ("left", "right")]
         if battery is None or None in wheels:
             return None

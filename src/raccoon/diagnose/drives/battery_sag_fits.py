@@ -1,4 +1,5 @@
-"""Robust fits of a battery's reading in bins: residuals far below the fit, as of a load, cost little."""
+"""Robust fits of a battery's binned reading: residuals far below the fit, as under another load, cost
+little."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 OUTLIER_NOISES = 4.0
-"""Residual, in noises, from which a bin does not count in the fits: another load may be on."""
+"""Residual, in standard deviations of the noise, above which a bin does not count: another load may be on."""
 
 
 def huber_fit(columns: Array, target: Array, known: Flags, noise: float) -> Array:

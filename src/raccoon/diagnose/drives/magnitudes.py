@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 USUAL_BEMF_SHARE = 0.85
 """Back-EMF of a motor that turns freely, as a share of its command's voltage."""
 MAX_BEMF_SHARE = 1.3
-"""A share that no motor reaches, even where its reading's scale is a quarter too large."""
+"""Share that no motor exceeds, even with a reading's scale that is a quarter too large."""
 MAX_FACTOR = 3.0
 """Factor that no error of a robot.toml explains: another unit, or another robot."""
 MIN_SMALL_FACTOR = 2.0

@@ -19,7 +19,7 @@ from raccoon.diagnose.drives.magnitudes import last_change
 Array = NDArray[np.float64]
 
 STEADY_S = 0.3
-"""s after a change of the command, from which a wheel's speed is steady."""
+"""Time after a change of the command, s, from which a wheel's speed is steady."""
 MIN_ROWS, MIN_COMMAND_RATIO = 40, 1.5
 """Least number of steady rows of a wheel, and least ratio of their largest to their smallest command."""
 MIN_BEMF_SHARE = 0.02
@@ -86,8 +86,8 @@ def find_speed_loop(log: Log, robot: RobotConfig) -> SpeedLoop | None:
 
 
 def _fit_line(time: Array, duty: Array, speed: Array, volts: Array) -> tuple[float, float] | None:
-    """Part of the command's voltage that a wheel keeps, and V that are taken off; None where its steady rows
-    are too few, too much alike, or on no line."""
+    """Slope of a wheel's back-EMF over the command's voltage, and the voltage that is subtracted; None where
+    its steady rows are too few, too similar, or on no line."""
     asked = (time - time[last_change(duty)] >= STEADY_S) & np.isfinite(speed) & (duty != 0.0)
     asked &= np.abs(np.nan_to_num(speed)) > MIN_BEMF_SHARE * volts
     if asked.sum() < MIN_ROWS:
