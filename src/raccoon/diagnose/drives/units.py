@@ -201,7 +201,7 @@ def _check_plugs(log: Log) -> None:
         if abs(float(np.corrcoef(duty[:, 0], duty[:, 1])[0, 1])) > MAX_COMMAND_CORRELATION:
             return
         own, other = (float(np.corrcoef(duty[:, each], reading)[0, 1]) for each in (index, 1 - index))
-        # A drive that is mostly straight follows the other's command too, with what turns as its error.
+        # In a mostly straight drive a wheel also follows the other's command, with the turns as its error.
         off_own, off_other = 1.0 - own * abs(own), 1.0 - other * abs(other)
         nearer = own < other - MIN_CORRELATION_LEAD or off_other < MAX_SWAPPED_ERROR_RATIO**2 * off_own
         crossed.append(other > MIN_CORRELATION and nearer)

@@ -19,8 +19,8 @@ def simulate_stretches(
     samples. table (lanes, 17): the parameters in the order of `NEUTRAL_VALUES`."""
     h = step / pieces
     lanes = table.shape[0]
-    # Drag is the same for all speeds of a sign but for its quadratic part: an exponential for each piece
-    # would take most of the time.
+    # Apart from its quadratic part, drag depends only on the sign of the speed, so its exponentials are
+    # computed once: one for each step would take most of the time.
     rates, keeps = np.empty((2, lanes)), np.empty((5, lanes))
     decays, shares = np.empty((2, lanes))
     for lane in range(lanes):
@@ -64,14 +64,14 @@ def simulate_stretches(
                         before *= min(max(5.0 * (abs(before) / dead_below - 0.9), 0.0), 1.0)
                     sooner[lane], later[lane] = before, after
                 for piece in range(pieces):
-                    # Lanes innermost: the next begins before the last has its quotients.
+                    # Lanes innermost: the next lane's divisions overlap with the last one's.
                     for lane in range(lanes):
                         p = table[lane]
                         resistance, back_emf, inertia, coulomb, viscous = p[0], p[2], p[3], p[4], p[5]
                         offset, asymmetry, viscous_asymmetry, stiction = p[6], p[7], p[8], p[9]
                         stiction_speed, quadratic, load = p[10], p[11], p[12]
                         v, current, decay = w[lane], i[lane], decays[lane]
-                        # The part of the piece before the late effort changes, and its rest, both exact.
+                        # The parts of the step before and after the delayed effort changes, both exact.
                         part = min(max(shares[lane] - piece, 0.0), 1.0)
                         mean = 0.0
                         if part > 0.0:

@@ -140,7 +140,7 @@ def _fit_robustly(J: Array, y: Array) -> tuple[Array, Array] | None:
         numbers = np.linalg.lstsq(J * root[:, None], y * root, rcond=None)[0]
         residuals = y - J @ numbers
         # Huber's weights come first: from a start shifted by outliers, Tukey's may reject good stretches.
-        # Then the scale is fixed: if updated with Tukey's weights, it would reject ever more stretches.
+        # Then the scale is fixed: updated with Tukey's weights it would reject ever more of few stretches.
         if iteration < REWEIGHTINGS // 2:
             scale = (
                 MAD_TO_STD * (1.0 + SMALL_SAMPLE_CORRECTION / freedom) * float(np.median(np.abs(residuals)))

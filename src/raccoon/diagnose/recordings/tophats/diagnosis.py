@@ -94,7 +94,7 @@ def diagnose_tophats(
             *_rejected_missing(columns, robot, of_a_drive),
         ),
         Unexplained(
-            # What chance makes, of levels that are as assumed or explained, is no part of it.
+            # If the levels are as assumed or explained, the rest is chance and does not count.
             float(np.mean([each.unexplained_share if each.depends_on else 0.0 for each in sensors]))
             if sensors
             else 0.0,
