@@ -80,9 +80,9 @@ class BoardStatus:
 
 @dataclass(frozen=True, slots=True)
 class FlowCalibration:
-    """Counts a centimetre along both axes, at the height (mm) they were found at.
+    """Flow counts per centimetre along both axes, and the height (mm) at which they were calibrated.
 
-    offset_mm: where the board believes to sit; None with the older firmware.
+    offset_mm: the board's own setting of its position; None with the older firmware.
     """
 
     time_ms: int

@@ -1,4 +1,4 @@
-"""The Wombat as a port: one complete command up and one checked frame down, every cycle."""
+"""The Wombat as a port: sends one complete command and receives one checked frame in every cycle."""
 
 from __future__ import annotations
 
@@ -24,39 +24,39 @@ from raccoon.hal.wombat.probe import probe
 KINDS = ("wombat", "wombat-raccoon")
 STOP_ATTEMPTS = 10
 STOP_PAUSE_SECONDS = 0.01
-"""Longer than a control pass of either firmware."""
+"""s between a stop and its check: longer than a control pass of either firmware."""
 LOOKS_AFTER_PAUSE = 3
-"""More of them than lie between two updates of the counters: the first look after a pause shows the way, the
-next update how fast the motors are now."""
+"""Extra readings after a pause, more than fit between two counter updates: the first shows the distance
+moved, the next update the present speed."""
 
 
 class Guard(Protocol):
-    """Somebody who stops the motors when this program no longer can (`supervisor.Supervisor`)."""
+    """Stops the motors when this program no longer can (`raccoon.hal.supervise.supervisor.Supervisor`)."""
 
     def beat(self) -> None:
-        """The program is alive."""
+        """Signal that the program is alive."""
         ...
 
     def hold(self, frame: bytes) -> None:
-        """What is sent from now on where the program is alive and says nothing."""
+        """Set the frame that is sent if the program is alive but silent."""
         ...
 
     def close(self, *, stopped: bool = True) -> None:
-        """The program ends; it has stopped the motors itself, or not."""
+        """End the guard. stopped: whether the program has stopped the motors itself."""
         ...
 
 
 class WombatPort:
     """A KIPR Wombat with the stock firmware or RaccoonOS 17 or 21, whichever answers.
 
-    link: the bus, or an emulator. rate_hz: cycles a second, 20 to 500. dialect: the firmware, probed where
-    not given. guard: stops the motors if this program dies. reset_line: restarts a controller that no longer
-    obeys. watch_analog: ports whose saturation is a fault. resting_bemf: counts of each motor at standstill
-    that are known, and so no fault.
+    link: the bus, or an emulator. rate_hz: cycles a second, 20 to 500. dialect: the firmware, probed if not
+    given. guard: stops the motors if this program dies. reset_line: restarts a controller that no longer
+    obeys. watch_analog: ports whose saturation is a fault. resting_bemf: known back-EMF of each motor at
+    standstill, counts, which is no fault.
 
-    Every frame carries the complete command, so a lost one costs a cycle; every frame is checked, and what is
-    wrong with a cycle stands in `Inputs.faults`. What cannot be used is None there. Raises HardwareError
-    where the controller is lost or does not obey, after having done what it could to stop the motors.
+    Every frame carries the complete command, so a lost one costs a cycle. Every frame is checked:
+    `Inputs.faults` names what is wrong with a cycle, and unusable words are None there. Raises HardwareError
+    if the controller is lost or does not obey, after trying to stop the motors.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class WombatPort:
     ) -> None:
         _check_rate(rate_hz)
         self.bystander: Bystander | None = None
-        """Who stands beside an emulated one."""
+        """The simulated person beside an emulated Wombat."""
         self._clock = clock or RealClock()
         self._link = link
         self._guard = guard
@@ -93,7 +93,7 @@ class WombatPort:
 
     @property
     def real_time(self) -> bool:
-        """Whether cycles come by the wall's clock; an emulator's may be stepped."""
+        """Whether cycles follow real time; an emulator's clock may be stepped."""
         return isinstance(self._clock, RealClock)
 
     @property
@@ -103,18 +103,18 @@ class WombatPort:
 
     @property
     def fault_counts(self) -> dict[Fault, int]:
-        """Cycles in which each fault was seen."""
+        """Number of cycles with each fault."""
         return dict(self._monitor.fault_counts)
 
     @property
     def standstill_bemf(self) -> tuple[float, ...]:
-        """Mean back-EMF counts of each motor while nothing drove it: the offset of its conversion."""
+        """Mean back-EMF of each motor at rest, counts: the offset of its conversion."""
         return self._monitor.standstill_bemf
 
     def read(self) -> Inputs:
         """Wait for the next cycle and return it.
 
-        Raises HardwareError where the controller is lost, with the motors stopped where that was possible.
+        Raises HardwareError if the controller is lost, with the motors stopped if that was possible.
         """
         self._require_open()
         receiver, reading = self._receiver, None
@@ -133,7 +133,7 @@ class WombatPort:
             raise
 
     def write(self, outputs: Outputs) -> None:
-        """Command motors and servos; in force until the next write, and sent again with every cycle."""
+        """Command motors and servos until the next write; the command is repeated in every cycle."""
         self._require_open()
         moved = outputs.servo_us != self._outputs.servo_us
         self._outputs = outputs
@@ -147,9 +147,9 @@ class WombatPort:
             raise
 
     def close(self) -> None:
-        """Stop the motors, switch the servos off, let go of the bus. May be called twice.
+        """Stop the motors, switch the servos off and release the bus. May be called twice.
 
-        Raises HardwareError where the motors could not be stopped and nothing else has told so before.
+        Raises HardwareError if the motors could not be stopped and no earlier error has said so.
         """
         if self._let_go:
             return
@@ -158,7 +158,7 @@ class WombatPort:
         try:
             try:
                 stopped = self._stop(trust_registers=not self._monitor.frozen)
-            except BaseException:  # Ctrl-C once more: not before the motors stand
+            except BaseException:  # a second Ctrl-C: first stop the motors
                 stopped = self._stop(trust_registers=not self._monitor.frozen)
                 raise
         finally:
@@ -173,7 +173,7 @@ class WombatPort:
             )
 
     def leave(self) -> None:
-        """See `raccoon.core.fork_ownership`: a forked process that ends stops no motors of its parent."""
+        """See `raccoon.core.fork_ownership`: a forked process must not stop its parent's motors."""
         self._closed = self._let_go = True
 
     def __enter__(self) -> Self:
@@ -199,7 +199,7 @@ class WombatPort:
             raise HardwareError(self._failure)
 
     def _fail(self, error: HardwareError) -> None:
-        """Stop what can be stopped; the port is of no use from here on."""
+        """Stop what can be stopped; the port is unusable from then on."""
         self._outputs = STOP
         self._failure = str(error)
         with suppress(HardwareError):
@@ -209,9 +209,9 @@ class WombatPort:
         error.args = (self._failure,)
 
     def _stop(self, *, trust_registers: bool) -> bool:
-        """Send the stop until the controller shows it, or restart the controller. True where either worked.
+        """Send the stop until it is confirmed, or restart the controller. True if either worked.
 
-        A controller whose main loop hangs takes the stop into its registers and drives on: then only the
+        A controller whose main loop hangs accepts the stop in its registers and drives on: then only the
         reset line helps.
         """
         if trust_registers and self._stop_by_frames():
@@ -255,12 +255,12 @@ def open_wombat(
     watch_analog: Collection[int] = (),
     resting_bemf: Sequence[float] = (0.0,) * MOTOR_PORTS,
 ) -> WombatPort:
-    """The Wombat this program runs on, with its supervisor.
+    """The Wombat on which this program runs, with its supervisor.
 
     kind: "wombat" for the stock firmware, "wombat-raccoon" for RaccoonOS, as in robot.toml. Calibrated ticks
     differ between the two, so the other one is refused. bemf_rate_hz: measured updates of the counters a
-    second (`WombatPort.rates`), where it is not the usual one. watch_analog, resting_bemf: see `WombatPort`.
-    Raises HardwareError where the bus is missing, owned by another program, or answers otherwise.
+    second (`WombatPort.rates`), if not the usual one. watch_analog, resting_bemf: see `WombatPort`. Raises
+    HardwareError if the bus is missing, owned by another program, or answers otherwise.
     """
     from raccoon.hal.supervise.supervisor import Supervisor
     from raccoon.hal.wombat.link.reset_line import GpioResetLine

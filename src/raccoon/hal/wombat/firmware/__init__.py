@@ -1,1 +1,1 @@
-"""The two firmwares of the co-processor: what each sends, what each is told, and what both have in common."""
+"""The two firmwares of the co-processor: frames received, commands sent, and what both have in common."""

@@ -1,32 +1,32 @@
-"""What the Wombat's words are worth, and which way they point, for each firmware.
+"""Scales and signs of the Wombat's words for each firmware.
 
-This is the one place where the two firmwares' signs and scales are made alike; everything else asks here.
+This is the only place where signs and scales of the two firmwares are unified; everything else uses these.
 
-**Motor polarity.** On the same socket a positive command turns the shaft one way under the stock firmware
-(D0 high, back-EMF = H - L) and the other way under RaccoonOS (D1 high, back-EMF = L - H). The stock direction
-is the reference: duties, back-EMF and positions of RaccoonOS are multiplied by `RACCOON_POLARITY` on their
-way through the codec, so that the same robot.toml drives the same way on both.
+**Motor polarity.** On the same socket a positive command turns the shaft one way under the stock firmware (D0
+high, back-EMF = H - L) and the other way under RaccoonOS (D1 high, back-EMF = L - H). The stock direction is
+the reference: the codec multiplies duties, back-EMF and positions of RaccoonOS by `RACCOON_POLARITY`, so that
+the same robot.toml drives in the same direction on both.
 
-**IMU axes.** The chip is mounted with z down: lying flat the stock registers read -1 g on z. Up is therefore
+**IMU axes.** The chip is mounted with z down: lying flat, the stock registers read -1 g on z. Up is therefore
 -z for both the accelerometer and the gyroscope. Forward is the chip's y and left its x: RaccoonOS takes its
-forward axis from the chip's y, and left follows from right-handedness. Only z is certain.
-RaccoonOS turns its vectors into the world frame of its own quaternion; the codec turns them back.
+forward axis from the chip's y, and left follows from right-handedness. Only z is certain. RaccoonOS rotates
+its vectors into the world frame of its own quaternion; the codec rotates them back.
 
-**Position ticks.** The counters integrate back-EMF without a clock (stock, version 17), so what a tick is
-worth depends on the rate of the firmware's loop. Nominal rates are given here; pass a measured one to
-`stock_device` or `raccoon_device` where it is known.
+**Position ticks.** The counters of stock and version 17 sum back-EMF samples without regard to time, so the
+size of a tick depends on the rate of the firmware's loop. Nominal rates are given here; pass a measured one
+to `stock_device` or `raccoon_device` if it is known.
 
-**Lag of the back-EMF.** Both firmwares smooth it, f <- f + a (raw - f), and count the smoothed value. Summed
-over the samples: sum(raw) = sum(f) + (1/a - 1) f, so the counter is behind by (1/a - 1) sample times the
-smoothed back-EMF, exactly: 3 samples for the stock weight of 1/4, 4 for RaccoonOS's 1/5, whose median of
-three adds one more.
+**Lag of the back-EMF.** Both firmwares smooth it, f <- f + a (raw - f), and sum the smoothed value. Summed
+over the samples: sum(raw) = sum(f) + (1/a - 1) f, so the counter lags by exactly (1/a - 1) samples times the
+smoothed back-EMF: 3 samples for the stock weight of 1/4, 4 for RaccoonOS's 1/5, whose median of three adds
+one more.
 
-**Dead zone.** Motion so slow that it may not be counted: the stock filter, in whole counts and cut off below
-10, needs 40 counts to leave 0; RaccoonOS 21 cuts off below 25; 17 has none.
+**Dead zone.** The back-EMF below which motion may not be counted: the stock filter, in whole counts and cut
+off below 10, needs 40 counts to leave 0; RaccoonOS 21 cuts off below 25; 17 has no dead zone.
 
-**Range.** RaccoonOS does not take a smoothed value beyond 2000 counts (6.6 V induced): back-EMF and counter
-stand still until the motor is slower. A fresh battery drives motors that fast. The stock firmware has no such
-end.
+**Range.** RaccoonOS does not accept a smoothed value beyond 2000 counts (6.6 V induced): back-EMF and counter
+stay constant until the motor is slower. A fresh battery drives motors that fast. The stock firmware has no
+such limit.
 """
 
 from __future__ import annotations
@@ -49,20 +49,22 @@ STOCK_COUNTS_PER_TICK = 250
 """Back-EMF counts summed in one stock tick."""
 
 STOCK_BEMF_RATE_HZ = 235.0
-"""Updates a second of the shipped stock firmware; the published source would make about 268."""
+"""Updates a second of the shipped stock firmware; the published source would give about 268."""
 
 STOCK_LAG_SAMPLES, RACCOON_LAG_SAMPLES = 3.0, 5.0
+"""Lag of back-EMF and counters, in updates."""
 STOCK_DEAD_ZONE, RACCOON_21_DEAD_ZONE = 40.0, 25.0
-"""Back-EMF counts."""
+"""Back-EMF below which motion may not be counted, counts."""
 RACCOON_RANGE = 2000.0
-"""Back-EMF counts."""
+"""Largest back-EMF that RaccoonOS measures, counts."""
 
 RACCOON_BEMF_RATE_HZ = 181.0
-"""Updates a second and motor of RaccoonOS: 200 by design; four motors' counters measured 175 to 187."""
+"""Updates a second of each motor in RaccoonOS: 200 by design, 175 to 187 measured on the counters of four
+motors."""
 
 
 def stock_device(bemf_rate_hz: float = STOCK_BEMF_RATE_HZ) -> Device:
-    """Words of the stock firmware, whose back-EMF loop runs `bemf_rate_hz` times a second."""
+    """The device of the stock firmware, whose back-EMF loop runs `bemf_rate_hz` times a second."""
     return Device(
         name="wombat-stock",
         bemf_volts=BEMF_VOLTS_PER_COUNT,
@@ -77,9 +79,9 @@ def stock_device(bemf_rate_hz: float = STOCK_BEMF_RATE_HZ) -> Device:
 
 
 def raccoon_device(version: int, bemf_rate_hz: float = RACCOON_BEMF_RATE_HZ) -> Device:
-    """Words of RaccoonOS 17 or 21.
+    """The device of RaccoonOS 17 or 21.
 
-    What a tick is worth follows from the rate in 17 alone: 21 multiplies by its own time step.
+    Only in 17 does the size of a tick depend on the rate: 21 multiplies by its own time step.
     """
     rate_hz = _rate(bemf_rate_hz)
     return Device(

@@ -1,8 +1,8 @@
-"""What the Wombat's RaccoonOS firmware is told: one packed struct with the complete command each time.
+"""Commands to the Wombat's RaccoonOS firmware: each frame is one packed struct with the complete command.
 
-Modes, targets and servos have no flag: whatever a frame says holds, so a frame of zeros stops everything.
-Gains, matrices and resets are taken over only where the matching bit of `updates` is set, and belong into
-one frame alone. Motors have the unified polarity of `devices` here; the wire has RaccoonOS's own.
+Modes, targets and servos have no flag: every frame sets them, so a frame of zeros stops everything. Gains,
+matrices and resets take effect only if their bit of `updates` is set, which must be done in a single frame.
+Motors have the unified polarity of `devices` here; the wire has RaccoonOS's own.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FULL_PWM = 400
 
 
 class Mode(IntEnum):
-    """What the firmware does with a motor; three bits a motor."""
+    """Mode of a motor; three bits a motor."""
 
     OFF = 0
     BRAKE = 1
@@ -32,7 +32,7 @@ class Mode(IntEnum):
 
 
 class Update(IntFlag):
-    """One-shot parts of a frame."""
+    """Parts of a frame that take effect once, if their bit is set."""
 
     VELOCITY_PID = 0x01
     POSITION_PID = 0x02
@@ -45,14 +45,14 @@ class Update(IntFlag):
 
 
 class Shutdown(IntFlag):
-    """Latched stops."""
+    """Stops that stay in force while their bit is set."""
 
     SERVOS = 1
     MOTORS = 2
 
 
 class ServoMode(IntEnum):
-    """Two bits a servo; the servos' supply is off while all four are OFF."""
+    """Mode of a servo; two bits a servo. The servos' supply is off while all four are OFF."""
 
     OFF = 0
     DISABLED = 1
@@ -74,8 +74,11 @@ class MotorPid:
 
 @dataclass(frozen=True, slots=True)
 class Kinematics:
-    """inverse: 3x4, wheel speeds (rad/s) to vx, vy, wz. ticks_to_rad: rad a position tick.
-    bemf_offset: counts (version 21). forward: 4x3, vx, vy, wz to wheel speeds. Row by row."""
+    """Matrices and scales between wheels and chassis, row by row.
+
+    inverse: 3x4, wheel speeds (rad/s) to vx, vy, wz. ticks_to_rad: rad per position tick. bemf_offset: counts
+    (version 21). forward: 4x3, vx, vy, wz to wheel speeds.
+    """
 
     inverse: tuple[float, ...] = (0.0,) * 12
     ticks_to_rad: Floats4 = (0.0, 0.0, 0.0, 0.0)
@@ -87,8 +90,8 @@ class Kinematics:
 class Command:
     """Every field of a frame.
 
-    targets: PWM -400..400, counts, or the speed limit of a position move. goals: ticks. Per motor port.
-    chassis_velocity and disable_bemf exist in version 21 alone and must keep their defaults in 17.
+    targets: PWM -400..400, counts, or the speed limit of a position move, by the mode. goals: ticks. All by
+    motor port. chassis_velocity and disable_bemf exist only in version 21 and must keep their defaults in 17.
     """
 
     updates: Update = Update(0)
@@ -116,7 +119,7 @@ _FULL = {
 def encode_command(command: Command, version: int) -> bytes:
     """A frame with every field.
 
-    Raises ConfigError for a version without such a field and for a value that does not fit its field.
+    Raises ConfigError for a field that the version does not have and for a value that does not fit its field.
     """
     if version not in _FULL:
         raise ConfigError(f"RaccoonOS protocol version {version}: allowed are {sorted(_FULL)}")
@@ -164,13 +167,13 @@ def _kinematics_fields(kinematics: Kinematics, newer: bool) -> list[float]:
 
 
 def stop(version: int) -> bytes:
-    """Motors and servos shut down."""
+    """The frame that shuts down motors and servos."""
     return encode_command(Command(shutdown=Shutdown.SERVOS | Shutdown.MOTORS), version)
 
 
 _SERVO_OFFSET = {17: 40, 21: 52}
 _SERVO_LENGTH = 10
-# The targets and zeros; the same with servos, which goals (and in 21 the chassis velocity) come before.
+# The targets and zeros; the same with servos, which follow the goals (and in 21 the chassis velocity).
 _MOTORS = {version: struct.Struct(f"<BIBH4i{length - 24}x") for version, length in FRAME_LENGTH.items()}
 _SERVOS = {
     version: struct.Struct(f"<BIBH4i{offset - 24}xBB4H{FRAME_LENGTH[version] - offset - _SERVO_LENGTH}x")
@@ -181,7 +184,7 @@ _SCALE = RACCOON_POLARITY * FULL_PWM
 
 
 def encode(outputs: Outputs, version: int) -> bytes:
-    """The complete command of one cycle. Duty 0 coasts, or brakes where `outputs.brake` says so."""
+    """The complete command of one cycle as a frame. Duty 0 coasts, or brakes if `outputs.brake` says so."""
     duty0, duty1, duty2, duty3 = outputs.duty
     brake0, brake1, brake2, brake3 = outputs.brake
     t0, t1 = round(duty0 * _SCALE), round(duty1 * _SCALE)

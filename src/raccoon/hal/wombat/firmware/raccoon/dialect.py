@@ -1,4 +1,4 @@
-"""RaccoonOS as the port sees it."""
+"""RaccoonOS in the form that the port uses."""
 
 from __future__ import annotations
 
@@ -15,21 +15,25 @@ from raccoon.hal.wombat.firmware.raccoon.wire import Telemetry
 from raccoon.hal.wombat.link.link import Link
 
 NEWEST_IN_THE_WILD = 32
-"""First bytes up to here are taken for a version of RaccoonOS."""
+"""Highest first byte that is taken for a version of RaccoonOS."""
 POSITION = 21
 RESTART_COUNTS_SECONDS = 250.0
-"""Counts x seconds that a counter may hold when a restart is noticed."""
+"""Largest back-EMF integral, counts * s, that a counter may have when a restart is noticed."""
 LONGEST_PAUSE_US = 60_000_000
-"""Of the clock between two looks at it: began anew and further on than that, it is that of a restart."""
+"""Longest time between two readings of the controller's clock, us: a clock that went back and would have
+advanced further, modulo 2^32, has restarted."""
 SLOWEST_CLOCK, BETWEEN_FRAMES = 0.95, 0.005
-"""Share of real time that an oscillator without a crystal goes at least; s that its clock may be old."""
+"""Slowest rate of the controller's oscillator (without a crystal) over real time; s by which its clock in a
+frame may be old."""
 MOVING = 60.0
-"""Counts; a counter that stands still beside it is stuck."""
+"""Back-EMF in counts at which a counter that stands still is stuck."""
 STUCK_CYCLES, STUCK_TICKS = 4, 4.0
+"""Least number of cycles, and missing ticks, of a stuck counter."""
 
 
 class RaccoonDialect:
-    """A clock and a padding of zeros are all that tells a good frame; commands cannot be read back."""
+    """RaccoonOS: only its version and a padding of zeros mark a valid frame, only its clock shows a restart;
+    commands cannot be read back."""
 
     first_analog = 11
 
@@ -58,8 +62,8 @@ class RaccoonDialect:
         return commands.stop(self.version)
 
     def hold(self, outputs: Outputs) -> bytes:
-        # Every frame says where the servos go. The motors are off by their modes: a shutdown would stop the
-        # counters, too, and lose the way on which the robot rolls out.
+        # Every frame sets the servos. The motors are off by their modes: a shutdown would also stop the
+        # counters and lose the distance that the robot coasts.
         return commands.encode(Outputs(servo_us=outputs.servo_us), self.version)
 
     def is_aligned(self, reply: bytes) -> bool:
@@ -100,12 +104,12 @@ class RaccoonDialect:
         clock = int.from_bytes(reply[1:5], "little")
         last = int.from_bytes(before[1:5], "little")
         passed = (clock - last) & 0xFFFF_FFFF
-        # It starts at 0 again after 71.6 minutes as well, and then goes on from there. One that restarts
-        # again and again never gets far: it may show as much as the time before, and yet too little.
+        # The clock also wraps to 0 after 71.6 minutes, which is no restart. If the controller restarts again
+        # and again, its clock need not go back: it then advances by less than the elapsed time.
         back = clock < last and passed >= LONGEST_PAUSE_US
         if not back and passed >= 1e6 * (SLOWEST_CLOCK * seconds - BETWEEN_FRAMES):
             return False
-        # One damaged byte is no restart: the counters must have started anew, too.
+        # One damaged byte is no restart: the counters must have restarted, too.
         limit = RESTART_COUNTS_SECONDS / self.device.position_counts_seconds
         return are_near_zero(struct.unpack_from("<4i", reply, POSITION), limit)
 
@@ -126,7 +130,7 @@ class RaccoonDialect:
         return bemf
 
     def _watch(self, differences: Counts, bemf: Sequence[float], seconds: float) -> None:
-        """Sum up, in ticks, what each counter should have moved since it last did."""
+        """Sum for each counter the cycles and ticks since it last moved although its motor turns."""
         for port, value in enumerate(bemf):
             moving = abs(value) > MOVING and not differences[port]
             step = abs(value) * seconds / self.device.position_counts_seconds

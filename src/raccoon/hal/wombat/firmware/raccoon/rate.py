@@ -1,4 +1,4 @@
-"""How often RaccoonOS updates its counters."""
+"""The rate at which RaccoonOS updates its counters."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from raccoon.hal.wombat.firmware.counters import Counts
 
 
 class CounterRate:
-    """Update rate of a firmware that sums back-EMF without time and shows both (RaccoonOS 17)."""
+    """Estimate of the update rate of a firmware that sums back-EMF samples and sends both back-EMF and
+    counter (RaccoonOS 17)."""
 
     MOVING = 100.0
+    """Back-EMF in counts from which a motor is used."""
 
     def __init__(self) -> None:
         self._counts = 0.0
@@ -18,7 +20,8 @@ class CounterRate:
         self._seconds = 0.0
 
     def update(self, differences: Counts, bemf: Sequence[float], seconds: float) -> None:
-        """Take a cycle."""
+        """Update with one cycle: differences of the counters, back-EMF in counts, and the time since the last
+        one, s."""
         for difference, value in zip(differences, bemf, strict=True):
             if abs(value) > self.MOVING:
                 self._counts += abs(difference)

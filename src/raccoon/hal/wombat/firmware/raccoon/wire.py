@@ -1,8 +1,9 @@
-"""What the Wombat's RaccoonOS firmware sends: one packed little-endian struct, alike in versions 17 and 21.
+"""Frames from the Wombat's RaccoonOS firmware: one packed little-endian struct, the same in versions 17 and
+21.
 
 168 bytes carry data, the rest of the frame is padding; byte 0 is the version. There is no start mark, no
-checksum and no sequence number. What goes up is made in `commands.py`. Units of the wire (deg/s, clockwise
-degrees, g) and the polarity of the motors end here.
+checksum and no sequence number. `commands.py` makes the frames that are sent. This module converts the units
+of the wire (deg/s, clockwise degrees, g) and the polarity of the motors.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from raccoon.hal.wombat.firmware.bits import FLAGS, PORTS
 from raccoon.hal.wombat.firmware.devices import RACCOON_17, RACCOON_21
 
 FRAME_LENGTH: Mapping[int, int] = {17: 248, 21: 277}
-"""Bytes of a frame, both ways, for each version this library speaks."""
+"""Length of a frame in bytes, both ways, for each version that this library speaks."""
 
 DATA_LENGTH = 168
 BUTTON = 10
@@ -28,7 +29,7 @@ _REPLY = struct.Struct("<BI4i4iB6hhH3fb3fb3fb3fb3fb4fbff6f")
 
 
 class Telemetry:
-    """One decoded frame, motors with the unified polarity; the tuples are made when asked for."""
+    """One decoded frame, motors with the unified polarity. The tuples are made on access."""
 
     __slots__ = ("words",)
 
@@ -42,7 +43,7 @@ class Telemetry:
 
     @property
     def update_time_us(self) -> int:
-        """The controller's clock at the end of the transfer before; a sign of life, not a clock."""
+        """The controller's clock at the end of the previous transfer, us: a sign of life, not a time base."""
         return int(self.words[1])
 
     @property
@@ -64,12 +65,12 @@ class Telemetry:
 
     @property
     def analog(self) -> tuple[float, ...]:
-        """12-bit counts of the six ports."""
+        """12-bit counts of the six analog ports."""
         return self.words[11:17]
 
     @property
     def battery(self) -> float:
-        """12-bit counts."""
+        """Battery voltage, 12-bit counts."""
         return self.words[17]
 
     @property
@@ -104,7 +105,7 @@ class Telemetry:
 
     @property
     def accuracy(self) -> tuple[float, ...]:
-        """Accuracy 0..3 that the firmware claims for gyro, accelerometer, compass, linear acceleration,
+        """Accuracy 0..3 that the firmware reports for gyro, accelerometer, compass, linear acceleration,
         accelerated velocity and quaternion."""
         words = self.words
         return words[22], words[26], words[30], words[34], words[38], words[43]
@@ -126,14 +127,14 @@ class Telemetry:
 
     @property
     def odometry(self) -> tuple[float, ...]:
-        """x m, y m, heading rad, vx m/s, vy m/s, turn rate rad/s as the firmware reckons them."""
+        """x m, y m, heading rad, vx m/s, vy m/s, turn rate rad/s by the firmware's odometry."""
         return self.words[46:52]
 
 
 def decode(frame: bytes, version: int) -> Telemetry:
-    """Take one frame apart.
+    """Decode one frame.
 
-    Raises HardwareError for a version this library does not speak, another length or another first byte.
+    Raises HardwareError for a version that this library does not speak, another length or another first byte.
     """
     length = FRAME_LENGTH.get(version)
     if length is None:
@@ -146,9 +147,10 @@ def decode(frame: bytes, version: int) -> Telemetry:
 
 
 def find_shift(stream: bytes, version: int) -> int | None:
-    """Index at which a frame begins in a stream of three frames, None where none can be found.
+    """Index (modulo the frame length) at which a frame begins in a stream of three frames; None if none is
+    found.
 
-    A frame is known by its padding: all zero, and followed by the version. Nothing else marks one.
+    A frame is recognised only by its padding: all zero, and followed by the version.
     """
     length = FRAME_LENGTH[version]
     padding = bytes(length - DATA_LENGTH)
@@ -160,7 +162,7 @@ def find_shift(stream: bytes, version: int) -> int | None:
 
 
 def body_vectors(words: tuple[float, ...]) -> tuple[Vector, Vector] | None:
-    """Gyro (deg/s) and specific force (m/s2) in the robot's own axes, None where the quaternion is void.
+    """Gyro (deg/s) and specific force (m/s2) in the robot's own axes; None if the quaternion is not valid.
 
     v' = v - 2 w (u x v) + 2 u x (u x v): rotation by the conjugate of the unit quaternion (w, u).
     """
@@ -195,10 +197,11 @@ def inputs(
     imu: bool = True,
     analog: bool = True,
 ) -> Inputs:
-    """The readings of one frame.
+    """The `Inputs` of one frame.
 
-    position: ticks per motor port; the wrapping counters of this frame where not given.
-    imu: False where it has nothing new. analog: False where its words cannot be used.
+    position: ticks per motor port; by default the wrapping counters of this frame. bemf: counts; by default
+    those of this frame. imu: False if its IMU words are not new. analog: False if its analog words are not
+    usable.
     """
     words: tuple[Any, ...] = telemetry.words
     vectors = body_vectors(words) if imu else None

@@ -1,1 +1,1 @@
-"""KIPR's own firmware."""
+"""The stock firmware of KIPR."""

@@ -1,4 +1,4 @@
-"""Back-EMF of the stock firmware, which shows it in its counters alone."""
+"""Back-EMF of the stock firmware, derived from its counters because it sends nothing else of it."""
 
 from __future__ import annotations
 
@@ -9,33 +9,35 @@ from raccoon.hal.wombat.firmware.counters import Bemf, Counts
 
 
 class StockBemf:
-    """Back-EMF out of the stock firmware's counters, which is all it shows of it.
+    """Back-EMF from the stock firmware's counters, which are all that it shows of it.
 
-    Every update of the firmware adds the filtered back-EMF f to the counter, so whoever looks at least once
-    an update sees f itself as a difference. Looked at more rarely, a difference holds several f; their number
-    follows from the time passed and, where that leaves a choice, from the last f. A filter that loses at most
-    a quarter of its value an update cannot fall from a real speed to 0 at once: a counter that stands still
-    then has not been updated.
+    Every update of the firmware adds the filtered back-EMF f to the counter, so a reader that reads at least
+    once per update sees f itself as a difference. With fewer readings a difference contains several f; their
+    number follows from the elapsed time and, if that leaves a choice, from the last f. The filter loses at
+    most a quarter of its value in an update, so it cannot fall from a real speed to 0 at once: a counter that
+    stands still then has not been updated.
 
-    Its integer arithmetic drops 0, 1/4, 1/2 or 3/4 count towards 0 at each update, 3/8 on average, which a
-    filter of weight 1/4 shows as `TRUNCATION` counts too little in magnitude, in its value and in its sums.
-    `value` and `shortfall` make up for that; the dither it takes is the noise of the converter.
+    Its integer arithmetic drops 0, 1/4, 1/2 or 3/4 count towards 0 at each update, 3/8 on average. In a
+    filter of weight 1/4 this makes values and sums `TRUNCATION` counts too small in magnitude. `value` and
+    `shortfall` compensate for that; the noise of the converter acts as the dither that this needs.
     """
 
     TRUNCATION = 1.5
     SURELY_STOPPED = 16
-    """Counts: f may drop to 0 from here, its dead zone being 10 and its decay 3/4."""
+    """Largest f in counts that may drop to 0 in one update: the dead zone is 10 and the decay 3/4."""
     STOPPED_BY_FORCE = 64
-    """Counts: f may drop to 0 from here where the motor is driven back at the same moment."""
+    """Largest f in counts that may drop to 0 in one update if the motor is driven back at the same moment."""
     NEXT, MISSED = 1.3, 2.6
-    """Updates after which the next one must have come, and after which two are missing."""
+    """Time since the last update, in periods, after which the next one must have come, and after which two
+    are missing."""
     MANY = 12
-    """Updates in which f falls from any speed to where it may drop to 0: a difference that holds as many is a
-    mean of what was, and tells nothing of now."""
+    """Number of updates in which f falls from any speed to where it may drop to 0: a difference over as many
+    is a mean of the past and says nothing about the present."""
     SURE = 0.2
-    """Updates: what the time has room for is the whole number of them that it is nearer to than that."""
+    """Tolerance in updates: an elapsed time this close to a whole number of periods leaves no choice."""
     OWED = 0.3
-    """Updates: as much of that as is kept, since no rate is known exactly and the loop is not even."""
+    """Largest remainder in updates that is carried over to the next count, since no rate is known exactly and
+    the loop is uneven."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period = 1.0 / rate_hz
@@ -43,16 +45,17 @@ class StockBemf:
         self.value: Bemf = (0.0, 0.0, 0.0, 0.0)
         self.fresh = False
         self.shortfall = [0.0] * MOTOR_PORTS
-        """Counts that truncation has kept from each counter so far."""
-        self._standing = False  # as was told
-        self._owed_counts = 0.0  # updates that the time so far had room for beyond those that were counted
+        """Counts that each counter lacks so far by truncation."""
+        self._standing = False  # whether the last fresh value was standstill
+        self._owed_counts = 0.0  # elapsed time in periods, minus the updates counted so far
         self._updates = 0
         self._seconds = 0.0
         self.averaged = False
         """Whether `value` is a mean of so many updates that f may be anything by now."""
 
     def update(self, differences: Counts, seconds: float) -> None:
-        """Take what the counters did in the last `seconds`. `fresh` tells whether `value` is new."""
+        """Update with the differences of the counters in the last `seconds`. Sets `fresh`: whether `value` is
+        new."""
         self._since_news += seconds
         fastest = 0.0 if self.averaged else max(map(abs, self.value))
         moving = fastest > self.SURELY_STOPPED
@@ -60,7 +63,7 @@ class StockBemf:
             patience = self.MISSED if moving else self.NEXT
             due = self._standing or self._since_news > patience * self._period
             self.fresh = fastest <= self.STOPPED_BY_FORCE and due
-            if self.fresh:  # the updates so far added nothing: none of them is in the next difference
+            if self.fresh:  # the updates so far added nothing, so the next difference contains none of them
                 self.value, self.averaged = (0.0, 0.0, 0.0, 0.0), False
                 self._standing, self._since_news = True, 0.0
             return
@@ -76,12 +79,12 @@ class StockBemf:
         self.fresh = True
 
     def restart(self) -> None:
-        """Begin to count the time anew: of what the counters did so far, what comes now holds nothing."""
+        """Restart the measurement of time: the next differences contain nothing from before."""
         self._since_news = self._owed_counts = 0.0
 
     def begin_anew(self) -> None:
-        """The firmware has restarted, and its filter holds nothing: counters that stand now are not late, as
-        the wheels may have come to rest meanwhile."""
+        """Reset after a restart of the firmware, whose filter is empty then: counters that stand still are
+        not late, because the wheels may have come to rest meanwhile."""
         self.restart()
         self.value, self.averaged, self._standing = (0.0, 0.0, 0.0, 0.0), False, False
 
@@ -93,10 +96,11 @@ class StockBemf:
         return difference / updates + missing
 
     def _count(self, differences: Counts) -> int:
-        """How many updates the differences hold, by the time and, where it leaves a choice, by their size.
+        """Number of updates in the differences, from the elapsed time and, if that leaves a choice, from
+        their size.
 
-        Their size alone would do it wrong for ever: once the speed is taken for twice what it is, two updates
-        are twice as fast a wheel's one.
+        The size alone could stay wrong for ever: once the speed is taken for twice its value, two updates
+        look like one of a wheel twice as fast.
         """
         periods = self._since_news / self._period
         port = max(range(MOTOR_PORTS), key=lambda each: abs(self.value[each]))

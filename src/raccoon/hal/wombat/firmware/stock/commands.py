@@ -1,7 +1,7 @@
-"""What the Wombat's stock firmware is told: (register, value) pairs in an 89-byte frame.
+"""Commands to the Wombat's stock firmware: (register, value) pairs in an 89-byte frame.
 
-All pairs of one frame take effect together, in their order. A mode goes last: the firmware would otherwise
-run on the goal of before.
+All pairs of a frame take effect together, in their order. A mode is written last: otherwise the firmware
+would run towards the previous goal.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ END = 0x53
 MAX_PAIRS = 42
 FULL_PWM = 400
 MAX_SPEED = 1500
-"""Limit of a speed goal in counts."""
+"""Limit of a speed goal, counts."""
 CANARY = 0x40
-"""Kept in a register without electrical effect; gone means that the controller restarted. The six bits below
-count the frames, so that every one of them can be seen to have arrived."""
+"""Mark in a register without electrical effect; if it is gone, the controller has restarted. The six bits
+below it count the frames, which shows that each of them has arrived."""
 SERVOS_OFF = 0xF0
 LATCHED_STOP = 0xFF
 SERVO_BOOT_US = 1500
 
 READ = bytes(LENGTH)
-"""Zeros: read everything, change nothing."""
+"""A frame of zeros, which reads everything and changes nothing."""
 
 Pair = tuple[int, int]
 
 
 class Mode(IntEnum):
-    """What the firmware does with a motor; two bits a channel."""
+    """Mode of a motor; two bits a channel."""
 
     PWM = 0
     SPEED = 1
@@ -44,7 +44,7 @@ class Mode(IntEnum):
 
 
 class Direction(IntEnum):
-    """The two inputs of a motor driver; two bits a channel."""
+    """State of the two inputs of a motor driver; two bits a channel."""
 
     COAST = 0
     FORWARD = 1
@@ -55,9 +55,9 @@ class Direction(IntEnum):
 def frame(pairs: Iterable[Pair], sequence: int = 0) -> bytes:
     """A frame that writes these registers, in this order.
 
-    Raises ConfigError for more than 42 pairs, for a register that must not be written (the firmware checks
-    nothing: 0 to 2 would break the link and 153 and up lie outside its registers) and for a value that is no
-    byte.
+    Raises ConfigError for more than 42 pairs, for a register that must not be written (the firmware does not
+    check: writing 0 to 2 would break the link, and 153 and above are outside its registers) and for a value
+    that is no byte.
     """
     body = bytearray()
     for register, value in pairs:
@@ -78,7 +78,7 @@ def _close(start: bytes) -> bytes:
 def wide(register: int, value: int, size: int = 2) -> list[Pair]:
     """Pairs that write a big-endian number of `size` bytes; negative ones in two's complement.
 
-    Raises ConfigError where the number does not fit.
+    Raises ConfigError if the number does not fit.
     """
     if not -(1 << 8 * size - 1) <= value < 1 << 8 * size:
         raise ConfigError(f"{value} does not fit the {size} bytes of register {register}")
@@ -87,7 +87,8 @@ def wide(register: int, value: int, size: int = 2) -> list[Pair]:
 
 
 def speed_goal(port: int, counts: int) -> list[Pair]:
-    """Goal of a motor's speed control; the mode is written separately, after it."""
+    """Pairs that set the goal of a motor's speed control, counts; the mode is written separately, after it.
+    Raises ConfigError beyond `MAX_SPEED`."""
     if not -MAX_SPEED <= counts <= MAX_SPEED:
         raise ConfigError(
             f"speed of motor {port} is {counts} counts: allowed are {-MAX_SPEED} to {MAX_SPEED}"
@@ -96,19 +97,19 @@ def speed_goal(port: int, counts: int) -> list[Pair]:
 
 
 def position_goal(port: int, ticks: int) -> list[Pair]:
-    """Goal of a motor's position control, in ticks of 250 counts."""
+    """Pairs that set the goal of a motor's position control, in ticks of 250 counts."""
     return wide(wire.POS_GOAL + 4 * CHANNEL[port], ticks * 250, 4)
 
 
 def duty_register(port: int, pwm: int) -> list[Pair]:
-    """Share of the full voltage, 0 to 400."""
+    """Pairs that set a motor's PWM, 0 to 400 (full voltage). Raises ConfigError outside."""
     if not 0 <= pwm <= FULL_PWM:
         raise ConfigError(f"PWM of motor {port} is {pwm}: allowed are 0 to {FULL_PWM}")
     return wide(wire.PWM + 2 * CHANNEL[port], pwm)
 
 
 def clear_position(port: int) -> list[Pair]:
-    """Set a motor's counter to 0. The port never relies on it: the firmware may lose the write."""
+    """Pairs that set a motor's counter to 0. The port never relies on it: the firmware may lose the write."""
     return wide(wire.MOT_POS + 4 * CHANNEL[port], 0, 4)
 
 
@@ -118,28 +119,29 @@ def two_bits(of_port: Iterable[int]) -> int:
 
 
 def modes(of_port: Iterable[int]) -> list[Pair]:
-    """The mode of every motor port."""
+    """The pair that sets the mode of every motor port."""
     return [(wire.MOT_MODES, two_bits(of_port))]
 
 
 def directions(of_port: Iterable[int]) -> list[Pair]:
-    """The direction of every motor port."""
+    """The pair that sets the direction of every motor port."""
     return [(wire.MOT_DIRS, two_bits(of_port))]
 
 
 def canary() -> list[Pair]:
-    """The mark that a restart wipes out."""
+    """The pair that sets the mark `CANARY`, which a restart clears."""
     return [(wire.ADC_PE, CANARY)]
 
 
 def motors_off() -> list[Pair]:
-    """Every motor without current; servos are left as they are."""
+    """Pairs that switch off every motor; servos are not changed."""
     pairs = [(wire.MOT_MODES, 0), (wire.MOT_DIRS, 0)]
     return [*pairs, *((wire.PWM + offset, 0) for offset in range(2 * MOTOR_PORTS))]
 
 
 def stop(allstop: int = SERVOS_OFF) -> list[Pair]:
-    """Everything off; `LATCHED_STOP` keeps the motors stopped until the register is written again."""
+    """Pairs that switch everything off; `LATCHED_STOP` keeps the motors stopped until the register is written
+    again."""
     return [*motors_off(), (wire.ALLSTOP, allstop)]
 
 
@@ -164,7 +166,7 @@ def _pwm_bytes(port: int, level: int) -> bytes:
 
 
 def _drives(port: int, brake: bool) -> tuple[tuple[bytes, int], ...]:
-    """PWM pairs and direction bits of every level; those of -400..-1 lie where negative indices find them."""
+    """PWM pairs and direction bits for every level; negative indices find those of -400..-1."""
     shift = 2 * CHANNEL[port]
     pairs = [_pwm_bytes(port, level) for level in range(FULL_PWM + 1)]
     rest = (pairs[-1], Direction.BRAKE << shift) if brake else (pairs[0], Direction.COAST << shift)
@@ -173,7 +175,7 @@ def _drives(port: int, brake: bool) -> tuple[tuple[bytes, int], ...]:
     return rest, *up, *down
 
 
-# By port, brake and level.
+# Indexed by brake and level, one per port.
 _D0, _D1, _D2, _D3 = (tuple(_drives(port, brake) for brake in (False, True)) for port in range(MOTOR_PORTS))
 _SERVO_BOOT = bytes(sum((sum(wide(wire.SERVO + 2 * n, SERVO_BOOT_US), ()) for n in range(SERVO_PORTS)), ()))
 _registers = itemgetter(*IMAGE)
@@ -185,13 +187,13 @@ def _end(directions: int, servos_off: int) -> bytes:
 
 
 _ENDS = tuple(_SERVO_BOOT + _end(directions, SERVOS_OFF) for directions in range(256))
-"""Servos and all that follows, by directions, where the servos are off."""
+"""The end of a frame, from the servos on, for each value of the directions, with the servos off."""
 
 
 def encode(outputs: Outputs, sequence: int = 0) -> bytes:
-    """The complete command as one frame: it does not matter which frames before it were lost.
+    """The complete command as one frame, so that it does not matter which frames before it were lost.
 
-    Duty 0 coasts, or shorts the motor where `outputs.brake` says so.
+    Duty 0 coasts, or shorts the motor if `outputs.brake` says so.
     """
     duty0, duty1, duty2, duty3 = outputs.duty
     brake0, brake1, brake2, brake3 = outputs.brake
@@ -215,5 +217,5 @@ def _servos(pulses: tuple[int | None, ...], directions: int) -> bytes:
 
 
 def shows_command(reply: bytes, sent: bytes) -> bool:
-    """Whether the registers of `reply` are those that the command image `sent` before it asked for."""
+    """Whether the registers of `reply` equal the command image `sent` in the frame before it."""
     return bytes(_registers(reply)) == sent[_VALUES]

@@ -1,4 +1,4 @@
-"""The stock firmware as the port sees it."""
+"""The stock firmware in the form that the port uses."""
 
 from __future__ import annotations
 
@@ -16,17 +16,19 @@ from raccoon.hal.wombat.firmware.stock.wire import Registers
 from raccoon.hal.wombat.link.link import Link
 
 LARGEST_AFTER_BOOT = 50_000
-"""Counts that a counter may hold when a restart is noticed."""
+"""Largest count that a counter may have when a restart is noticed."""
 POLL_MARGIN = 1.2
-"""Looks at the counters for each of their updates, at least. Updates are as uneven as the firmware's loop:
-with hardly more than one look each, two of them come between the same two looks now and then, and pass for
-one of a wheel that is twice as fast."""
+"""Least readings of the counters per update. Updates are as uneven as the firmware's loop: with hardly more
+than one reading each, two of them sometimes fall between two readings and look like one of a wheel that is
+twice as fast."""
 LARGEST_STEP = 128
-"""Counts that filtered back-EMF may change by in one update before a second look: a torn byte is 256."""
+"""Counts by which the filtered back-EMF may change in one update without a second reading: a torn byte is
+256."""
 
 
 class StockDialect:
-    """Registers, read-back and a canary; back-EMF comes out of the counters."""
+    """The stock firmware: registers that can be read back and contain a canary; back-EMF is derived from the
+    counters."""
 
     name = "stock"
     length = wire.LENGTH
@@ -55,7 +57,7 @@ class StockDialect:
         return commands.frame(commands.stop(), self._sequence)
 
     def hold(self, _outputs: Outputs) -> bytes:
-        # Registers keep what nobody writes, and a lost canary must stay lost until the port has seen it.
+        # Registers that are not written keep their value; a lost canary must stay so until the port sees it.
         return commands.frame(commands.motors_off())
 
     def is_aligned(self, reply: bytes) -> bool:
@@ -79,7 +81,7 @@ class StockDialect:
         return bool(max(reading.words[6:12]) <= LARGEST_WORD and reading.battery <= LARGEST_WORD)
 
     def life_words(self, reply: bytes) -> bytes:
-        # The counters count: with a dead IMU and quiet analog ports nothing else changes.
+        # Includes the counters: with a dead IMU and quiet analog ports nothing else changes.
         sensors = reply[wire.ADC_0 : wire.ADC_PE] + reply[wire.ADC_PE + 1 : wire.MOT_MODES]
         return sensors + reply[wire.BATTERY : wire.BUTTONS]
 
@@ -87,14 +89,14 @@ class StockDialect:
         return reply[wire.ACCEL : wire.MOT_POS]
 
     def has_restarted(self, reply: bytes, before: bytes, _seconds: float = 0.0) -> bool:
-        # Only a whole frame bears witness: one of zeros, or one that breaks off, has no canary and no counts.
+        # Only a complete frame counts: one of zeros, or one cut off, has neither canary nor counts.
         if reply[1:3] != wire.MAGIC[1:] or reply[wire.SERVO] == 0:
             return False
-        # The transfer engine starts before the registers are filled: one old byte, then a good frame.
+        # The transfer engine starts before the registers are filled: one old byte, then a valid frame.
         canary_lost = before[wire.ADC_PE] & ~reply[wire.ADC_PE] & commands.CANARY != 0
         if not (canary_lost or reply[0] == 0):
             return False
-        # One damaged byte is no restart: the counters must have started anew, too.
+        # One damaged byte is no restart: the counters must have restarted, too.
         return are_near_zero(struct.unpack_from(">4i", reply, wire.MOT_POS), LARGEST_AFTER_BOOT)
 
     def forget_motors(self) -> None:
@@ -132,7 +134,7 @@ class StockDialect:
         )
 
     def is_torn(self, first: Counts, second: Counts, seconds: float) -> bool:
-        # A counter goes on the way it went, by no more than the updates that may have fallen in between.
+        # A counter continues in its direction, by at most the updates that fit between the readings.
         updates = math.floor(seconds * self._rate_hz) + 1
         return any(
             not -LARGEST_STEP <= math.copysign(1.0, old) * (new - old) <= updates * abs(old) + LARGEST_STEP

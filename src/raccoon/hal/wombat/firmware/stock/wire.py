@@ -1,9 +1,9 @@
-"""The stock KIPR frame: 89 bytes both ways, registers down, (register, value) pairs up.
+"""The frame of KIPR's stock firmware: 89 bytes both ways, registers received, (register, value) pairs sent.
 
-Down: byte i is register i, big-endian, no stop byte, no checksum. Up: 'J', version 4, a sequence number, the
-number of pairs, the pairs, and 'S' in byte 88; a frame without those marks is ignored, so zeros only read.
-Motor ports 2 and 3 are wired to the channels 3 and 2: the swap happens here and nowhere else. What goes up is
-made in `commands.py`.
+Received: byte i is register i, big-endian, no stop byte, no checksum. Sent: 'J', version 4, a sequence
+number, the number of pairs, the pairs, and 'S' in byte 88; a frame without those marks is ignored, so zeros
+only read. Motor ports 2 and 3 are wired to the channels 3 and 2: only this module swaps them. `commands.py`
+makes the frames that are sent.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ _REPLY = struct.Struct(">B5H6HB9h4i4B4h4H4HHB")
 
 
 class Registers:
-    """One decoded frame: the registers as they came, motors in the order of the motor ports.
+    """One decoded frame: the raw registers, with motors in the order of the motor ports.
 
-    The tuples are made when asked for: a cycle needs few of them.
+    The tuples are made on access: a cycle needs few of them.
     """
 
     __slots__ = ("words",)
@@ -57,7 +57,7 @@ class Registers:
 
     @property
     def digital_output_bits(self) -> int:
-        """Output latches."""
+        """Bit n is the output latch of port n."""
         return self.words[3]
 
     @property
@@ -72,12 +72,12 @@ class Registers:
 
     @property
     def analog(self) -> tuple[int, ...]:
-        """Filtered 12-bit counts of the six ports."""
+        """Filtered 12-bit counts of the six analog ports."""
         return self.words[6:12]
 
     @property
     def canary(self) -> int:
-        """The register that nothing listens to."""
+        """The register without effect that holds `commands.CANARY`."""
         return self.words[12]
 
     @property
@@ -109,7 +109,7 @@ class Registers:
 
     @property
     def position(self) -> tuple[int, int, int, int]:
-        """Summed back-EMF counts as 32-bit numbers that wrap."""
+        """Summed back-EMF counts, 32-bit numbers that wrap."""
         words = self.words
         return words[22], words[23], words[25], words[24]
 
@@ -150,7 +150,7 @@ class Registers:
 
     @property
     def battery(self) -> int:
-        """Filtered 12-bit counts."""
+        """Battery voltage, filtered 12-bit counts."""
         return self.words[42]
 
     @property
@@ -164,9 +164,9 @@ class Registers:
 
 
 def decode(frame: bytes) -> Registers:
-    """Take one 89-byte frame apart.
+    """Decode one 89-byte frame.
 
-    Raises HardwareError for another length or another first byte (see `shift`).
+    Raises HardwareError for another length or another first byte (see `find_shift`).
     """
     if len(frame) != LENGTH:
         raise HardwareError(f"the frame has {len(frame)} bytes: a stock frame has {LENGTH}")
@@ -178,10 +178,10 @@ def decode(frame: bytes) -> Registers:
 
 
 def find_shift(frame: bytes) -> int | None:
-    """Index at which the registers begin in a rotated frame (0: aligned), None where they cannot be found.
+    """Index at which the registers begin in a rotated frame (0: aligned); None if they are not found.
 
-    A controller whose transfers were once of a wrong length sends its registers rotated for ever. That many
-    further bytes bring it back.
+    After a transfer of a wrong length a controller sends its registers rotated from then on. Transferring
+    that many more bytes aligns it again.
     """
     index = (frame + frame[:2]).find(MAGIC)
     return None if index < 0 else index
@@ -198,11 +198,11 @@ def inputs(
     imu: bool = True,
     analog: bool = True,
 ) -> Inputs:
-    """The readings of one frame.
+    """The `Inputs` of one frame.
 
-    position: ticks per motor port; the wrapping counters of this frame where not given. bemf: counts; the
-    stock frame carries none, whoever sees successive frames derives it. imu: False where it has nothing new.
-    analog: False where its words cannot be used.
+    position: ticks per motor port; by default the wrapping counters of this frame. bemf: counts; the stock
+    frame contains none, so the caller derives it from successive frames. imu: False if its IMU words are not
+    new. analog: False if its analog words are not usable.
     """
     words = registers.words
     if position is None:
