@@ -1,7 +1,7 @@
-"""A Wombat's co-processor in software: the same bytes on the link, the same stubbornness behind them.
+"""An emulated co-processor of a Wombat: the same bytes on the link, the same quirks behind them.
 
-`Emulator` is a link like the real bus. Behind it run the stock firmware or RaccoonOS on a plant that whoever
-builds the emulator hands in (`Plant`); `Emulator.faults` breaks it while it runs.
+`Emulator` is a link like the real bus. Behind it run the stock firmware or RaccoonOS on a plant (`Plant`)
+that the caller provides; `Emulator.faults` breaks it while it runs.
 """
 
 from raccoon.hal.wombat.emulator.emulator import Emulator, Firmware

@@ -1,7 +1,7 @@
 """The board around the emulated chip: drivers, converters and IMU between plant and firmware.
 
-Everything that is hardware and the same for both firmwares: what a voltage becomes in ADC counts, noise, and
-the ways in which hardware breaks.
+It contains all hardware that is the same for both firmwares: the conversion of voltages into ADC counts,
+noise, and hardware faults.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from raccoon.hal.wombat.emulator.plant import COAST, Drive, Plant, PlantState
 
 ADC_MAX = 4095
 BEMF_NOISE = 3.0
-"""Counts, standard deviation of one back-EMF conversion."""
+"""Standard deviation of one back-EMF conversion, counts."""
 ANALOG_NOISE = 1.5
 BATTERY_NOISE = 1.0
+"""Standard deviation of one conversion, counts."""
 GYRO_NOISE = math.radians(0.1)
-"""rad/s."""
+"""Standard deviation, rad/s."""
 IMU_POLE = 0.0025
-"""s, of each of the two poles that make a low-pass of 41 Hz, as both firmwares set the chip (DLPF 3) for its
-gyro; that of its accelerometer is as good as equal (45 Hz)."""
+"""Time constant, s, of each of the two poles of a low-pass of 41 Hz, to which both firmwares set the chip
+(DLPF 3) for its gyro; that of its accelerometer (45 Hz) is nearly equal."""
 ACCEL_NOISE = 0.03
-"""m/s2."""
+"""Standard deviation, m/s2."""
 
 
 class Board:
-    """Converters and drivers on a plant. `noise` False makes every converter exact (rounded all the same)."""
+    """Converters and drivers on a plant. With `noise` False every converter is exact, apart from rounding."""
 
     def __init__(self, plant: Plant, faults: Faults, *, seed: int, noise: bool) -> None:
         self._plant = plant
@@ -50,13 +51,13 @@ class Board:
         self._accel = _LowPass(self.state.accel)
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> None:
-        """Let time pass with the drivers set this way."""
+        """Advance by `seconds` with the drivers in this state."""
         self.drives = drives
         before = self.state.gyro
         self.state = self._plant.advance(seconds, self._broken(drives))
         share = -math.expm1(-seconds / IMU_POLE)
         self._gyro.follow(before, self.state.gyro, share)
-        force = self.state.accel  # the mean since the last look, so that no blow is missed or counted twice
+        force = self.state.accel  # the mean since the last call, so that no impact is missed or counted twice
         self._accel.follow(force, force, share)
 
     def _broken(self, drives: tuple[Drive, ...]) -> tuple[Drive, ...]:
@@ -73,7 +74,7 @@ class Board:
     def bemf(self, port: int) -> float:
         """Difference of a motor's two conversions in whole counts, stock polarity.
 
-        The sense resistors sit at the driver: behind a blown fuse they see nothing of the motor.
+        The sense resistors are at the driver: behind a blown fuse they do not see the motor.
         """
         if port in self._faults.stopped_converters:
             return self._converted[port]
@@ -88,7 +89,7 @@ class Board:
         return tuple(self.bemf(port) for port in range(MOTOR_PORTS))
 
     def analog(self, port: int, deviation: float = ANALOG_NOISE) -> int:
-        """Conversion of an analog port. A floating pin wanders and follows its neighbour."""
+        """Conversion of an analog port, counts. A floating pin wanders and follows its neighbour."""
         faults = self._faults
         if port in faults.saturated:
             return faults.saturated[port]
@@ -101,12 +102,13 @@ class Board:
         return counts if 0 <= counts <= ADC_MAX else max(0, min(ADC_MAX, counts))
 
     def battery(self, voltage: float | None = None) -> int:
-        """Conversion of the battery voltage. voltage: V, the mean of several conversions; None: as now."""
+        """Conversion of the battery voltage, counts. voltage: V, the mean of several conversions; None: the
+        present one."""
         volts = self.state.battery_voltage if voltage is None else voltage
         return max(0, min(ADC_MAX, round(volts / BATTERY_VOLTS_PER_COUNT + self._gauss(BATTERY_NOISE))))
 
     def gyro(self) -> tuple[float, float, float]:
-        """rad/s about forward, left, up, as the chip smooths them."""
+        """Turn rates about forward, left, up, rad/s, behind the chip's low-pass."""
         x, y, z = (rate + self._gauss(GYRO_NOISE) for rate in self._gyro.value)
         if self._faults.gyro_sweep:
             # Old boards: -600 to 1700 units of 1/1.025 deg/s while at rest.
@@ -115,7 +117,7 @@ class Board:
         return x, y, z
 
     def accel(self) -> tuple[float, float, float]:
-        """Specific force in m/s2, forward, left, up, as the chip smooths it."""
+        """Specific force along forward, left, up, m/s2, behind the chip's low-pass."""
         x, y, z = (force + self._gauss(ACCEL_NOISE) for force in self._accel.value)
         return x, y, z
 
@@ -125,7 +127,7 @@ class Board:
 
 
 class _LowPass:
-    """Two poles alike, one behind the other. value: what comes out."""
+    """Two equal poles in series. value: the output."""
 
     __slots__ = ("_followed", "value")
 
@@ -133,8 +135,8 @@ class _LowPass:
         self._followed = self.value = value
 
     def follow(self, before: Vector, after: Vector, share: float) -> None:
-        """Let what comes in go from `before` to `after`. share: of the way to the middle of what comes in to
-        it that each pole goes meanwhile."""
+        """Advance while the input changes from `before` to `after`. share: fraction of the difference to the
+        mean input by which each pole moves."""
         x, y, z = self._followed
         ahead_x = x + share * (0.5 * (before[0] + after[0]) - x)
         ahead_y = y + share * (0.5 * (before[1] + after[1]) - y)

@@ -1,4 +1,4 @@
-"""The link side of the emulated Wombat: two rings of bytes that turn whenever the master clocks."""
+"""The link of the emulated Wombat: two rings of bytes that turn with every transfer of the master."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Build = Literal["shipped", "published"]
 
 BOOT_SECONDS = 0.02
 LONGEST_CATCH_UP = 5.0
-"""Seconds; a pause longer than that (a debugger) is not simulated in full."""
+"""Longest time simulated at once, s; of a longer pause (a debugger) the rest is skipped."""
 
 
 class Chip(Protocol):
-    """A co-processor with a firmware."""
+    """An emulated co-processor with its firmware."""
 
     frame_length: int
 
@@ -38,10 +38,10 @@ class Chip(Protocol):
 
 
 class Emulator:
-    """A Wombat that is not there, as a link (`transfer`, `close`) and a reset line (`pulse`).
+    """An emulated Wombat as a link (`transfer`, `close`) and a reset line (`pulse`).
 
-    plant: what motors and sensors are. firmware: "stock", 17 or 21. clock: decides how far the firmware has
-    run at each transfer. build: loop rates of the distributed binary, or those that the source promises.
+    plant: motors and sensors. firmware: "stock", 17 or 21. clock: determines how far the firmware has run at
+    each transfer. build: loop rates of the distributed binary ("shipped") or of the source ("published").
     seed: of all noise; noise False switches it off. Raises ConfigError for another firmware or build.
     """
 
@@ -75,26 +75,27 @@ class Emulator:
 
     @property
     def drives(self) -> tuple[Drive, ...]:
-        """What the motor drivers do at this moment."""
+        """Present states of the motor drivers."""
         return self._board.drives
 
     @property
     def motors_running(self) -> bool:
-        """Whether any motor is driven, the short pauses for measuring included."""
+        """Whether any motor is driven, including the short pauses for measuring."""
         return self.chip.powered
 
     @property
     def servo_us(self) -> tuple[int | None, ...]:
-        """Pulse of each servo port, None where it is off."""
+        """Pulse of each servo port, us, None if it is off."""
         return self.chip.servo_us
 
     @property
     def state(self) -> PlantState:
-        """The plant as the board last saw it."""
+        """The last state of the plant."""
         return self._board.state
 
     def transfer(self, frame: bytes) -> bytes:
-        """Clock a frame through, full duplex. Any other length than the firmware's shifts all that follow."""
+        """Transfer a frame, full duplex. A length other than the firmware's shifts all that follow. Raises
+        HardwareError after `close`."""
         if self._closed:
             raise HardwareError("the emulated link is closed")
         if self.faults.latency > 0.0:
@@ -107,7 +108,7 @@ class Emulator:
         return self._disturbed(self._exchange(frame))
 
     def run(self) -> None:
-        """Let the firmware catch up with the clock. A transfer does that by itself."""
+        """Run the firmware up to the present time of the clock. Every transfer does that, too."""
         elapsed = min(self._clock.now() - self._time, LONGEST_CATCH_UP)
         self._time = self._clock.now()
         if elapsed > 0.0:
@@ -119,7 +120,8 @@ class Emulator:
             self.reset()
 
     def reset(self) -> None:
-        """Power-on or reset line: all registers and counters lost, motors off, silence for a moment."""
+        """Restart by power-on or reset line: all registers and counters lost, motors off, silence for a
+        moment."""
         self.chip.reset()
         self._board.drives = (None,) * 4
         self.faults.overrun = self.faults.frozen = False
@@ -127,11 +129,11 @@ class Emulator:
         self._restart_link()
 
     def pulse(self) -> None:
-        """The reset line of the board."""
+        """Pulse the reset line of the board."""
         self.reset()
 
     def close(self) -> None:
-        """The master lets go of the bus; the firmware runs on. May be called twice."""
+        """Close the master's side of the bus; the firmware continues. May be called twice."""
         self._closed = True
 
     def _restart_link(self) -> None:
@@ -141,7 +143,8 @@ class Emulator:
         self._last = bytes(1)
 
     def _exchange(self, frame: bytes) -> bytes:
-        """Both rings turn together; when they come round, the frame in memory is taken, whole or not."""
+        """Turn both rings by the frame; each time they complete a turn, the frame in memory is accepted,
+        complete or not."""
         reply = bytearray()
         rest = frame
         while rest:
@@ -172,6 +175,6 @@ class Emulator:
         torn = bytearray(reply)
         at, form = (wire.MOT_POS, ">I") if self.firmware == "stock" else (21, "<I")
         (word,) = struct.unpack_from(form, torn, at)
-        # The upper half is that of the moment after a carry, the lower half that of before.
+        # The upper half is from after a carry, the lower half from before it.
         struct.pack_into(form, torn, at, word + 0x10000 & 0xFFFF_FFFF)
         return bytes(torn)

@@ -1,4 +1,4 @@
-"""Switches that break an emulated Wombat, one for each way a real one breaks."""
+"""Switches that break an emulated Wombat, one for each known failure of a real one."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Faults:
-    """All off unless set. Switches may be thrown while the robot drives.
+    """Switches, all off by default; they may be set while the robot drives.
 
-    silent: the link answers this byte alone (0x00 or 0xFF) and hears nothing. frozen: the main loop hangs,
-    interrupts go on. wrong_version: commands of our version are not understood. overrun: RaccoonOS's transfer
-    engine has stopped; only a reset starts it. torn_reads: so many frames come with a position half old,
-    half new. lost_writes: so many frames do not get through to the registers. latency: seconds that every
-    transfer takes longer. imu_frozen: repeats itself; imu_missing: reads this on every axis; gyro_sweep: an
-    old board's wandering gyro. floating, saturated: analog ports. stalled: motors held still by force,
-    blown_fuse: without current. stopped_converters: those whose back-EMF stays as it was converted last.
-    bemf_offset: counts that the back-EMF of each motor reads at standstill, in the wire's own sign.
-    brown_out_voltage: the controller restarts while the battery is below it.
+    silent: the link returns only this byte (0x00 or 0xFF) and receives nothing. frozen: the main loop hangs,
+    interrupts continue. wrong_version: commands of this library's version are not understood. overrun:
+    RaccoonOS's transfer engine has stopped; only a reset starts it. torn_reads: number of frames with a
+    position half old, half new. lost_writes: number of frames that do not reach the registers. latency:
+    additional duration of every transfer, s. imu_frozen: the IMU repeats itself; imu_missing: it reads this
+    on every axis; gyro_sweep: an old board's wandering gyro. floating, saturated: analog ports, saturated
+    with the word that they read. stalled: motors held still by force, blown_fuse: motors without current.
+    stopped_converters: motors whose back-EMF keeps its last conversion. bemf_offset: back-EMF of each motor
+    at standstill, counts, with the sign of the wire. brown_out_voltage: V of the battery below which the
+    controller restarts.
     """
 
     silent: int | None = None

@@ -1,4 +1,4 @@
-"""What an emulated Wombat is wired to: motors, battery and sensors, as physics sees them."""
+"""The plant of an emulated Wombat: protocol and true values of motors, battery and sensors."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol
 from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, GRAVITY, MOTOR_PORTS
 
 Drive = float | None
-"""What the driver does with a motor: a duty -1..1 (0 shorts it, which brakes), or None: terminals open, it
-coasts. Signs are those of docs/quantities.md with the stock firmware's polarity."""
+"""State of a motor's driver: a duty -1..1 (0 shorts the motor, which brakes), or None: terminals open, the
+motor coasts. Signs are those of docs/quantities.md with the stock firmware's polarity."""
 
 COAST: tuple[Drive, ...] = (None,) * MOTOR_PORTS
 
@@ -17,8 +17,8 @@ class PlantState(NamedTuple):  # made in every step: a frozen dataclass takes se
     """True values, before any sensor.
 
     bemf_volts: induced voltage of each motor. gyro: rad/s about forward, left, up. accel: specific force in
-    m/s2, +9.81 up at rest, the mean over the last `advance`. analog: volts on the pins in ADC counts 0..4095.
-    digital: True is pressed.
+    m/s2, +9.81 up at rest, the mean over the last `advance`. analog: voltages on the pins as ADC counts
+    0..4095. digital, button: True is pressed. temperature: Celsius.
     """
 
     bemf_volts: tuple[float, ...] = (0.0,) * MOTOR_PORTS
@@ -32,8 +32,8 @@ class PlantState(NamedTuple):  # made in every step: a frozen dataclass takes se
 
 
 class Plant(Protocol):
-    """A robot that the emulator's motor drivers and sensors hang on."""
+    """The robot to which the emulator's motor drivers and sensors are connected."""
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
-        """Let time pass with the motors driven this way, then tell the new state."""
+        """Advance by `seconds` with the motors driven this way and return the new state."""
         ...

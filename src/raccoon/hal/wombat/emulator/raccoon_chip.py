@@ -1,4 +1,5 @@
-"""The co-processor with RaccoonOS 17 or 21: a timer that measures motor after motor, and a main loop."""
+"""The co-processor with RaccoonOS 17 or 21: a timer that measures one motor after the other, and a main
+loop."""
 
 from __future__ import annotations
 
@@ -16,13 +17,13 @@ from raccoon.hal.wombat.firmware.raccoon.commands import ServoMode, Shutdown
 from raccoon.hal.wombat.firmware.raccoon.wire import BUTTON, DATA_LENGTH, FRAME_LENGTH
 
 SLOT_SECONDS = {"shipped": 1.0 / (RACCOON_BEMF_RATE_HZ * MOTOR_PORTS), "published": 1250e-6}
-"""Time of one motor's turn: as measured on robots, and as the source means it."""
+"""Duration of one motor's slot, s: as measured on robots, and as in the source."""
 COAST_SECONDS = 544e-6
-"""500 us for the current to die and 44 us of conversion."""
+"""Duration of coasting for a measurement, s: 500 us for the current to decay and 44 us of conversion."""
 ANALOG_SECONDS = 1 / 250
 IMU_SECONDS = 1 / 50
 ACCEL_RANGE = 2.0 * GRAVITY
-"""m/s2, of each axis of the chip as this firmware sets it."""
+"""Range of each axis of the accelerometer, m/s2, as this firmware sets it."""
 ANALOG_AVERAGED = 50
 SHUTDOWN_OFFSET = 5
 
@@ -33,7 +34,7 @@ _IMU = struct.Struct("<3fb3fb3fb3fb3fb4fbff6f")
 
 
 class RaccoonChip:
-    """Buffers of the link and the interrupts and main loop that fill them."""
+    """The buffers of the link and the interrupts and main loop that fill them."""
 
     def __init__(self, board: Board, faults: Faults, version: int, build: str) -> None:
         self._board = board
@@ -45,7 +46,7 @@ class RaccoonChip:
         self.reset()
 
     def reset(self) -> None:
-        """Power-on: counters, clock, heading and commands at 0."""
+        """State after power-on: counters, clock, heading and commands at 0."""
         self.motors = RaccoonMotors(self._version)
         self.servo_us: tuple[int | None, ...] = (None,) * SERVO_PORTS
         self._clock = 0.0
@@ -55,16 +56,16 @@ class RaccoonChip:
         self._next_analog = self._next_imu = 0.0
         self._analog = [0] * ANALOG_PORTS
         self._battery = 0
-        self._volt_seconds = self._seconds = 0.0  # of the battery since its last word
+        self._volt_seconds = self._seconds = 0.0  # battery voltage: integral since its last word
         self._imu = _IMU.pack(*(0,) * 33)
         self._measured = [0.0] * MOTOR_PORTS
-        self._turn = 0  # whose turn it is to be measured
+        self._turn = 0  # motor to be measured next
         self._next: Callable[[], float] = self._begin
         self._remaining = self._next()
         self._motor_words = self._read_motors()
 
     def image(self) -> bytes:
-        """What the next transfer sends."""
+        """The frame that the next transfer sends."""
         bemf, position, done = self._motor_words
         version = self._version + 1 if self._faults.wrong_version else self._version
         head = _HEAD.pack(
@@ -73,7 +74,7 @@ class RaccoonChip:
         return head + self._imu + self._padding
 
     def accept(self, frame: bytes) -> None:
-        """Take one complete frame: at once, whatever its version says; then stamp the clock."""
+        """Process one complete frame at once, whatever its version; then store the time of the clock."""
         understood = frame[0] == self._version and not self._faults.wrong_version
         self.motors.accept(frame, understood)
         self._move_servos(frame, understood)
@@ -90,13 +91,13 @@ class RaccoonChip:
         )
 
     def advance(self, seconds: float) -> None:
-        """Run interrupts, and the main loop unless it hangs."""
+        """Run the interrupts for `seconds`, and the main loop unless it hangs."""
         self._remaining -= seconds
         while self._remaining <= 0.0:
             self._remaining += self._next()
 
-    # The timer's turn of one motor, part by part: each returns how long it takes, and then another is next.
-    # What raises out of one (Ctrl-C in the middle of it) leaves it to be done again.
+    # The parts of one motor's slot: each returns its duration, s, and sets the next part. If one raises
+    # (Ctrl-C), it is repeated.
 
     def _begin(self) -> float:
         if self.motors.bemf_disabled or self.motors.stopped:
@@ -150,12 +151,12 @@ class RaccoonChip:
 
     def _main_loop(self) -> None:
         self._motor_words = self._read_motors()
-        # (Seconds are 0 where Ctrl-C cut the loop off after this, and it is done again.)
+        # (The seconds are 0 if Ctrl-C interrupted the loop after this block and the loop is repeated.)
         if self._clock >= self._next_analog and self._seconds > 0.0:
             self._next_analog += ANALOG_SECONDS
             deviation = ANALOG_NOISE / math.sqrt(ANALOG_AVERAGED)
             self._analog = [self._board.analog(port, deviation) for port in range(ANALOG_PORTS)]
-            # All conversions since are averaged, so it sags as the mean current has it, over motors' pauses.
+            # The mean of all conversions since: it sags by the mean current, which includes motors' pauses.
             self._battery = self._board.battery(self._volt_seconds / self._seconds)
             self._volt_seconds = self._seconds = 0.0
         if self._clock >= self._next_imu:
@@ -194,5 +195,5 @@ class RaccoonChip:
 
     @property
     def powered(self) -> bool:
-        """Whether any motor is driven outside the pauses for measuring."""
+        """Whether any motor is driven, apart from the pauses for measuring."""
         return any(motor.drive for motor in self.motors.motors)

@@ -1,4 +1,4 @@
-"""Back-EMF filter, counters and controllers of RaccoonOS, motor by motor, in the wire's own polarity."""
+"""Back-EMF filter, counters and controllers of RaccoonOS, motor by motor, with the wire's polarity."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from raccoon.hal.wombat.firmware.raccoon.commands import FULL_PWM, Mode, Shutdow
 
 FILTER = 0.2
 MAX_BEMF = 2000.0
+"""Largest filtered back-EMF that is accepted, counts."""
 DEAD_ZONE = 25.0
-"""Version 21 alone."""
+"""Back-EMF below which version 21 reports 0, counts."""
 KP = 1.22
 KI_PER_CALL, KI_PER_SECOND = 0.045, 9.0
 CLAMP = 399.0
@@ -20,7 +21,7 @@ MOVE_FLOOR, MOVE_GAIN, MOVE_STEP, MOVE_TOLERANCE, MOVE_LIMIT = 15, 20, 150, 40, 
 
 
 class RaccoonMotor:
-    """One motor. `command` is the frame as it lies in memory; bits and offsets follow the version."""
+    """One motor. bemf: counts. drive: state of its driver. done: whether its position goal is reached."""
 
     def __init__(self, version: int) -> None:
         self._newer = version >= 21
@@ -39,17 +40,18 @@ class RaccoonMotor:
 
     @property
     def position(self) -> int:
-        """Counter as the frame carries it: whole ticks that wrap at 32 bits."""
+        """The counter as in the frame: whole ticks that wrap at 32 bits."""
         return (math.trunc(self._count) + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
 
     def clear(self) -> None:
-        """Counter to 0."""
+        """Set the counter to 0."""
         self._count = 0.0
 
     def measure(self, raw: float, seconds: float) -> None:
-        """Take one conversion, `seconds` after the last: median of 3, EMA, range, and the counter.
+        """Process one conversion `raw` (counts), `seconds` after the last: median of 3, EMA, range, and the
+        counter.
 
-        Beyond the range both back-EMF and counter stand still.
+        Beyond the range both back-EMF and counter stay constant.
         """
         self._raw = [*self._raw[1:], raw]
         self._ema += FILTER * (sorted(self._raw)[1] - self._ema)
@@ -64,7 +66,7 @@ class RaccoonMotor:
         self._count += self.bemf * seconds
 
     def control(self, mode: int, target: int, goal: int, seconds: float) -> None:
-        """Decide the driver's state from mode, target and goal."""
+        """Determine the driver's state from mode, target and goal; `seconds` since the last call."""
         if mode != self._mode:
             self._mode, self.done, self._integral, self._speed, self._error = mode, False, 0.0, 0.0, 0.0
         if mode == Mode.PWM:
@@ -102,7 +104,7 @@ _GAINS = struct.Struct("<12f")
 
 
 class RaccoonMotors:
-    """The four motors and the command frame in memory that they work from."""
+    """The four motors and the command frame in memory that controls them; offsets follow the version."""
 
     def __init__(self, version: int) -> None:
         self._version = version
@@ -120,7 +122,8 @@ class RaccoonMotors:
         self._goals: tuple[int, ...] = (0,) * MOTOR_PORTS
 
     def accept(self, frame: bytes, version_matches: bool) -> None:
-        """Take a frame. A wrong version suppresses the one-shot parts and the shutdown, not the motors."""
+        """Process a frame. With a wrong version its one-shot parts and its shutdown are ignored, but not its
+        motor commands."""
         _, updates, shutdown, self._modes, *targets = _HEAD.unpack_from(frame)
         self._targets = tuple(targets)
         self._goals = _GOALS.unpack_from(frame, self._goal_offset)
@@ -145,7 +148,7 @@ class RaccoonMotors:
             self.bemf_disabled = bool(frame[276] & 1)
 
     def _forward_matrix(self, frame: bytes) -> tuple[tuple[float, float, float], ...]:
-        """Counts of each wheel for vx, vy and wz; takes the offsets, too."""
+        """Counts of each wheel per vx, vy and wz; also sets the offsets."""
         at = self._tail_offset + 48
         ticks_to_rad = struct.unpack_from("<4f", frame, at)
         at += 16
@@ -164,7 +167,7 @@ class RaccoonMotors:
         return tuple(round(sum(a * v for a, v in zip(row, velocity, strict=True))) for row in self._forward)
 
     def control(self, port: int, seconds: float) -> None:
-        """One control pass of a motor."""
+        """One control pass of the motor on `port`, `seconds` after the last."""
         motor = self.motors[port]
         if self.stopped:
             motor.drive = None

@@ -1,4 +1,4 @@
-"""The co-processor with the stock firmware, as its main loop runs."""
+"""The co-processor with the stock firmware: its registers and its main loop."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from raccoon.hal.wombat.firmware.devices import STOCK
 from raccoon.hal.wombat.firmware.stock import commands, wire
 
 IMU_EVERY = {"shipped": 5, "published": 1000}
-"""Main-loop passes between two readings of the IMU, by build."""
+"""Main-loop passes per reading of the IMU, by build."""
 
 PASS_SECONDS = 700e-6
+"""Duration of a main-loop pass, s."""
 IMU_PASS_SECONDS = 1350e-6
-"""A pass that reads the IMU waits 1 ms for the magnetometer."""
+"""Duration of a pass that reads the IMU, s: it waits 1 ms for the magnetometer."""
 CONVERSION_SECONDS = 192e-6
 IDLE_SECONDS = 234e-6
 
@@ -25,7 +26,7 @@ BATTERY_BOOT = 800
 
 
 class StockChip:
-    """Registers and the loop that works on them."""
+    """The registers and the loop that works on them."""
 
     frame_length = wire.LENGTH
 
@@ -36,7 +37,7 @@ class StockChip:
         self.reset()
 
     def reset(self) -> None:
-        """What power-on leaves behind: all registers at their boot values, motors off."""
+        """State after power-on: all registers at their boot values, motors off."""
         registers = bytearray(wire.REGISTERS)
         self.registers, self.motors = registers, StockMotors(registers)
         self.registers[:3] = wire.MAGIC
@@ -53,12 +54,12 @@ class StockChip:
 
     @property
     def powered(self) -> bool:
-        """Whether any motor is driven outside the pauses for measuring."""
+        """Whether any motor is driven, apart from the pauses for measuring."""
         return any(self._drives)
 
     @property
     def servo_us(self) -> tuple[int | None, ...]:
-        """Pulse of each servo port, None where it is off."""
+        """Pulse of each servo port, us, None if it is off."""
         off = self.registers[wire.ALLSTOP]
         return tuple(
             None if off >> 4 + port & 1 else self.load(wire.SERVO + 2 * port) for port in range(SERVO_PORTS)
@@ -74,14 +75,14 @@ class StockChip:
         return self.registers[register] << 8 | self.registers[register + 1]
 
     def image(self) -> bytes:
-        """What the next transfer sends: the first 89 registers as they are now."""
+        """The frame that the next transfer sends: the first 89 registers as they are now."""
         return bytes(self.registers[: wire.LENGTH])
 
     def accept(self, frame: bytes) -> None:
-        """Take one complete frame, if its marks are right.
+        """Process one complete frame, if its marks are right.
 
-        The firmware checks neither the number of pairs nor their addresses: what goes beyond the registers
-        hits its memory, and the emulated chip hangs.
+        The firmware checks neither the number of pairs nor their addresses: writes beyond the registers hit
+        its memory, and the emulated chip hangs.
         """
         if frame[0] != wire.START or frame[wire.LENGTH - 1] != commands.END:
             return
@@ -97,7 +98,7 @@ class StockChip:
                 self.motors.modes_written()
 
     def advance(self, seconds: float) -> None:
-        """Run the firmware for a while. A frozen main loop leaves the drivers as they are."""
+        """Run the firmware for `seconds`. A frozen main loop leaves the drivers in their state."""
         if self._faults.frozen or self.crashed:
             self._board.advance(seconds, COAST if self._coasting else self._drives)
             return
@@ -105,8 +106,8 @@ class StockChip:
         while self._remaining <= 0.0:
             self._remaining += self._next()
 
-    # The main loop, part by part: each returns how long it takes, and then another is next. What raises out
-    # of one (Ctrl-C in the middle of it) leaves it to be done again.
+    # The parts of the main loop: each returns its duration, s, and sets the next part. If one raises
+    # (Ctrl-C), it is repeated.
 
     def _sampling(self) -> float:
         count = self._passes + 1
@@ -153,7 +154,7 @@ class StockChip:
         up = 0 if board.state.button else 1 << wire.RIGHT_BUTTON
         self.store(wire.DIG_IN, board.digital_bits() | up)
         registers = self.registers
-        for port in range(ANALOG_PORTS):  # without `load` and `store`: it is a tenth of the emulator's time
+        for port in range(ANALOG_PORTS):  # without `load` and `store`: this is a tenth of the emulator's time
             high = wire.ADC_0 + 2 * port
             low = high + 1
             value = int(0.9 * (registers[high] << 8 | registers[low]) + 0.1 * board.analog(port))

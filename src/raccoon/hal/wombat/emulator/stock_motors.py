@@ -1,4 +1,4 @@
-"""Back-EMF filter, counters and controllers of the stock firmware, channel by channel."""
+"""Back-EMF filter, counters and motor controllers of the stock firmware, channel by channel."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from raccoon.hal.wombat.firmware.stock.commands import FULL_PWM, Direction, Mode
 
 FILTER_NEW, FILTER_OLD = 0.25, 0.75
 FILTER_DEAD_ZONE = 10
+"""Filtered back-EMF below which the filter gives 0, counts."""
 FEEDBACK_DEAD_ZONE = 8
+"""Raw back-EMF below which the speed control takes 0, counts."""
 KP, KI, KD = 2000 / 1000, 200 / 1000, 1 / 1000
-"""Read once at boot: writing the gain registers later changes nothing."""
+"""Gains of the speed control, read once at boot: writing the gain registers later changes nothing."""
 INTEGRAL_LIMIT = 10000
 
 _INT32 = struct.Struct(">i")
@@ -23,7 +25,8 @@ _UINT16 = struct.Struct(">H")
 
 
 class StockMotors:
-    """What runs after every back-EMF measurement, on the registers it shares with the link."""
+    """The part of the firmware that runs after every back-EMF measurement, on the registers shared with the
+    link."""
 
     def __init__(self, registers: bytearray) -> None:
         self._registers = registers
@@ -32,14 +35,15 @@ class StockMotors:
         self._error = [0.0] * MOTOR_PORTS
 
     def modes_written(self) -> None:
-        """A mode other than PWM clears the channel's mark that its goal is reached."""
+        """Process a write to the modes: a mode other than PWM clears the channel's flag "goal reached"."""
         modes = self._registers[wire.MOT_MODES]
         for channel in range(MOTOR_PORTS):
             if modes >> 2 * channel & 3:
                 self._registers[wire.MOT_DONE] &= ~(1 << channel)
 
     def update(self, raw: Sequence[int]) -> list[Drive]:
-        """One control pass with the new conversions, by channel."""
+        """One control pass with the new conversions (counts by channel); returns the drivers' states by
+        channel."""
         return [self._channel(channel, raw[channel]) for channel in range(MOTOR_PORTS)]
 
     def _channel(self, channel: int, raw: int) -> Drive:
@@ -56,7 +60,8 @@ class StockMotors:
         return self._drive(channel)
 
     def _integrate(self, channel: int, raw: int) -> None:
-        """EMA truncated to whole counts, dead zone, and a 32-bit sum without time."""
+        """Filter a conversion and add it to the counter: EMA truncated to whole counts, dead zone, and a
+        32-bit sum without regard to time."""
         filtered = int(FILTER_NEW * raw + FILTER_OLD * self._filtered[channel])
         if abs(filtered) < FILTER_DEAD_ZONE:
             filtered = 0
@@ -83,7 +88,7 @@ class StockMotors:
         self._set_output(channel, Direction.FORWARD if command >= 0 else Direction.REVERSE, abs(command))
 
     def _position_control(self, channel: int, raw: int) -> None:
-        """Speed control until the goal is passed, then shorted and marked as done."""
+        """Speed control until the goal is passed; then the motor is shorted and flagged as done."""
         if self._registers[wire.MOT_DONE] >> channel & 1:
             return
         goal = _INT32.unpack_from(self._registers, wire.POS_GOAL + 4 * channel)[0]
