@@ -1,1 +1,1 @@
-"""Recordings: written while driving, read back, and played through a port."""
+"""Recordings: written during a drive, read from files, and replayed through a port."""

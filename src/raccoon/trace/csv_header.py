@@ -1,4 +1,4 @@
-"""The header of a CSV file: which columns there are, behind what other programs write before it."""
+"""The header of a CSV file: its column names, after whatever other programs write before it."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from raccoon.trace.file_hints import (
 def read_header(
     rows: Iterator[list[str] | str], file: CsvRows, separator: str
 ) -> tuple[list[str], list[str]]:
-    """Names of the columns, "" for those without one, and what is to be said of them.
+    """The names of the columns ("" for those without one) and the problems of the header.
 
-    Remarks before it are skipped, and its own mark of one (`# t,...`) is left out. Raises TraceError where
-    there is none.
+    Comments before the header are skipped, and a comment mark before the header itself (`# t,...`) is
+    removed. Raises TraceError if there is no header with t or a name occurs twice.
     """
     names = next(rows, [])
     if names == [SEPARATOR_PREFIX, ""]:

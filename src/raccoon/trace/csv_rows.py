@@ -1,4 +1,4 @@
-"""The rows of a CSV that others wrote: what is wrong with a line costs that line alone."""
+"""The rows of a CSV file of any origin: a bad line costs only that line."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ MAX_LINE = 1 << 20
 
 
 class CsvRows:
-    """Iterate once: the values of each row, or as text why there are none.
+    """An iterator, to be used once, over the values of each row; instead of a bad row, a text that says why
+    it is bad.
 
-    line: number of the line that was read last. is_cut_off: whether it has no end, so that the file may be
-    cut off in it. A quotation mark that is never closed, or closed within a value, spoils its line alone:
-    those that it took along are read once more without it."""
+    line: number of the last line read. is_cut_off: whether that line has no end, so that the file may be cut
+    off in it. A quotation mark that is never closed, or closed within a value, spoils only its own line: the
+    lines that it swallowed are read again without it.
+    """
 
     def __init__(self, file: IO[str], separator: str) -> None:
         self.line = 0
@@ -36,7 +38,7 @@ class CsvRows:
                 return
             except csv.Error as error:
                 self._give_back()
-                rows = self._begin()  # the old one may have met the end
+                rows = self._begin()  # the old reader may have reached the end
                 yield f"{error}: is a quotation mark out of place?"
             else:
                 yield cells
@@ -45,7 +47,7 @@ class CsvRows:
         return csv.reader(self._lines(), strict=True, delimiter=self._separator)
 
     def _give_back(self) -> None:
-        """All lines of the row but its first are to be read once more."""
+        """Push back all lines of the row except the first, to be read again."""
         others = self._taken[1:]
         self._pushed_back.extendleft(reversed(others))
         self.line -= len(others)

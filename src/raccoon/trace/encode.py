@@ -1,9 +1,9 @@
-"""One cycle to one line of JSON.
+"""Encoding of a cycle as one line of JSON.
 
-Floats are written by `repr`, so they come back bit for bit; whole numbers stay whole. JSON has no word for
-NaN and infinity: a reading or a command that is neither number nor None is refused, while an estimate that
-is honestly infinite or undefined (the standard deviation of something never seen) is written as the text
-"inf", "-inf" or "nan".
+Floats are written by `repr`, so they read back bit for bit; integers stay integers. JSON has no NaN and no
+infinity: a reading or a command that is neither a number nor None is refused, while an estimate that is
+rightly infinite or undefined (the standard deviation of something never seen) is written as the text "inf",
+"-inf" or "nan".
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from raccoon.core.readings import Device, Inputs, Outputs
 
 Values = tuple[float, ...]
 MAX_TEXT = 10_000
-"""Characters of a text that is read again."""
+"""Longest text that a reader accepts, characters."""
 
 
 class Cycle(NamedTuple):
-    """What was seen of one cycle; `inputs` is None for what happened before the first reading."""
+    """The contents of one cycle; `inputs` is None for what happened before the first reading."""
 
     inputs: Inputs | None
     commands: tuple[Outputs, ...] = ()
@@ -30,7 +30,7 @@ class Cycle(NamedTuple):
 
 
 def _plain_number(value: Any) -> Any:
-    # NumPy's whole numbers and booleans are not Python's; importing NumPy to ask for them would be heavy.
+    # NumPy's integers and booleans are not Python's; importing NumPy to test for them would be slow.
     if hasattr(value, "item"):
         return value.item()
     raise TypeError(f"{value!r} is neither a number nor None")
@@ -42,12 +42,13 @@ _ENCODER = json.JSONEncoder(
 
 
 def json_line(table: dict[str, Any]) -> str:
-    """One line of JSON. Raises ValueError for NaN and infinity, TypeError for what is not JSON."""
+    """A table as one line of JSON. Raises ValueError for NaN and infinity, TypeError for other values that
+    JSON does not have."""
     return _ENCODER.encode(table) + "\n"
 
 
 def device_line(device: Device) -> str:
-    """The line that says what the words of the following cycles are worth."""
+    """The line of a device: the units of the words in the following cycles."""
     return json_line({"device": asdict(device)})
 
 
@@ -66,7 +67,7 @@ def cycle_line(cycle: Cycle) -> str:
 
 
 def cycle_table(cycle: Cycle) -> dict[str, Any]:
-    """The line of one cycle as JSON values; only what is present."""
+    """The fields of one cycle that are present, as JSON values."""
     table = {} if cycle.inputs is None else _inputs(cycle.inputs)
     if cycle.commands:
         table |= _outputs(cycle.commands[0])

@@ -1,4 +1,4 @@
-"""Any recording this library can read, by path."""
+"""Loading of any recording that this library can read, by path."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from raccoon.trace.record import recording_file
 from raccoon.trace.recording import Recording
 
 SWEEP, ROWS = ".sweep.json", ".rows.csv"
-"""Endings of the file beside a table of matches, and of the rows of one that is no CSV while they come."""
+"""Endings of the file beside a table of matches, and of its growing rows if the table is no CSV."""
 ROBOT_TOML = "robot.toml"
 TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One recorded run. robot: as the recording describes it, None where it does not.
+    """One recorded run.
 
-    trace: the raw words, where the recording is a trace. path: the file. whose: name of the robot, where the
-    kind of file has one for each.
+    robot: as described by the recording, None if it does not describe it. trace: the raw words, if the
+    recording is a trace. path: the file. whose: name of the robot, if that kind of file has one for each.
     """
 
     name: str
@@ -39,19 +39,18 @@ class Run:
 
 
 def load_runs(*paths: str | Path) -> list[Run]:
-    """The runs of these files, and of those in folders. Doubtful values are blank and listed in
-    `Recording.problems`.
+    """The runs in these files and folders. Doubtful values are blank and listed in `Recording.problems`.
 
-    Raises TraceError where there is nothing that can be read, FileNotFoundError where there is no such path.
+    Raises TraceError for a file that cannot be read, FileNotFoundError for a path that does not exist.
     """
     return [load_run(file) for file in files_of(*paths)]
 
 
 def files_of(*paths: str | Path) -> list[Path]:
-    """The files that are named: a trace, a CSV, MCAP or EMPS file, an OptiOdom run or session, or a folder of
-    any of these.
+    """The recordings at these paths. A path is a trace, a CSV, MCAP or EMPS file, an OptiOdom run or session,
+    or a folder of any of these.
 
-    Of several paths each file once: a run that counts twice would make what it gives surer than it is.
+    Each file occurs once: a run that counts twice would make its results look more certain than they are.
     Raises TraceError for a folder without a recording.
     """
     files: dict[str, Path] = {}
@@ -65,7 +64,7 @@ def files_of(*paths: str | Path) -> list[Path]:
 
 
 def natural_sort_key(path: Path) -> list[list[tuple[int, str]]]:
-    """A key that sorts paths with the numbers in them by their size: run2 before run10."""
+    """A key that sorts the numbers in paths by size: run2 before run10."""
     return [
         [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name) if part]
         for name in path.parts
@@ -73,8 +72,8 @@ def natural_sort_key(path: Path) -> list[list[tuple[int, str]]]:
 
 
 def find_recordings(folder: Path) -> list[Path]:
-    """The recordings in a folder and in those inside it, run2 before run10; hidden folders (.venv, .git) and
-    what is no recording are left out."""
+    """The recordings in a folder and its subfolders, run2 before run10; without hidden folders (.venv, .git)
+    and other files."""
     found = []
     for place, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
@@ -83,14 +82,15 @@ def find_recordings(folder: Path) -> list[Path]:
 
 
 def _is_recording(path: Path) -> bool:
-    """By its name: the table of a sweep and what describes the recordings beside it are none."""
+    """Whether a file is a recording by its name. The table of a sweep and files that describe recordings are
+    not."""
     if path.name == optiodom.METADATA or path.with_name(path.name.removesuffix(ROWS) + SWEEP).exists():
         return False
     return path.name.endswith(TRACE_ENDINGS) or path.suffix.lower() in (".csv", ".mcap", ".mat")
 
 
 def load_run(path: str | Path) -> Run:
-    """One run, of whatever kind its name and first line say. Raises as `load_runs`."""
+    """One run; its name and first line determine its kind. Raises as `load_runs`."""
     path = recording_file(path)
     run = replace(_loaded(path), path=path)
     if run.recording.problems and len(run.recording["t"]) == 0:
@@ -99,8 +99,8 @@ def load_run(path: str | Path) -> Run:
 
 
 def find_robot_toml(run: Run) -> tuple[RobotConfig, Path | None, str]:
-    """The robot of a run that does not describe it, the file that it is of, and which it is in words: of the
-    robot.toml beside the run, else of one where the command was started, else the default robot.
+    """The robot of a run that does not describe it, with its file and a description: from the robot.toml
+    beside the run, else from that in the current directory, else the default robot.
 
     Raises ConfigError.
     """

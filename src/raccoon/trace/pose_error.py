@@ -1,4 +1,4 @@
-"""How far an estimated pose is from a reference system's."""
+"""The error of an estimated pose against that of a reference system."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from raccoon.trace.recording import Column, Recording
 
 @dataclass(frozen=True, slots=True)
 class PoseError:
-    """Error of an estimated drive against the truth.
+    """Error of the estimated poses of a drive against the truth.
 
-    distance: m along the true path. rms: m, of the position over all samples with truth; final: m, at the
-    last. heading_rms, heading_final: rad, the latter signed (estimate minus truth). samples: how many.
+    distance: length of the true path, m. rms: of the position error over all samples with truth, m; final:
+    position error at the last of them, m. heading_rms, heading_final: rad, the latter signed (estimate minus
+    truth). samples: number of samples with truth.
     """
 
     distance: float
@@ -30,7 +31,8 @@ class PoseError:
 
 @dataclass(frozen=True, slots=True)
 class PooledError:
-    """Over several runs: every sample counts once in `rms` and `heading_rms`, every run in the finals."""
+    """Root mean squares over several runs, m and rad: `rms` and `heading_rms` weight every sample equally,
+    `final` and `heading_final` every run."""
 
     runs: int
     rms: float
@@ -40,10 +42,11 @@ class PooledError:
 
 
 def field_truth(recording: Recording) -> tuple[Column, Column, Column]:
-    """True x, y and heading seen from the first true pose, as odometry starts at (0, 0) with heading 0.
+    """True x, y (m) and heading (rad) relative to the first true pose, as odometry starts at (0, 0) with
+    heading 0.
 
-    The heading is unwrapped: many a reference gives it between -pi and pi. NaN where there is no truth.
-    Raises TraceError where there is none at all.
+    The heading is unwrapped, because many references give it between -pi and pi. NaN in rows without truth.
+    Raises TraceError if no row has truth.
     """
     x, y, heading = (recording[f"truth.{name}"] for name in ("x", "y", "heading"))
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y) & np.isfinite(heading))
@@ -60,7 +63,7 @@ def field_truth(recording: Recording) -> tuple[Column, Column, Column]:
 def pose_error(recording: Recording, x: Column, y: Column, heading: Column) -> PoseError:
     """Error of the estimated pose of each row (m, m, rad, unwrapped) in the field frame of the start.
 
-    Raises TraceError where the recording holds no truth.
+    Raises TraceError if the recording has no truth.
     """
     true_x, true_y, true_heading = field_truth(recording)
     known = np.isfinite(true_x) & np.isfinite(true_y) & np.isfinite(true_heading)
@@ -78,7 +81,7 @@ def pose_error(recording: Recording, x: Column, y: Column, heading: Column) -> P
 
 
 def pool_errors(errors: Iterable[PoseError]) -> PooledError:
-    """Root mean squares over runs. Raises ValueError where there is none."""
+    """The root mean squares over runs. Raises ValueError if there is none."""
     errors = list(errors)
     if not errors:
         raise ValueError("there is no run to pool")

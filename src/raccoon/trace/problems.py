@@ -1,4 +1,4 @@
-"""What a reader had to leave out of a file, each kind of it said once."""
+"""The problems that a reader found in a file, without repetitions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _VALUE = re.compile(r"'[^']*'")
 
 
 def without_repeats(problems: Sequence[str]) -> list[str]:
-    """Of problems that differ in line and value alone the first, with how many more there are."""
+    """The first of all problems that differ only in line and value, with the number of the others."""
     alike: dict[str, list[str]] = defaultdict(list)
     for each in problems:
         alike[_VALUE.sub("''", _LINE.sub("line", each))].append(each)

@@ -1,4 +1,4 @@
-"""A port that plays a recording."""
+"""A port that replays a recording."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _FIELD_NAMES = {"duty": "motor.{}.duty", "brake": "motor.{}.brake", "servo_us": 
 
 
 class ReplayPort:
-    """Hands out the recorded cycles one by one, at once, and checks what is commanded in answer.
+    """Returns the recorded cycles one by one without waiting, and checks the commands in answer to them.
 
-    check: raise ReplayDiverged where a command or an estimate differs from the recorded one, naming cycle,
-    field and both values; False ignores commands and estimates, for a changed program over old readings.
-    tolerance: relative difference that counts as equal. 0 compares exactly, which holds on the machine that
-    recorded; across machines mathematics libraries differ in the last bits and 1e-9 is right.
+    check: raise ReplayDiverged if a command or an estimate differs from the recorded one, naming cycle, field
+    and both values; False ignores commands and estimates, to run a changed program on old readings.
+    tolerance: relative difference that counts as equal. 0 compares exactly, which works on the machine that
+    recorded; between machines mathematics libraries differ in the last bits: use 1e-9.
     """
 
     def __init__(self, trace: Trace | str | Path, *, check: bool = True, tolerance: float = 0.0) -> None:
@@ -38,11 +38,11 @@ class ReplayPort:
 
     @property
     def follows_commands(self) -> bool:
-        """Whether the readings are those that came of the commands: they are where these are checked."""
+        """Whether the readings are the result of the commands, which they are if commands are checked."""
         return self._check
 
     def read(self) -> Inputs:
-        """Next recorded cycle. Raises EOFError after the last, ReplayDiverged where a command is missing."""
+        """The next recorded cycle. Raises EOFError after the last, ReplayDiverged if a command is missing."""
         self._check_count()
         if self._tick + 1 >= len(self.trace.ticks):
             raise EOFError(self._ending())
@@ -54,7 +54,7 @@ class ReplayPort:
         return self._recorded.inputs
 
     def write(self, outputs: Outputs) -> None:
-        """Compare a command with the recorded one of this cycle. Raises ReplayDiverged."""
+        """Compare a command with the recorded one of this cycle. Raises ReplayDiverged if they differ."""
         if not self._check:
             return
         number = self._written
@@ -68,9 +68,11 @@ class ReplayPort:
         self._compare(commands[number], outputs)
 
     def finish(self) -> None:
-        """The program has ended: raise ReplayDiverged where something moves in the rest of the recording.
+        """Check the rest of the recording at the end of the program: raises ReplayDiverged if something moves
+        in it.
 
-        A recording may well go on after its program: what stands still then, or lets go, is no difference.
+        A recording may continue after its program: motors at rest and servos that hold or are switched off
+        are no difference.
         """
         if not self._check:
             return
@@ -81,7 +83,7 @@ class ReplayPort:
                 self._compare(recorded, _ended(recorded, self._last))
 
     def annotate(self, name: str, values: Sequence[float]) -> None:
-        """Compare an estimate with the recorded one of this cycle. Raises ReplayDiverged."""
+        """Compare an estimate with the recorded one of this cycle. Raises ReplayDiverged if they differ."""
         if not self._check:
             return
         recorded = {} if self._recorded is None else self._recorded.estimates
@@ -92,16 +94,16 @@ class ReplayPort:
                 raise ReplayDiverged(self._tick, f"{name}[{index}]", old, new)
 
     def event(self, text: str) -> None:
-        """Remarks are for people and not compared."""
+        """Ignore a remark: remarks are not compared."""
 
     def close(self) -> None:
-        """Nothing to switch off. May be called twice."""
+        """Do nothing. May be called twice."""
 
     def _commands(self) -> tuple[Outputs, ...]:
         return self.trace.opening if self._recorded is None else self._recorded.commands
 
     def _check_count(self) -> None:
-        """A cycle that was recorded with a command and is left without one has diverged, too."""
+        """Raise ReplayDiverged if the cycle was recorded with a command and ends without one."""
         commands = self._commands()
         if self._check and self._written < len(commands):
             raise ReplayDiverged(self._tick, "command", commands[self._written], None)
@@ -128,6 +130,7 @@ class ReplayPort:
 
 
 def _ended(recorded: Outputs, last: Outputs) -> Outputs:
-    """What a recorded command is where nothing moves since the `last` one: servos hold or are off."""
+    """The command at the place of `recorded` if nothing moves since the `last` one: servos hold or are
+    off."""
     held = zip(recorded.servo_us, last.servo_us, strict=True)
     return Outputs(brake=recorded.brake, servo_us=tuple(now and before for now, before in held))

@@ -1,4 +1,4 @@
-"""Lines of a recording by their times: which go on, which go back, and which was far ahead of all others."""
+"""Classification of the lines of a recording by their times: forward, backward, or after an outlier."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ from raccoon.trace.file_hints import clock_reset_reason
 
 
 class TimeStep(Enum):
-    """How a line's time goes on from those before it."""
+    """How the time of a line continues those before it."""
 
     FORWARD = "forward"
     BACKWARD = "backward"
-    """It is to be left out."""
+    """The line must be left out."""
     PAST_OUTLIER = "past outlier"
-    """It goes on, as the line before it did, from where all was before the last one that went on: that one is
-    to be left out. Where two numbers of a serial line ran together, all that follows would else be back."""
+    """This line and the one before it continue from before the last accepted line, which was an outlier far
+    ahead and must be left out. This occurs if two numbers of a serial line ran together; otherwise all lines
+    after it would go back."""
 
 
 class TimeOrder:
     """Classifies the times of lines one by one.
 
-    backward_count: how many went back. first_reset_reason: what the first of them seems to be. outlier_time:
-    of the line that was far ahead, where the last step is PAST_OUTLIER."""
+    backward_count: number of lines that went back. first_reset_reason: the probable reason of the first of
+    them. outlier_time: time of the outlier, if the last step is PAST_OUTLIER.
+    """
 
     def __init__(self) -> None:
         self.backward_count = 0
@@ -32,7 +34,7 @@ class TimeOrder:
         self._before, self._last, self._doubted = -math.inf, -math.inf, math.inf
 
     def classify(self, time: float) -> TimeStep:
-        """The step in time to the next line. NaN goes back and is not counted."""
+        """The step of the next line at `time`. NaN is BACKWARD and is not counted."""
         if time >= self._last:
             self._before, self._last, self._doubted = self._last, time, math.inf
             return TimeStep.FORWARD

@@ -1,8 +1,8 @@
-"""Lines to disk without holding up the tick.
+"""A writer of recordings that does not hold up the tick.
 
-A write to an SD card can stall for seconds and formatting a cycle takes longer than handing it over, so both
-happen in a thread that works while the tick waits for the next cycle. Every line reaches the operating system
-at once and the disk within a second: a killed process or a pulled battery costs the last moment, not the run.
+A write to an SD card can stall for seconds, and formatting a cycle takes longer than handing it over, so a
+thread does both while the tick waits for the next cycle. Every line reaches the operating system at once and
+the disk within a second: a killed process or a pulled battery costs the last moment, not the run.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from raccoon.core.readings import Device
 from raccoon.trace.encode import Cycle, cycle_line, device_line, json_line
 
 WAITING_LIMIT = 20_000
-"""Cycles that may wait for a stalled disk (100 s at 200 Hz) before the recording is given up."""
+"""Most cycles that may wait for a stalled disk (100 s at 200 Hz); beyond that the recording ends."""
 _BATCH = 256
 _SYNC_SECONDS = 1.0
 
 
 class TraceWriter:
-    """Writes cycles behind a header line to `plain` and packs the file into `packed` at the end.
+    """Writes a header line and cycles to `plain` and packs the file into `packed` at the end.
 
-    failure: why the recording ended early, None while all is well. A recording that fails never disturbs the
-    run it records. Raises FileExistsError where there is a `plain` and `overwrite` is not set, OSError where
-    the header cannot be written; then no file is left.
+    failure: why the recording ended early, None if it did not. A recording that fails never disturbs the run.
+    Raises FileExistsError if `plain` exists and `overwrite` is not set, OSError if the header cannot be
+    written; then no file is left.
     """
 
     def __init__(self, plain: Path, packed: Path, header: str, *, overwrite: bool = False) -> None:
         self.failure: str | None = None
-        # A program may be in another folder by the end.
+        # The program may change its current directory.
         self._plain, self._packed = plain.absolute(), packed.absolute()
-        # Exclusive: another program may have taken the name since somebody looked.
+        # Exclusive: another program may have taken the name since the caller checked.
         self._file = plain.open("wb" if overwrite else "xb", buffering=0)
         try:
             with naming_path(plain):
@@ -60,7 +60,7 @@ class TraceWriter:
             self._queue.put(cycle)
 
     def finish(self) -> None:
-        """Write what is waiting, pack the file and remove the plain one. Call once."""
+        """Write the waiting cycles, pack the file and remove the plain one. Call once."""
         self._queue.put(None)
         self._thread.join()
         try:
@@ -80,12 +80,12 @@ class TraceWriter:
                 if time.monotonic() - synced > _SYNC_SECONDS:
                     os.fsync(self._file.fileno())
                     synced = time.monotonic()
-            except Exception as error:  # whatever it is: nobody else would say that the recording has ended
+            except Exception as error:  # of any kind: otherwise the recording would end without a message
                 self.failure = str(error)
                 return
 
     def _batch(self) -> list[Cycle]:
-        """All that waits, up to a bound; empty at the end."""
+        """The waiting cycles, at most `_BATCH`; empty at the end."""
         batch: list[Cycle] = []
         item = self._queue.get()
         while item is not None:
@@ -125,7 +125,7 @@ def _write_all(descriptor: int, data: bytes) -> None:
 
 
 def pack(plain: Path, packed: Path) -> None:
-    """Gzip a file; the result appears whole or not at all, and equal content gives equal bytes."""
+    """Gzip a file. The result appears completely or not at all; equal content gives equal bytes."""
     # Level 3 is within a few per cent of the default in less than half of the time.
     with (
         plain.open("rb") as source,
