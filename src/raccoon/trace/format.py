@@ -1,4 +1,4 @@
-"""Traces in memory, and reading them from a file that nobody vouches for.
+"""Traces in memory, and the reader of trace files, which trusts no input.
 
 A trace is JSON Lines, gzipped when it is finished (docs/trace-format.md). It is read up to the first damage;
 `Trace.damage` says where that is and what is wrong.
@@ -25,7 +25,7 @@ from raccoon.trace.record import recording_file
 MAX_LINE_BYTES = 1 << 20
 MAX_BYTES = 1 << 30
 MAX_TICKS = 1_000_000
-"""83 minutes at 200 Hz."""
+"""Most cycles that are read: 83 minutes at 200 Hz."""
 SECOND_RECORDING_TEXT = (
     "this is its last line, and another recording seems to follow: put each into a file of its own"
 )
@@ -34,9 +34,9 @@ WRONG_VALUE_TEXT = "this is its last line, and some value before it may not be w
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """One cycle: what was read, what was commanded and what was estimated in it.
+    """One cycle: its readings, commands and estimates.
 
-    commands: in the order they were written; mostly one. estimates: by name.
+    commands: in the order of writing; usually one. estimates: by name.
     """
 
     inputs: Inputs
@@ -45,13 +45,13 @@ class Tick:
 
     @property
     def outputs(self) -> Outputs | None:
-        """The command that held until the next cycle; None where the program wrote nothing."""
+        """The command that held until the next cycle; None if the program wrote none."""
         return self.commands[-1] if self.commands else None
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something said during a run. tick: number of the cycle, -1 before the first."""
+    """A remark of a run. tick: number of the cycle, -1 before the first."""
 
     tick: int
     text: str
@@ -59,9 +59,9 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """Where a recording stops being one: line of the file (1 first), number of the first lost cycle, why.
+    """The first damage of a recording: line of the file (from 1), number of the first lost cycle, reason.
 
-    unread: lines after it, which nobody vouches for.
+    unread: number of lines after it, which are not used.
     """
 
     line: int
@@ -76,7 +76,7 @@ class Damage:
 
 @dataclass(slots=True)
 class Trace:
-    """A recording. opening: commands that were given before the first cycle."""
+    """A recording. opening: commands before the first cycle. damage: None if there is none."""
 
     header: Header
     ticks: list[Tick] = field(default_factory=list)
@@ -88,9 +88,9 @@ class Trace:
 def read_trace(path: str | Path, *, max_bytes: int = MAX_BYTES, max_ticks: int = MAX_TICKS) -> Trace:
     """Read a recording, gzipped or not, up to its end or its first damage.
 
-    path: the file, or the name that the recording was made under (`run`, where there is `run.jsonl.gz`).
-    max_bytes bounds what a file may grow to when unpacked, max_ticks how many cycles are kept.
-    Raises TraceError where there is not even a header; FileNotFoundError where there is no file.
+    path: the file, or the name of the recording (`run` for `run.jsonl.gz`). max_bytes: largest size when
+    unpacked. max_ticks: most cycles that are read. Raises TraceError if there is not even a header,
+    FileNotFoundError if there is no file.
     """
     path = recording_file(path)
     with path.open("rb") as raw:
@@ -104,11 +104,11 @@ def read_trace(path: str | Path, *, max_bytes: int = MAX_BYTES, max_ticks: int =
 
 
 class _NotUnpacked(TraceError):
-    """The bytes of a packed file are not those that were written, or not all of them."""
+    """The packed file is damaged or cut off: its content is not what was written."""
 
 
 class _Reader:
-    """Lines to a trace, with count of where it is."""
+    """Decodes the lines of a stream into a trace and counts them."""
 
     def __init__(self, stream: IO[bytes], name: str, max_bytes: int, max_ticks: int) -> None:
         self._name = name
@@ -140,12 +140,13 @@ class _Reader:
                     self._cycle(table, trace)
             raise TraceError("the recording was not closed: it has no last line")
         except TraceError as error:
-            place = self._line  # reading on counts on
+            place = self._line  # reading the rest changes the count
             trace.damage = Damage(place, len(trace.ticks), str(error), self._rest(lines))
             return trace
 
     def _after(self, lines: Iterator[bytes], ticks: int) -> Damage | None:
-        """What is wrong behind the last line, whose packed bytes end with a sum of all that was written."""
+        """The damage after the last line, if any: a wrong checksum at the end of the packed file, or further
+        lines."""
         place, whole = self._line, 0
         try:
             for _ in lines:
@@ -153,12 +154,12 @@ class _Reader:
         except _NotUnpacked as error:
             if whole == 0:
                 return Damage(place, ticks, f"{WRONG_VALUE_TEXT}: {error}")
-        except TraceError:  # what follows is itself cut off
+        except TraceError:  # the lines that follow are cut off
             pass
         return Damage(place, ticks, SECOND_RECORDING_TEXT, whole) if self._line > place else None
 
     def _rest(self, lines: Iterator[bytes]) -> int:
-        """How many whole lines there are after the damage, as far as they can be read."""
+        """Number of complete lines after the damage, as far as they can be read."""
         count = 0
         try:
             for _ in lines:
@@ -206,7 +207,7 @@ class _Reader:
         trace.events += [Event(number, text) for text in cycle.events]
 
     def _end(self, table: dict[str, Any], ticks: int) -> Damage | None:
-        """What the last line says of how the recording ended."""
+        """The damage that the last line reports: why the recording ended early; None if it did not."""
         if table["end"] != ticks:
             raise TraceError(f"the last line counts {table['end']!r} cycles and there are {ticks}")
         failure = table.get("failure")

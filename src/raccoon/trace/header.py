@@ -17,11 +17,11 @@ VERSION = 1
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a recording says about itself.
+    """The description of a recording in its first line.
 
-    port: name of what was recorded. library: version of raccoon that wrote it. revision: git revision of the
-    recorded program, None where it was not under git. seed: of everything random in the run, None where
-    nothing was. config: the robot, None where the recording does not say.
+    port: name of the class that was recorded. library: version of raccoon that wrote it. revision: git
+    revision of the recorded program, None if it was not under git. seed: of everything random in the run,
+    None if nothing was. config: the robot, None if the recording does not contain it.
     """
 
     port: str = ""
@@ -46,9 +46,9 @@ def header_table(header: Header) -> dict[str, Any]:
 
 
 def parse_header(table: object) -> Header:
-    """Read the values of a header line.
+    """Decode the values of a header line.
 
-    Raises TraceError where it is no header, of a newer version, or holds an impossible value.
+    Raises TraceError if it is no header, is of a newer version, or contains an impossible value.
     """
     if not isinstance(table, dict) or table.get("format") != FORMAT:
         raise TraceError(f"not a recording: the first line must say {FORMAT!r}")
@@ -128,8 +128,8 @@ def _with_dates(value: Any) -> Any:
 
 
 def library_version() -> str:
-    """Version of this library as it is installed, empty where it is not."""
-    # A slow import, for recordings alone; the package's own __init__ is above this layer.
+    """Installed version of this library, empty if it is not installed."""
+    # A slow import that only recordings need; the package's own __init__ is above this layer.
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -139,7 +139,7 @@ def library_version() -> str:
 
 
 def git_revision(folder: Path) -> str | None:
-    """Commit that is checked out in the git repository around `folder`; None where there is none.
+    """Commit that is checked out in the git repository around `folder`; None if there is none.
 
     Reads a few small files and starts no program.
     """
@@ -153,7 +153,7 @@ def git_revision(folder: Path) -> str | None:
 
 
 def _head_commit(git: Path) -> str | None:
-    if git.is_file():  # of a worktree or a submodule: it says where its own is
+    if git.is_file():  # in a worktree or a submodule: the file names the folder
         git = git.parent / _first_line(git).removeprefix("gitdir: ")
     head = _first_line(git / "HEAD")
     if not head.startswith("ref: "):

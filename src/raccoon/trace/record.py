@@ -1,4 +1,4 @@
-"""A port that records what goes through another one."""
+"""A port that records the readings and commands of another one."""
 
 from __future__ import annotations
 
@@ -17,26 +17,25 @@ from raccoon.trace.writer import TraceWriter
 PLAIN = ".jsonl"
 PACKED = ".jsonl.gz"
 MAX_COMMANDS, MAX_REMARK_CHARACTERS = 200, 50_000
-"""Commands of a cycle that are kept, beside the last one; characters of remarks in a cycle, where each remark
-and each bracket counts for 50. More would be a line that is not read again, nor what comes after it."""
+"""Most commands kept in a cycle, besides the last one; most characters of remarks in a cycle, where each
+remark and each bracket counts as 50. With more, a reader would refuse the line and all after it."""
 MAX_CUT_REMARK_CHARACTERS = 200
-"""Characters that are left of a remark that does not fit."""
+"""Characters to which a remark is cut that is too long."""
 
 
 class RecordingPort:
-    """Wraps a port and records every cycle: readings, commands, and the estimates and events it is told.
+    """Wraps a port and records every cycle: readings, commands, estimates (`annotate`) and events (`event`).
 
-    path: where the recording goes; `run`, `run.jsonl` and `run.jsonl.gz` all mean that `run.jsonl` grows
-    during the run and `run.jsonl.gz` replaces it when the port is closed. Only references are kept in the
-    tick; a thread formats and writes them. A recording that fails (disk full, NaN from a port) ends there,
-    says so in `failure` and by a RuntimeWarning on close, and the run goes on.
+    path: the recording; with `run`, `run.jsonl` or `run.jsonl.gz`, the file `run.jsonl` grows during the run
+    and `run.jsonl.gz` replaces it when the port is closed. The tick only stores references; a thread formats
+    and writes them. A recording that fails (disk full, NaN from a port) ends there, the run continues, and
+    `failure` and a RuntimeWarning on close say why.
 
     seed: of everything random in the run. revision: git revision of the program, by default of the checkout
-    around the current directory. needed: whether the run is of no use without its recording. Then
-    FileExistsError is raised where there is such a recording and `overwrite` is not set, and OSError where
-    none can be begun. Where it is not needed, nothing of the recording stops the run: it takes the next free
-    name (`run-2`, `run-3`; `path` says which), and what cannot be begun stands in `failure` and is told by a
-    RuntimeWarning.
+    around the current directory. needed: whether the run is of no use without its recording. If so,
+    FileExistsError is raised if the recording exists and `overwrite` is not set, and OSError if it cannot be
+    started. If not, no problem of the recording stops the run: it takes the next free name (`run-2`, `run-3`;
+    `path` is that name), and if it cannot be started, `failure` and a RuntimeWarning say why.
     """
 
     def __init__(
@@ -76,16 +75,16 @@ class RecordingPort:
 
     @property
     def failure(self) -> str | None:
-        """Why the recording ended before the run, None while all is well."""
+        """Why the recording ended before the run, None if it did not."""
         return self._failure if self._writer is None else self._writer.failure
 
     @property
     def real_time(self) -> bool:
-        """Whether the wrapped port's cycles come by the wall's clock."""
+        """Whether the wrapped port's cycles follow real time."""
         return in_real_time(self._port)
 
     def read(self) -> Inputs:
-        """Next cycle of the wrapped port; what happened since the last one is handed to the writer."""
+        """The next cycle of the wrapped port. The cycle before it is handed to the writer."""
         try:
             inputs = self._port.read()
         except BaseException as error:
@@ -96,18 +95,20 @@ class RecordingPort:
         return inputs
 
     def write(self, outputs: Outputs) -> None:
-        """Pass a command on and record it, also where passing it on fails."""
+        """Pass a command on and record it, even if passing it on fails."""
         if len(self._commands) > MAX_COMMANDS:
-            self._commands.pop()  # the last one is what holds
+            self._commands.pop()  # the last command is in force
         self._commands.append(outputs)
         self._port.write(outputs)
 
     def annotate(self, name: str, values: Values) -> None:
-        """Record an estimate of this cycle: plain numbers, whose order the name fixes. Call once a cycle."""
+        """Record an estimate of this cycle: numbers in an order that is fixed for this name. Call once a
+        cycle for each name."""
         self._estimates.append((name, values))
 
     def event(self, text: str) -> None:
-        """Record a remark of this cycle; cut short where it is too long, left out where there is no room."""
+        """Record a remark of this cycle. It is cut if it is too long, and left out if the cycle's limit is
+        reached."""
         text = str(text)
         if len(text) > MAX_TEXT or _remark_size(text) > self._room:
             text = f"{text[:MAX_CUT_REMARK_CHARACTERS]}... ({len(text)} characters)"
@@ -116,11 +117,11 @@ class RecordingPort:
             self._events.append(text)
 
     def leave(self) -> None:
-        """See `raccoon.core.fork_ownership`: the file is finished by the process that began it."""
+        """See `raccoon.core.fork_ownership`: only the process that started the file finishes it."""
         self._closed = True
 
     def close(self) -> None:
-        """Motors off first; then finish the recording. May be called twice."""
+        """Close the wrapped port, which stops the motors; then finish the recording. May be called twice."""
         try:
             self._port.close()
         finally:
@@ -129,7 +130,7 @@ class RecordingPort:
                 self._finish()
 
     def _finish(self) -> None:
-        if self._writer is None:  # which has been told
+        if self._writer is None:  # there was a warning at the start
             return
         self._hand_over()
         self._writer.finish()
@@ -151,12 +152,12 @@ class RecordingPort:
 
 
 def _remark_size(text: str) -> int:
-    """What a remark takes of the room of its cycle."""
+    """Characters that a remark uses of the limit of its cycle."""
     return len(text) + 50 * (1 + text.count("[") + text.count("{"))
 
 
 def _begin_exactly(path: str | Path, header: str, overwrite: bool) -> tuple[TraceWriter, Path]:
-    """Begin the recording of this very name."""
+    """Start the recording of exactly this name."""
     there = None if overwrite else existing_recording(path)
     if there is not None:
         raise FileExistsError(f"{there} exists: choose another name or say overwrite=True")
@@ -166,34 +167,34 @@ def _begin_exactly(path: str | Path, header: str, overwrite: bool) -> tuple[Trac
 
 
 def _begin_next_free(path: str | Path, header: str) -> tuple[TraceWriter, Path]:
-    """Begin a recording of this name, or of the first with a number behind it that is free."""
+    """Start a recording of this name, or of the first free one with a number appended."""
     plain, packed = recording_paths(path)
     plain.parent.mkdir(parents=True, exist_ok=True)
     stem, number = plain.name.removesuffix(PLAIN), 1
     while True:
         if not (plain.exists() or packed.exists()):
-            with suppress(FileExistsError):  # taken since we looked
+            with suppress(FileExistsError):  # taken since the check
                 return TraceWriter(plain, packed, header), packed
         number += 1
         plain, packed = recording_paths(plain.with_name(f"{stem}-{number}{PLAIN}"))
 
 
 def recording_paths(path: str | Path) -> tuple[Path, Path]:
-    """The growing and the finished file of a recording. A leading ~ is the user's home, as in a shell."""
+    """The growing and the finished file of a recording. A leading ~ is the home folder, as in a shell."""
     path = Path(path)
-    with suppress(RuntimeError):  # nobody knows where that is
+    with suppress(RuntimeError):  # the home folder is unknown
         path = path.expanduser()
     name = path.name.removesuffix(".gz").removesuffix(PLAIN)
     return path.with_name(name + PLAIN), path.with_name(name + PACKED)
 
 
 def existing_recording(path: str | Path) -> Path | None:
-    """The file that a recording of this name would replace; None where there is none."""
+    """The file that a recording of this name would replace; None if there is none."""
     return next((each for each in recording_paths(path) if each.exists()), None)
 
 
 def recording_file(path: str | Path) -> Path:
-    """The path itself where it exists, and where nothing does; else the recording that was made under this
-    name: `run` and `run.jsonl` are packed into `run.jsonl.gz` when the run has ended."""
+    """The file of a recording: the path itself if it exists, else the recording of this name (`run` and
+    `run.jsonl` are packed into `run.jsonl.gz` at the end of the run); the path itself if neither exists."""
     path = Path(path)
     return path if path.exists() else existing_recording(path) or path

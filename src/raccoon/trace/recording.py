@@ -1,7 +1,7 @@
-"""A recording as columns: SI units, one array a channel, NaN where a sensor gave nothing new.
+"""Recordings as columns: SI units, one array a channel, NaN if a sensor gave nothing new.
 
-This is the form that analysis and the CSV interchange format share; names and units are those of
-docs/trace-format.md. A trace keeps raw words and replays bit for bit; a recording is what the words mean.
+Analysis and the CSV interchange format share this form; names and units are those of docs/trace-format.md. A
+trace keeps raw words and replays bit for bit; a recording holds the values that the words mean.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from raccoon.trace.format import Event
 
 Column = NDArray[np.float64]
 EVENT = "event"
-"""What remarks stand under, in every form of a recording."""
+"""Name of the column or topic of remarks, in every form of a recording."""
 TIME_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds"))
-"""By what a time that should be in seconds advances at least, a sample."""
+"""Steps in time per sample from which `t` is probably in another unit than seconds, and that unit."""
 SLOW_CLOCK = 5.0
-"""Below which such a step of milliseconds may be one of hundredths of a second as well."""
+"""Step below which milliseconds may also be hundredths of a second."""
 DUTY_UNITS = (
     (2.0, "shares of something less than a full command"),
     (13.0, "volts, which are motor.N.voltage, or percent"),
@@ -34,11 +34,11 @@ DUTY_UNITS = (
     (400.0, "a Wombat's PWM (-400..400)"),
     (1500.0, "ticks a second (-1500..1500), which are no duty, or PWM of 10 bits (-1023..1023)"),
 )
-"""Up to which size a command may be of which other unit."""
+"""Sizes up to which a command is probably of the given other unit."""
 MAX_OUT_OF_RANGE_SHARE = 0.02
-"""Share of a command's rows that may be beyond -1..1: more are another unit."""
+"""Largest share of a command's rows that may be beyond -1..1; with more, the command has another unit."""
 MIN_OUT_OF_RANGE_ROWS = 10
-"""Such rows that say nothing yet."""
+"""Number of such rows that proves nothing yet."""
 DUTY = re.compile(r"motor\.\d+\.duty")
 SURFACE = re.compile(r"truth\.surface\.\d+")
 _OF_SAMPLES = re.compile(r"(motor|imu|analog|truth)\..+")
@@ -47,13 +47,13 @@ _FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
 
 @dataclass(slots=True)
 class Recording:
-    """Columns of equal length, `t` among them, by name.
+    """Columns of equal length by name; `t` is required.
 
-    events: remarks; their tick is the row. Numbers under the name `event` are remarks too. device: what a
-    word of the recording is worth, SI_WORDS but for the position counter, whose ticks differ between
-    controllers, and who the controller is, as far as it is known. problems: what a reader had to leave out.
-    Raises TraceError where t is missing, not finite or goes back, where lengths differ, and for a column that
-    does not hold numbers.
+    events: remarks; their tick is the row. A column of numbers named `event` becomes remarks. device: the
+    units of the words, which are SI_WORDS except for the position counter, whose ticks differ between
+    controllers, and the name of the controller, if known. problems: what a reader had to leave out. Raises
+    TraceError if t is missing, not finite or goes back, if lengths differ, and for a column that does not
+    contain numbers.
     """
 
     columns: dict[str, Column]
@@ -67,7 +67,7 @@ class Recording:
         self.columns = {name: as_float_column(name, column) for name, column in self.columns.items()}
         check_lengths(self.columns)
         _check_time(self.columns["t"])
-        if EVENT in self.columns:  # of a program that counts its events; no form has two things of one name
+        if EVENT in self.columns:  # numbers of events; no form can have two columns of one name
             numbers = self.columns.pop(EVENT)
             rows = np.flatnonzero(np.isfinite(numbers)).tolist()
             remarks = [Event(row, repr(float(numbers[row])).removesuffix(".0")) for row in rows]
@@ -88,11 +88,11 @@ class Recording:
 
     @property
     def has_truth(self) -> bool:
-        """Whether a reference system's pose is in it."""
+        """Whether it contains the pose of a reference system."""
         return all(f"truth.{name}" in self.columns for name in ("x", "y", "heading"))
 
     def check_finite(self) -> None:
-        """Raise TraceError for an infinite value, which no form has a word for."""
+        """Raise TraceError for an infinite value, which no form can represent."""
         for name, column in self.columns.items():
             for row in np.flatnonzero(np.isinf(column))[:1].tolist():
                 raise TraceError(
@@ -100,8 +100,8 @@ class Recording:
                 )
 
     def fingerprint(self) -> str:
-        """The same of two recordings with the same samples, whatever file and form they are in, and whichever
-        clock has their times."""
+        """A hash that is equal for two recordings of the same samples, whatever their files, forms and
+        clocks."""
         found = hashlib.sha256()
         for name in sorted(each for each in self.columns if _OF_SAMPLES.fullmatch(each)) or ["t"]:
             found.update(name.encode())
@@ -114,7 +114,8 @@ class Recording:
 
 
 def as_float_column(name: str, values: ArrayLike) -> Column:
-    """A column's numbers. Raises TraceError naming it where it holds anything else."""
+    """A column's values as an array. Raises TraceError naming the column if it contains anything but
+    numbers."""
     try:
         return np.asarray(values, np.float64)
     except (TypeError, ValueError) as error:
@@ -132,7 +133,8 @@ def check_lengths(columns: Mapping[str, Column]) -> None:
 
 
 def ports_in(names: Iterable[str], kind: str, channel: str | None = None) -> list[int]:
-    """Port numbers that have a column of these names. A name without a number is of another program."""
+    """Port numbers in these column names (see `Recording.ports`). Names without a number are ignored: they
+    are of other programs."""
     found = []
     for name in names:
         match name.split("."):
@@ -144,29 +146,29 @@ def ports_in(names: Iterable[str], kind: str, channel: str | None = None) -> lis
 
 
 def median_step(time: Column) -> float:
-    """s by which a time usually advances a sample, 0 of a single one."""
+    """Median step of `time`, s; 0 for a single sample."""
     return float(np.median(np.diff(time))) if len(time) > 1 else 0.0
 
 
 def time_unit_hint(step: float) -> str:
-    """What unit a time seems to be in that should be in s and advances by `step` a sample, for a message; ""
-    where it may well be in s."""
+    """The probable unit of a time that should be in seconds and advances by `step` a sample, as a message; ""
+    if it may be in seconds."""
     unit = next((name for least, name in TIME_UNITS if step >= least), None)
     if unit is None:
         return ""
-    if step < SLOW_CLOCK:  # samples come every 10 to 50 ms as often as every 1 to 5 ms
+    if step < SLOW_CLOCK:  # sampling periods of 10 to 50 ms are as common as 1 to 5 ms
         unit += " or hundredths of a second"
     guess = f"{unit}, or numbers of rows" if step == 1.0 else unit
     return f"t advances by {step:.3g} s a sample: it looks like {guess}, not seconds"
 
 
 def duty_unit_hint(largest: float) -> str:
-    """What a command beyond -1..1 seems to be that reaches this, for a message."""
+    """The probable unit of a command that reaches `largest`, beyond -1..1, as a part of a message."""
     return f"it looks like {next((unit for most, unit in DUTY_UNITS if largest <= most), 'another unit')}"
 
 
 def allowed_values(name: str, value: float) -> str:
-    """What a column allows where this finite value is none of it, else ""."""
+    """The values that a column allows, if this finite value is not among them, else ""."""
     if SURFACE.fullmatch(name):
         return "" if value in (0.0, 1.0) else "black, white"
     if _FLAG.fullmatch(name):
@@ -175,23 +177,24 @@ def allowed_values(name: str, value: float) -> str:
 
 
 class OutOfRangeDuties:
-    """Commands that a reader found beyond -1..1: so many of them are of another unit."""
+    """Collects the commands beyond -1..1 that a reader finds: many of them mean another unit."""
 
     def __init__(self) -> None:
         self._sizes: dict[str, list[float]] = {}
 
     def add(self, name: str, value: float) -> None:
-        """Remember a value that its column does not allow."""
+        """Add a value that its column does not allow; columns other than duties are ignored."""
         if DUTY.fullmatch(name):
             self._sizes.setdefault(name, []).append(abs(value))
 
     def unit_hint(self) -> str:
-        """What they seem to be, for a message; "" where there are none."""
+        """The probable unit of these commands, as a message; "" if there are none."""
         largest = max((size for sizes in self._sizes.values() for size in sizes), default=None)
         return "" if largest is None else f"commands reach {largest:g}: {duty_unit_hint(largest)}"
 
     def check(self, rows: int) -> None:
-        """Raise TraceError where so many of a command's rows are that it has another unit."""
+        """Raise TraceError if so many of the `rows` of a command are out of range that it has another
+        unit."""
         for name, sizes in self._sizes.items():
             if len(sizes) > max(MAX_OUT_OF_RANGE_SHARE * rows, MIN_OUT_OF_RANGE_ROWS):
                 raise TraceError(
