@@ -446,5 +446,5 @@ def test_a_recording_to_judge_on_of_another_controller_is_said(
     monkeypatch.setattr("raccoon.diagnose.recordings.diagnosis.diagnose_recording", answer)
     for holdout, said in ((trace, True), (one, False)):
         diagnose_job(Job(one, None, None, holdout, truth_free=False))
-        told = f"--holdout {holdout}: it is of the controller simulator, and judged as if it were of no"
+        told = f"--holdout {holdout}: it is of the controller simulator, and judged as if it were of an"
         assert any(each.startswith(told) for each in asked) is said
