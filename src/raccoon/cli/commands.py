@@ -117,7 +117,7 @@ def _error_text(error: Exception) -> str:
         return said
     hint = ""
     if isinstance(error, FileNotFoundError) and Path(error.filename).name == "robot.toml":
-        hint = "; `raccoon init` writes one to start from, --robot names one that is elsewhere"
+        hint = "; `raccoon init` writes a template, --robot names another file"
     if isinstance(error, FileNotFoundError):
         said += did_you_mean_file(error.filename)
     return f"{error.filename}: {said}{hint}"

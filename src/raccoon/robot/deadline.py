@@ -20,8 +20,8 @@ MAX_CAUGHT_READINGS, MAX_CAUGHT_ALARMS = 1000, 10
 """How many times a program may catch MatchOver, raised by readings and by alarms, before its process is
 ended."""
 NEVER_ENDS_MESSAGE = (
-    "raccoon: the program never ends: it catches everything (except BaseException, or a bare except), also "
-    "that the time is over; its process is ended. Write except Exception\n"
+    "raccoon: the program did not stop when the time was over: its except BaseException (or bare except) "
+    "also catches the end of the match; its process is ended. Write except Exception\n"
 )
 
 

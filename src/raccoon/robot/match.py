@@ -26,8 +26,8 @@ MATCH_SECONDS = 120.0
 LONGEST_MATCH_S = 3600.0
 """s; longest match. A longer time is in milliseconds."""
 CAUGHT_END_REMARK = (
-    "the program went on after the end of the match: it catches everything (except BaseException, or a bare "
-    "except), the end too; write except Exception"
+    "the program went on after the end of the match: its except BaseException (or bare except) also "
+    "catches the end of the match; write except Exception"
 )
 
 
@@ -153,7 +153,7 @@ def _check_match(
         raise ValueError(f"seconds is {seconds}: allowed are numbers above 0 up to {LONGEST_MATCH_S:g}")
     robot.require("run_match()")
     if robot.deadline is not None:
-        raise RuntimeError("this robot has begun its match already: open the robot again for another one")
+        raise RuntimeError("this robot has already begun a match: open the robot again for another one")
     if isinstance(program, Action):  # before the light is waited for
         program.check(robot)
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
     from raccoon.core.readings import Inputs
 
-_DUTIES = "robot.run(motors(left, right).until(...)) or, by the way to go, robot.run(straight(m))"
+_DUTIES = "robot.run(motors(left, right).until(...)) or, for a known distance, robot.run(straight(m))"
 _MOVE, _SERVO = "robot.run(move(name, rad))", "robot.run(servo(name, place))"
 KIPR_NAMES = {
     **dict.fromkeys(("motor", "motor_power", "fd", "bk"), _DUTIES),
@@ -124,7 +124,7 @@ def _add_value_hint(error: BaseException | None) -> None:
         if each.opname in ("LOAD_ATTR", "LOAD_METHOD"):
             called = each.argval
         elif each.opname == "CALL" and each.offset == trace.tb_lasti and each.argval == 0 and called:
-            _add_note(error, f"{called} is a value, no function: write .{called} without ()")
+            _add_note(error, f"{called} is a value, not a function: write .{called} without ()")
         elif each.opname not in ("PRECALL", "PUSH_NULL", "CACHE"):
             called = ""
 
@@ -137,7 +137,7 @@ def _add_names_hint(error: BaseException | None) -> None:
     kind = type(error.obj)
     if kind.__module__.startswith("raccoon."):
         names = [each for each in dir(kind) if not each.startswith("_")]
-        _add_note(error, f"of a {kind.__name__} a program asks {', '.join(names)}")
+        _add_note(error, f"a {kind.__name__} has {', '.join(names)}")
 
 
 def _add_missing_name_hint(error: BaseException | None) -> None:
@@ -172,7 +172,9 @@ def add_unread_hint(error: TypeError, inputs: Inputs | None) -> None:
     """Add to the error of a program that computes with readings before there are any how to get some. inputs:
     the robot's."""
     if inputs is None and "NoneType" in str(error):
-        error.add_note("nothing was read yet, so every reading is None: write robot.run(wait(0.1)) first")
+        error.add_note(
+            "no sensor has been read yet, so every reading is None: write robot.run(wait(0.1)) first"
+        )
 
 
 class Part:
@@ -185,7 +187,7 @@ class Part:
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else
 
         def __call__(self, *_: object, **__: object) -> NoReturn:
-            raise TypeError(f"a {type(self).__name__} is not called: write {self.called}")
+            raise TypeError(f"a {type(self).__name__} cannot be called: write {self.called}")
 
         def __getattr__(self, name: str) -> object:
             if name.startswith("_") or hasattr(type(self), name):  # and it failed: with its own error

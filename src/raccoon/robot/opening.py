@@ -84,7 +84,8 @@ class Opening:
     def __enter__(self) -> Robot:
         if self._entered:
             raise RuntimeError(
-                "this robot has been opened already: write `with open_robot(...) as robot:` for each time"
+                "this robot has already been opened: write `with open_robot(...) as robot:` again to open "
+                "it again"
             )
         self._entered = True
         return self._opened.__enter__()
@@ -99,8 +100,8 @@ class Opening:
 
         def __getattr__(self, name: str) -> object:
             raise AttributeError(
-                f"there is no robot yet, so no {name}: write `with open_robot(...) as robot:` "
-                "and use it in that block, whose end stops its motors"
+                f"the robot is not open yet, so it has no {name}: write `with open_robot(...) as robot:` "
+                "and use it in that block"
             )
 
 
@@ -143,7 +144,8 @@ def _open(
 ) -> Iterator[Robot]:
     if port is None and _is_only_read.get():
         raise ConfigError(
-            "a program that is read, swept or replayed opens no robot: what it does belongs in mission(robot)"
+            "a program that is imported, swept or replayed must not open a robot: write what it does in "
+            "mission(robot)"
             ', and open_robot under `if __name__ == "__main__":`'
         )
     settings = config if isinstance(config, RobotConfig) else load_robot(_find_config(config))
@@ -182,11 +184,11 @@ def _find_config(name: str | Path) -> Path:
     if path.is_absolute() or path.exists():
         return path
     started, folder = Path.cwd(), program_folder()
-    places = f"in {started}, where the program was started"
+    places = f"in {started} (where the program was started)"
     if folder not in (None, started):
         places += f", and none beside the program in {folder}"
     meant = did_you_mean_file(path) or (folder and did_you_mean_file(folder / path)) or ""
-    raise FileNotFoundError(f"there is no {path} {places}{meant}; `raccoon init` writes one to start from")
+    raise FileNotFoundError(f"there is no {path} {places}{meant}; `raccoon init` writes a template")
 
 
 def _with_recording(port: Port, path: str | Path, config: RobotConfig, seed: int | None) -> Port:
@@ -198,7 +200,7 @@ def _with_recording(port: Port, path: str | Path, config: RobotConfig, seed: int
     recording = RecordingPort(port, path, config=config, seed=seed, needed=False)
     if recording.failure is None and recording.path != recording_paths(path)[1]:
         logging.getLogger("raccoon").warning(
-            "there is a recording %s already: this run goes to %s", path, recording.path
+            "the recording %s already exists: this run is written to %s", path, recording.path
         )
     return recording
 
@@ -263,7 +265,7 @@ def replay(
     port = ReplayPort(trace, check=check, tolerance=tolerance)
     settings = config or port.trace.header.config
     if settings is None:
-        raise TraceError("the recording does not say its robot.toml: pass config=")
+        raise TraceError("the recording does not contain its robot.toml: pass config=")
     with copy_kept_files(), Robot(port, settings) as robot:
         result = perform(robot, program)
         port.finish()

@@ -24,12 +24,12 @@ MISMATCH_SIGMAS = 4.0
 FAULT_REMARKS = {
     Fault.RESET: "the controller restarted: charge the battery, look for a loose battery plug",
     Fault.BROWN_OUT: "the battery is so low that the controller may restart: charge it",
-    Fault.IMU_FROZEN: "the IMU repeats itself or is missing: headings are those of the wheels alone",
-    Fault.IMU_IMPLAUSIBLE: "the IMU says what cannot be, or the controller stands on edge: headings are "
-    "those of the wheels alone",
-    Fault.BEMF_FROZEN: "a motor turns and its back-EMF repeats itself, so its wheel is not read, which ends "
-    "motions: switch the controller off and on",
-    Fault.SENSOR_LOST: "an added sensor does not answer: look at its plug and its supply",
+    Fault.IMU_FROZEN: "the IMU is missing or repeats one reading: headings come from the wheels alone",
+    Fault.IMU_IMPLAUSIBLE: "the IMU gives impossible readings, or the controller stands on edge: headings "
+    "come from the wheels alone",
+    Fault.BEMF_FROZEN: "a motor turns but its back-EMF repeats one reading, so the speed of its wheel is "
+    "unknown and motions end: switch the controller off and on",
+    Fault.SENSOR_LOST: "an added sensor does not answer: check its plug and its supply",
 }
 """Remarks on faults that the port does not correct by itself. Faults of motors are reported by motions."""
 
@@ -50,8 +50,8 @@ NUMBER_PATTERN = re.compile(r"(?<![\w.])(?<!port )(?<!analog )[-+]?\d[.\d]*(?:e[
 """A number in a remark that is not part of a name (arm2) or a port."""
 
 OFFSET_REMARK = (
-    "a motor reads motion at rest that its bemf_offset in robot.toml does not explain, and the pose goes "
-    "wrong by it: calibrate again, or leave the offset out and let the robot stand before it drives"
+    "a motor at rest reads motion that its bemf_offset in robot.toml does not explain, which makes the "
+    "pose wrong: calibrate again, or remove the offset and let the robot stand before it drives"
 )
 
 
@@ -88,9 +88,9 @@ def scale_mismatch(robot: Robot) -> float:
 
 def _describe_turn_mismatch(robot: Robot) -> str:
     return (
-        f"in turns the gyro reads {robot.odometry.turn_share:.2f} times what the wheels say: is its scale "
-        "right (a full turn by hand must be 360 degrees; gyro_scale under [model.imu] in robot.toml), and "
-        "are track_width and wheel_radius under [model.drive]?"
+        f"in turns the gyro reads {robot.odometry.turn_share:.2f} times what the wheels say: check its "
+        "scale (a full turn by hand must read 360 degrees; gyro_scale under [model.imu] in robot.toml), "
+        "and track_width and wheel_radius under [model.drive]"
     )
 
 
@@ -100,16 +100,17 @@ def _describe_gyro_scale(robot: Robot) -> tuple[str, ...]:
     if abs(scale - known) < max(MIN_MISMATCH * known, MISMATCH_SIGMAS * std):
         return ()
     return (
-        f"by the walls and lines that it saw the gyro reads {scale:.3f} times what the robot turns, and "
-        f"robot.toml has {known:.3f}: turn it by hand through ten full turns, and put gyro_scale into it",
+        f"compared with walls and lines, the gyro reads {scale:.3f} times what the robot turns, but "
+        f"gyro_scale in robot.toml is {known:.3f}: turn the robot by hand through ten full turns and "
+        "correct gyro_scale",
     )
 
 
 def _describe_scale_mismatch(robot: Robot, off: float) -> str:
     drive, share, percent = robot.config.drive, 1.0 / (1.0 + off), 100.0 * abs(off)
     return (
-        f"by the gyro the right wheel (motor port {drive.right}) turns {share:.3f} times what its "
-        f"calibration says, against the left one (port {drive.left}): was a motor or wheel changed? "
+        f"compared with the gyro, the right wheel (motor port {drive.right}) turns {share:.3f} times what "
+        f"its calibration says, relative to the left one (port {drive.left}): was a motor or wheel changed? "
         f"distances may be off by {percent:.1f} %: calibrate again"
     )
 
@@ -121,21 +122,21 @@ def describe_miswiring(robot: Robot) -> str:
         return ""
     if not wiring.turned:
         return (
-            "the wheels turn, and the robot does not: one motor is plugged in the other way round, or the "
-            "robot is stuck, or does not stand on its wheels"
+            "the wheels turn but the robot does not: one motor is plugged in the other way round, or the "
+            "robot is stuck, or it does not stand on its wheels"
         )
     if len(wiring.turned) == 2:
         return (
-            "the robot turns the other way than its wheels say: left and right are exchanged (drive.left and "
-            "drive.right in robot.toml), both motors are plugged in the other way round, or the gyro is "
-            "upside down; raccoon doctor says how to find out which"
+            "the robot turns in the opposite direction to its wheels: left and right are exchanged "
+            "(drive.left and drive.right in robot.toml), both motors are plugged in the other way round, "
+            "or the gyro is upside down; raccoon doctor says how to find out which"
         )
     side = wiring.turned[0]
     port = robot.config.drive.left if side == "left" else robot.config.drive.right
     other = "false" if robot.config.motor(port).inverted else "true"
     return (
-        f"the robot turns as if the {side} motor (port {port}) were plugged in the other way round: turn its "
-        f"plug, or write inverted = {other} under [motor.{port}] in robot.toml"
+        f"the robot turns as if the {side} motor (port {port}) were plugged in the other way round: turn "
+        f"its plug round, or write inverted = {other} under [motor.{port}] in robot.toml"
     )
 
 
@@ -158,7 +159,9 @@ def remark_cycle(robot: Robot, inputs: Inputs) -> None:
         stuck = stuck_motors(robot)
         robot.stuck = {name: robot.stuck.get(name, 0.0) + robot.dt for name in stuck} if stuck else {}
         if stuck and max(robot.stuck.values()) > STUCK_AFTER_S:
-            add_remark(robot, f"power and no motion at {' and '.join(stuck)}: blocked, unplugged or a fuse")
+            add_remark(
+                robot, f"power but no motion at {' and '.join(stuck)}: blocked, unplugged, or a tripped fuse"
+            )
     else:
         robot.stuck = {}
 
@@ -188,7 +191,7 @@ def stuck_motors(robot: Robot) -> tuple[str, ...]:
 def _describe_guessed_angle(robot: Robot, fault: Fault) -> str:
     """The addition to a remark if a restart of the controller made the angle of a mechanism a guess."""
     held = " and ".join(robot.attachments.held) if fault is Fault.RESET else ""
-    return held and f"; how far {held} turned meanwhile is guessed: drive it against its end stop"
+    return held and f"; how far {held} turned meanwhile is unknown: drive it against its end stop"
 
 
 def remark_undriven(robot: Robot, times: int) -> None:
@@ -197,8 +200,8 @@ def remark_undriven(robot: Robot, times: int) -> None:
     if times == 2:
         add_remark(
             robot,
-            "a speed that is asked of robot.drive holds for one robot.tick(), and a run() stops it first: "
-            "ask again before each tick(), or write robot.run(drive(speed, turn_rate).until(...))",
+            "a speed set by robot.drive lasts for one robot.tick() only, and run() stops the robot first: "
+            "set it again before each tick(), or write robot.run(drive(speed, turn_rate).until(...))",
         )
 
 
@@ -219,7 +222,7 @@ class PushingRemark:
             add_remark(
                 robot,
                 f"{self._label}: for {PUSHING_AFTER_S:g} s the wheels have slipped or pushed as at a wall: "
-                "end it there by .until(bumped()) or .timeout(seconds)",
+                "end the motion there with .until(bumped()) or .timeout(seconds)",
             )
 
 
@@ -236,8 +239,12 @@ class EndlessRemark:
         if self._robot.time > self._due:
             self._due = math.inf
             simulated = self._robot.config.controller.port not in REAL_CONTROLLERS
-            waits = " (in simulation only what touches a [bumper] presses a switch)" if simulated else ""
-            lasts = f"{self._label} has gone on for {ENDLESS_AFTER_S:g} s and nothing has ended it"
+            waits = (
+                " (in simulation a switch is pressed only when its [bumper] touches something)"
+                if simulated
+                else ""
+            )
+            lasts = f"{self._label} has run for {ENDLESS_AFTER_S:g} s and nothing has ended it"
             add_remark(self._robot, f"{lasts}: append {self._append}{waits}")
 
 

@@ -120,7 +120,7 @@ class Robot(RobotState):
         are stopped if it fails, as in `run`. Raises RuntimeError inside a `run` and inside another `tick`;
         Stopped as `run` does.
         """
-        self._begin("tick()", "it reads by itself; let time pass with wait()")
+        self._begin("tick()", "run() reads the sensors itself; let time pass with wait()")
         self._undriven = 0
         if self.drive.asked:
             self.replan()
@@ -158,8 +158,8 @@ class Robot(RobotState):
         """Raise an error that something runs already, in this thread or in one that must not."""
         if get_ident() != self._thread:
             raise RuntimeError(
-                f"{asked} while another thread is in {self._running}: a robot has one thread; "
-                "what goes on at the same time is parallel() or background()"
+                f"{asked} while another thread is in {self._running}: use a robot from one thread only; to "
+                "do things at the same time use parallel() or background()"
             )
         raise RuntimeError(f"{asked} inside {self._running}: {instead}")
 
@@ -179,8 +179,9 @@ class Robot(RobotState):
         if self._late == MAX_LATE_CYCLES:
             add_remark(
                 self,
-                f"cycles take {1e3 * elapsed:.0f} ms, rate_hz asks for {1e3 * self._cycle:.0f}: the wheels "
-                "cannot be controlled well; a condition, a background action or other code is slow",
+                f"a cycle takes {1e3 * elapsed:.0f} ms instead of {1e3 * self._cycle:.0f} (rate_hz): the "
+                "wheels cannot be controlled well; a condition, a background action or other code is too "
+                "slow",
             )
         if self.deadline is not None and inputs.time >= self.deadline:
             end_match(self)
@@ -258,7 +259,7 @@ class Robot(RobotState):
         """Motors and servos off, port released. May be called twice."""
         if self._closed:
             return
-        self._closed = "what runs stands in the with block of open_robot, indented; or open it again"
+        self._closed = "use it inside the with block of open_robot (indented), or open it again"
         try:
             self.end_background()
         finally:
@@ -281,7 +282,7 @@ class Robot(RobotState):
             for body in bodies:
                 cleanly.callback(close, body)
 
-    def require(self, asked: str = "", instead: str = "call it between two runs, where nothing runs") -> None:
+    def require(self, asked: str = "", instead: str = "call it between two runs, not during one") -> None:
         """Raise HardwareError if the robot is closed; RuntimeError if its match is over or `asked` is called
         inside a run."""
         if self._closed:

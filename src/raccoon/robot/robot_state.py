@@ -110,9 +110,10 @@ class RobotState:
             "__name__", ""
         ).startswith("raccoon."):
             said = (
-                f"readings were asked for {self._asked_times} times and stay as they are: the robot reads "
-                "in run() and tick() alone; wait with robot.run(wait_for(...)) for a condition such as "
-                "pressed(0) or analog_above(0, 2000), or call robot.tick() in the loop"
+                f"readings were asked for {self._asked_times} times in one cycle, in which they do not "
+                "change: the robot reads its sensors only in run() and tick(); wait with "
+                "robot.run(wait_for(...)) for a condition such as pressed(0) or analog_above(0, 2000), or "
+                "call robot.tick() in the loop"
             )
             add_remark(self, said)
             if self._asked_times >= REFUSE_AFTER_ASKED:
@@ -210,14 +211,16 @@ class RobotState:
         ValueError if they do not have a word for each port, HardwareError if its time stands still."""
         inputs = self.port.read()
         if not isinstance(inputs, Inputs):
-            raise TypeError(f"read() of {type(self.port).__name__} gives {inputs!r}: it must give Inputs")
+            raise TypeError(f"read() of {type(self.port).__name__} returns {inputs!r}: it must return Inputs")
         if self.inputs is None:
             _check_words(inputs)
         elapsed = 0.0 if self.inputs is None else inputs.time - self.inputs.time
         self._standing_readings = 0 if elapsed > 0.0 else self._standing_readings + 1
         if self._standing_readings > MAX_STANDING_READINGS:
-            stands = f"the port's time stands at {inputs.time} s for {MAX_STANDING_READINGS} readings"
-            raise HardwareError(f"{stands}: nothing would ever end")
+            stands = (
+                f"the port's time has stood still at {inputs.time} s for {MAX_STANDING_READINGS} readings"
+            )
+            raise HardwareError(f"{stands}: no motion would ever end")
         return inputs, elapsed
 
     def _keep_words(self, inputs: Inputs) -> None:

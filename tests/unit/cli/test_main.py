@@ -246,8 +246,8 @@ def test_a_file_that_is_not_there_is_named_and_how_to_make_it(
     monkeypatch.chdir(tmp_path)
     assert main(["excite"]) == 2
     assert capsys.readouterr().err == (
-        "raccoon excite: robot.toml: no such file or directory; `raccoon init` writes one to start from, "
-        "--robot names one that is elsewhere\n"
+        "raccoon excite: robot.toml: no such file or directory; `raccoon init` writes a template, --robot "
+        "names another file\n"
     )
     assert main(["diagnose", "run.csv"]) == 2
     assert capsys.readouterr().err == "raccoon diagnose: run.csv: there is no such recording\n"

@@ -335,7 +335,7 @@ def test_a_program_that_is_replayed_opens_no_robot_of_its_own(recorded: Path, tm
     (tmp_path / "team.py").write_text(
         "from raccoon import open_robot\nwith open_robot() as robot:\n    pass\n"
     )
-    with pytest.raises(ConfigError, match=r"opens no robot: what it does belongs in mission\(robot\)"):
+    with pytest.raises(ConfigError, match=r"must not open a robot: write what it does in mission\(robot\)"):
         run(recorded, "--program", tmp_path / "team.py")
 
 

@@ -22,4 +22,4 @@ def test_walls_that_show_another_scale_of_the_gyro_name_it(factor: float, said: 
         robot.run(turn(0.1))
         found = [each for each in robot.drive.remarks.values() if "the gyro reads" in each]
     assert len(found) == said
-    assert not said or "put gyro_scale into it" in found[0]
+    assert not said or "correct gyro_scale" in found[0]

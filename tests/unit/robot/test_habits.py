@@ -33,7 +33,7 @@ CONFIG = RobotConfig(
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ("robot.drive(0.15)", r"a Drive is not called: write robot.run\(drive\(speed, turn_rate\)"),
+        ("robot.drive(0.15)", r"a Drive cannot be called: write robot.run\(drive\(speed, turn_rate\)"),
         ("robot.servo('claw', 1500)", r"moves nothing: write robot.run\(servo\('claw', 1500\)\)"),
         ("robot.mechanism('arm', 1.0)", r"moves nothing: write robot.run\(move\('arm', 1.0\)\)"),
         ("robot.servo('claw').open", r"a Servo has no open: it has pulse; else write robot.run\(servo\("),
@@ -50,10 +50,16 @@ CONFIG = RobotConfig(
         ("robot.deg(90)", "a robot has no deg$"),
         ("robot.open_robot()", "a robot has no open_robot$"),
         ("robot.ao()", r"a robot has no ao: write robot.stop\(\), from a thread"),
-        ("straight(0.1).run(robot)", r"action 'straight 0.1 m' has no run: it is done with robot.run"),
+        ("straight(0.1).run(robot)", r"action 'straight 0.1 m' has no run: run it with robot.run"),
         ("raccoon.msleep(500)", r"raccoon has no msleep: write robot.run\(wait\(seconds\)\)"),
-        ("setattr(robot.servo('claw'), 'pulse', 1500)", r"not set: write robot.run\(servo\('claw', 1500\)\)"),
-        ("setattr(robot.mechanism('arm'), 'angle', 1)", r"not set: robot.run\(move\('arm', 1\)\) turns it"),
+        (
+            "setattr(robot.servo('claw'), 'pulse', 1500)",
+            r"cannot be set directly: write robot\.run\(servo\('claw', 1500\)\)",
+        ),
+        (
+            "setattr(robot.mechanism('arm'), 'angle', 1)",
+            r"cannot be set directly: robot\.run\(move\('arm', 1\)\) turns the mechanism",
+        ),
         ("setattr(robot, 'plan', (0, 0))", r"robot.plan takes a Pose, not \(0, 0\)"),
         ("Robot('robot.toml')", "port of a Robot is 'robot.toml': .*with open_robot"),
     ],
@@ -89,7 +95,7 @@ def noted(call: str) -> list[str]:
     ],
 )
 def test_a_value_that_is_called_is_said_to_be_one(call: str, value: str) -> None:
-    assert noted(call) == [f"{value} is a value, no function: write .{value} without ()"]
+    assert noted(call) == [f"{value} is a value, not a function: write .{value} without ()"]
 
 
 @pytest.mark.parametrize("call", ["robot.time(robot.dt)", "robot.time + one()", "straight()"])
@@ -137,7 +143,7 @@ def test_a_loop_that_waits_and_never_reads_is_said_once(caplog: pytest.LogCaptur
         for _ in range(3000):  # while robot.time - begin < 2.0: pass
             assert robot.time >= 0.0
         robot.run(wait_for(pressed(0) | after_time(0.1)))
-    assert caplog.text.count("the robot reads in run() and tick() alone") == 1
+    assert caplog.text.count("the robot reads its sensors only in run() and tick()") == 1
 
 
 def test_a_loop_that_never_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,7 +154,10 @@ def test_a_loop_that_never_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
             pass
 
     with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
-        with pytest.raises(RuntimeError, match=r"for 5000 times and stay as they are: the robot reads"):
+        with pytest.raises(
+            RuntimeError,
+            match=r"for 5000 times in one cycle, in which they do not change: the robot reads",
+        ):
             robot.run(do(play))
         assert not any(robot.outputs.duty)
 
@@ -166,6 +175,6 @@ def test_a_loop_that_ticks_may_ask_as_it_likes(caplog: pytest.LogCaptureFixture)
 def test_a_test_that_gives_a_function_does_not_hold() -> None:
     with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
         digital: Any = when(lambda robot: robot.digital)  # type: ignore[arg-type, return-value]
-        with pytest.raises(TypeError, match="condition 'when': its test gives digital and does not call it"):
+        with pytest.raises(TypeError, match="condition 'when': its test returns digital without calling it"):
             robot.run(drive(0.1).until(digital))
         assert not any(robot.outputs.duty)

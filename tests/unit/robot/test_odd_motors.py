@@ -163,7 +163,7 @@ def test_a_motor_changed_after_the_calibration_is_said_once_everywhere(
     results, end, robot = run(seq(straight(0.3), straight(0.3)), port)
     assert end.x < 0.595  # only a tape can tell how far a changed motor drives
     assert results[1].std > 0.005  # and the result says how unsure it is
-    said = "by the gyro the right wheel (motor port 1) turns 0.96"
+    said = "compared with the gyro, the right wheel (motor port 1) turns 0.96"
     assert all(any(each.startswith(said) for each in result.remarks) for result in results)
     assert sum(note.startswith(f"remark: {said}") for note in port.notes) == 1
     assert [record.name for record in caplog.records] == ["raccoon"]

@@ -66,7 +66,7 @@ def test_a_name_that_a_result_does_not_have_is_answered_by_those_it_has() -> Non
     config = RobotConfig(controller=ControllerConfig(port="sim"))
     with pytest.raises(AttributeError) as caught, open_robot(config) as robot:
         print(robot.pose.theta)  # type: ignore[attr-defined]
-    assert re.fullmatch(r"of a Pose a program asks .*heading, .*x, y", caught.value.__notes__[0])
+    assert re.fullmatch(r"a Pose has .*heading, .*x, y", caught.value.__notes__[0])
 
 
 def _reckon_with_nothing(config: RobotConfig, ticks: int) -> None:
@@ -83,7 +83,7 @@ def test_a_program_that_runs_nothing_is_told(caplog: pytest.LogCaptureFixture) -
         kept = [wait(0.05)]
     assert kept
     assert [each.message for each in caplog.records] == [
-        "the program ran nothing on the robot: an action is done with robot.run(...)"
+        "the program ran nothing on the robot: run an action with robot.run(...)"
     ]
     with open_robot(config) as robot:
         robot.run(wait(0.05))
@@ -105,7 +105,7 @@ def test_the_second_run_is_recorded_beside_the_first(
         "match-2.jsonl.gz": 5,
     }
     [said] = caplog.messages
-    assert said.endswith("this run goes to " + str(tmp_path / "match-2.jsonl.gz"))
+    assert said.endswith("this run is written to " + str(tmp_path / "match-2.jsonl.gz"))
 
 
 def test_a_robot_drives_without_a_recording_where_none_can_be_written(tmp_path: Path) -> None:
@@ -122,7 +122,9 @@ def test_a_robot_is_opened_anew_for_each_block() -> None:
     opening = open_robot(RobotConfig(controller=ControllerConfig(port="sim")))
     with opening as robot:
         robot.tick()
-    with pytest.raises(RuntimeError, match=r"opened already: write `with open_robot\(\.\.\.\) as robot:`"):
+    with pytest.raises(
+        RuntimeError, match=r"already been opened: write `with open_robot\(\.\.\.\) " r"as robot:`"
+    ):
         opening.__enter__()
 
 
@@ -171,12 +173,12 @@ def test_robot_toml_may_lie_beside_a_program_that_is_started_from_elsewhere(
     assert started(program, other) == "our team"
     (team / "robot.toml").unlink()
     assert started(program, other) == (
-        f"FileNotFoundError: there is no robot.toml in {other}, where the program was started, "
-        f"and none beside the program in {team}; `raccoon init` writes one to start from"
+        f"FileNotFoundError: there is no robot.toml in {other} (where the program was started), and none "
+        f"beside the program in {team}; `raccoon init` writes a template"
     )
     assert started(program, team) == (
-        f"FileNotFoundError: there is no robot.toml in {team}, where the program was started; "
-        "`raccoon init` writes one to start from"
+        f"FileNotFoundError: there is no robot.toml in {team} (where the program was started); `raccoon "
+        "init` writes a template"
     )
 
 
@@ -200,7 +202,7 @@ def test_the_ports_of_the_tophats_are_watched_for_the_ends_of_their_range(
 def test_a_port_of_a_programs_own_that_gives_no_readings_or_no_time_is_told() -> None:
     nothing: Any = InterceptingPort(simulated_port(), seen=lambda _: cast(Inputs, None))
     no_readings = pytest.raises(
-        TypeError, match=r"read\(\) of InterceptingPort gives None: it must give Inputs"
+        TypeError, match=r"read\(\) of InterceptingPort returns None: it must return Inputs"
     )
     with open_robot(RobotConfig(), port=nothing) as robot, no_readings:
         robot.tick()
@@ -211,7 +213,7 @@ def test_a_port_of_a_programs_own_that_gives_no_readings_or_no_time_is_told() ->
     with open_robot(RobotConfig(), port=short) as robot, too_few:
         robot.tick()
     stopped = InterceptingPort(simulated_port(), seen=lambda inputs: replace(inputs, time=5.0))
-    no_time = pytest.raises(HardwareError, match=r"time stands at 5.0 s for 1000 readings")
+    no_time = pytest.raises(HardwareError, match=r"time has stood still at 5.0 s for 1000 readings")
     with open_robot(RobotConfig(), port=stopped) as robot, no_time:
         robot.run(wait(1.0))
     assert not any(stopped.written[-1].duty)

@@ -43,5 +43,7 @@ PORT: Any = 2
     ],
 )
 def test_a_port_is_no_name(make: Callable[[], object], of: str) -> None:
-    with pytest.raises(TypeError, match=f"{of} is 2: it must be a name of robot.toml, which has the port"):
+    with pytest.raises(
+        TypeError, match=f"{of} is 2: it must be a name from robot.toml, where its port is set"
+    ):
         make()

@@ -68,7 +68,7 @@ def test_recorded_readings_say_nothing_of_the_motors_under_other_commands(
 ) -> None:
     def other(robot: Robot) -> Robot:
         with pytest.raises(
-            MotionTimeout, match=r"the readings are recorded, and do not follow these commands$"
+            MotionTimeout, match=r"the readings are from a recording and do not follow these commands$"
         ):
             robot.run(straight(1.0, timeout=1.0))
         return robot

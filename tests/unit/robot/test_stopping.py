@@ -115,7 +115,7 @@ def test_a_closed_robot_runs_nothing() -> None:
     with pytest.raises(RuntimeError), open_robot(RobotConfig(), port=port) as robot:
         robot.run(fail_after(5))
     assert port.closed
-    with pytest.raises(HardwareError, match="the robot is closed: what runs stands in the with block"):
+    with pytest.raises(HardwareError, match="the robot is closed: use it inside the with block"):
         robot.run(drive(0.1))
 
 
@@ -408,7 +408,7 @@ def test_steps_that_catch_their_own_end_are_ended_all_the_same(
             robot.run(ended)
         assert not run_match(robot, action, seconds=0.1).finished
         assert port.commands[-1] == STOP
-    assert caplog.text.count("steps of an action go on after their end") >= 4
+    assert caplog.text.count("steps of an action go on after they were ended") >= 4
 
 
 def test_a_match_that_is_stopped_is_over() -> None:

@@ -70,7 +70,7 @@ def test_a_motor_that_comes_off_is_said(
     firmware: Firmware, motor: int, name: str, act: Callable[[Robot], Any]
 ) -> None:
     said = unplugged(firmware, motor, act).drive.remarks.values()
-    assert f"power and no motion at {name}: blocked, unplugged or a fuse" in said
+    assert f"power but no motion at {name}: blocked, unplugged, or a tripped fuse" in said
 
 
 def test_what_holds_or_turns_is_not_said() -> None:
@@ -84,6 +84,6 @@ def test_what_holds_or_turns_is_not_said() -> None:
 
 def test_one_wheel_that_stands_is_no_wall() -> None:
     with pytest.raises(
-        MotionTimeout, match=r"no wall after 2 s: the left wheel alone stands \(motor port 0\)"
+        MotionTimeout, match=r"no wall after 2 s: only the left wheel stands still \(motor port 0\)"
     ):
         unplugged("stock", 0, lambda robot: robot.run(align_on_wall(0.08, timeout=2.0)))

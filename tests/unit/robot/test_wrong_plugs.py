@@ -26,9 +26,12 @@ from raccoon.sim.world.table import World
 from robots import CONFIG, simulated_port
 
 TURNED = MotorConfig(inverted=True)
-LEFT = "as if the left motor (port 0) were plugged in the other way round: turn its plug, or write inverted ="
-OTHER_WAY = "turns the other way than its wheels say: left and right are exchanged"
-STUCK = "the wheels turn, and the robot does not: one motor is plugged in the other way round, or the robot"
+LEFT = (
+    "as if the left motor (port 0) were plugged in the other way round: turn its plug round, "
+    "or write inverted ="
+)
+OTHER_WAY = "turns in the opposite direction to its wheels: left and right are exchanged"
+STUCK = "the wheels turn but the robot does not: one motor is plugged in the other way round, or the robot"
 
 
 def wired(config: RobotConfig, behind: str) -> Port:

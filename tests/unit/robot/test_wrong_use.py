@@ -87,15 +87,18 @@ def loose(value: object) -> Any:
         ),
         (
             lambda: straight(0.3, speed=-0.1),
-            r"speed is -0.1: it must be above 0 .*sign belongs to the distance",
+            r"speed is -0.1: it must be above 0 .*give the sign to the distance",
         ),
         (
             lambda: turn(1.0, turn_rate=-1.0),
-            "turn_rate is -1.0: .* above 0 .*sign belongs to the angle",
+            "turn_rate is -1.0: .* above 0 .*give the sign to the angle",
         ),
         (lambda: arc(0.3, 1.0, -0.1), "speed is -0.1: it must be above 0 .*backwards=True drives backwards"),
         (lambda: straight(0.3, tolerance=0.0), "tolerance is 0.0: it must be above 0$"),
-        (lambda: straight(0.3, 1e-9), "speed is 1e-09: allowed are numbers from 0.001 m/s: slower it would"),
+        (
+            lambda: straight(0.3, 1e-9),
+            "speed is 1e-09: allowed are numbers from 0.001 m/s: more slowly it would",
+        ),
         (lambda: turn(0.3, 1e-4), "turn_rate is 0.0001: allowed are numbers from 0.001 rad/s"),
         (lambda: move("arm", 0.3, 1e-4), "speed is 0.0001: allowed are numbers from 0.001 rad/s"),
         (lambda: straight(0.3, tolerance=2), r"tolerance is 2: .* up to 0.1 m \(5 mm are 0.005\)"),
@@ -119,7 +122,7 @@ def loose(value: object) -> Any:
         (lambda: turn(1.0, turns=0), "turns is 0: it must be above 0"),
         (lambda: spin("arm", 500), r"speed is 500: allowed are numbers up to 20 rad/s \(write deg\(90\)"),
         (lambda: move("arm", 1.0, 90), "speed is 90: allowed are numbers up to 20 rad/s"),
-        (lambda: move_by("arm", 1.0, -1.0), "speed is -1.0: it must be above 0 .*sign belongs to the angle"),
+        (lambda: move_by("arm", 1.0, -1.0), "speed is -1.0: it must be above 0 .*give the sign to the angle"),
         (lambda: turn(float("inf")), "angle is inf: it must be a finite number"),
         (lambda: turn(1.0, turn_rate=90), r"turn_rate is 90: allowed are numbers up to 20 rad/s"),
         (lambda: turn_to(-90), r"heading is -90: .*write deg\(-90\)"),
@@ -154,8 +157,8 @@ def loose(value: object) -> Any:
         (lambda: after_angle(90), r"angle is 90: .*deg\(90\)"),
         (lambda: after_distance(50), "distance is 50: .*30 cm are 0.30"),
         (lambda: after_time(-1.0), "seconds is -1: allowed are numbers from 0"),
-        (lambda: analog_above(6, 1000), "analog port 6: there are 0 to 5"),
-        (lambda: analog_below(-1, 1000), "analog port -1: there are 0 to 5"),
+        (lambda: analog_above(6, 1000), "analog port is 6: allowed are 0 to 5"),
+        (lambda: analog_below(-1, 1000), "analog port is -1: allowed are 0 to 5"),
         (
             lambda: analog_above(0, 5000),
             "counts is 5000: allowed are numbers from 0, below 4095",
@@ -171,9 +174,9 @@ def loose(value: object) -> Any:
         ),
         (lambda: motors(80, 80), r"left duty is 80: allowed are numbers from -1 to 1 \(80 % are 0.8\)"),
         (lambda: motors(0.5, 0.5, tuned_at=NAN), "tuned_at is nan: it must be a finite number"),
-        (lambda: pressed(10), "digital port 10: there are 0 to 9"),
-        (lambda: pressed(loose(5.0)), r"digital port 5\.0: there are 0 to 9"),
-        (lambda: pressed(True), "digital port True: there are 0 to 9"),
+        (lambda: pressed(10), "digital port is 10: allowed are 0 to 9"),
+        (lambda: pressed(loose(5.0)), r"digital port is 5\.0: allowed are 0 to 9"),
+        (lambda: pressed(True), "digital port is True: allowed are 0 to 9"),
         (lambda: repeat(wait(1.0), loose(2.5)), r"times is 2\.5: allowed are whole numbers from 0"),
     ],
 )
@@ -211,7 +214,7 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: parallel(wait(1.0), loose(None)), r"parallel\(\) takes an Action, not None"),
         (
             lambda: race(wait(1.0), loose(after_time(1.0))),
-            r"race\(\) takes an Action, not <Condition after 1 s>: an action waits for it, wait_for\(",
+            r"race\(\) takes an Action, not <Condition after 1 s>: write wait_for\(",
         ),
         (lambda: repeat(ANY), r"repeat\(\) takes an Action"),
         (lambda: background(ANY), r"background\(\) takes an Action"),
@@ -229,7 +232,8 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         ),
         (
             lambda: do(loose(None)),  # do(play(robot)), which has played by then
-            r"do\(\) takes a function of the robot, not None: name it without \(\), which calls it at",
+            r"do\(\) takes a function of the robot, not None: give its name without \(\), which would call "
+            r"it at",
         ),
         (lambda: when(loose(lambda: True)), r"when\(\) takes a function of the robot, not <lambda>\(\): "),
         (
@@ -269,7 +273,10 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: wait_for_light(0, loose(1500)), "calibration takes a StartLightCalibration, not 1500; cal"),
         (lambda: rehearse_light(0, loose("lamp")), "calibration takes a StartLightCalibration, not 'lamp'"),
         (lambda: rehearse_light(0, seconds=loose("9")), "seconds is '9': it must be a number"),
-        (lambda: Condition("mine", ANY(0.1)), "condition 'mine': start is <Action .* a function.robot. of a"),
+        (
+            lambda: Condition("mine", ANY(0.1)),
+            "condition 'mine': start is <Action .* a function.robot. that returns",
+        ),
         (lambda: follow_path(loose({(0.1, 0.0), (0.3, 0.2)})), r"points is {.*}: it must be a list of \(x"),
         (
             lambda: Robot(simulated_port(), loose("robot.toml")),
@@ -294,7 +301,7 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: follow_path([(0.1, False)]), r"y of points\[0\] is False: it must be a number"),
         (lambda: servo("claw", True), "to is True: it must be a number, a pulse in us, or a name"),
         (lambda: loose(follow_line)("left", left="left", right="right"), "one tophat and its edge, or two"),
-        (lambda: loose(follow_line)(), "takes the name of a tophat, or two of them"),
+        (lambda: loose(follow_line)(), "needs the name of one tophat, or of two"),
         (
             lambda: follow_path([loose((0.1, 0.0, 0.0))]),
             r"points\[0\] is \(0\.1, 0\.0, 0\.0\): it must be \(x, y\)",
@@ -314,10 +321,10 @@ def test_a_wrong_kind_is_refused_when_it_is_written(make: Callable[[], object], 
 def test_reading_a_port_that_is_not_there_is_refused() -> None:
     with open_robot(CONFIG, port=simulated_port()) as robot:
         for port in (-1, 6, loose("0")):
-            with pytest.raises(ValueError, match=f"analog port {port!r}: there are 0 to 5"):
+            with pytest.raises(ValueError, match=f"analog port is {port!r}: allowed are 0 to 5"):
                 robot.analog(port)
         for port in (-1, 10):
-            with pytest.raises(ValueError, match=f"digital port {port}: there are 0 to 9"):
+            with pytest.raises(ValueError, match=f"digital port is {port}: allowed are 0 to 9"):
                 robot.digital(port)
         robot.tick()
         assert robot.analog(5) is not None
@@ -385,7 +392,7 @@ def test_speeds_that_no_tick_follows_are_said_to_drive_nothing() -> None:
             robot.drive.velocity(0.1)
             robot.run(wait(0.1))
         (said,) = robot.drive.remarks.values()
-        assert "holds for one robot.tick()" in said
+        assert "lasts for one robot.tick() only" in said
 
 
 def test_what_opens_no_robot_is_refused_by_its_name() -> None:
@@ -420,7 +427,7 @@ def test_a_robot_that_was_left_out_is_asked_for(make: Callable[[], object], said
 
 
 def test_a_robot_that_is_not_open_yet_says_so_wherever_it_is_handed_in() -> None:
-    with pytest.raises(AttributeError, match="there is no robot yet"):
+    with pytest.raises(AttributeError, match="the robot is not open yet"):
         run_match(loose(open_robot(CONFIG, port=simulated_port())), straight(0.1))
 
 
@@ -496,8 +503,8 @@ def test_a_second_thread_is_told_that_there_is_one() -> None:
 
     with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(do(meanwhile, "threads"))
-    said = "while another thread is in run(threads): a robot has one thread; "
-    assert [text.partition("what")[0] for text in refused] == [
+    said = "while another thread is in run(threads): use a robot from one thread only; "
+    assert [text.partition("to do")[0] for text in refused] == [
         f"run(straight 0.1 m) {said}",
         f"tick() {said}",
     ]
@@ -611,7 +618,7 @@ def test_two_that_drive_at_once_are_refused(both: Callable[[], Action[Any]]) -> 
 def test_a_loop_that_forgets_its_tick_is_told_of_it() -> None:
     with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.drive.velocity(0.15)
-        with pytest.raises(RuntimeError, match=r"robot\.tick\(\) comes after each"):
+        with pytest.raises(RuntimeError, match=r"call robot\.tick\(\) after each"):
             robot.drive.velocity(0.15)
 
 
@@ -641,7 +648,7 @@ def test_what_beginners_write_is_answered_with_what_they_meant() -> None:
             robot.run(Action("mine", steps))
         with pytest.raises(TypeError, match=r"not what the function steps yields.* Action\('steps', steps\)"):
             robot.run(steps(robot))
-        with pytest.raises(TypeError, match=r"not the result of one: run\(\) did it already"):
+        with pytest.raises(TypeError, match=r"not the result of one: run\(\) has already run it"):
             seq(wait(0.1), loose(robot.run(straight(0.02))))
         assert robot.outputs.duty[:2] == (0.0, 0.0)
 
@@ -746,11 +753,11 @@ def test_a_function_whose_steps_nobody_would_go_through_is_refused() -> None:
                 with pytest.raises(TypeError, match=rf"{name} has steps .* write Action\('{name}', {name}\)"):
                     refused()
         for made in (do(lambda _: its_steps(robot)), do(lambda _: waits(robot))):
-            with pytest.raises(TypeError, match=r"what do\(\) calls gives .*: give Action\('"):
+            with pytest.raises(TypeError, match=r"the function of do\(\) returns .*: return Action\('"):
                 robot.run(made)
-        with pytest.raises(TypeError, match="the function straight and does not call it: write straight"):
+        with pytest.raises(TypeError, match="the function straight without calling it: write straight"):
             robot.run(do(lambda _: straight))
-        with pytest.raises(TypeError, match=r"the program gives the function straight"):
+        with pytest.raises(TypeError, match=r"the program returns the function straight"):
             run_match(robot, lambda _: straight)
 
 

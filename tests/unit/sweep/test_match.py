@@ -268,7 +268,7 @@ def test_a_program_may_import_what_lies_beside_it(tmp_path: Path) -> None:
         ("def mission(): pass", "p.py: its mission must take the robot: mission(robot)"),
         (
             "from raccoon import *\ndef mission(robot): straight(0.3)",
-            "the program ran nothing on the robot: an action is done with robot.run(...)",
+            "the program ran nothing on the robot: run an action with robot.run(...)",
         ),
     ],
 )
@@ -284,7 +284,9 @@ def test_a_program_opens_no_robot_of_its_own(text: str, tmp_path: Path) -> None:
     file = tmp_path / "robot.toml"
     file.write_text('[controller]\nport = "wombat"\n')  # it would be the real one that drives
     row = played("from raccoon import open_robot, straight\n" + text.format(file))
-    assert row["reason"].startswith("ConfigError: a program that is read, swept or replayed opens no robot")
+    assert row["reason"].startswith(
+        "ConfigError: a program that is imported, swept or replayed must not open a robot"
+    )
     with pytest.raises(HardwareError), open_robot(file):
         pass  # pragma: no cover - there is no controller here
 
@@ -300,7 +302,7 @@ def test_a_robot_whose_counters_freeze_does_not_run_away() -> None:
     simulated = SimPort(Parameters.from_robot(RobotConfig()), World.empty())
     port = FaultyPort(simulated, FaultPlan(("fault.bemf_frozen",), 1.5))
     with open_robot(RobotConfig(), port=port) as robot:
-        with pytest.raises(MotionTimeout, match=r"power and no motion at left .* and right"):
+        with pytest.raises(MotionTimeout, match=r"power but no motion at left .* and right"):
             robot.run(seq(wait(0.5), straight(0.3)))
         truth = port.read().truth
         assert truth is not None

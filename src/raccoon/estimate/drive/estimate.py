@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from raccoon.core.readings import Status
 from raccoon.model.pose import Pose
 
-HELD = "held: both wheels carry what tyres do that spin at a wall"
+HELD = "held: both wheels carry as much load as when tyres spin at a wall"
 """Reason of an estimate whose robot may not move although its wheels turn."""
 SLIPS = {side: f"the {side} wheel slips" for side in ("left", "right")}
 """By side, the reason of an estimate whose wheel turns otherwise than the robot moves."""

@@ -127,17 +127,17 @@ class Action(MustRun, Generic[T_co]):
         def __getattr__(self, name):
             if name.startswith("_"):
                 return object.__getattribute__(self, name)
-            raise AttributeError(f"action '{self.name}' has no {name}: it is done with robot.run(...)")
+            raise AttributeError(f"action '{self.name}' has no {name}: run it with robot.run(...)")
 
     def __bool__(self) -> bool:
-        raise TypeError(f"action '{self.name}' is neither true nor false: it is done with robot.run(...)")
+        raise TypeError(f"action '{self.name}' is neither true nor false: run it with robot.run(...)")
 
     if not TYPE_CHECKING:  # a type checker knows that there is nothing to go through
 
         def __iter__(self):
             raise TypeError(
-                f"action '{self.name}' is nothing to go through: in steps of your own write "
-                "yield from action.start(robot), elsewhere seq(...) and robot.run(...)"
+                f"action '{self.name}' cannot be iterated: in steps of your own write yield from "
+                "action.start(robot), elsewhere seq(...) and robot.run(...)"
             )
 
     def __repr__(self) -> str:

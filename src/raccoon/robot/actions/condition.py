@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Test = Callable[[], bool]
 Check = Callable[["Robot"], object]
 """Raises an error if something cannot be used on a robot, before it is used."""
-JOIN = "; when(lambda robot: ...) makes one of any test"
+JOIN = "; when(lambda robot: ...) makes a condition of any test"
 
 
 class Condition:
@@ -47,7 +47,9 @@ class Condition:
         asks: Callable[[Bystander], None] | None = None,
     ) -> None:
         if not callable(start):
-            raise TypeError(f"condition '{name}': start is {start!r}: it must be a function(robot) of a test")
+            raise TypeError(
+                f"condition '{name}': start is {start!r}: it must be a function(robot) that returns a test"
+            )
         self.name = name
         self._start = start
         self._start_negated = opposed
@@ -65,8 +67,8 @@ class Condition:
         test: object = self._start(robot)
         if not callable(test):
             raise TypeError(
-                f"condition '{self.name}': its start gives {test!r}: it must give a test, which is asked "
-                "once a tick; when(lambda robot: ...) makes a condition of one"
+                f"condition '{self.name}': its start returns {test!r}: it must return a test, a function "
+                "that is called once a tick; for a plain test write when(lambda robot: ...)"
             )
         return test
 
@@ -100,7 +102,8 @@ class Condition:
 
     def __bool__(self) -> bool:
         raise TypeError(
-            f"condition '{self.name}' has no truth of its own: combine conditions with & | ~, not and/or/not"
+            f"condition '{self.name}' is neither true nor false: combine conditions with & | ~, not "
+            "and/or/not"
         )
 
     def __repr__(self) -> str:
@@ -111,7 +114,7 @@ def checked_truth(told: object, name: str) -> bool:
     """The truth of what a test of the condition `name` returned where that is not a bool. Raises TypeError
     for a function, which was not called and would count as true at once."""
     if inspect.isroutine(told):
-        raise TypeError(f"condition '{name}': its test gives {told.__name__} and does not call it")
+        raise TypeError(f"condition '{name}': its test returns {told.__name__} without calling it")
     return bool(told)
 
 

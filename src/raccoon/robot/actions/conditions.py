@@ -156,7 +156,7 @@ def button_pressed() -> Condition:
     def start(robot: Robot) -> Test:
         somebody = bystander_of(robot.port)
         if somebody is not None and not somebody.presses:
-            add_remark(robot, "nobody presses a simulated button but for wait_for(button_pressed()) alone")
+            add_remark(robot, "a simulated button is pressed only for wait_for(button_pressed()) alone")
         return lambda: robot.button is True
 
     return Condition("button pressed", start, check=check, asks=lambda somebody: somebody.press_button())

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 T = TypeVar("T")
-NOTHING_RUN_HINT = "the program ran nothing on the robot: an action is done with robot.run(...)"
+NOTHING_RUN_HINT = "the program ran nothing on the robot: run an action with robot.run(...)"
 
 
 def check_program(program: object, where: str) -> None:
@@ -55,7 +55,7 @@ def do(function: Callable[[Robot], Any], name: str | None = None) -> Action[Any]
     check_function(function, "do()", "robot")
 
     def steps(robot: Robot) -> Steps[Any]:
-        made = _call("what do() calls", function, robot)
+        made = _call("the function of do()", function, robot)
         return (yield from made.start(robot)) if isinstance(made, Action) else made
 
     own = getattr(function, "__name__", "<lambda>")
@@ -84,10 +84,10 @@ def _call(what: str, function: Callable[[Robot], Any], robot: Robot) -> Any:
         made.close()
         name = made.__name__
         raise TypeError(
-            f"{what} gives what the function {name} yields, which nothing would go through: "
-            f"give Action('{name}', {name}) instead"
+            f"{what} returns what the function {name} yields, which nothing would run: return "
+            f"Action('{name}', {name}) instead"
         )
     if inspect.isroutine(made):
         name = made.__name__
-        raise TypeError(f"{what} gives the function {name} and does not call it: write {name}(...)")
+        raise TypeError(f"{what} returns the function {name} without calling it: write {name}(...)")
     return made

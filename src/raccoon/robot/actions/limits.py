@@ -186,7 +186,7 @@ def check_turn_pace(hint: str = "", /, **rates: float | None) -> None:
 def _check_least(least: float, unit: str, values: Mapping[str, float | None]) -> None:
     for name, value in values.items():
         if value is not None and value < least:
-            _refuse(name, value, f"from {least:g} {unit}: slower it would never come to its goal")
+            _refuse(name, value, f"from {least:g} {unit}: more slowly it would never reach its goal")
 
 
 def _check_size(most: float, allowed: str, values: Mapping[str, float | None]) -> None:
@@ -203,13 +203,13 @@ def check_name(**names: str) -> None:
     ports."""
     for kind, name in names.items():
         if not isinstance(name, str):
-            raise TypeError(f"{kind} is {name!r}: it must be a name of robot.toml, which has the port")
+            raise TypeError(f"{kind} is {name!r}: it must be a name from robot.toml, where its port is set")
 
 
 def check_port(kind: str, port: int, count: int) -> None:
     """Raise ValueError for a port that does not exist."""
     if isinstance(port, bool) or port not in range(count) or not hasattr(port, "__index__"):
-        raise ValueError(f"{kind} port {port!r}: there are 0 to {count - 1}")
+        raise ValueError(f"{kind} port is {port!r}: allowed are 0 to {count - 1}")
 
 
 def check_counts(counts: float, beyond: float) -> None:
@@ -233,10 +233,10 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
     elif kind.__name__ == "Action" and type(value).__name__ == "MotionResult":
         what, hint = (
             "the result of one",
-            f"{hint}: run() did it already; give the action itself, without run()",
+            f"{hint}: run() has already run it; give the action itself, without run()",
         )
     elif kind.__name__ == "Action" and type(value).__name__ == "Condition":
-        hint = f"{hint}: an action waits for it, wait_for(...), or is ended by it, .until(...)"
+        hint = f"{hint}: write wait_for(condition), or action.until(condition)"
     called = f": call it, {name}(...)" if callable(value) and name and name != "<lambda>" else ""
     article = "an" if kind.__name__[0] in "AEIOU" else "a"
     raise TypeError(f"{where} takes {article} {kind.__name__}, not {what}{called}{hint}")
@@ -257,15 +257,15 @@ def check_function(function: object, where: str, *of: str) -> None:
         if inspect.isgeneratorfunction(function) or inspect.iscoroutinefunction(function):
             name = getattr(function, "__name__", repr(function))
             raise TypeError(
-                f"{where} takes a function that ends at once, and {name} has steps (it yields or is async): "
-                f"write Action('{name}', {name}), which is an action of its steps"
+                f"{where} takes a function that returns at once, but {name} has steps (it yields or is "
+                f"async): write Action('{name}', {name}) to make an action of it"
             )
         return
     what = repr(function)
     if callable(function) and hasattr(function, "__name__"):
         what = f"{function.__name__}{inspect.signature(function)}"
     given = f"of the {' and '.join(of)}" if of else "without arguments"
-    called = "name it without (), which calls it at once, or " if function is None else ""
+    called = "give its name without (), which would call it at once, or " if function is None else ""
     raise TypeError(
         f"{where} takes a function {given}, not {what}: {called}write {' '.join(('lambda', *of))}: ..."
     )

@@ -38,7 +38,7 @@ class MustRun:
         import logging
 
         logging.getLogger("raccoon").warning(
-            "%s, line %d: %r is made and not done: write robot.run(...) around it", *made, self.name
+            "%s, line %d: %r is created but never run: write robot.run(...) around it", *made, self.name
         )
 
 

@@ -16,15 +16,18 @@ def checked_steps(steps: Steps[T], name: str, start: Callable[..., object]) -> S
     given: object = steps
     if inspect.isgenerator(given):
         return steps
-    hint = "a function that yields once a tick is meant; do(function) calls one that ends at once"
+    hint = (
+        "it must be a function that yields once a tick; for a function that returns at once "
+        "write do(function)"
+    )
     if inspect.iscoroutine(given) or inspect.isasyncgen(given):
         if inspect.iscoroutine(given):
             given.close()
         hint = "write def instead of async def, and yield once a tick instead of await"
     elif hasattr(given, "start"):
-        hint = "give its own steps, .start(robot), or let a do() return it"
+        hint = "return its steps, .start(robot), or return it from the function of a do()"
     function = getattr(start, "__name__", "its start")
-    raise TypeError(f"action '{name}': {function} gives {given!r} and no steps: {hint}")
+    raise TypeError(f"action '{name}': {function} returns {given!r} instead of steps: {hint}")
 
 
 def advance(steps: Steps[Any]) -> None:
@@ -36,8 +39,8 @@ def advance(steps: Steps[Any]) -> None:
         while inspect.isgenerator(inner := yields.gi_yieldfrom):
             yields = inner
         raise TypeError(
-            f"the steps of {yields.__name__} yield {given!r}, and nobody does what is yielded: a bare yield "
-            "lets a tick pass, and yield from action.start(robot) does an action"
+            f"the steps of {yields.__name__} yield {given!r}, but what is yielded is not run: write a bare "
+            "yield to wait for the next tick, and yield from action.start(robot) to run an action"
         )
 
 
@@ -51,7 +54,10 @@ def close(steps: Steps[Any]) -> None:
             raise
         import logging
 
-        said = "steps of an action go on after their end: a bare except catches it; write except Exception"
+        said = (
+            "the steps of an action go on after they were ended: a bare except catches that; write "
+            "except Exception"
+        )
         logging.getLogger("raccoon").warning(said)
 
 

@@ -91,7 +91,9 @@ def judge_voltage(voltage: float | None, config: RobotConfig, tolerance: float) 
     if advice := describe_weak_battery(voltage, config, tolerance):
         return BatteryCheck(voltage, tuned, change, False, advice)
     if tuned is None:
-        return BatteryCheck(voltage, None, 0.0, True, f"{voltage:.2f} V; nothing says what it was tuned at")
+        return BatteryCheck(
+            voltage, None, 0.0, True, f"{voltage:.2f} V; the voltage it was tuned at is unknown"
+        )
     if abs(voltage - tuned) > tolerance:
         advice = (
             f"{voltage:.2f} V, tuned at {tuned:.2f} V: timed motions run {100.0 * abs(change):.0f} % "

@@ -115,7 +115,7 @@ class _Asking:
             if not why:
                 self._robot.note(f"over {surface}: " + ", ".join(f"{n} {_median(read[n]):.0f}" for n in read))
                 return read
-        raise CalibrationError(f"calibrated by hand, over {surface}: {why}")
+        raise CalibrationError(f"calibration by hand, over {surface}: {why}")
 
 
 def _describe_disturbance(name: str, port: int, counts: Sequence[float]) -> str:
@@ -124,12 +124,12 @@ def _describe_disturbance(name: str, port: int, counts: Sequence[float]) -> str:
     from raccoon.estimate.tophat.standing_calibration import was_moved
 
     if len(counts) < MIN_READINGS:
-        return f"tophat {name} is not read: its port, analog {port}, gave {len(counts)} words"
+        return f"tophat {name} is not read: its port, analog {port}, gave {len(counts)} readings"
     if is_restless(counts) or was_moved(counts):
         low, high = min(counts), max(counts)
         return (
-            f"tophat {name} did not stay the same, it read {low:.0f} to {high:.0f} counts: put the robot "
-            f"down and let go of it, without a hand's shadow; or it is not plugged into analog {port}"
+            f"tophat {name} was not steady, it read {low:.0f} to {high:.0f} counts: put the robot down, let "
+            f"go of it and keep your shadow off the sensor; or the sensor is not plugged into analog {port}"
         )
     return ""
 
@@ -149,19 +149,23 @@ def _judge(
         each = calibrate_standing(*pair)
         if not each.usable:
             port = robot.tophat(name).config.analog
-            wrong[name] = f"{said}, {each.reason}: was it over both? is a tophat plugged into analog {port}?"
+            wrong[name] = (
+                f"{said}, {each.reason}: was it over both surfaces? is a tophat plugged into analog {port}?"
+            )
             continue
         found[name] = each
         if levels[0] > levels[1]:
             exchanged.append((name, said))
     if len(exchanged) == len(found) > 0:
         add_remark(
-            robot, "tophats read more over white than over black: white is taken for black, black for white"
+            robot,
+            "the tophats read more over white than over black: the surfaces were exchanged, so black "
+            "and white are swapped",
         )
         return found, wrong
     for name, said in exchanged:
         del found[name]
-        wrong[name] = f"{said}, the other way round than the others"
+        wrong[name] = f"{said}, the opposite of the other tophats"
     return found, wrong
 
 

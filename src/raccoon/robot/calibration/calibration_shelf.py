@@ -59,7 +59,10 @@ class CalibrationShelf:
             try:
                 _store_calibrations(robot, found, kept, self._set_name)
             except (OSError, ValueError) as error:
-                add_remark(robot, f"the tophats are calibrated, but {kept} does not have it: {error}")
+                add_remark(
+                    robot,
+                    f"the tophats are calibrated, but the calibration could not be stored in {kept}: {error}",
+                )
 
 
 def _stored_calibrations(store: Path, set_name: str, own: str) -> dict[str, TophatCalibration]:
@@ -79,7 +82,9 @@ def _stored_calibrations(store: Path, set_name: str, own: str) -> dict[str, Toph
         Path(trial).unlink()
     except OSError as error:
         if error.errno not in CARD_ERRNOS:
-            raise ConfigError(f"store {store}: cannot be used, so nothing was driven: {error}") from error
+            raise ConfigError(
+                f"store {store}: cannot be used, so the robot did not drive: {error}"
+            ) from error
     return found
 
 
@@ -97,12 +102,12 @@ def _remark_on_changes(
     if pair:
         add_remark(
             robot,
-            f"tophats {' and '.join(pair)} read each what the other one did at its last calibration: are "
+            f"tophats {' and '.join(pair)} each read what the other one read at its last calibration: are "
             "their plugs exchanged?",
         )
     for name, now in found.items():
         if now.verdict is Verdict.WEAK:
-            add_remark(robot, f"tophat {name} is to be used with care: {now.reason}")
+            add_remark(robot, f"use tophat {name} with care: {now.reason}")
         last = before[name]
         if last is not None and name not in pair and has_height_changed(last, now):
             add_remark(robot, f"tophat {name} sits higher or lower than at its last calibration")

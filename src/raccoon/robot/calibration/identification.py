@@ -82,7 +82,7 @@ def excite(levels: Sequence[float] = DUTY_LEVELS, seconds: float = LEVEL_TIME_S)
             robot.drive.stop()
             robot.replan()
         if not batteries:
-            raise CalibrationError("there is no battery reading: the motors' voltage is not known")
+            raise CalibrationError("there is no battery reading, so the motors' voltage is unknown")
         left, right = _motor_rows(samples, dead_time(robot.config))
         return Excitation(left, right, sum(batteries) / len(batteries))
 
@@ -193,7 +193,7 @@ def _fit_wheel(side: str, port: int, rows: Rows, model: WheelModel, late: float)
         value, std = getattr(found, name), getattr(found, f"{name}_std")
         if not value > 0.0 or std > WORST_SHARE * value:
             raise CalibrationError(
-                f"{where}: {name}_voltage comes out as {value:.3g} +- {std:.2g}: the data cannot support it"
+                f"{where}: {name}_voltage comes out as {value:.3g} +- {std:.2g}: too uncertain to use"
             )
     # What is read a moment later than it is taken to be looks like as much inertia, in every window alike.
     found = replace(

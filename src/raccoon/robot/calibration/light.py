@@ -101,8 +101,8 @@ def no_tophat(port: int) -> Check:
         for name, each in robot.config.tophats.items():
             if each.analog == port:
                 raise ConfigError(
-                    f"analog port {port} is that of tophat {name} in robot.toml: the sensor for the start "
-                    "light has another one"
+                    f"analog port {port} belongs to tophat {name} in robot.toml: give the port of the "
+                    "sensor for the start light"
                 )
 
     return check
@@ -119,17 +119,17 @@ def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
     if reading.refused:
         add_remark(
             robot,
-            f"analog {port}: it became bright and stays so, but not as a start light does: no start. "
-            f"If it was the lamp, calibrate it (calibrate_light), or calibrate it again",
+            f"analog {port}: it became bright and stayed bright, but not the way a start light does: no "
+            "start. If it was the lamp, run calibrate_light (again)",
         )
     if reading.shorted:
         add_remark(
             robot,
-            f"analog {port}: it reads the bottom of the scale, as no light does: no start. Look for wires "
-            "that touch, and for a plug that is turned or one hole off",
+            f"analog {port}: it reads the bottom of the scale, which no light causes: no start. Look for "
+            "wires that touch, and for a plug that is reversed or one hole off",
         )
     elif reading.status is Status.UNCERTAIN:
-        add_remark(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
+        add_remark(robot, f"analog {port}: too bright to recognize the start light; shade the sensor")
 
 
 def simulate_lamp(

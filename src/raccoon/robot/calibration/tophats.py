@@ -115,8 +115,8 @@ def _counts_and_ways(log: Sequence[tuple[Inputs, float]], port: int) -> tuple[li
 
 
 _ASKED = {
-    "one_surface": "; where it came over both, is a tophat plugged into analog {}, and no other sensor?",
-    "saturated": "; look at the plug of analog {}",
+    "one_surface": "; if it crossed both surfaces: is a tophat, and no other sensor, plugged into analog {}?",
+    "saturated": "; check the plug of analog {}",
 }
 """What a person should check, by `Verdict` of a tophat that cannot be used."""
 
@@ -133,11 +133,13 @@ def _describe_useless(
         if each.threshold is None:
             useless[name] = f"{each.verdict}, {each.reason}{_ASKED.get(each.verdict, '').format(port)}"
         if any(is_restless(port_counts(inputs, port)) for inputs in standing):
-            useless[name] = f"floating, it wanders while the robot stands: is it plugged into analog {port}?"
+            useless[name] = (
+                f"floating, its reading wanders while the robot stands: is it plugged into analog {port}?"
+            )
     return useless
 
 
-NO_FILE = "there is no such file: calibrate_tophats(..., store=) writes it"
+NO_FILE = "the file does not exist: calibrate_tophats(..., store=) writes it"
 
 
 def load_tophats(
@@ -171,8 +173,8 @@ def load_tophats(
             if entry.robot not in ("", own, robot.config.name):
                 add_remark(
                     robot,
-                    f"tophat {name}: its calibration {set_name!r} is that of the robot {entry.robot!r}, and "
-                    f"this one is {own!r}: calibrate it, too, unless only its name is new",
+                    f"tophat {name}: its calibration {set_name!r} is from the robot {entry.robot!r}, but "
+                    f"this robot is {own!r}: calibrate it too, unless only the robot's name has changed",
                 )
     return found
 
@@ -194,5 +196,5 @@ def _describe_stored(shelf: TophatStore, own: str) -> str:
         foreign = each.robot.endswith(SIMULATED_ONE) and not own.endswith(SIMULATED_ONE)
         sets.setdefault(each.set_name, {})[each.sensor + (SIMULATED_ONE if foreign else "")] = None
     if not sets:
-        return "there is none at all: calibrate_tophats(..., store=) writes them"
+        return "the file has no calibration: calibrate_tophats(..., store=) writes them"
     return "there is " + "; ".join(f"{name!r} of {', '.join(sensors)}" for name, sensors in sets.items())

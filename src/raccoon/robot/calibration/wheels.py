@@ -62,7 +62,7 @@ def calibrate_drive(
     run_calibration_drive(robot, collect_inputs(wait(REST_S), readings))
     result = run_calibration_drive(robot, collect_inputs(straight(distance, speed), readings))
     if why := describe_disturbance(result.held, robot.odometry.slipped, result.remarks):
-        raise CalibrationError(f"the drive of the calibration tells nothing: {why}")
+        raise CalibrationError(f"this drive cannot be used for the calibration: {why}")
     run_calibration_drive(robot, collect_inputs(wait(REST_S), readings))
     found = calibrate_straight(robot.config, readings, _ask_distance(taped), distance_std=tape_std)
     for remark in found.remarks:

@@ -49,8 +49,8 @@ def at_crossing(left: str, right: str) -> Condition:
         apart = robot.tophat(left).config.left - robot.tophat(right).config.left
         if apart < MAX_INSIDE_DISTANCE_M:
             raise ConfigError(
-                f"tophats {left} and {right} are {apart:g} m apart in robot.toml: both fit on a line, "
-                f"and see no crossing; allowed are {MAX_INSIDE_DISTANCE_M:g} m and more"
+                f"tophats {left} and {right} are {apart:g} m apart in robot.toml: both fit on one line, so "
+                f"they cannot see a crossing; allowed are {MAX_INSIDE_DISTANCE_M:g} m and more"
             )
 
     return Condition(f"{left} and {right} at a crossing", start, check=check)

@@ -47,8 +47,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         if robot.drive.is_looping(robot.time):
             add_remark(
                 robot,
-                "drive() begins anew again and again: it speeds up from rest each time and stays slow; in a "
-                "loop ask for the speed of each cycle, by robot.drive.velocity() and robot.tick()",
+                "drive() is started again and again: it speeds up from rest each time and stays slow; in "
+                "a loop set the speed of each cycle with robot.drive.velocity() and robot.tick()",
             )
         velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
         miswired = 0.0
@@ -56,8 +56,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration, counted=counted)
         if top < SLOWER_SHARE * abs(speed) and not robot.drive.speeds.was_limited:
             weakest = robot.config.battery.weakest
-            least = f"battery.weakest, {weakest:g} V, gives no more"
-            add_remark(robot, f"{label}: it goes {top:.2f} m/s on any battery, as {least}", SLOWER_REMARK)
+            least = f"a battery at battery.weakest ({weakest:g} V) gives no more"
+            add_remark(robot, f"{label}: limited to {top:.2f} m/s, because {least}", SLOWER_REMARK)
         top = math.copysign(top, speed)
         endless = EndlessRemark(robot, label, ".until(...) or .timeout(seconds)")
         pushing = PushingRemark(robot, label)

@@ -68,7 +68,7 @@ def follow_line(
     if left is not None or right is not None:
         if tophat is not None or side is not None or left is None or right is None:
             raise TypeError(
-                f"follow_line() takes one tophat and its edge, or two of them: {TWO_TOPHATS_HINT}"
+                f"follow_line() takes one tophat and its edge, or two tophats: {TWO_TOPHATS_HINT}"
             )
         check_name(left=left, right=right)
         return _follow_action(
@@ -78,7 +78,7 @@ def follow_line(
             lambda robot: check_pair(robot, left, right),
         )
     if tophat is None:
-        raise TypeError(f"follow_line() takes the name of a tophat, or two of them: {TWO_TOPHATS_HINT}")
+        raise TypeError(f"follow_line() needs the name of one tophat, or of two: {TWO_TOPHATS_HINT}")
     check_name(tophat=tophat)
     edge = "left" if side is None else side
     if edge not in ("left", "right"):

@@ -57,7 +57,7 @@ def straight(
     are not allowed; MotionTimeout, with the reason, if it does not arrive.
     """
     check_way(distance=distance)
-    check_pace("the sign belongs to the distance", speed=speed)
+    check_pace("give the sign to the distance", speed=speed)
     check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     distance = float(distance)  # of NumPy's too: results and plans are of plain numbers
@@ -98,7 +98,7 @@ def turn(
     check_heading_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
-    check_turn_pace("the sign belongs to the angle", turn_rate=turn_rate)
+    check_turn_pace("give the sign to the angle", turn_rate=turn_rate)
     return Action(
         f"turn {math.degrees(angle):g} deg",
         lambda robot: turn_steps(robot, angle, turn_rate, tolerance, timeout),
@@ -179,7 +179,7 @@ def arc(
     check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
-    check_pace("the sign belongs to the angle; backwards=True drives backwards", speed=speed)
+    check_pace("give the sign to the angle; backwards=True drives backwards", speed=speed)
     check_way(radius=radius)
     if not radius > 0.0:
         raise ValueError(f"radius is {radius} m: it must be above 0 (turn() turns on the spot)")
@@ -207,7 +207,7 @@ def pivot(
     check_tolerance(tolerance=tolerance)
     check_times(timeout=timeout)
     check_angle(turns, angle=angle)
-    check_pace("the sign belongs to the angle", speed=speed)
+    check_pace("give the sign to the angle", speed=speed)
     if wheel not in ("left", "right"):
         raise ValueError(f"wheel is {wheel!r}: allowed are 'left' and 'right'")
     side = 1.0 if wheel == "left" else -1.0

@@ -64,7 +64,7 @@ class LineSearch:
         add_remark(self._robot, f"{name} lost the line: looking for it")
         if self._line.robot_heading is None and other:
             add_remark(
-                self._robot, f"{name} came to no edge, {other} began on one: are their plugs exchanged?"
+                self._robot, f"{name} found no edge, but {other} started on one: are their plugs exchanged?"
             )
         yield from self._stop()
         yield from self._wait_for_floor()
@@ -79,7 +79,7 @@ class LineSearch:
         """Drive on into the new light, turn over both surfaces there, the floor first, and back to the
         edge."""
         robot, sensor, self._reason = self._robot, self._sensor, OTHER_LIGHT_REASON
-        add_remark(robot, f"{self._sight.name} comes into another light on the line: learning it")
+        add_remark(robot, f"{self._sight.name}: the light on the line has changed; learning it")
         begin, acceleration = robot.estimate.distance, robot.config.motion.acceleration
         speed = max(min(self._velocity, LIGHT_SPEED), CATCH_SPEED)  # after a search, or at first, it stands
         while robot.estimate.distance - begin < INTO_LIGHT_M and robot.time < self._end:
@@ -200,6 +200,6 @@ class _SurfaceLevels:
 def describe_lost_line(robot: Robot, sight: LineSight, why: str) -> str:
     """The message when the line is given up. why: the reason for the search."""
     return (
-        f"{sight.name} lost the line: {why}, and none found "
-        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side; {describe_obstacle(robot, *sight.sensors)}"
+        f"{sight.name} lost the line: {why}, and no line was found within {math.degrees(SEARCH_ANGLE):.0f} "
+        f"degrees to either side; {describe_obstacle(robot, *sight.sensors)}"
     )

@@ -165,7 +165,7 @@ def check_pair(robot: Robot, left: str, right: str) -> None:
     if abs(first.forward - second.forward) > MAX_FORWARD_DIFFERENCE_M:
         raise ConfigError(
             f"tophats {left} and {right} are {first.forward:g} and {second.forward:g} m ahead of the axis: "
-            f"to follow a line together they must be beside each other, to {MAX_FORWARD_DIFFERENCE_M:g} m"
+            f"to follow a line together they must be beside each other, within {MAX_FORWARD_DIFFERENCE_M:g} m"
         )
 
 

@@ -168,8 +168,8 @@ def _remark_exchanged(robot: Robot, left: str, right: str, angle: float) -> tupl
     ):
         return ()
     said = (
-        f"by {left} and {right} the line lies {math.degrees(lies):.0f} deg askew in the field, and along it "
-        "if their plugs are exchanged: are they?"
+        f"as {left} and {right} see it, the line lies {math.degrees(lies):.0f} deg askew in the field, but "
+        "parallel to its sides if their plugs are exchanged: are they?"
     )
     add_remark(robot, said)
     return (said,)

@@ -101,8 +101,8 @@ class HeldWay:
         if self.metres > 0.0:
             add_remark(
                 self._robot,
-                f"{what} may have ended {self.metres:.3f} m before its goal: the wheels turned, and carried "
-                f"what tyres do that spin at a wall{seen}",
+                f"{what} may have ended {self.metres:.3f} m before its goal: the wheels turned, but with "
+                f"as much load as when tyres spin at a wall{seen}",
             )
         return self.metres
 

@@ -120,8 +120,11 @@ def _describe_no_wall(robot: Robot, way: float) -> str:
         ("right", drive.right, here.right_speed, here.left_speed),
     ):
         if abs(speed) < STANDING_SPEED < abs(other):
-            return f"the {side} wheel alone stands (motor port {port}): blocked, unplugged or a fuse"
-    on_the_way = f"after {way:.2f} m, on the way (a longer timeout= gets there)"
+            return (
+                f"only the {side} wheel stands still (motor port {port}): blocked, unplugged, or a "
+                "tripped fuse"
+            )
+    on_the_way = f"after {way:.2f} m, on the way to the wall (allow a longer timeout=)"
     return f"the wheels still turn {on_the_way} or spinning at it"
 
 
@@ -197,10 +200,10 @@ def _observe_wall_heading(robot: Robot, heading_error: float, heading: float, st
     if found.accepted:
         return ()
     remark = (
-        f"align_on_wall: heading={math.degrees(heading):.1f} deg is not taken, the odometry is "
-        f"{math.degrees(heading_error):.1f} deg from it: {found.reason}; it is no such wall, the gyro's "
-        "scale is another one (ten turns by hand tell), or the robot was moved or pushed "
-        "(robot.odometry.reset says where it is)"
+        f"align_on_wall: heading={math.degrees(heading):.1f} deg is not used, the odometry is "
+        f"{math.degrees(heading_error):.1f} deg from it: {found.reason}; it is another wall, the gyro's "
+        "scale is wrong (check with ten turns by hand), or the robot was moved or pushed (give its pose to "
+        "robot.odometry.reset)"
     )
     add_remark(robot, remark)
     return (remark,)

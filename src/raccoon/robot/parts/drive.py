@@ -193,8 +193,8 @@ class Drive(Part):
         if self._is_claimed:
             raise RuntimeError(
                 "two actions drive the wheels at the same time, in parallel or in the background: "
-                "put them into a seq, or end one before the other begins; in a loop of your own robot.tick() "
-                "comes after each"
+                "put them into a seq, or end one before the other begins; in your own loop call "
+                "robot.tick() after each"
             )
         self._is_claimed = True
 
@@ -258,11 +258,11 @@ class Drive(Part):
     def describe_state(self) -> str:
         """Why the wheels may not do what is commanded, in words."""
         if not self.followed:
-            return "the readings are recorded, and do not follow these commands"
+            return "the readings are from a recording and do not follow these commands"
         if stalled := self.wheels.stalled:
             ports = dict(zip(("left", "right"), self._ports, strict=True))
             named = " and ".join(f"{side} (motor port {ports[side]})" for side in stalled)
-            return f"power and no motion at {named}: blocked, unplugged or a fuse"
+            return f"power but no motion at {named}: blocked, unplugged, or a tripped fuse"
         if self.wheels.missing_speed > 0.0:
             return self._describe_missing_speed()
         if self.wheels.saturated:

@@ -66,8 +66,8 @@ class Mechanism(Part):
         @angle.setter
         def angle(self, angle: object) -> NoReturn:
             raise AttributeError(
-                f"an angle is not set: robot.run(move({self.name!r}, {angle!r})) turns it there, "
-                f"robot.run(zero({self.name!r}, {angle!r})) says that it is there"
+                f"an angle cannot be set directly: robot.run(move({self.name!r}, {angle!r})) turns the "
+                f"mechanism there, robot.run(zero({self.name!r}, {angle!r})) declares that it is there"
             )
 
     def count_from(self, angle: float) -> None:
@@ -101,8 +101,11 @@ class Mechanism(Part):
     def stall_reason(self) -> str:
         """Why it counts as stalled, in words."""
         if self._counted_angle.is_unread:
-            return "its back-EMF is not read, so nobody knows whether it turns: the link, or the controller"
-        return "power and no motion: blocked, unplugged or a fuse"
+            return (
+                "its back-EMF is not read, so it is unknown whether it turns: check the link and the "
+                "controller"
+            )
+        return "power but no motion: blocked, unplugged, or a tripped fuse"
 
     def forget_stall(self) -> None:
         """Forget what blocked it before, since a move may lead away from it."""

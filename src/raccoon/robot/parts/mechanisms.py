@@ -67,7 +67,7 @@ def move_by(
     """
     check_name(name=name)
     check_finite(angle=angle)
-    check_turn_pace("the sign belongs to the angle", speed=speed)
+    check_turn_pace("give the sign to the angle", speed=speed)
     check_times(timeout=timeout)
 
     label = f"move {name} by {math.degrees(angle):g} deg"
@@ -187,14 +187,14 @@ def _planned_speed(robot: Robot, moved: Mechanism, wanted: float) -> float:
     if top > wanted:
         add_remark(
             robot,
-            f"{moved.name} is turned at {top:.2f} rad/s at least: the controller counts no slower motors, "
-            "and nobody would know its angle",
+            f"{moved.name} is turned at {top:.2f} rad/s at least: the controller cannot count slower "
+            "motors, so its angle would be unknown",
         )
     if top < wanted:
         add_remark(
             robot,
-            f"{moved.name} is turned at {top:.2f} rad/s at most: the controller reads no back-EMF of faster "
-            "motors, and nobody would know its angle",
+            f"{moved.name} is turned at {top:.2f} rad/s at most: the controller cannot read the back-EMF "
+            "of faster motors, so its angle would be unknown",
         )
     return top
 

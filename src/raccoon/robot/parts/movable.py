@@ -36,7 +36,7 @@ def require_wombat(robot: Robot, kind: str, name: str) -> None:
     """Raise ConfigError if the controller has no port for the `kind` (servo, mechanism) of that name."""
     if robot.config.controller.port == "create":
         raise ConfigError(
-            f"{kind}.{name}: a Create has no port for a {kind} (its motors are the wheels); a Wombat has some"
+            f"{kind}.{name}: a Create has no port for a {kind} (its only motors are the wheels); use a Wombat"
         )
 
 
@@ -45,6 +45,6 @@ def require_free(movable: Movable, action: str) -> None:
     if movable.moved_by is not None:
         raise RuntimeError(
             f"two actions move {movable.name} at the same time, in parallel or in the background: "
-            f"'{action}' begins while '{movable.moved_by}' goes on; "
-            "put them into a seq, or end one before the other begins"
+            f"'{action}' begins while '{movable.moved_by}' is running; put them into a seq, or end one "
+            "before the other begins"
         )

@@ -48,7 +48,9 @@ class Servo(Part):
         @pulse.setter
         def pulse(self, pulse: object) -> NoReturn:
             # Nobody would look at what the mechanism stands.
-            raise AttributeError(f"a pulse is not set: write robot.run(servo({self.name!r}, {pulse!r}))")
+            raise AttributeError(
+                f"a pulse cannot be set directly: write robot.run(servo({self.name!r}, {pulse!r}))"
+            )
 
     def __repr__(self) -> str:
         return f"<servo {self.name}: {'off' if self.pulse is None else f'{self.pulse:g} us'}>"

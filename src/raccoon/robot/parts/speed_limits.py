@@ -80,12 +80,12 @@ class SpeedLimits:
             self._was_raised = False
             return (
                 f"wheels are driven at {self._min_countable_speed * self._radius:.3f} m/s at least: "
-                f"{self._device} counts no slower ones, and nobody would know where the robot is"
+                f"{self._device} cannot count slower wheels, so the position of the robot would be unknown"
             )
         self._was_remarked = True
         return (
             f"wheels are driven at {self.max_readable_speed * self._radius:.3f} m/s at most: {self._device} "
-            "reads no back-EMF of faster ones, and nobody would know where the robot is"
+            "cannot read the back-EMF of faster wheels, so the position of the robot would be unknown"
         )
 
     def planned_speed(self, wanted: float, acceleration: float, outer: float = 1.0) -> float:

@@ -73,7 +73,9 @@ class TophatSensor(Part):
         from raccoon.estimate.tophat.calibration_watch import CalibrationWatch
 
         if calibration.threshold is None:
-            raise CalibrationError(f"tophat {self.name}: verdict {calibration.verdict}: no threshold to use")
+            raise CalibrationError(
+                f"tophat {self.name}: verdict {calibration.verdict}: the calibration has no threshold"
+            )
         self.calibration = calibration
         self._classifier = Tophat(calibration)
         self._watch = CalibrationWatch(calibration)
@@ -144,7 +146,10 @@ class TophatSensor(Part):
             return f"tophat {self.name} {UNREAD_REMARK}"
         if self.floating:
             port = self.config.analog
-            return f"tophat {self.name} wanders while the robot stands: is it plugged into analog {port}?"
+            return (
+                f"tophat {self.name}: its reading wanders while the robot stands: is it plugged into "
+                f"analog {port}?"
+            )
         return f"tophat {self.name} {FIT_REMARKS[self.fit]}" if self.fit in FIT_REMARKS else ""
 
     @property
@@ -263,13 +268,13 @@ class TophatArray:
         return f"reads what {other} should, and the other way round: are their plugs swapped?"
 
 
-UNREAD_REMARK = "is not read: its port gives no words"
+UNREAD_REMARK = "is not read: its port gives no readings"
 FIT_REMARKS = {
     "changed": (
-        "does not read what its calibration says: other light, another floor, another height. "
-        "The light is followed; calibrate again to be sure"
+        "does not read what its calibration says: the light, the floor or its height has changed. The "
+        "change of light is followed; calibrate again to be sure"
     ),
     "unplugged": "reads the top of the scale or jumps about: is it plugged in?",
-    "saturated": "reads the bottom of the scale: there is more light than it can tell",
+    "saturated": "reads the bottom of the scale: there is more light than it can measure",
 }
 """Remarks by `Fit`."""

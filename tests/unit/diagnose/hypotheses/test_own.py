@@ -275,6 +275,6 @@ def test_a_program_in_place_of_causes_opens_no_robot(tmp_path: Path) -> None:
     path = tmp_path / "team.py"
     path.write_text("from raccoon import open_robot\nwith open_robot() as robot:\n    pass\n")
     with pytest.raises(
-        ConfigError, match=r"team\.py: a program that is read, swept or replayed opens no robot"
+        ConfigError, match=r"team\.py: a program that is imported, swept or replayed must not open a robot"
     ):
         load_own_effects(path)

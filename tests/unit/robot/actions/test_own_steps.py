@@ -29,11 +29,11 @@ def _actions(robot: Robot) -> Any:
 @pytest.mark.parametrize(
     ("start", "said"),
     [
-        (_no_steps, "action 'mine': _no_steps gives None and no steps: .*do\\(function\\)"),
-        (_async, "action 'mine': _async gives <coroutine .*write def instead of async def"),
-        (_async_steps, "_async_steps gives <async_generator .*write def instead of async def"),
-        (lambda _: straight(0.1), r"gives <Action straight 0.1 m> and no steps: .*\.start\(robot\)"),
-        (_actions, "the steps of _actions yield <Action straight 0.1 m>, and nobody does what is yielded"),
+        (_no_steps, "action 'mine': _no_steps returns None instead of steps: .*do\\(function\\)"),
+        (_async, "action 'mine': _async returns <coroutine .*write def instead of async def"),
+        (_async_steps, "_async_steps returns <async_generator .*write def instead of async def"),
+        (lambda _: straight(0.1), r"returns <Action straight 0.1 m> instead of steps: .*\.start\(robot\)"),
+        (_actions, "the steps of _actions yield <Action straight 0.1 m>, but what is yielded is not run"),
         (3, r"action 'mine': start is 3: it must be a function\(robot\) that yields"),
     ],
 )
@@ -76,6 +76,6 @@ def test_a_start_that_gives_no_test_is_refused() -> None:
     wrong: Any = Condition("late", lambda robot: robot.time > 0.5)  # type: ignore[arg-type, return-value]
     with (
         open_robot(CONFIG, port=simulated_port()) as robot,
-        pytest.raises(TypeError, match="condition 'late': its start gives False: it must give a test"),
+        pytest.raises(TypeError, match="condition 'late': its start returns False: it must return a test"),
     ):
         robot.run(drive(0.1).until(wrong))

@@ -24,7 +24,7 @@ def test_an_action_that_a_line_makes_and_nothing_does_is_said_once(caplog: pytes
     )
     said = [each.getMessage() for each in caplog.records]
     assert len(said) == 2
-    assert f"test_undone.py, line {begin + 2}: 'turn 90 deg' is made and not done" in said[0]
+    assert f"test_undone.py, line {begin + 2}: 'turn 90 deg' is created but never run" in said[0]
     assert f"test_undone.py, line {begin + 3}: 'seq(straight 0.1 m, turn 5 deg until" in said[1]
 
 

@@ -79,7 +79,7 @@ def test_exchanged_surfaces_are_taken_for_what_they_are_and_said() -> None:
     calibration = robot.tophat("left").calibration
     assert calibration is not None
     assert calibration.surfaces()[0].mean == pytest.approx(WHITE, abs=2.0)
-    assert any("white is taken for black" in said for said in robot.drive.remarks.values())
+    assert any("black and white are swapped" in said for said in robot.drive.remarks.values())
 
 
 TREMBLING: Where = lambda time: dict.fromkeys(("left", "right"), WHITE * (1.0 + 0.3 * np.sin(20.0 * time)))  # noqa: E731
@@ -89,8 +89,8 @@ A_HAND_LEAVES: Where = lambda time: dict.fromkeys(("left", "right"), 400.0 if ti
 @pytest.mark.parametrize(
     ("places", "said"),
     [
-        ([TREMBLING, *RIGHTLY], "left did not stay the same"),
-        ([A_HAND_LEAVES, *RIGHTLY], "without a hand's shadow"),
+        ([TREMBLING, *RIGHTLY], "left was not steady"),
+        ([A_HAND_LEAVES, *RIGHTLY], "keep your shadow off the sensor"),
         ([EVERYWHERE_WHITE, EVERYWHERE_WHITE, *RIGHTLY], "was it over both"),
         (
             [EVERYWHERE_WHITE, {"left": BLACK, "right": WHITE}, *RIGHTLY],
@@ -98,7 +98,7 @@ A_HAND_LEAVES: Where = lambda time: dict.fromkeys(("left", "right"), 400.0 if ti
         ),
         (
             [{"left": WHITE, "right": BLACK}, {"left": BLACK, "right": WHITE}, *RIGHTLY],
-            "right read 2930 counts over white and 180 over black, the other way round than the others",
+            "right read 2930 counts over white and 180 over black, the opposite of the other tophats",
         ),
     ],
     ids=["held", "shaded", "not moved", "one beside the line", "one on the line"],
@@ -117,7 +117,7 @@ def test_what_went_wrong_is_said_and_asked_for_again(places: Sequence[Where], sa
         ((4095.0, 4095.0), "no light, or unplugged"),
         ((2400.0, 2407.0), "is a tophat plugged into analog 0"),  # a distance sensor looks at the floor
         ((0.0, 0.0), "bottom"),
-        ((None, None), "is not read: its port, analog 0, gave 0 words"),
+        ((None, None), "is not read: its port, analog 0, gave 0 readings"),
     ],
     ids=["unplugged", "a distance sensor", "shorted", "silent"],
 )

@@ -95,7 +95,7 @@ def test_a_tophat_is_no_sensor_of_the_start_light() -> None:
             lambda: robot.run(rehearse_light(port)),
             lambda: calibrate_light(robot, port, lambda: None),
         ):
-            with pytest.raises(ConfigError, match=f"analog port {port} is that of tophat left in robot.toml"):
+            with pytest.raises(ConfigError, match=f"analog port {port} belongs to tophat left in robot.toml"):
                 attempt()
         assert robot.inputs is None  # nothing was waited for
 

@@ -174,7 +174,7 @@ def test_a_floor_that_reads_like_half_an_edge_is_told_from_one(width: float, lig
     x, y = sensor_at(port)
     assert x > 0.65
     assert abs(y) == pytest.approx(HALF, abs=0.003)
-    assert any("comes into another light" in said for said in robot.drive.remarks.values())
+    assert any("the light on the line has changed" in said for said in robot.drive.remarks.values())
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -201,7 +201,7 @@ def test_light_that_hardly_moves_the_edge_is_not_learnt(light: float) -> None:
     world = World(lines=(STRAIGHT,), lights=(Light(Box((-1.0, -1.0), (3.0, 1.0)), light),))
     robot, port = follow(world, "left", beside=0.006, way=0.5)
     assert abs(sensor_at(port)[1]) == pytest.approx(HALF, abs=0.0015)
-    assert not any("comes into another light" in said for said in robot.drive.remarks.values())
+    assert not any("the light on the line has changed" in said for said in robot.drive.remarks.values())
 
 
 def test_a_robot_that_stands_drives_on_into_another_light_too() -> None:
@@ -293,7 +293,9 @@ def test_exchanged_plugs_are_said_where_the_other_tophat_is_on_the_edge(exchange
         robot.run(follow_line("left", "left", 0.1).until(after_time(0.8)))
         said = " ".join(robot.drive.remarks.values())
         assert "tophat left lost the line: looking for it" in said
-        assert ("left came to no edge, right began on one: are their plugs exchanged?" in said) is exchanged
+        assert (
+            "left found no edge, but right started on one: are their plugs exchanged?" in said
+        ) is exchanged
 
 
 @pytest.mark.parametrize("until", [math.inf, 2.6], ids=["for good", "for a moment"])
@@ -328,7 +330,10 @@ def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
             sensor.calibrate(calibration(0.0))
         robot.run(wait(0.5))
         begin = robot.time
-        said = r"left lost the line: no edge for 1 s or 0.15 m, and none found 90 degrees to either side"
+        said = (
+            r"left lost the line: no edge for 1 s or 0.15 m, and no line was found within 90 degrees "
+            r"to either side"
+        )
         with pytest.raises(MotionTimeout, match=said):
             robot.run(follow_line("left", "left", 0.1))
         assert (
@@ -416,6 +421,6 @@ def test_two_tophats_that_fit_on_the_line_see_no_crossing() -> None:
     tophats = {"left": TophatConfig(0, 0.11, 0.02), "right": TophatConfig(1, 0.11, -0.02)}
     with (
         open_robot(replace(CONFIG, tophats=tophats), port=simulated_port()) as robot,
-        pytest.raises(ConfigError, match=r"0\.04 m apart .* see no crossing"),
+        pytest.raises(ConfigError, match=r"0\.04 m apart .* cannot see a crossing"),
     ):
         robot.run(wait_for(at_crossing("left", "right")))

@@ -278,7 +278,7 @@ def test_drives_that_are_too_short_to_come_to_their_speed_are_told(seconds: floa
         robot.run(wait(0.5))
         for _ in range(20):
             robot.run(drive(0.1).until(after_time(seconds)))
-        assert any("begins anew" in each for each in robot.drive.remarks.values()) is told
+        assert any("started again and again" in each for each in robot.drive.remarks.values()) is told
 
 
 def test_a_result_and_a_pose_are_printed_for_people() -> None:
@@ -304,7 +304,7 @@ def test_a_motion_that_nothing_ends_is_said_once(
         said = [
             each
             for each in robot.drive.remarks.values()
-            if "has gone on for 0.3 s and nothing has ended it" in each
+            if "has run for 0.3 s and nothing has ended it" in each
         ]
         assert len(said) == 1
         assert said[0].startswith(action.name)

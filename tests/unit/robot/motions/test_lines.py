@@ -84,7 +84,8 @@ def test_sensors_in_each_others_port_are_said_where_the_line_lies_oddly_by_them(
             sensor.calibrate(tophat_calibration())
         result = robot.run(seq(wait(0.5), turn(deg(8)), align_on_line("left", "right")))[-1]
     said = (
-        "by left and right the line lies 16 deg askew in the field, and along it if their plugs are exchanged"
+        "as left and right see it, the line lies 16 deg askew in the field, but parallel to its sides if "
+        "their plugs are exchanged"
     )
     assert [said in each for each in result.remarks] == ([True] if exchanged else [])
     assert (said in caplog.text) is exchanged
@@ -153,7 +154,7 @@ def test_a_robot_that_cannot_move_gives_up_looking_for_a_line() -> None:
             sensor.calibrate(tophat_calibration())
         robot.run(wait(0.5))
         with pytest.raises(
-            MotionTimeout, match=r"0\.000 of 0\.5 m; power and no motion at left \(motor port 0\)"
+            MotionTimeout, match=r"0\.000 of 0\.5 m; power but no motion at left \(motor port 0\)"
         ):
             robot.run(align_on_line("left", "right"))
         assert robot.time < 2.0
@@ -164,7 +165,7 @@ def test_a_robot_that_cannot_move_gives_up_calibrating() -> None:
         for calibration in (calibrate_tophats, lambda each: calibrate_drive(each, lambda: 0.6)):
             begin = robot.time
             with pytest.raises(
-                CalibrationError, match=r"failed: .*power and no motion at left \(motor port 0\)"
+                CalibrationError, match=r"failed: .*power but no motion at left \(motor port 0\)"
             ):
                 calibration(robot)
             assert robot.time - begin < 3.0
@@ -219,7 +220,7 @@ def test_a_heading_of_a_wall_that_is_not_believed_is_said() -> None:
         result = robot.run(align_on_wall(heading=deg(30.0)))
         assert robot.estimate.heading == pytest.approx(0.0, abs=deg(1.0))
         (said,) = result.remarks
-        assert said.startswith("align_on_wall: heading=30.0 deg is not taken, the odometry is -30")
+        assert said.startswith("align_on_wall: heading=30.0 deg is not used, the odometry is -30")
         assert said in robot.drive.remarks.values()
 
 
@@ -253,7 +254,7 @@ def test_no_wall_is_said(port: str) -> None:
         open_robot(config) as robot,
         pytest.raises(
             MotionTimeout,
-            match=r"wheels still turn after 0.0\d m, on the way \(a longer timeout=",
+            match=r"wheels still turn after 0.0\d m, on the way to the wall \(allow a longer timeout=",
         ),
     ):
         robot.run(align_on_wall(timeout=1.0))

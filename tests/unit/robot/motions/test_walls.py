@@ -314,7 +314,7 @@ def test_after_wheels_that_spun_at_the_border_the_next_motion_drives_its_distanc
         robot.run(seq(wait(1.0), straight(0.5), turn(math.radians(90.0)), straight(0.3)))
         with pytest.raises(MotionTimeout):
             robot.run(AT_THE_BORDER[name]())
-        assert any("as at a wall: end it there" in each for each in robot.drive.remarks.values()) is (
+        assert any("as at a wall: end the motion there" in each for each in robot.drive.remarks.values()) is (
             name == "drive"  # which has no goal that it would miss
         )
         assert robot.odometry.wheel_scales == pytest.approx((1.0, 1.0), abs=0.01)

@@ -238,7 +238,7 @@ def test_a_blocked_arm_is_named_with_its_port_and_released() -> None:
     port.arm.stops = (-0.5, 1.0)
     with open_robot(CONFIG, port=port) as robot:
         robot.run(servo("claw", "closed"))
-        with pytest.raises(MotionTimeout, match=r"arm \(motor port 3\).*of 115 deg; power and no motion"):
+        with pytest.raises(MotionTimeout, match=r"arm \(motor port 3\).*of 115 deg; power but no motion"):
             robot.run(move("arm", 2.0))
         assert port.written[-1] == Outputs(servo_us=(None, 1900, None, None))  # the claw keeps what it holds
         assert robot.mechanism("arm").goal is None
@@ -278,7 +278,7 @@ def test_an_arm_goes_on_at_once_from_what_blocked_it() -> None:
         assert port.arm.angle == pytest.approx(0.5, abs=0.06)
         robot.run(move("arm", 3.0).timeout_or(5.0, move("arm", 0.0)))
         assert port.arm.angle == pytest.approx(-0.5, abs=0.06)
-        with pytest.raises(MotionTimeout, match="power and no motion"):
+        with pytest.raises(MotionTimeout, match="power but no motion"):
             robot.run(move("arm", 3.0))
         robot.run(move("arm", 0.5))
         assert robot.mechanism("arm").angle == pytest.approx(0.5, abs=0.04)

@@ -116,7 +116,7 @@ def test_an_arm_is_no_slower_than_it_is_counted(firmware: Firmware) -> None:
         assert math.degrees(port.plant.free_motors[3].angle) == pytest.approx(20.0, abs=2.5)
         (said,) = robot.drive.remarks.values()
         assert "arm is turned at 0.1" in said
-        assert "rad/s at least: the controller counts no slower" in said
+        assert "rad/s at least: the controller cannot count slower" in said
 
 
 def test_a_spin_at_no_speed_turns_nothing() -> None:

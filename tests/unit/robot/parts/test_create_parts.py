@@ -30,6 +30,6 @@ def test_a_part_that_a_create_has_no_port_for_is_refused_before_anything_moves(
     action: Action[object], part: str
 ) -> None:
     with open_robot(CONFIG, port=simulated_port()) as robot:
-        with pytest.raises(ConfigError, match=f"{part}: a Create has no port for a .*; a Wombat has some"):
+        with pytest.raises(ConfigError, match=f"{part}: a Create has no port for a .*; use a Wombat"):
             robot.run(seq(action))
         assert robot.ticks == 0

@@ -114,7 +114,10 @@ def test_a_controller_that_reads_any_speed_limits_none() -> None:
     assert port.fastest > 1950.0
     assert not robot.drive.speeds.was_limited
     (said,) = robot.drive.remarks.values()
-    assert said == "drive 0.3 m/s: it goes 0.21 m/s on any battery, as battery.weakest, 7.6 V, gives no more"
+    assert (
+        said == "drive 0.3 m/s: limited to 0.21 m/s, because a battery at battery.weakest (7.6 V) gives "
+        "no more"
+    )
 
 
 def test_plain_duties_are_free() -> None:

@@ -156,7 +156,7 @@ def test_two_robots_may_share_a_file(tmp_path: Path) -> None:
     for name, used, said in (("one", "one", False), ("two", "two", False), ("three", "two", True)):
         robot = Robot(StandingPort(), replace(CONFIG, name=name))
         assert load_tophats(robot, store)["left"].threshold == found[used].threshold
-        assert any("is that of the robot 'two'" in each for each in robot.drive.remarks.values()) is said
+        assert any("is from the robot 'two'" in each for each in robot.drive.remarks.values()) is said
 
 
 def test_no_real_robot_goes_by_what_a_simulated_one_read(tmp_path: Path) -> None:
@@ -186,7 +186,7 @@ def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
         open_robot(CONFIG, port=simulated_port()) as robot,
         pytest.raises(
             CalibrationError,
-            match=r"no calibration of left, right in the set 'default'; there is no such file",
+            match=r"no calibration of left, right in the set 'default'; the file does not exist",
         ),
     ):
         load_tophats(robot, tmp_path / "none.json")
@@ -196,7 +196,7 @@ def test_what_is_there_instead_of_a_set_is_said(tmp_path: Path) -> None:
     store = tmp_path / "tophats.json"
     with open_robot(CONFIG, port=simulated_port(world=table(tmp_path))) as robot:
         with pytest.raises(
-            CalibrationError, match=r"there is no such file: calibrate_tophats\(\.\.\., store=\)"
+            CalibrationError, match=r"the file does not exist: calibrate_tophats\(\.\.\., store=\)"
         ):
             load_tophats(robot, store)
         robot.run(wait(0.3))
@@ -248,7 +248,10 @@ def test_a_calibration_that_the_card_does_not_take_is_used_and_that_is_said(
         robot.run(wait(0.3))
         found = calibrate_tophats(robot, 0.9, store=store)
         assert robot.tophat("left").calibration == found["left"]
-        said = f"the tophats are calibrated, but {store} does not have it: [Errno 28] No space left on device"
+        said = (
+            f"the tophats are calibrated, but the calibration could not be stored in {store}: [Errno "
+            "28] No space left on device"
+        )
         assert said in robot.drive.remarks.values()
         assert not list(store.parent.iterdir())
 
@@ -303,9 +306,12 @@ def test_what_is_wrong_with_a_sensor_is_said(
 @pytest.mark.parametrize(
     ("counts", "said"),
     [
-        (2400.0, "is a tophat plugged into analog 0, and no other sensor"),  # a distance sensor, of the floor
-        (4095.0, r"no light, or unplugged\); look at the plug of analog 0$"),
-        (0.0, r"wires that touch, or too much light\); look at the plug of analog 0$"),
+        (
+            2400.0,
+            "is a tophat, and no other sensor, plugged into analog 0",
+        ),  # a distance sensor, of the floor
+        (4095.0, r"no light, or unplugged\); check the plug of analog 0$"),
+        (0.0, r"wires that touch, or too much light\); check the plug of analog 0$"),
     ],
 )
 def test_a_port_without_a_tophat_is_named_by_a_calibration(tmp_path: Path, counts: float, said: str) -> None:
@@ -343,7 +349,7 @@ def test_an_open_port_sees_no_line_and_is_said_while_the_robot_stands() -> None:
         is_open = True
         robot.run(wait(1.5))
         assert (robot.tophat("left").black, robot.tophat("left").status) == (None, Status.INVALID)
-        wanders = "tophat left wanders while the robot stands: is it plugged into analog 0"
+        wanders = "tophat left: its reading wanders while the robot stands: is it plugged into analog 0"
         assert any(wanders in each for each in robot.drive.remarks.values())
         with pytest.raises(MotionTimeout, match=wanders):
             robot.run(drive(0.15).until(on_black("left")).timeout(0.3))
@@ -380,7 +386,7 @@ def test_sensors_that_were_exchanged_since_they_were_calibrated_are_said(tmp_pat
         exchanged = True
         calibrate_tophats(robot, 0.4, 0.3)
         said = list(robot.drive.remarks.values())
-    assert any("left and right read each what the other one did at its last" in each for each in said)
+    assert any("left and right each read what the other one read at its last" in each for each in said)
     assert not any("higher or lower" in each for each in said)
 
 
@@ -415,7 +421,7 @@ def test_a_sensor_that_comes_loose_while_it_is_calibrated_is_said(tmp_path: Path
     ) as robot:
         calibrate_tophats(robot, 0.5)
         said = [each for each in robot.drive.remarks.values() if "with care" in each]
-    assert [each[:11] for each in said] == ["tophat left"]
+    assert [each[:15] for each in said] == ["use tophat left"]
     assert "wire is loose" in said[0]
 
 
