@@ -1,7 +1,7 @@
-"""From raw words to columns and back.
+"""Conversion of raw words into columns and back.
 
-Every conversion is a product with a scale of the device, so a column that goes through `SI_WORDS`, whose
-scales are 1, comes back unchanged.
+Every conversion is a product with a scale of the device, so a column that is converted with `SI_WORDS`, whose
+scales are 1, does not change.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ _AXES = ("x", "y", "z")
 
 
 def recording_of(trace: Trace) -> Recording:
-    """The columns of a trace. Estimates become columns `estimate.NAME.0` ..., blank where not finite.
+    """The columns of a trace. Estimates become columns `estimate.NAME.0` ..., blank if not finite.
 
-    Raises TraceError where the worth of a position tick changes on the way: no single device describes it.
+    Raises TraceError if the size of a position tick changes during the trace: no single device describes it.
     """
-    found: dict[str, array[float]] = {}  # a dict for each row takes 4 KB, and a Wombat has 1 GB
+    found: dict[str, array[float]] = {}  # a dict for each row would take 4 KB each, and a Wombat has 1 GB
     for row, tick in enumerate(trace.ticks):
         if row and row % REPORT_PERIOD_CYCLES == 0:
             report(f"columns of {row} of {len(trace.ticks)} cycles")
@@ -67,7 +67,8 @@ def recording_of(trace: Trace) -> Recording:
 
 
 def _device(devices: set[Device], counts_seconds: float) -> Device:
-    """Words in SI of the one controller that was recorded: who it is and how its back-EMF lags stay."""
+    """A device of SI words; with a single recorded device it keeps that one's name, lag, dead zone, range and
+    driven share. counts_seconds: size of a position tick."""
     words = replace(SI_WORDS, position_counts_seconds=counts_seconds)
     if len(devices) != 1:
         return words
@@ -83,7 +84,7 @@ def _device(devices: set[Device], counts_seconds: float) -> Device:
 
 
 def tick_row(tick: Tick) -> Row:
-    """What a cycle holds, by column name, in SI."""
+    """The values of a cycle by column name, in SI."""
     row = _reading_row(tick.inputs)
     if tick.outputs is not None:
         row |= _command_row(tick.outputs)
@@ -135,23 +136,23 @@ def _names(pattern: str, count: int) -> tuple[str, ...]:
 
 
 def trace_of(recording: Recording) -> Trace:
-    """A recording as a trace, so that a port can play it."""
+    """A recording as a trace, so that a port can replay it. Raises ValueError for a duty outside -1..1."""
     ticks = [Tick(inputs, commands) for inputs, commands in cycles_of(recording)]
     return Trace(Header("recording"), ticks, list(recording.events))
 
 
 def inputs_of(recording: Recording) -> Iterator[Inputs]:
-    """The readings of each row, in the words of the recording's device."""
+    """The readings of each row, in the words of the recording's device. Raises ValueError for a duty outside
+    -1..1."""
     return (inputs for inputs, _ in cycles_of(recording))
 
 
 def cycles_of(recording: Recording) -> Iterator[tuple[Inputs, tuple[Outputs, ...]]]:
-    """Readings and command of each row. A duty holds until the next one of its motor, and its brake with it.
+    """Readings and commands of each row. A duty holds until the next one of its motor, and its brake with it.
 
-    A gyro or accelerometer axis that has no column is 0; a row that lacks one of the existing axes has no
-    reading. Columns without a place in `Inputs` go to its `extra`. A pulse that no servo takes (0, or ticks
-    of another library) is none.
-    Raises ValueError for a duty outside -1..1.
+    A gyro or accelerometer axis without a column is 0; a row that lacks one of the existing axes has no
+    reading. Columns without a field in `Inputs` go to its `extra`. A pulse that no servo accepts (0, or ticks
+    of another library) becomes None. Raises ValueError for a duty outside -1..1.
     """
     names = list(recording.columns)
     held = Outputs()
@@ -164,7 +165,7 @@ def cycles_of(recording: Recording) -> Iterator[tuple[Inputs, tuple[Outputs, ...
 
 
 def _take_inputs(row: Row, recording: Recording) -> Inputs:
-    """Readings of a row; what is used is taken out of it."""
+    """The readings of a row; the values used are removed from it."""
     digital = _take(row, "digital.{}", DIGITAL_PORTS)
     return Inputs(
         time=row.pop("t"),
@@ -205,7 +206,8 @@ def _take_truth(row: Row) -> Truth | None:
 
 
 def _take_commands(row: Row, held: Outputs) -> tuple[Outputs, ...]:
-    """The command of a row. held: the one before it, which goes on for motors that the row does not name."""
+    """The command of a row, or none. held: the command before it, which continues for motors that the row
+    does not name."""
     duty = _take(row, "motor.{}.duty", MOTOR_PORTS)
     brake = _take(row, "motor.{}.brake", MOTOR_PORTS)
     servo = _take(row, "servo.{}.pulse_us", SERVO_PORTS)

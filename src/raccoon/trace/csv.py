@@ -1,7 +1,6 @@
-"""The CSV interchange format: one row a sample, blank where a sensor gave nothing new (docs/trace-format.md).
+"""The CSV interchange format: one row a sample, blank if a sensor gave nothing new (docs/trace-format.md).
 
-Numbers are written in the shortest form that reads back as the same float. Columns this library does not
-know are kept.
+Numbers are written in the shortest form that reads back as the same float. Unknown columns are kept.
 """
 
 from __future__ import annotations
@@ -32,11 +31,11 @@ MAX_PROBLEMS = 1000
 TIME_ALLOWED = "allowed are numbers that do not go back"
 _COLORS = {"black": 1.0, "white": 0.0}
 _FORMAT_COLUMN = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estimate)\..+")
-"""Columns of the format. What others hold is kept where it is numbers."""
+"""Columns of the format. Other columns are kept if they contain numbers."""
 BLANK_WORDS = ("nan", "-nan", "na", "n/a", "#n/a", "null", "none")
-"""What programs write for a blank."""
+"""Texts that programs write for a blank."""
 MAX_WORDS_LISTED = 10
-"""Lines with no number in a column of others that are reported one by one."""
+"""Most lines without a number in a column outside the format that are reported one by one."""
 Columns: TypeAlias = "dict[str, array[float]]"
 _ORDER = ("t", "motor", "servo", "battery", "imu", "analog", "digital", "truth")
 
@@ -45,11 +44,11 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
     """Read a recording from CSV.
 
     strict: raise TraceError at the first bad row or value, naming line, column and value. Otherwise a bad
-    value is left blank, a bad row and a last one without an end left out, and each is listed in
-    `Recording.problems`; of words for nothing, such as NaN, the first in each column. A file that has no
-    usable header, is too large or is wrong almost everywhere is refused in any case. A column that is none of
-    the format and holds words is said once. Columns may also be parted by semicolons or tabs, and halves
-    written 0,5 then, as spreadsheets do in many countries.
+    value is blank, a bad row and a last row without an end are left out, and `Recording.problems` lists them;
+    of texts for a blank, such as NaN, it lists the first in each column. A file without a usable header, too
+    large or wrong almost everywhere raises TraceError in any case. A column outside the format that contains
+    words is reported once. Semicolons or tabs may also separate the columns; then decimal commas are allowed,
+    as spreadsheets write them in many countries.
     """
     path = Path(path)
     try:
@@ -65,15 +64,15 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
 class _Reader:
     def __init__(self, file: IO[str], strict: bool, separator: str) -> None:
         self._rows, self._separator = CsvRows(file, separator), separator
-        self._commas = separator != ","  # whether halves may be 0,5
-        self._mark = ""  # what they turned out to be written with
+        self._commas = separator != ","  # whether decimal commas are allowed
+        self._mark = ""  # decimal mark found so far
         self._strict = strict
         self._problems: list[str] = []
         self._events: list[Event] = []
         self._count = 0
         self._time_order = TimeOrder()
-        self._words: dict[str, int] = {}  # of columns of others: how many lines hold no number
-        self._nothing: dict[str, tuple[str, int]] = {}  # by column: where first, and in how many lines more
+        self._words: dict[str, int] = {}  # lines without a number, by column outside the format
+        self._nothing: dict[str, tuple[str, int]] = {}  # by column: first text for a blank, further lines
         self._out_of_range = OutOfRangeDuties()
 
     def recording(self) -> Recording:
@@ -99,7 +98,7 @@ class _Reader:
         return Recording(found, self._events, problems=self._problems)
 
     def _leave_out_words(self, columns: dict[str, NDArray[np.float64]]) -> None:
-        """A column of others that holds words, such as the names of states, is said once."""
+        """Report each column outside the format that contains words, such as names of states, once."""
         for name, lines in self._words.items():
             if lines <= MAX_WORDS_LISTED:
                 continue
@@ -122,7 +121,7 @@ class _Reader:
             self._report("the line has no end: the file may be cut off in it, so it is left out")
             return None
         if len(cells) == len(names) + 1 and not cells[-1].strip():
-            cells = cells[:-1]  # a separator behind the last one
+            cells = cells[:-1]  # a separator after the last value
         if len(cells) != len(names):
             self._report(f"{len(cells)} values where the header names {len(names)} columns")
             return None
@@ -171,8 +170,8 @@ class _Reader:
         return value
 
     def _with_point(self, cell: str) -> str:
-        """A number as spreadsheets write it in many countries. Where both marks are in a file, one of them
-        parts thousands, and which is not known."""
+        """A number with a decimal point instead of a comma. Raises TraceError if the file contains both
+        marks, because one of them separates thousands and it is unknown which."""
         mark = "," if "," in cell else "." if "." in cell else ""
         if mark and self._mark not in ("", mark):
             raise TraceError(
@@ -190,7 +189,7 @@ class _Reader:
             columns[name].append(value)
 
     def _take_back(self, columns: Columns) -> None:
-        """Leave out the row that was kept last."""
+        """Remove the row that was kept last."""
         self._count -= 1
         self._events = [each for each in self._events if each.tick != self._count]
         for column in columns.values():
@@ -215,7 +214,7 @@ class _Reader:
 
 
 def _parse(name: str, cell: str) -> tuple[float | None, str]:
-    """Value of a cell, None where it is not allowed, and what is."""
+    """Value of a cell, None if it is not allowed, and the allowed values."""
     if SURFACE.fullmatch(name) and cell.strip() in _COLORS:
         return _COLORS[cell.strip()], ""
     value = _number(cell)
@@ -224,12 +223,13 @@ def _parse(name: str, cell: str) -> tuple[float | None, str]:
 
 
 def _must_be_number(name: str, cell: str) -> bool:
-    """Whether a cell must be a number, or is one: columns of others may hold words."""
+    """Whether a cell must be a number, or is one: columns outside the format may contain words."""
     return _FORMAT_COLUMN.fullmatch(name) is not None or _number(cell.replace(",", ".", 1)) is not None
 
 
 def _number(cell: str) -> float | None:
-    """None for what is none: Python reads 1_000 as one, and a file that holds it means something else."""
+    """The number in a cell, None if it is none or not finite. Python reads 1_000 as a number, but a file that
+    contains it means something else."""
     try:
         value = float(cell)
     except ValueError:
@@ -238,9 +238,9 @@ def _number(cell: str) -> float | None:
 
 
 def write_csv(recording: Recording, path: str | Path) -> None:
-    """Write a recording as CSV; the file appears whole or not at all. NaN is written as blank.
+    """Write a recording as CSV; the file appears completely or not at all. NaN is written as blank.
 
-    Raises TraceError for an infinite value, which the format has no word for.
+    Raises TraceError for an infinite value, which the format cannot represent.
     """
     recording.check_finite()
     names = sorted(recording.columns, key=_rank)
@@ -248,22 +248,22 @@ def write_csv(recording: Recording, path: str | Path) -> None:
     for event in recording.events:
         events[event.tick] = f"{events[event.tick]}; {event.text}" if event.tick in events else event.text
     with replacing(Path(path)) as raw:
-        # A remark may name a file whose name is no text.
+        # A remark may contain a file name that is no valid text.
         file = io.TextIOWrapper(raw, encoding="utf-8", errors="backslashreplace", newline="")
         try:
             writer = csv.writer(file, lineterminator="\n")
-            # Python before 3.13 puts no \r between quotation marks, and alone it ends a line when it is read.
+            # Python before 3.13 does not quote \r, which by itself ends a line when it is read.
             quoting = csv.writer(file, lineterminator="\n", quoting=csv.QUOTE_ALL)
             writer.writerow(names + [EVENT] * bool(events))
             for row, cells in enumerate(zip(*(_cells(recording, name) for name in names), strict=True)):
                 text = events.get(row, "")
                 (quoting if "\r" in text else writer).writerow([*cells, text] if events else cells)
         finally:
-            file.detach()  # flushed; who opened it closes it
+            file.detach()  # flushes; `replacing` closes the file
 
 
 def _rank(name: str) -> tuple[int, list[tuple[int, str]]]:
-    """t first, then the order of the format, numbers counted as numbers."""
+    """Sort key of a column: t first, then the order of the format, port numbers by size."""
     parts = name.split(".")
     group = _ORDER.index(parts[0]) if parts[0] in _ORDER else len(_ORDER)
     return group, [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]

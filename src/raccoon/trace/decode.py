@@ -1,4 +1,5 @@
-"""One line of JSON to one cycle. The file is untrusted: every field is checked for type, size and range."""
+"""Decoding of a line of JSON into a cycle. The file is untrusted: type, size and range of every field are
+checked."""
 
 from __future__ import annotations
 
@@ -25,8 +26,8 @@ _FIELDS = {
 
 
 def parse_line(line: bytes) -> dict[str, Any]:
-    """The JSON table of a line. Raises TraceError where it is something else."""
-    # The parser recurses: a line of nothing but brackets must not reach it.
+    """The JSON table in a line. Raises TraceError for anything else."""
+    # The parser is recursive: a line of nothing but brackets must not reach it.
     if line.count(b"[") + line.count(b"{") > MAX_BRACKETS:
         raise TraceError(f"more than {MAX_BRACKETS} brackets in one line")
     try:
@@ -52,7 +53,7 @@ def parse_device(table: object) -> Device:
     for key in (*scales, "analog_full_scale"):
         if not (_is_number(table.get(key)) and table[key] > 0):
             raise TraceError(f"device.{key} is {format_value(table.get(key))}: allowed are numbers above 0")
-    # Old recordings have none of what follows.
+    # Old recordings lack the following fields.
     lag, dead_zone = table.get("bemf_lag"), table.get("bemf_dead_zone", 0.0)
     for key, value in (("bemf_lag", 0.0 if lag is None else lag), ("bemf_dead_zone", dead_zone)):
         if not (_is_number(value) and value >= 0):
@@ -148,7 +149,7 @@ def _row(value: object, field: str, each: Callable[[object, str], Any]) -> tuple
     entries = _list(value, field, MAX_PORTS)
     try:
         return tuple([each(entry, field) for entry in entries])
-    except TraceError:  # a name for every entry takes longer than all else, and is for the wrong one alone
+    except TraceError:  # names are slow to make, and only a wrong entry needs one
         return tuple([each(entry, f"{field}[{index}]") for index, entry in enumerate(entries)])
 
 

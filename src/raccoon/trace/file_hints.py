@@ -1,4 +1,4 @@
-"""Hints for messages about files and columns that cannot be read: what they seem to be, and what is
+"""Hints for messages about files and columns that cannot be read: what they probably are, and what is
 accepted."""
 
 from __future__ import annotations
@@ -24,25 +24,26 @@ OTHER_KINDS: Mapping[str, str] = {
     **dict.fromkeys((".xlsx", ".xls", ".ods"), "a spreadsheet, which has to be saved as CSV"),
     ".parquet": "a table of a sweep",
 }
-"""What files are that people have beside their recordings, by the endings of their names."""
+"""Descriptions of other files that lie beside recordings, by the endings of their names."""
 PICTURE_SIGNATURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF")
-"""How pictures begin, whatever their names."""
+"""First bytes of pictures, whatever their names."""
 SWEEP_HEADER = "run,seed,status,"
 SEPARATORS = (",", ";", "\t")
 SNIFFED_BYTES = 4096
 COUNTER_RANGES = (2.0**32, 2.0**31, 2.0**16)
-"""Where the clocks of small controllers begin anew, in s, ms or us."""
+"""Ranges after which the counters of small controllers' clocks wrap, in s, ms or us."""
 WRAP_TOLERANCE = 0.02
-"""Part of that within which a time has come to its end, and begun."""
+"""Share of such a range within which a time is at its end, or at its beginning."""
 MIN_OUT_OF_ORDER_SHARE = 0.9
-"""Part of a time up to which a second recording, which begins anew, has begun."""
+"""Share of the previous time above which a time that goes back is out of order; below, a second recording has
+started."""
 MAX_INVALID_LETTERS = 4
-"""Letters of a header that are no UTF-8: an old program may have written a few."""
+"""Most invalid UTF-8 letters in a header: an old program may have written a few."""
 MAX_MISNAMED_LISTED, OTHERS_SAID = 4, 6
 SEPARATOR_PREFIX = "sep="
-"""How a CSV of Excel may begin: the first line says what stands between the columns."""
+"""Start of the first line of some CSV files of Excel; the separator of the columns follows."""
 COMMENT_MARKS = ("#", "%")
-"""How lines begin that MATLAB, NumPy and loggers write before the rows, the header among them."""
+"""Start of the lines that MATLAB, NumPy and loggers write before the rows, the header among them."""
 _TIME = re.compile(
     r"(.*[./_])?((time|zeit|timestamp|stamp|seconds?|secs?|millis|micros|ms|us)\b.*|t|t\W.*|time_.*)",
     re.IGNORECASE,
@@ -57,15 +58,16 @@ _KNOWN = re.compile(
     r"|truth.(x|y|heading|surface.\d+))(\s*[(\[/].*)?".replace(".", _BETWEEN).replace(f"{_BETWEEN}*", ".*"),
     re.IGNORECASE,
 )
-"""Names of the format, but for those that a team makes up itself, with whatever people and programs write
-between their parts and behind them."""
+"""The fixed names of the format, with anything that people and programs write between their parts and after
+them."""
 _ASKED = {
     "motor.N.duty": r"motor\.\d+\.(duty|voltage|force|torque)",
     "motor.N.bemf": r"motor\.\d+\.(bemf|position|speed|travel|angle)",
     "imu.gyro.z": r"imu\.gyro\.z",
     "battery.voltage": r"battery\.voltage",
 }
-"""What a drive is judged by, and by which names it may be there."""
+"""Columns that the diagnosis of a drive needs, each with the pattern of the names under which it may
+exist."""
 _NAMES = (
     *(f"motor.N.{each}" for each in ("duty", "bemf", "position", "current", "voltage", "speed")),
     *(f"motor.N.{each}" for each in ("force", "torque", "travel", "angle", "brake")),
@@ -73,14 +75,14 @@ _NAMES = (
     *("battery.voltage", "imu.temperature", "analog.N", "digital.N", "servo.N.pulse_us"),
     *("truth.x", "truth.y", "truth.heading", "truth.surface.N"),
 )
-"""Names of the format as they are written, N for the number of a port."""
+"""The names of the format, with N for the number of a port."""
 _MADE_UP = re.compile(r"t|event|fault\..*|estimate\..*")
-"""The other names of the format."""
+"""The other names of the format, parts of which are free."""
 _PARTS = re.compile(r"(motor|servo|battery|imu|analog|digital|truth)(gyro|accel|surface)?(\d+)?(.*)")
 
 
 def missing_time_reason(names: Iterable[str]) -> str:
-    """Why a header without t is none, with what seems to be it."""
+    """Why a header without t is invalid, with the column that is probably the time."""
     header = ",".join(names)
     cells = _cells(header)
     said = f"there is no column t in the header {header[:80]!r}; t is the time in s"
@@ -97,12 +99,12 @@ def _cells(header: str) -> list[str]:
 
 
 def without_comment_mark(text: str) -> str:
-    """The text without a mark of a remark before it."""
+    """The text without a leading comment mark."""
     return text.lstrip("".join(COMMENT_MARKS) + " ")
 
 
 def is_comment(line: str) -> bool:
-    """Whether a line before the rows is a remark, and not the header behind a mark of one."""
+    """Whether a line before the rows is a comment, and not the header after a comment mark."""
     if not line.startswith(COMMENT_MARKS):
         return False
     cells = [each.strip() for each in _cells(without_comment_mark(line))]
@@ -110,7 +112,8 @@ def is_comment(line: str) -> bool:
 
 
 def clock_reset_reason(before: float, now: float) -> str:
-    """Of a time that goes back, and on from there: why it may, for a message."""
+    """The probable reason why the time goes back from `before` to `now` and continues from there, as a
+    message."""
     said = f"it goes back from {before:.9g} to {now:.9g} there"
     for size in COUNTER_RANGES:
         for unit in (1.0, 1e-3, 1e-6):
@@ -123,7 +126,7 @@ def clock_reset_reason(before: float, now: float) -> str:
 
 
 def not_a_number_hint(name: str, cell: str) -> str:
-    """What a cell seems to be that is no number, for a message; "" where nothing is known."""
+    """The probable content of a cell that is no number, as a message; "" if unknown."""
     if name == "t" and _DATE.fullmatch(cell.strip()):
         return "; it looks like a date or a time of day"
     halves = _DECIMAL_COMMA.fullmatch(cell.strip())
@@ -131,8 +134,8 @@ def not_a_number_hint(name: str, cell: str) -> str:
 
 
 def misnamed_columns_note(names: Collection[str]) -> str:
-    """Which columns seem to be those of the format but for a unit, capital letters, what stands between their
-    parts or a mistyped letter; "" where none does."""
+    """A message about the columns that are probably those of the format except for a unit, capital letters,
+    other separators between their parts or a mistyped letter; "" if there are none."""
     matches = {name: _KNOWN.fullmatch(name) for name in names}
     meant = {name: _format_name(match[1]) if match else _mistyped(name) for name, match in matches.items()}
     found = [f"{name!r} is to be {known}" for name, known in meant.items() if known and known not in names]
@@ -145,8 +148,8 @@ def misnamed_columns_note(names: Collection[str]) -> str:
 
 
 def _mistyped(name: str) -> str:
-    """The name of the format whose parts are each that of `name` but for a letter more or less, or a wrong
-    one; "" where there is none. Two of another sensor differ by a whole part."""
+    """The name of the format whose parts each differ from those of `name` by at most one letter (missing,
+    additional or wrong); "" if there is none. Names of different sensors differ by a whole part."""
     port = re.search(r"\d+", name)
     parts = re.sub(r"\d+", "N", name).split(".")
     for known in _NAMES:
@@ -161,8 +164,8 @@ def _is_mistyped(part: str, own: str) -> bool:
 
 
 def unnamed(names: Collection[str]) -> str:
-    """Which columns the format does not have, where it has none of a kind that a drive is judged by; "" where
-    nothing is missing, or there is no other column that may be it."""
+    """A message about the columns that are not in the format, if the recording lacks a kind of column that
+    the diagnosis of a drive needs; "" if nothing is missing or there are no other columns."""
     missing = [name for name, kind in _ASKED.items() if not any(re.fullmatch(kind, each) for each in names)]
     others = [name for name in names if not _KNOWN.fullmatch(name) and not _MADE_UP.fullmatch(name)]
     more = f" and {len(others) - OTHERS_SAID} more" if len(others) > OTHERS_SAID else ""
@@ -181,10 +184,10 @@ def _format_name(name: str) -> str:
 
 
 def find_csv_separator(path: Path) -> str:
-    """What stands between the columns of a CSV: a comma, or what a spreadsheet writes where halves are 0,5.
+    """The separator of the columns of a CSV: a comma, or the one that spreadsheets write with decimal commas.
 
-    Raises TraceError for what is no CSV, by its name and by how it begins: its first line would be shown as a
-    header.
+    Raises TraceError for a file that is no CSV, by its name and its beginning, because its first line would
+    otherwise be shown as a header.
     """
     with path.open("rb") as file:
         start = file.read(SNIFFED_BYTES)
@@ -212,14 +215,14 @@ def find_csv_separator(path: Path) -> str:
 
 
 def _check_form(start: bytes, line: str) -> None:
-    """Raise TraceError for what would be a CSV or a trace in another form or by another name."""
+    """Raise TraceError for a file that must be converted or renamed to be a CSV or a trace."""
     check_not_picture(start)
     if start.startswith((b"\x1f\x8b", b"PK\x03\x04")):
         raise TraceError("the file is packed: unpack it first, or name it .jsonl.gz where it is a trace")
     halves = (
         start[:40:2].count(0),
         start[1:40:2].count(0),
-    )  # of UTF-16 every second byte is 0, of a program any
+    )  # in UTF-16 every second byte is 0, in a program any byte
     if start.startswith((b"\xff\xfe", b"\xfe\xff")) or (max(halves) > 8 and min(halves) == 0):
         raise TraceError("the text is UTF-16: save it as UTF-8")
     if start.lstrip().startswith(b"{"):
@@ -229,6 +232,6 @@ def _check_form(start: bytes, line: str) -> None:
 
 
 def check_not_picture(start: bytes) -> None:
-    """Raise TraceError for a file that begins as a picture does, whatever its name."""
+    """Raise TraceError for a file that begins like a picture, whatever its name."""
     if start.startswith(PICTURE_SIGNATURES):
         raise TraceError(f"it seems to be {OTHER_KINDS['.png']}; {ACCEPTED_TEXT}")
