@@ -1,6 +1,6 @@
 """MCAP export and import, with the column names as topics (extra `view`).
 
-One JSON message {"value": ...} a sample on the topic of its column, so Foxglove plots it as it is; nothing
+One JSON message {"value": ...} a sample on the topic of its column, which Foxglove can plot directly; none
 where the column is blank. The message time is `t` in nanoseconds; the exact float is on the topic `t`, and
 the sequence number is the row.
 """
@@ -35,18 +35,18 @@ MAX_BYTES = 1 << 30
 MAX_VALUES = 20_000_000
 MAX_PROBLEMS = 100
 MAX_MESSAGE = 12 * MAX_TEXT + 100
-"""Bytes; a letter of a remark may take twelve."""
+"""Largest message, bytes; a letter of a remark may take twelve."""
 MAX_SECONDS = 1.8e10
-"""64 bits of nanoseconds."""
+"""Largest time, s: 64 bits of nanoseconds."""
 _PROFILE = "raccoon"
 _TICK = "position_counts_seconds"
 
 
 def write_mcap(recording: Recording, path: str | Path) -> None:
-    """Write a recording as MCAP; the file appears whole or not at all.
+    """Write a recording as MCAP; the file appears completely or not at all.
 
-    Raises ConfigError where the package mcap is not installed, TraceError for times that MCAP cannot hold and
-    for an infinite value.
+    Raises ConfigError if the package mcap is not installed, TraceError for times that MCAP cannot represent
+    and for an infinite value.
     """
     recording.check_finite()
     with _installed():
@@ -99,11 +99,11 @@ def _write_rows(writer: Writer, recording: Recording) -> None:
 
 
 def read_mcap(path: str | Path) -> Recording:
-    """Read the JSON topics {"value": ...} of an MCAP file as columns, whoever wrote it.
+    """Read the JSON topics {"value": ...} of an MCAP file of any origin as columns.
 
-    A damaged file is read up to the damage; that and values that their column does not allow are left out
-    and listed in `Recording.problems`.
-    Raises TraceError where nothing can be read, ConfigError where the package mcap is not installed.
+    A damaged file is read up to the damage. The damage, and values that their column does not allow, are left
+    out and listed in `Recording.problems`. Raises TraceError if nothing can be read, ConfigError if the
+    package mcap is not installed.
     """
     path = Path(path)
     with _installed():
@@ -123,7 +123,7 @@ def read_mcap(path: str | Path) -> Recording:
 
 
 def _records(file: IO[bytes]) -> Iterator[Any]:
-    """Records of the file and of its chunks. Raises TraceError for any damage."""
+    """The records of the file and of its chunks. Raises TraceError for any damage."""
     from mcap.exceptions import McapError
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
@@ -154,7 +154,8 @@ def _records(file: IO[bytes]) -> Iterator[Any]:
 
 
 def _unpacked(compression: str, data: bytes) -> bytes:
-    """Content of a chunk. What the chunk says about its own size is not believed."""
+    """Content of a chunk. The size that the chunk itself states is not trusted. Raises TraceError for a
+    damaged or too large chunk."""
     if compression == "zstd":
         import zstandard
 
@@ -174,7 +175,7 @@ def _unpacked(compression: str, data: bytes) -> bytes:
 
 
 class _Rows:
-    """Messages to rows: one row for each time and sequence number."""
+    """Collects messages into rows: one row for each time and sequence number."""
 
     def __init__(self) -> None:
         self.problems: list[str] = []
@@ -185,8 +186,8 @@ class _Rows:
         self._count = 0
         self._tick = 1.0
         self._out_of_range = OutOfRangeDuties()
-        self._unread: dict[str, str] = {}  # encodings of topics that are no JSON
-        self._numberless: dict[str, tuple[bytes, int]] = {}  # topics: a message without a number, how many
+        self._unread: dict[str, str] = {}  # encodings of topics that are not JSON
+        self._numberless: dict[str, tuple[bytes, int]] = {}  # by topic: first message without a number, count
 
     def take(self, record: Any) -> None:
         from mcap.records import Channel, Header, Message, Metadata
@@ -207,7 +208,7 @@ class _Rows:
         self._count += 1
         if self._count > MAX_VALUES:
             raise TraceError(f"more than {MAX_VALUES} messages")
-        # Others number the messages of each topic; only their time says what belongs together.
+        # Other programs number the messages by topic; only the time shows which belong together.
         key = (message.log_time, message.sequence if self._ours else 0)
         value = _value(message.data)
         if isinstance(value, str) and topic == EVENT:
@@ -245,7 +246,7 @@ class _Rows:
             self._report(
                 f"topic {topic}: left out, its messages are {encoding or 'of no encoding'} and not json"
             )
-        for topic, (data, count) in self._numberless.items():  # once: a topic of others may be all of that
+        for topic, (data, count) in self._numberless.items():  # once a topic: all its messages may be such
             others = f", and {count - 1} more of its messages" if count > 1 else ""
             self._report(f"topic {topic}: {data!r} has no number as value{others}")
         self._out_of_range.check(len(self._rows))
@@ -269,7 +270,7 @@ class _Rows:
 
 def _value(data: bytes) -> object:
     try:
-        # A whole number of hundreds of digits is one that no float holds: infinite, like 1e999.
+        # An integer of hundreds of digits is beyond the range of a float: infinite, like 1e999.
         message = json.loads(data, parse_int=float) if len(data) <= MAX_MESSAGE else None
     except (ValueError, RecursionError):
         return None

@@ -1,1 +1,1 @@
-"""Recordings made by others, brought into the columns of this library, with what is doubtful in them."""
+"""Recordings of others, converted into the columns of this library; doubtful values are reported."""

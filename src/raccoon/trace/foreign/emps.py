@@ -1,5 +1,5 @@
-"""EMPS: a positioning axis (motor and ball screw) at 1 kHz, commanded force and measured position, as MATLAB
-file: `vir` V of the drive's command, `gtau` N/V, `qm` m, `t` s."""
+"""EMPS: a positioning axis (motor and ball screw) at 1 kHz, with commanded force and measured position, as a
+MATLAB file: `vir` command to the drive in V, `gtau` N/V, `qm` m, `t` s."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from raccoon.trace.recording import Recording
 
 
 def read_emps(path: str | Path) -> Recording:
-    """Columns `motor.0.force` (N) and `motor.0.travel` (m).
+    """Read an EMPS file: columns `motor.0.force` (N) and `motor.0.travel` (m).
 
-    Raises TraceError where the file is not of this kind, FileNotFoundError where there is none.
+    Raises TraceError if the file is not of this kind, FileNotFoundError if there is none.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError

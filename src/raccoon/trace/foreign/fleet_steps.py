@@ -1,4 +1,5 @@
-"""Voltage steps of two motors at 1 kHz: commanded voltage, current, rim speed and battery voltage."""
+"""Fleet steps: voltage steps of two motors at 1 kHz, with commanded voltage, current, rim speed and battery
+voltage."""
 
 from __future__ import annotations
 
@@ -14,19 +15,20 @@ HEADER = (
     "left_velocity_m_per_s", "right_velocity_m_per_s", "battery_V",
 )  # fmt: skip
 WHEEL_RADIUS = 0.03
-"""m, nominal of these robots; it is not in the files, which give the speed of the rim."""
+"""Nominal wheel radius of these robots, m; the files contain only the speed of the rim."""
 DEAD_CURRENT = 0.01
-"""A; a driven motor that never draws more has no working current sensor."""
+"""Current up to which the sensor of a driven motor is dead, A."""
 SPIKE = 1.0
-"""m/s from one reading of the speed to the next and back; the fastest real change is a tenth of it."""
+"""Step of the speed to the next reading and back, m/s, from which a reading is impossible; the fastest real
+change is a tenth of it."""
 
 
 def read_fleet_steps(path: str | Path, *, wheel_radius: float = WHEEL_RADIUS) -> Recording:
-    """Columns `motor.N.voltage`, `motor.N.current`, `motor.N.speed`, `motor.N.rim_speed` (m/s, as recorded)
-    for the left (0) and the right (1) motor, and `battery.voltage`.
+    """Read fleet steps: columns `motor.N.voltage`, `motor.N.current`, `motor.N.speed`, `motor.N.rim_speed`
+    (m/s, as recorded) for the left (0) and the right (1) motor, and `battery.voltage`.
 
-    A dead current channel and single impossible speeds are blank and named in `problems`.
-    Raises TraceError where the file is not of this kind, ValueError for a radius that is not above 0.
+    wheel_radius: m. A dead current channel and single impossible speeds are blank and reported in `problems`.
+    Raises TraceError if the file is not of this kind, ValueError for a radius that is not above 0.
     """
     if not wheel_radius > 0.0:
         raise ValueError(f"wheel_radius is {wheel_radius} m: it must be above 0")
@@ -47,7 +49,8 @@ def read_fleet_steps(path: str | Path, *, wheel_radius: float = WHEEL_RADIUS) ->
 
 
 def _without_spikes(port: int, speed: Column, problems: list[str]) -> Column:
-    """The speed is held between encoder edges, so a spike lasts as long as its value does."""
+    """The speed with impossible readings blank. It is constant between encoder edges, so a spike lasts as
+    long as its value."""
     starts = np.flatnonzero(np.diff(speed, prepend=np.nan) != 0.0)
     held = speed[starts]
     jump = np.abs(np.diff(held))

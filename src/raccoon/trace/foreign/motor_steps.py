@@ -1,10 +1,10 @@
-"""Open-loop steps of a single Wombat motor: command in per cent and a speed that a filter has been over.
+"""Wombat motor steps: open-loop steps of a single motor, with the command in per cent and a filtered speed.
 
-The recorded speed is y[i] = 0.2 y[i-1] + 0.8 x[i], x being the step of the position counter over the time
-between two samples. So x is recovered to the printed digits, and with it what the filter hides: the first
-sample holds whatever the filter held before (up to 2000 rad/s) and spoils the following ones, and where x is
-0 between moving samples the counter was read twice between two updates. The first sample and the repeated
-ones say nothing about the motor; they are left blank and reported.
+The recorded speed is y[i] = 0.2 y[i-1] + 0.8 x[i], where x is the step of the position counter over the time
+between two samples. So x can be recovered to the printed digits, and with it what the filter hides: the first
+sample contains the earlier state of the filter (up to 2000 rad/s) and spoils the following ones, and where x
+is 0 between moving samples the counter was read twice between two updates. The first sample and the repeated
+ones contain no information about the motor; they are blank and reported.
 """
 
 from __future__ import annotations
@@ -26,21 +26,23 @@ FILTER_SHARE = 0.2
 PRINTED = 0.5e-4
 """Largest rounding error of a printed speed, rad/s."""
 ONE_COUNT = 0.4
-"""rad/s; speed of one count a sample. A leftover of the filter below it no longer looks like motion."""
+"""Speed of one count a sample, rad/s. Below it the remains of the filter's first state do not look like
+motion."""
 LONGEST_REPEAT = 0.05
-"""s without a new count that still can be repetition; longer is standstill."""
+"""Longest time without a new count that may be repetition, s; longer is standstill."""
 TURNED_BACK = 0.2
-"""Share of the travel that must be undone before a motor is said to have reversed."""
+"""Share of the travel by which a motor must turn back to be reported as reversed."""
 
 Mask = NDArray[np.bool_]
 
 
 def read_motor_steps(path: str | Path) -> Recording:
-    """Columns `motor.N.duty`, `motor.N.speed` (rad/s, filter undone, blank where nothing was measured) and
-    `motor.N.speed_recorded` (as in the file); N is taken from the file's name, 0 where it has none.
+    """Read motor steps: columns `motor.N.duty`, `motor.N.speed` (rad/s, without the filter, blank without a
+    measurement) and `motor.N.speed_recorded` (as in the file). N comes from the file's name, 0 if it has
+    none.
 
-    `problems` says what is blank and why, and whether the motor turned against its command or back.
-    Raises TraceError where the file is not of this kind.
+    `problems` says what is blank and why, and whether the motor turned against its command or reversed.
+    Raises TraceError if the file is not of this kind.
     """
     path = Path(path)
     table = read_table(path, HEADER, header=True)
@@ -67,7 +69,7 @@ def read_motor_steps(path: str | Path) -> Recording:
 
 
 def _repeated(time: Column, raw: Column) -> Mask:
-    """Samples without a new count in gaps short enough to be repetition."""
+    """Whether each sample has no new count in a gap short enough to be repetition."""
     repeated = np.zeros(len(time), np.bool_)
     fresh = np.flatnonzero(np.abs(raw) > 2.0 * PRINTED)
     for before, after in pairwise(fresh):
@@ -77,7 +79,7 @@ def _repeated(time: Column, raw: Column) -> Mask:
 
 
 def _speed(time: Column, raw: Column, repeated: Mask) -> Column:
-    """Speed since the last sample that said something: the travel of repeated ones is in the next."""
+    """Speed since the last sample with information: the travel of repeated samples is in the next one."""
     speed = raw.copy()
     since = 0
     for index in range(1, len(time)):
@@ -102,7 +104,7 @@ def _doubts(first: float, repeated: Mask) -> list[str]:
 
 
 def _direction(time: Column, command: Column, speed: Column) -> list[str]:
-    """Whether the motor turned against its command, and whether it reversed under it."""
+    """Problems: the motor turned against its command, or reversed under it."""
     fresh = np.flatnonzero(np.isfinite(speed))
     travel = np.cumsum(speed[fresh] * np.diff(time[fresh], prepend=time[0]))
     farthest = int(np.argmax(np.abs(travel)))

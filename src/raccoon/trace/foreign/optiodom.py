@@ -1,8 +1,8 @@
-"""OptiOdom: wheel encoder ticks at 20 Hz with the pose from motion capture.
+"""OptiOdom sessions: wheel encoder ticks at 20 Hz with the pose from motion capture.
 
-A session is a folder with `metadata.csv` (gear, counts a revolution of the motor, nominal track and wheel
-diameters) and runs without a header line: time, truth x, y, heading, then the ticks of the right and of the
-left wheel in this cycle.
+A session is a folder with `metadata.csv` (gear, counts per revolution of the motor, nominal track width and
+wheel diameters) and runs without a header line: time, true x, y, heading, then the ticks of the right and of
+the left wheel in this cycle.
 """
 
 from __future__ import annotations
@@ -30,12 +30,14 @@ METADATA = "metadata.csv"
 LEFT, RIGHT = 0, 1
 DIAMETER_SPREAD = 0.01
 TRACK_SPREAD = 0.02
-"""Standard deviations as shares: the sessions name 84 and 85 mm, 200 and 205 mm for the same robot."""
+"""Standard deviations as shares of the diameter and the track width: for the same robot the sessions state 84
+and 85 mm, 200 and 205 mm."""
 _NAMES = ("t", "truth.x", "truth.y", "truth.heading", "right", "left")
 
 
 def read_run(path: str | Path) -> Recording:
-    """One run: `motor.0.position` (left) and `motor.1.position` (right) in ticks from 0, and `truth.*`."""
+    """Read one run: `motor.0.position` (left) and `motor.1.position` (right) in ticks from 0, and `truth.*`.
+    Raises TraceError if the file is not of this kind."""
     table = read_table(Path(path), _NAMES, header=False)
     columns = {
         "t": table["t"],
@@ -52,10 +54,11 @@ def read_run(path: str | Path) -> Recording:
 
 
 def read_robot(path: str | Path) -> RobotConfig:
-    """The robot of a session, left wheel on motor port 0, right on 1.
+    """The robot of a session, left wheel on motor port 0, right on 1. Raises TraceError for unusable
+    metadata.
 
-    One tick is 2 pi / (gear x counts) of the wheel. A difference of the two diameters goes into the worth of
-    the ticks, so that one wheel radius serves both.
+    One tick is 2 pi / (gear x counts) of the wheel. A difference between the two diameters is included in the
+    size of the ticks, so that one wheel radius holds for both.
     """
     entries = _metadata(Path(path))
     tick = 2.0 * math.pi / (_number(path, entries, "ngear") * _number(path, entries, "encRes"))

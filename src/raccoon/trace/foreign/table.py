@@ -1,4 +1,4 @@
-"""Bare tables of numbers with a bound on their size."""
+"""Reading of plain tables of numbers with a bound on their size."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ MAX_BYTES = 64 << 20
 
 
 def read_table(path: Path, names: tuple[str, ...], *, header: bool) -> dict[str, Column]:
-    """Columns of a CSV of numbers. header: whether the first line holds the names.
+    """The columns of a CSV of numbers. header: whether the first line contains the names.
 
-    Raises TraceError naming file, line and value where a line has another number of values, a value is no
-    finite number, the header differs or there is no data; FileNotFoundError where there is no file.
+    Raises TraceError naming file, line and value if a line has another number of values, a value is no finite
+    number, the header differs or there is no data; FileNotFoundError if there is no file.
     """
     if path.stat().st_size > MAX_BYTES:
         raise TraceError(f"{path}: the file has more than {MAX_BYTES} bytes")
