@@ -1,9 +1,9 @@
-"""Brushed DC motor at the wheel shaft, winding inductance left out.
+"""Brushed DC motor at the wheel shaft, without winding inductance.
 
     U = R I + K w            (the paper's section II; K in V s/rad)
     K I = J w' + T_c sgn w + B w
 
-Leaving the inductance out costs a delay of L / R: below 1 ms for motors of this size, against a mechanical
+Without the inductance a delay of L / R is missing: below 1 ms for motors of this size, against a mechanical
 time constant of 20-40 ms.
 """
 
@@ -15,7 +15,7 @@ import math
 def steady_speed(
     voltage: float, resistance: float, back_emf_constant: float, coulomb: float = 0.0, viscous: float = 0.0
 ) -> float:
-    """rad/s at which torque and friction balance; 0 where the motor cannot break loose.
+    """Speed at which torque and friction balance, rad/s; 0 if the motor cannot break loose.
 
     K (U - K w) / R = T_c + B w, solved for w > 0 and mirrored for U < 0.
     """
@@ -29,10 +29,11 @@ def steady_speed(
 def speed_after(
     seconds: float, speed: float, torque: float, coulomb: float, damping: float, inertia: float
 ) -> float:
-    """rad/s of a shaft `seconds` later: J w' = torque - T_c sgn w - D w, solved exactly.
+    """Speed of a shaft `seconds` later, rad/s: J w' = torque - T_c sgn w - D w, solved exactly.
 
-    Dry friction opposes the motion, whichever way the torque is, and holds a shaft at rest that is pushed by
-    no more than T_c. torque: N m at standstill. damping: N m s/rad, all that falls with the speed.
+    Dry friction opposes the motion, whatever the sign of the torque, and holds a shaft at rest if |torque| is
+    at most T_c. torque: N m at standstill. coulomb: T_c, N m. damping: D, N m s/rad, everything that
+    decreases with the speed. inertia: J, kg m2.
     """
     way = speed if speed != 0.0 else torque
     net = torque - math.copysign(coulomb, way)
@@ -43,7 +44,7 @@ def speed_after(
     after = speed + (net - damping * speed) * seconds / inertia * mean
     if net * way >= 0.0 or after * speed > 0.0:
         return after
-    # It comes to rest on the way, and may begin anew the other way.
+    # The shaft comes to rest meanwhile, and may start in the other direction.
     lost = -damping * speed / net
     needed = -speed * inertia / net * (math.log1p(lost) / lost if lost > 0.0 else 1.0)
     return speed_after(max(0.0, seconds - needed), 0.0, torque, coulomb, damping, inertia)

@@ -1,12 +1,12 @@
-"""The measured facts and worked numbers of "Hardware and Ambient Variability in Botball Robots".
+"""The measurements and derived numbers of "Hardware and Ambient Variability in Botball Robots".
 
-Tables I to III are data; what the text works out of them follows, and a test holds every number that it
+Tables I to III are data; the numbers that the text derives from them follow, and a test compares each that it
 prints to the last digit.
 
-One printed step does not follow from the numbers beside it: 7.0 V - 0.2 A * 0.05 ohm is 6.99 V, and the text
-prints 6.95 V (and 6.05 V for 6.1 V), a drop of 0.05 V, and goes on from there. The printed drop is kept here,
-since every later figure rests on it; it is what two motors at 0.2 A lose in 0.125 ohm, the resistance that
-was measured on another fleet (0.12 ohm).
+One printed step does not follow from the numbers beside it: 7.0 V - 0.2 A * 0.05 ohm is 6.99 V, but the text
+prints 6.95 V (and 6.05 V for 6.1 V), a drop of 0.05 V, and continues from there. The printed drop is kept
+here because every later figure depends on it; it is what two motors at 0.2 A lose in 0.125 ohm, the
+resistance that was measured on another fleet (0.12 ohm).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PaperMotor:
 
     @property
     def friction_torque(self) -> float:
-        """N m that the free-running motor works against: K_E I (K_T equals K_E in SI)."""
+        """Friction torque of the free-running motor, N m: K_E I (K_T equals K_E in SI)."""
         return self.back_emf_constant * self.current
 
 
@@ -63,7 +63,7 @@ class TophatReading:
 
     @property
     def contrast(self) -> int:
-        """Counts between black and white."""
+        """Difference of black and white, counts."""
         return self.black - self.white
 
 
@@ -80,7 +80,7 @@ TOPHAT_READINGS = (
 
 
 def tophat_reading(generation: str, height: float, light: str) -> TophatReading:
-    """The cell pair for a sensor generation, height (m) and light; KeyError where the paper has none."""
+    """The cell pair for a sensor generation, height (m) and light; KeyError if the paper has none."""
     for reading in TOPHAT_READINGS:
         if (reading.generation, reading.height, reading.light) == (generation, height, light):
             return reading
@@ -88,12 +88,13 @@ def tophat_reading(generation: str, height: float, light: str) -> TophatReading:
 
 
 def motor_speed(voltage: float, current: float, resistance: float, back_emf_constant: float) -> float:
-    """rad/s of a DC motor at steady state: w = (U - I R_A) / K_E, from U = R I + K_E w with dI/dt = 0."""
+    """Speed of a DC motor at steady state, rad/s: w = (U - I R_A) / K_E, from U = R I + K_E w with dI/dt =
+    0."""
     return (voltage - current * resistance) / back_emf_constant
 
 
 def battery_speeds() -> tuple[float, float]:
-    """rad/s with the half-empty and with the fresh battery."""
+    """Speed with the half-empty and with the fresh battery, rad/s."""
     half_empty, fresh = (
         motor_speed(voltage - VOLTAGE_DROP, AVERAGE_CURRENT, ASSUMED_RESISTANCE, ASSUMED_BACK_EMF_CONSTANT)
         for voltage in (TESTING_VOLTAGE, COMPETITION_VOLTAGE)
@@ -102,13 +103,15 @@ def battery_speeds() -> tuple[float, float]:
 
 
 def battery_speed_ratio() -> float:
-    """Speed with a fresh battery over speed with a half-empty one: what a time-based distance gains."""
+    """Speed with a fresh battery over that with a half-empty one: the factor by which a time-based distance
+    grows."""
     half_empty, fresh = battery_speeds()
     return fresh / half_empty
 
 
 def extreme_motor_speeds() -> tuple[float, float]:
-    """rad/s of the fastest (3) and the slowest (1) measured motor at 6.6 V, from their own currents."""
+    """Speeds of the fastest (3) and the slowest (1) measured motor at 6.6 V, rad/s, from their own
+    currents."""
     slow, fast = (
         motor_speed(TABLE_VOLTAGE, motor.current, motor.armature_resistance, motor.back_emf_constant)
         for motor in (MOTORS[0], MOTORS[2])

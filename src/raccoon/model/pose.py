@@ -1,4 +1,4 @@
-"""Places on the floor."""
+"""Poses on the floor, and the check of a heading's unit."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 
 def looks_like_degrees(angle: float) -> bool:
-    """Nobody means a broken number of degrees, nor a round one of rad."""
+    """Whether an angle is probably in degrees: a multiple of 0.5, which is unlikely for a value in rad."""
     return angle % 0.5 == 0.0
 
 
 def check_heading_unit(name: str, heading: float) -> None:
-    """Raise ValueError for a heading that is degrees by its looks.
+    """Raise ValueError for a heading in rad that is probably in degrees.
 
-    A heading counts full turns, so more than one of them may be meant, but nobody means a whole number then.
+    A heading counts full turns, so it may be beyond one, but then it is not a multiple of 0.5 rad.
     """
     if abs(heading) > math.tau and looks_like_degrees(heading):
         raise ValueError(
@@ -32,7 +32,7 @@ class Pose:
     heading: float = 0.0
 
     def __str__(self) -> str:
-        """For people: to the millimetre and a tenth of a degree."""
+        """The pose as text, to a millimetre and a tenth of a degree."""
         return f"x {self.x:z.3f} m, y {self.y:z.3f} m, heading {math.degrees(self.heading):z.1f} deg"
 
     def ahead(self, distance: float) -> Pose:
@@ -55,7 +55,7 @@ class Pose:
         return Pose(centre_x + radius * math.sin(heading), centre_y - radius * math.cos(heading), heading)
 
     def offset_of(self, x: float, y: float) -> tuple[float, float]:
-        """The point (x, y) in this pose's frame: m ahead, m to the left."""
+        """The point (x, y), m, in this pose's frame: m ahead, m to the left."""
         dx, dy = x - self.x, y - self.y
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return dx * cos + dy * sin, dy * cos - dx * sin

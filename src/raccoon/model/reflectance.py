@@ -1,4 +1,4 @@
-"""Reflectance sensor (tophat): what it reads over white and black, near and far, indoors and in the sun.
+"""Reflectance sensor (tophat): its readings over white and black, near and far, indoors and in the sun.
 
 A phototransistor pulls the converter's input down against a resistor, so light lowers the reading:
 
@@ -11,15 +11,15 @@ x is the light in units of the light that halves the reading. It is a sum of thr
     R(h) = R7 (7 mm / h)^n      the sensor's own light that white paper returns at height h
     d                           darkness: the share of the spot that lies on black, 0..1
     r                           what black tape returns of it, as a share of white
-    L                           cross-talk inside the sensor and light that never saw the floor
+    L                           cross-talk inside the sensor and light that never reached the floor
     a S(h), S(h) = S7 (h / 7 mm)^m    the sun: a = 0 is the paper's normal light, a = 1 its direct sunlight
     s                           black tape's share of the sun's light: far above r, so contrast collapses
 
-Seven numbers a sensor generation against the eight readings of the paper's Tables II and III (`fit`, closed
-form): the light of both colours adds, so indoors the four readings give R7, n, r and L exactly, and the four
-readings in the sun, less those, give S7, m and s by least squares in logarithms. One degree of freedom a
-generation is left, and costs less than 1 count. How wide a spot the sensor sees is not in the paper: the
-radius below is an assumption and a parameter.
+Each sensor generation has seven parameters and eight readings in the paper's Tables II and III (`fit`, closed
+form). The light of both sources adds up, so the four readings indoors give R7, n, r and L exactly, and the
+four readings in the sun, minus those, give S7, m and s by least squares in logarithms. One degree of freedom
+per generation is left; its residual is below 1 count. The paper does not state the size of the spot that the
+sensor sees: the radius below is an assumption and a parameter.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ MIN_HEIGHT, MAX_HEIGHT = 0.002, 0.06  # m; nearer, the light misses the receiver
 AMBIENT = {"normal": 0.0, "sun": 1.0}
 """Ambient level of the paper's two lights."""
 LINE_WIDTH, DISTANCE_PER_READING = 0.015, 0.24 / 200.0  # m, of a simulated calibration drive at 0.24 m/s
-TEXTURE = 0.02  # sd of the floor's own brightness as a share of it, from reading to reading
+TEXTURE = 0.02  # relative standard deviation of the floor's brightness between readings
 
 Number = TypeVar("Number", float, NDArray[np.float64])
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """A sensor at one height. Plain numbers, so that compiled code can take them as they are.
+    """A sensor at one height, as plain numbers for compiled code.
 
     reflected: R(h). reflected_by_black: r. leak: L. sun: S(h). sun_by_black: s (see the module).
     """
@@ -86,7 +86,8 @@ class SensorModel:
     sun_by_black: float
 
     def at(self, height: float, gain: float = 1.0) -> Optics:
-        """The sensor `height` m above the floor; gain: its LED and receiver against the measured one's.
+        """The sensor `height` m above the floor. gain: that of its LED and receiver over the measured
+        sensor's.
 
         Raises ConfigError for a height outside 2..60 mm or a gain that is not above 0.
         """
@@ -164,11 +165,11 @@ def counts(darkness: Number, generation: str, height: float, ambient: Number | f
 
 
 def height_doubt(height: float) -> float:
-    """m by which the height that two readings tell may be off, since the law between and beyond the two
-    measured heights is nobody's knowledge.
+    """Standard deviation, m, of a height derived from two readings, since the law between and beyond the two
+    measured heights is unknown.
 
-    A power of the height and an exponential go through both, and differ by up to 340 counts: of two laws, one
-    as likely as the other, the deviation is their difference over the square root of 2.
+    A power law and an exponential law both pass through the measured heights and differ by up to 340 counts.
+    Of two equally likely laws, the standard deviation is their difference over the square root of 2.
     """
     exponential = NEAR_HEIGHT + (FAR_HEIGHT - NEAR_HEIGHT) * math.log(height / NEAR_HEIGHT) / math.log(
         FAR_HEIGHT / NEAR_HEIGHT
@@ -177,9 +178,9 @@ def height_doubt(height: float) -> float:
 
 
 def black_doubt(generation: str, height: float) -> float:
-    """Counts by which black may be off at a height that white tells: what cross-talk and tape send back there
-    goes with the light over white only as far as the two measured heights say. The difference to a power of
-    the height that black has for itself."""
+    """Uncertainty of black, counts, at a height (m) derived from white. That black's light (tape and
+    cross-talk) follows white's is known only at the two measured heights; the uncertainty is the difference
+    to a power law of the height fitted to black alone."""
     near, far, here = (fit(generation).at(each) for each in (NEAR_HEIGHT, FAR_HEIGHT, height))
     share = math.log(height / NEAR_HEIGHT) / math.log(FAR_HEIGHT / NEAR_HEIGHT)
     own = near.light(1.0) * (far.light(1.0) / near.light(1.0)) ** share
@@ -187,7 +188,7 @@ def black_doubt(generation: str, height: float) -> float:
 
 
 def spot_radius(height: float) -> float:
-    """m: radius of the floor disc that the sensor sees. An assumption: 1.5 mm and 0.15 of the height."""
+    """Radius of the floor disc that the sensor sees, m. An assumption: 1.5 mm plus 0.15 of the height."""
     return 0.0015 + 0.15 * height
 
 
@@ -215,9 +216,10 @@ def read(
     ambient: Array | float = 0.0,
     noise: float = 3.0,
 ) -> Array:
-    """Readings as the converter gives them: whole counts in 0..4095.
+    """Readings of the converter: integer counts in 0..4095.
 
-    darkness: share of the spot on black, shape (n,). noise: counts, sd of a standing sensor (2..5 measured).
+    darkness: share of the spot on black, shape (n,). noise: standard deviation of a sensor at rest, counts
+    (2..5 measured).
     """
     patchy = optics.light(darkness, ambient) * np.exp(TEXTURE * rng.standard_normal(darkness.shape))
     exact = FULL_SCALE / (1.0 + patchy) + noise * rng.standard_normal(darkness.shape)
@@ -234,8 +236,9 @@ def drive_over_line(
 ) -> tuple[Array, Array]:
     """A calibration drive across one black line on white, in one of the paper's conditions.
 
-    Returns (samples, darkness), both of shape (n,): the counts in order of time, and the truth, the share of
-    the spot on black (0 white, 1 black, between at the edges). The line lies at random, not near the ends.
+    Returns (samples, darkness), both of shape (n,): the counts in order of time, and the true share of the
+    spot on black (0 white, 1 black, between at the edges). The position of the line is random, not near the
+    ends. distance: m. noise: counts.
     """
     radius = spot_radius(condition.height)
     position = np.arange(0.0, distance, DISTANCE_PER_READING)
