@@ -16,10 +16,10 @@ x is the light in units of the light that halves the reading. It is a sum of thr
     s                           black tape's share of the sun's light: far above r, so contrast collapses
 
 Each sensor generation has seven parameters and eight readings in the paper's Tables II and III (`fit`, closed
-form). The light of both sources adds up, so the four readings indoors give R7, n, r and L exactly, and the
-four readings in the sun, minus those, give S7, m and s by least squares in logarithms. One degree of freedom
-per generation is left; its residual is below 1 count. The paper does not state the size of the spot that the
-sensor sees: the radius below is an assumption and a parameter.
+form). Light adds up (from the white and the black part of the spot, from LED and sun), so the four readings
+indoors give R7, n, r and L exactly, and the four readings in the sun, minus those, give S7, m and s by least
+squares in logarithms. One degree of freedom per generation is left; its residual is below 1 count. The paper
+does not state the size of the spot that the sensor sees: the radius below is an assumption and a parameter.
 """
 
 from __future__ import annotations
