@@ -37,7 +37,7 @@ def list_i2c_devices(path: str, opener: Callable[[str], I2cBus] = I2cBus) -> Fin
     try:
         found = bus.scan()
     except HardwareError as error:
-        remedy = "take added sensors off one by one; the touch screen and the clock hang on this bus, too"
+        remedy = "unplug added sensors one by one; the touch screen and the clock are on this bus, too"
         return Finding(subject, Verdict.WARNING, "does not work", str(error), remedy)
     finally:
         bus.close()

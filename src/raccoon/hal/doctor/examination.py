@@ -96,7 +96,7 @@ def _try_motors(
         report.add(*motors.judge_motor(config, trials[motor_port]))
     report.add(wiring_finding(config, trials))
     for motor_port in sorted(set(config.motors) - set(trials)):
-        report.add(Finding(f"motor {motor_port}", Verdict.NOT_CHECKED, "not moved: it is no driven wheel"))
+        report.add(Finding(f"motor {motor_port}", Verdict.NOT_CHECKED, "not moved: it is not a driven wheel"))
 
 
 def _calibration_findings(config: RobotConfig, device: Device) -> list[Finding]:

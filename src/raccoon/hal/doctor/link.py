@@ -65,7 +65,7 @@ def rate_findings(config: RobotConfig, cycles: Sequence[Inputs], port: object) -
     measures it."""
     periods = sorted(later.time - earlier.time for earlier, later in pairwise(cycles))
     if not periods:
-        return Finding("rate", Verdict.FAULT, "no cycles", "the port handed over one cycle only")
+        return Finding("rate", Verdict.FAULT, "no cycles", "the port delivered only one cycle")
     rate = 1.0 / max(mean(periods), 1e-9)
     wanted = 1.0 / STREAM_PERIOD if cycles[-1].device is CREATE_2 else config.controller.rate_hz
     late = sum(period > LATE_PERIODS / wanted for period in periods)
@@ -96,7 +96,7 @@ def _describe_wrong_counters(rates: Rates) -> str:
     expected, found = rates.expected_bemf, rates.bemf
     if expected is None or found is None or abs(found / expected - 1.0) <= COUNTER_TOLERANCE:
         return ""
-    return f"ticks are worked out for counters at {expected:.0f} Hz: another build of the firmware"
+    return f"ticks are calculated for counters at {expected:.0f} Hz: the firmware is another build"
 
 
 def fault_findings(cycles: Sequence[Inputs]) -> list[Finding]:

@@ -62,9 +62,9 @@ def _missing_imu_finding(rest: Sequence[Inputs]) -> Finding:
         return Finding("imu", Verdict.NOT_CHECKED, "this base has none")
     remedy = "restart the controller; if it stays, its IMU is broken: add one on I2C"
     if any(Fault.IMU_FROZEN in each.faults for each in rest):
-        problem = "its readings cannot be true (they stand still, sweep, or are far from 1 g)"
+        problem = "its readings are impossible (they stand still, sweep, or are far from 1 g)"
         return Finding("imu", Verdict.FAULT, "left out by the port", problem, remedy)
-    return Finding("imu", Verdict.FAULT, "none", "the controller hands over no IMU readings", remedy)
+    return Finding("imu", Verdict.FAULT, "none", "the controller delivers no IMU readings", remedy)
 
 
 def _gyro_finding(config: RobotConfig, rest: Sequence[Inputs], rates: Sequence[tuple[float, ...]]) -> Finding:
@@ -80,7 +80,7 @@ def _gyro_finding(config: RobotConfig, rest: Sequence[Inputs], rates: Sequence[t
     if seconds > FROZEN_AFTER and len(rates) > 2 and len(set(rates)) == 1:
         problem, remedy = "it repeats one reading: it is frozen", "restart the controller"
     elif noise > STILL_LIMIT:
-        problem = "its turn rate wanders while the robot stands"
+        problem = "its turn rate drifts while the robot stands"
         remedy = (
             "keep the robot still; if it stays, update the firmware (old boards sweep) or add an IMU on I2C"
         )
@@ -101,7 +101,8 @@ def _accel_finding(forces: Sequence[tuple[float, ...]]) -> Finding:
     if abs(total / GRAVITY - 1.0) > GRAVITY_TOLERANCE:
         problem = "gravity is not 1 g"
         remedy = (
-            "keep the robot still; if it stays, the IMU is broken or another one than the firmware expects"
+            "keep the robot still; if the problem stays, the IMU is broken or not the one that the "
+            "firmware expects"
         )
     elif z < -UPRIGHT_COSINE * total:
         problem = "it is upside down"

@@ -79,9 +79,10 @@ def _off_scale_finding(measured: str, share: float, values: Mapping[str, float])
         Verdict.WARNING,
         measured,
         f"the gyro sees {share:.2f} times the turn that the wheels read",
-        "turn the robot once round by hand: where the gyro does not sum up to 360 degrees, its scale is "
-        "wrong (another full scale, a factor of 2: write gyro_scale under [model.imu] in robot.toml); where "
-        "it does, track_width and wheel_radius under [model.drive] or the motors' K_E are",
+        "turn the robot by hand through one full turn: if the gyro does not sum up to 360 degrees, its "
+        "scale is wrong (a factor of 2 is another full-scale range: write gyro_scale under [model.imu] in "
+        "robot.toml); if it does, track_width and wheel_radius under [model.drive] or the motors' K_E are "
+        "wrong",
         {**values, "gyro_over_wheels": share},
     )
 
@@ -90,9 +91,9 @@ def _advice(config: RobotConfig, wrong: list[str]) -> tuple[str, str]:
     if len(wrong) == 2:
         return (
             "both wheels turn the robot the wrong way",
-            "look which wheel moves first: if it is the right one, exchange drive.left and drive.right in "
-            "robot.toml; if it is the left one and turns backwards, change `inverted` of both motors; if the "
-            "wheels are right, the IMU is mounted upside down",
+            "watch which wheel moves first: if it is the right one, exchange drive.left and drive.right "
+            "in robot.toml; if it is the left one and it turns backwards, change `inverted` of both "
+            "motors; if the wheels are correct, the IMU is mounted upside down",
         )
     port = config.drive.left if wrong[0] == "left" else config.drive.right
     now = str(config.motor(port).inverted).lower()

@@ -99,7 +99,7 @@ class Ina219(_Monitor):
         found = _word(self._bus, self._address, _CONFIG)
         if found != _INA219_AFTER_RESET:
             raise HardwareError(
-                f"the device at {self._address:#04x} is no INA219: its configuration after a reset is "
+                f"the device at {self._address:#04x} is not an INA219: its configuration after a reset is "
                 f"{found:#06x}, not {_INA219_AFTER_RESET:#06x}"
             )
 
@@ -112,7 +112,7 @@ class Ina226(_Monitor):
     def _identify(self) -> None:
         if not _is_ina226(self._bus, self._address):
             raise HardwareError(
-                f"the device at {self._address:#04x} is no INA226: its identification differs"
+                f"the device at {self._address:#04x} is not an INA226: its identification differs"
             )
 
 

@@ -64,7 +64,7 @@ class Supervisor:
             self._process.kill()
             self.close()
             raise HardwareError(
-                "the supervisor process did not start: nobody would stop the motors of a dead program"
+                "the supervisor process did not start: nothing would stop the motors if the program dies"
             )
         os.set_blocking(self._lifeline, False)
         leave_in_forks(self)

@@ -276,7 +276,7 @@ def open_wombat(
         if found != kind:
             raise HardwareError(
                 f"robot.toml says controller.port = {kind!r}, but {dialect.name} answers: write {found!r} and"
-                " calibrate again, for its position ticks are others"
+                " calibrate again, because its position ticks differ"
             )
         if bemf_rate_hz is not None:
             dialect = dialect.with_rate(bemf_rate_hz)

@@ -181,9 +181,9 @@ def test_signs_cannot_be_judged_without_a_turn(switches: dict[str, Any]) -> None
 @pytest.mark.parametrize(
     ("subject", "switches", "problem"),
     [
-        ("imu", {"no_imu": True}, "the controller hands over no IMU readings"),
+        ("imu", {"no_imu": True}, "the controller delivers no IMU readings"),
         ("gyro", {"gyro_frozen": True}, "it repeats one reading"),
-        ("gyro", {"gyro_noise": 0.3}, "its turn rate wanders"),
+        ("gyro", {"gyro_noise": 0.3}, "its turn rate drifts"),
         ("gyro", {"gyro_bias": 0.2}, "its bias is far from robot.toml's +0.0000"),
         ("accelerometer", {"force": (0.0, 0.0, 4.9)}, "gravity is not 1 g"),
         ("accelerometer", {"force": (0.0, 0.0, -9.8)}, "it is upside down"),
@@ -265,7 +265,7 @@ def test_a_rare_fault_that_the_port_repaired_is_no_illness() -> None:
 
 def test_an_imu_that_its_port_does_not_believe_is_told_apart() -> None:
     finding = examined("imu", no_imu=True, faults=dict.fromkeys(range(1, 2000), (Fault.IMU_FROZEN,)))
-    assert finding.problem.startswith("its readings cannot be true")
+    assert finding.problem.startswith("its readings are impossible")
 
 
 def test_a_sick_link_is_told_before_what_it_makes_look_sick() -> None:

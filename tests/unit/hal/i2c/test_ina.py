@@ -74,9 +74,9 @@ def test_a_current_beyond_the_shunt_is_left_out(bus: I2cBus, kernel: FakeI2c) ->
 
 def test_a_wrong_chip_is_refused(bus: I2cBus, kernel: FakeI2c) -> None:
     kernel.chips = {0x40: MpuChip()}
-    with pytest.raises(HardwareError, match="the device at 0x40 is no INA219: its configuration after"):
+    with pytest.raises(HardwareError, match="the device at 0x40 is not an INA219: its configuration after"):
         find_monitor(bus, shunt=0.01)
-    with pytest.raises(HardwareError, match="the device at 0x40 is no INA226"):
+    with pytest.raises(HardwareError, match="the device at 0x40 is not an INA226"):
         Ina226(bus, shunt=0.01).set_up()
 
 

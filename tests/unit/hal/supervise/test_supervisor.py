@@ -128,7 +128,7 @@ def test_a_supervisor_that_is_let_go_stops_what_its_program_has_not(stopped: boo
 @pytest.mark.parametrize(
     ("script", "reason"),
     [
-        ("#!/bin/sh\nexec sleep 60\n", "did not start: nobody would stop the motors of a dead program"),
+        ("#!/bin/sh\nexec sleep 60\n", "did not start: nothing would stop the motors if the program dies"),
         ("#!/bin/sh\nexit 0\n", "did not start"),
         ("#!nowhere\n", "cannot be started: .*No such file"),
     ],

@@ -12,7 +12,7 @@ SPEED_HZ = 16_000_000
 GAP_US = 50
 """Pause that the co-processor needs after each frame, us."""
 NO_WOMBAT = (
-    "on a computer that is no Wombat run a program by `raccoon simulate PROGRAM`, or write "
+    "on a computer that is not a Wombat run a program with `raccoon simulate PROGRAM`, or write "
     'port = "sim" under [controller] in robot.toml'
 )
 

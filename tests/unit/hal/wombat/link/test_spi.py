@@ -99,7 +99,7 @@ def test_a_failing_transfer_is_a_hardware_error(spi: type[FakeSpi]) -> None:
 @pytest.mark.parametrize(
     ("failure", "advice"),
     [
-        (FileNotFoundError(), r'enable SPI .*; on a computer that is no Wombat run .* port = "sim"'),
+        (FileNotFoundError(), r'enable SPI .*; on a computer that is not a Wombat run .* port = "sim"'),
         (PermissionError(), "add your user to the group spi"),
         (OSError("strange"), "cannot be opened: strange"),
     ],
@@ -116,5 +116,7 @@ def test_a_bus_that_cannot_be_opened_says_what_to_do(
 
 def test_a_missing_package_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "spidev", None)
-    with pytest.raises(HardwareError, match=r"pip install '\.\[wombat\]'.*; on a computer that is no Wombat"):
+    with pytest.raises(
+        HardwareError, match=r"pip install '\.\[wombat\]'.*; on a computer that is not a Wombat"
+    ):
         SpiLink()
