@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
             os.link(partial, path)  # unlike a rename, this fails if the file has appeared meanwhile
         finally:
             partial.unlink(missing_ok=True)
-    print(f"wrote {path}: take the # away from what your robot has and what you change")
+    print(f"wrote {path}: remove the # from the lines that your robot needs or that you change")
     print(
         "on a computer without a controller `raccoon simulate PROGRAM` runs a program on the simulated "
         'robot; so does port = "sim" under [controller]'

@@ -22,7 +22,7 @@ def write_if_asked(args: argparse.Namespace, entries: Mapping[str, Measured], of
     """Write the values to robot.toml if `--write` was given, and print what was done. Returns exit status
     0."""
     if not args.write:
-        print(f"{args.robot} is as it was: say --write to put these values in")
+        print(f"{args.robot} is unchanged: add --write to put these values in")
         return 0
     print(write_values(args.robot, entries))
     if of_a_simulation:

@@ -25,7 +25,7 @@ def check_recording(path: Path) -> None:
         raise ConfigError(f"--record {path}: it is a folder; name a file")
     there = existing_recording(path)
     if there is not None:
-        raise ConfigError(f"--record {there}: it is there already; choose another name")
+        raise ConfigError(f"--record {there}: it already exists; choose another name")
     folder = next(each for each in path.absolute().parents if each.exists())  # missing folders are created
     if not (folder.is_dir() and os.access(folder, os.W_OK)):
         raise ConfigError(f"--record {path}: nothing can be written in {folder}")
@@ -37,7 +37,7 @@ def check_folders(*paths: Path | None) -> None:
     asked = [path for path in paths if path is not None]
     for path in asked:
         if str(path) == "-":
-            raise ConfigError("-: it is no name of a file; the standard output is /dev/stdout")
+            raise ConfigError("-: it is not a file name; for the standard output write /dev/stdout")
         if not path.absolute().parent.is_dir():
             raise ConfigError(f"{path}: there is no folder {path.parent}")
         if path.is_dir():
@@ -72,7 +72,7 @@ def check_holdout(holdout: Iterable[Path], recordings: Iterable[Path]) -> None:
     for path in holdout:
         if any(_is_same_file(path, each) for each in fitted):
             raise ConfigError(
-                f"--holdout {path}: it is diagnosed itself, and would agree with itself; name another "
+                f"--holdout {path}: it is diagnosed itself and would only confirm itself; name another "
                 "recording, or none: then the part of it that no fit has seen is the judge"
             )
 
@@ -82,9 +82,13 @@ def check_replaceable(*paths: Path | None, model: Path | None = None) -> None:
     would overwrite a file that is not a model. None: not requested."""
     for path in paths:
         if path is not None and path.is_file() and path.suffix in PROTECTED_SUFFIXES:
-            raise ConfigError(f"{path}: it is there, and by its name no result; choose another name")
+            raise ConfigError(
+                f"{path}: it already exists and does not have the name of a result; choose another name"
+            )
     if model is not None and model.is_file() and not _is_model(model):
-        raise ConfigError(f"{model}: it is there, and no model.toml; choose another name for the model")
+        raise ConfigError(
+            f"{model}: it already exists and is not a model.toml; choose another name for the model"
+        )
 
 
 def _is_model(path: Path) -> bool:

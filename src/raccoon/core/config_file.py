@@ -166,7 +166,7 @@ def _append_history(path: Path, old: Mapping[str, Any], day: date | None) -> Non
             parse_toml(content)
             text = content.decode("utf-8")
     except ConfigError as error:
-        raise ConfigError(f"{path}: {error}; mend it or move it away") from None
+        raise ConfigError(f"{path}: {error}; repair it or move it away") from None
     for key, value in old.items():
         text += f'\n[[replaced]]\nkey = "{key}"\n'
         if day is not None:

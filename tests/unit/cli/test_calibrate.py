@@ -138,7 +138,7 @@ def test_one_turning_direction_is_refused_with_the_manoeuvre_that_would_do(
         (["--straight", "inf"], "--straight inf: allowed are numbers other than 0, up to 10 m"),
         (["--straight", "60"], "up to 10 m either way (60 cm are 0.60)"),
         (["--tape", "1:2:60"], "METRES not 0, up to 10 (60 cm are 0.60)"),
-        ([], "of one straight drive say its length: --straight METRES"),
+        ([], "if this is one straight drive, give its length: --straight METRES"),
         (["--tape", "2:1:0.6"], "BEGIN must be before END"),
         (["--tape", "1:2:nan"], "METRES not 0"),
     ],

@@ -117,7 +117,7 @@ def test_a_store_that_cannot_be_written_is_refused_before_the_work(
 
 def test_without_write_nothing_is_stored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command(folder, str(folder / "drive.csv"), "--robot", str(folder / "robot.toml"))
-    assert "say --write" in capsys.readouterr().out
+    assert "add --write" in capsys.readouterr().out
     assert not (folder / "tophats.json").exists()
     assert command(folder, "--show") == 1
 

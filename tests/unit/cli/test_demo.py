@@ -52,7 +52,7 @@ def test_a_recording_of_others_is_not_replaced(tmp_path: Path, capsys: pytest.Ca
     match = record(tmp_path / "mission")
     before = match.read_bytes()
     assert main(["demo", "--out", str(tmp_path)]) == 2
-    said = f"raccoon demo: {match}: it is there, and no recording of a demo; name another --out\n"
+    said = f"raccoon demo: {match}: it already exists and is not a recording of a demo; name another --out\n"
     assert capsys.readouterr().err == said
     assert match.read_bytes() == before
 

@@ -238,7 +238,7 @@ def test_a_result_replaces_no_work(option: str, tmp_path: Path, capsys: pytest.C
         work = tmp_path / name
         work.write_text("name = 'ours'\n")
         assert main(["diagnose", str(path), option, str(work)]) == 2
-        assert f"{work}: it is there, and " in capsys.readouterr().err
+        assert f"{work}: it already exists and " in capsys.readouterr().err
         assert work.read_text() == "name = 'ours'\n"
 
 
@@ -271,7 +271,7 @@ def test_an_error_of_the_recording_to_judge_on_names_that(
 def test_a_dash_is_no_file(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A file of that name was written, into the folder that one is in."""
     assert main(["diagnose", str(tmp_path / "never-read.csv"), option, "-"]) == 2
-    assert "-: it is no name of a file; the standard output is /dev/stdout" in capsys.readouterr().err
+    assert "-: it is not a file name; for the standard output write /dev/stdout" in capsys.readouterr().err
 
 
 def test_two_results_need_two_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

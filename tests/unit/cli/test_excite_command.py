@@ -165,7 +165,7 @@ def test_a_recording_that_is_there_is_kept_and_nothing_is_driven(
     run = tmp_path / "run.jsonl.gz"
     run.write_bytes(b"kept")
     assert excite("--simulate", "--record", run) == 2
-    assert "it is there already; choose another name" in capsys.readouterr().err
+    assert "it already exists; choose another name" in capsys.readouterr().err
     assert run.read_bytes() == b"kept"
 
 

@@ -325,7 +325,9 @@ def test_a_result_replaces_neither_what_is_read_nor_what_took_hours(recorded: Pa
     with pytest.raises(ConfigError, match="this command reads it; choose another name"):
         run(tmp_path / "run", "--json", own)
     (tmp_path / "team.py").write_text("x = 1\n")
-    with pytest.raises(ConfigError, match=r"team\.py: it is there, and by its name no result"):
+    with pytest.raises(
+        ConfigError, match=r"team\.py: it already exists and does not have the name of a result"
+    ):
         run(own, "--json", tmp_path / "team.py")
     assert own.read_bytes() == before
     assert (tmp_path / "team.py").read_text() == "x = 1\n"

@@ -95,9 +95,7 @@ def test_a_recording_that_is_there_is_refused_before_the_match(
         assert main([*only, name]) == 2
         said = capsys.readouterr()
         assert said.out == ""
-        assert said.err == (
-            "raccoon sweep: --record run.jsonl.gz: it is there already; choose another name\n"
-        )
+        assert said.err == ("raccoon sweep: --record run.jsonl.gz: it already exists; choose another name\n")
     assert Path("run.jsonl.gz").read_bytes() == before
     assert not list(Path().glob("run-*"))
 

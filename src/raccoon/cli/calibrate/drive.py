@@ -69,7 +69,7 @@ def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run])
     before: list[tuple[Outputs, ...]] = [(), *(commands for _, commands in cycles)]
     in_force = [commands[-1] if commands else None for commands in before]
     if why := find_disturbance(robot, zip(inputs, in_force, strict=False)):
-        raise CalibrationError(f"{args.recording[0]}: this drive tells nothing: {why}")
+        raise CalibrationError(f"{args.recording[0]}: this drive cannot be used for the calibration: {why}")
     found = calibrate_straight(robot, inputs, args.straight, distance_std=args.tape_std)
     print(f"by tape {args.straight:g} m, by robot.toml as it was {found.expected:.3f} m")
     for remark in found.remarks:
@@ -88,7 +88,9 @@ def _manoeuvre(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]
         ]
         found = calibrate_drive(robot, made, device=runs[0].recording.device)
     except CalibrationError as error:
-        raise CalibrationError(f"{error}; of one straight drive say its length: --straight METRES") from None
+        raise CalibrationError(
+            f"{error}; if this is one straight drive, give its length: --straight METRES"
+        ) from None
     for remark in found.remarks:
         print(f"look here: {remark}")
     print(f"weighted error {found.error_before:.2f} before, {found.error_after:.2f} after")

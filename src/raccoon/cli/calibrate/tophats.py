@@ -98,7 +98,7 @@ def calibrate_recordings(
     if write and usable:
         TophatStore(store).add(*usable)
     if not write:
-        print(f"{store} is as it was: say --write to store these")
+        print(f"{store} is unchanged: add --write to store these")
     elif failed < len(robot.tophats):
         print(f"wrote {store}, set {set_name}")
         if simulated:

@@ -65,7 +65,7 @@ def _check_trace(trace: Path) -> None:
     except TraceError:
         robot = None
     if robot is None or robot.name != NAME:
-        raise ConfigError(f"{there}: it is there, and no recording of a demo; name another --out")
+        raise ConfigError(f"{there}: it already exists and is not a recording of a demo; name another --out")
 
 
 def _drive_all(folder: Path, seed: int, workers: int) -> tuple[Results, Claims]:

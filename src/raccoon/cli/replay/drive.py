@@ -60,7 +60,7 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     if len(run.recording):  # a recording that ended before its first cycle has no columns to check
         _check_wheels(run, config)
     if mistaken := time_unit_hint(median_step(run.recording["t"])):
-        notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
+        notes.append(f"{mistaken}; where the robot went between two of them is unknown")
     native = firmware_of(run.recording.device) is not None
     columns = run.recording.columns
     for strange in (
