@@ -180,8 +180,7 @@ class Robot(RobotState):
             add_remark(
                 self,
                 f"a cycle takes {1e3 * elapsed:.0f} ms instead of {1e3 * self._cycle:.0f} (rate_hz): the "
-                "wheels cannot be controlled well; a condition, a background action or other code is too "
-                "slow",
+                "wheels cannot be controlled well; a condition, background action or other code is slow",
             )
         if self.deadline is not None and inputs.time >= self.deadline:
             end_match(self)

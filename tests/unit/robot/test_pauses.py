@@ -213,7 +213,7 @@ def test_a_program_that_is_slow_in_every_cycle_is_told_once(cycles: int, said: i
         for _ in range(60):
             port.pause((cycles - 1) / 200)
             robot.tick()
-        told = [each for each in robot.drive.remarks.values() if each.startswith("cycles take")]
+        told = [each for each in robot.drive.remarks.values() if each.startswith("a cycle takes")]
         assert len(told) == said
         assert all("30 ms" in each and "asks for 5" in each for each in told)
 
@@ -241,5 +241,5 @@ def test_a_loop_that_sleeps_in_every_cycle_is_told_where_it_drives(speed: float,
             port.pause(0.15)
             robot.drive.velocity(speed)
             robot.tick()
-        told = [each for each in robot.drive.remarks.values() if each.startswith("cycles take 155 ms")]
+        told = [each for each in robot.drive.remarks.values() if each.startswith("a cycle takes 155 ms")]
         assert len(told) == said

@@ -79,7 +79,7 @@ def test_what_holds_or_turns_is_not_said() -> None:
         robot.run(straight(0.2))
         robot.run(wait(1.5))
 
-    assert not any("power and no" in each for each in unplugged("stock", 3, act).drive.remarks.values())
+    assert not any("power but no" in each for each in unplugged("stock", 3, act).drive.remarks.values())
 
 
 def test_one_wheel_that_stands_is_no_wall() -> None:
