@@ -19,8 +19,8 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def nearest_name(name: object, known: Iterable[str]) -> str:
-    """The known name most similar to `name`, ignoring case, or else the only one that contains it; "" if
-    there is none."""
+    """The known name most similar to `name`, ignoring case, or else one of the same letters, or else the only
+    one that contains it; "" if there is none."""
     from difflib import get_close_matches
 
     if not isinstance(name, str):
@@ -28,6 +28,8 @@ def nearest_name(name: object, known: Iterable[str]) -> str:
     by_letters = {each.lower(): each for each in known}
     given = name.lower()
     near = get_close_matches(given, by_letters, 1, MIN_LIKENESS)
+    if not near:  # two exchanged letters of a short name, such as rnu of run
+        near = [each for each in by_letters if sorted(each) == sorted(given)]
     if not near and len(given) >= MIN_PART:
         holding = [each for each in by_letters if given in each]
         near = holding if len(holding) == 1 else []
