@@ -163,7 +163,7 @@ def test_a_battery_of_0_volts_is_none() -> None:
     (resistance,) = (each for each in found.causes if each.id == "battery.internal_resistance")
     assert resistance.parameters["resistance"].value == pytest.approx(0.1, rel=0.1)
     (fault,) = found.sensor_faults
-    assert "battery.voltage is 0 V in 0.833 % of its samples, which no battery is" in fault.text
+    assert "battery.voltage is 0 V in 0.833 % of its samples, which no battery has" in fault.text
     columns["battery.voltage"][:] = 0.0
     reasons = {each.id: each.reason for each in diagnose_motors(columns, ROBOT).rejected}
     assert reasons["battery.internal_resistance"] == "not identifiable: battery.voltage is missing"

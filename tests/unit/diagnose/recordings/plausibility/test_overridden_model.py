@@ -41,7 +41,7 @@ def test_only_what_is_calibrated_and_named(name: str, said: str) -> None:
 def test_inertia_is_that_of_driving_straight() -> None:
     robot = RobotConfig(motors={0: MotorConfig(acceleration_voltage=Measured(0.03))})
     assert (
-        "before model.drive.inertia_straight"
+        "instead of model.drive.inertia_straight"
         in overridden_model_notes([make_cause("drive.inertia", said="")], robot)[0]
     )
 
