@@ -59,6 +59,8 @@ MAX_STEP_S = 0.9
 """Longest row, s. Counters lose nothing between rows, so this only detects a time in milliseconds, which
 advances by 1 or more."""
 POSITION, HEADING = "truth position", "truth.heading"
+WITHIN_STD = "within its standard deviation"
+UNHELPFUL = "it does not improve the held-out runs"
 NO_COMMANDS = "not identifiable: motor.N.duty is missing, so what drove the wheels is unknown"
 
 
@@ -170,12 +172,7 @@ def _judge(fit: GeometryFit, begin: float) -> Diagnosis:
         geometry_cause(*pair, (before, after, floor), rank + 1, fit.robot) for rank, pair in enumerate(causes)
     )
     rejected = [
-        Rejected(
-            each.name,
-            "within its standard deviation"
-            if each not in unhelpful
-            else "it does not improve the held-out runs",
-        )
+        Rejected(each.name, UNHELPFUL if each in unhelpful else WITHIN_STD)
         for each in all_candidates
         if each in unhelpful or not each.is_significant
     ]
