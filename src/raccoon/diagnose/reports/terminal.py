@@ -104,13 +104,13 @@ def unrepeated_notes(diagnosis: Diagnosis) -> list[str]:
         if each.startswith(NOT_SHOWN_PREFIX)
     }
     lists = tuple(f"not checked, since {each}: " for each in said)  # these list the same causes
-    asked = ROBOT_TOML_QUESTION if other_robot_question(diagnosis) else "\0"
+    asks_for_robot = other_robot_question(diagnosis) != ""
     return [
         each
         for each in diagnosis.notes
         if each.removeprefix(NOT_IDENTIFIABLE_PREFIX) not in said
         and not each.startswith(lists)
-        and not each.endswith(asked)
+        and not (asks_for_robot and each.endswith(ROBOT_TOML_QUESTION))
     ]
 
 

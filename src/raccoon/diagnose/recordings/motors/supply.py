@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.bins import solve_recursion
 from raccoon.diagnose.recordings.axis.log import holdout_start
 from raccoon.diagnose.result import CauseResult, ChannelResult, Gain, ParameterResult, Rejected
 
@@ -111,12 +112,8 @@ def _fit_and_score(voltage: Array, columns: Array, split: int) -> tuple[float, A
 
 def _low_passed(time: Array, current: Array, constant: float) -> Array:
     """The current after a first-order low-pass with this time constant (s)."""
-    out = np.empty_like(current)
-    out[0] = 0.0
-    kept = np.exp(-np.diff(time) / constant)
-    for row in range(1, len(current)):
-        out[row] = current[row] + (out[row - 1] - current[row]) * kept[row - 1]
-    return out
+    kept = np.exp(-np.diff(time, prepend=time[0]) / constant)
+    return solve_recursion(kept, (1.0 - kept) * current)
 
 
 def _cause(channel: ChannelResult, found: ParameterResult) -> CauseResult:
