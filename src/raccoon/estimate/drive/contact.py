@@ -93,23 +93,21 @@ class ContactMonitor:
     def detect_bump(self, pending: Pending, still: bool) -> None:
         """Compare the accelerometer with the wheels over a step. still: the robot stands."""
         self.pushed_along_variance = self.pushed_across_variance = 0.0
-        if pending.accel_count == 0:
-            return
-        span, count = pending.span, pending.accel_count
+        span, count, jolt = pending.span, pending.accel_count, self._duty_jump
+        self._duty_jump *= max(0.0, 1.0 - span / BUMP_TIME_S)
         self._catch_up_left = CATCH_UP_S if self._is_wheel_silent else self._catch_up_left - span
         velocity = self._half_radius * (self._left.step_speed + self._right.step_speed)
         turn_rate = (self._right.step_speed - self._left.step_speed) / self._track_in_radii
-        if self._catch_up_left > 0.0:
+        if count == 0 or self._catch_up_left > 0.0:
+            # Otherwise the change of speed that was not felt would look like a bump afterwards.
             self._restart_bump_watches(velocity, turn_rate)
             return
         forward_bump, side_bump, sample_period = self._forward_bump, self._side_bump, span / count
         sideways = pending.left_accel_sum / count - velocity * turn_rate  # less the centripetal acceleration
         forward, pitch_rate = pending.forward_accel_sum / count, pending.pitch_rate_sum / count
-        jolt = self._duty_jump
         was_struck = forward_bump.update(
             span, forward, velocity, still, sample_period, pitch_rate, turn_rate, jolt
         )
-        self._duty_jump *= max(0.0, 1.0 - span / BUMP_TIME_S)
         if (
             side_bump.update(
                 span, sideways, 0.0, still, sample_period, -pending.roll_rate_sum / count, turn_rate

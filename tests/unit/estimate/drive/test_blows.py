@@ -98,3 +98,15 @@ def test_a_reversal_of_duties_on_a_coarse_accelerometer_is_no_blow(inverted: boo
         )
         told = odometry.update(read, Outputs(duty=(sign * duty, duty, 0.0, 0.0))).reasons
         assert not any(reason.startswith("bumped") for reason in told)
+
+
+@pytest.mark.parametrize("gyro_reads", [True, False])
+def test_a_speed_gained_while_the_imu_was_silent_is_no_blow(gyro_reads: bool) -> None:
+    odometry = Odometry(RobotConfig())
+    for inputs, command in drive([(0.8, 0.0, 0.0), (0.7, 0.3, 0.0)], gyro_every=4):
+        silent = 0.8 <= inputs.time < 1.2  # it reaches 0.3 m/s after 0.375 s
+        accel = None if silent or inputs.gyro is None else (0.0, 0.0, GRAVITY / SIMULATOR.accel_m_s2)
+        gyro = inputs.gyro if gyro_reads or not silent else None
+        told = odometry.update(replace(inputs, accel=accel, gyro=gyro), command).reasons
+        assert not any(reason.startswith("bumped") for reason in told)
+    assert odometry.estimate.velocity == pytest.approx(0.3, abs=0.02)
