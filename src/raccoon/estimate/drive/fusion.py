@@ -163,11 +163,11 @@ class Fusion:
             reading.rest_doubt.add_to(self.drive)
         if reading.added_scale_std > 0.0:
             self.drive.widen_scales(reading.added_scale_std)
+        if reading.may_slide:
+            self.drive.widen_along(reading.along_variance, reading.across_variance)
         if reading.end_speeds is not None:
             self._bridge(reading, reading.end_speeds)
             return ()
-        if reading.may_slide:
-            self.drive.widen_along(reading.along_variance, reading.across_variance)
         found = self.drive.step(
             span, values, variances, reading.turn_acceleration, reading.differential_variance
         )

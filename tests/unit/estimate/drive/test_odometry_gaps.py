@@ -232,3 +232,16 @@ def test_the_bridge_has_the_derivatives_of_its_motion() -> None:
     assert travel == pytest.approx(1.02 * 0.5 * 0.0345 * (1.083 / 0.99 + 2.334 / 1.01))
     assert np.linalg.eigvalsh(P).min() > 0.0
     assert P[State.VELOCITY, State.X] == P[State.TURN_RATE, State.HEADING] == 0.0
+
+
+def test_a_doubt_after_a_gap_stays_when_something_older_is_told() -> None:
+    odometry = Odometry(RobotConfig())
+    for inputs, command in drive([(0.5, 0.0, 0.0), (0.6, 0.2, 0.0)]):
+        if not 0.8 < inputs.time < 1.0:
+            estimate = odometry.update(inputs, command)
+        if inputs.time >= 1.0:
+            break
+    before = estimate.x_std
+    odometry.doubt_way(0.1)
+    assert odometry.observe_heading(0.0, 0.01, time=0.75).accepted
+    assert odometry.estimate.x_std == pytest.approx(math.hypot(0.1, before), rel=1e-3)
