@@ -139,7 +139,9 @@ def _analog_port(port: int, series: Sequence[Sequence[float]], user: str | None)
         return _port_finding(
             subject, user, measured, "it is saturated", f"{plug}; shade it from strong light", values
         )
-    calm = [mean(readings[at : at + MAINS_READINGS]) for at in range(0, len(readings), MAINS_READINGS)]
+    # Whole means only: a shorter one at the end would not average the lamps out.
+    ends = range(MAINS_READINGS, len(readings) + 1, MAINS_READINGS)
+    calm = [mean(readings[end - MAINS_READINGS : end]) for end in ends] or readings
     if noise > FLOATING_COUNTS and deviation(calm) > CALM_COUNTS:
         return _port_finding(
             subject, user, measured, "it floats: nothing seems to be plugged in", plug, values

@@ -252,7 +252,7 @@ def test_lamps_that_flicker_are_no_open_plug(hertz: float) -> None:
         Inputs(
             device=SIMULATOR, time=at, analog=(1270.0 + 120.0 * math.sin(math.tau * hertz * at), *(None,) * 5)
         )
-        for at in (0.005 * index for index in range(200))
+        for at in (0.005 * index for index in range(201))
     ]
     assert analog_findings(ROBOT, rest)[0].verdict is Verdict.OK
 
