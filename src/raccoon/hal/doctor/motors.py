@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.schema import BATTERY_VOLTAGE
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import mean
 from raccoon.hal.doctor.trial import SILENT_COUNTS, STILL_TICKS, TRIAL_DUTY, MotorTrial
@@ -92,10 +93,10 @@ def _one_way_problem(trial: MotorTrial) -> tuple[str, str] | None:
 
 def _speed_problem(config: RobotConfig, trial: MotorTrial) -> tuple[str, str] | None:
     readings = [abs(move.bemf) for move in trial.moves if move.bemf is not None]
-    if trial.battery is None or not readings:
+    if trial.battery is None or trial.battery < BATTERY_VOLTAGE.low or not readings:
         return None
     expected = _expected_bemf(config, trial.motor_port, trial.battery) / trial.device.bemf_volts
-    if abs(mean(readings) / expected - 1.0) <= SPEED_TOLERANCE:
+    if abs(mean(readings) - expected) <= SPEED_TOLERANCE * expected:
         return None
     slower = "slower" if mean(readings) < expected else "faster"
     return (

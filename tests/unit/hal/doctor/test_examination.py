@@ -129,6 +129,20 @@ def test_each_wheel_is_compared_with_the_model_of_its_own_motor() -> None:
     assert "much faster" in examined("motor 1", config).problem
 
 
+@pytest.mark.parametrize(("volts", "coulomb", "problem"), [(0.0, None, ""), (6.8, 2.0, "it is much faster")])
+def test_a_motor_that_cannot_move_by_battery_or_model_and_does_is_judged(
+    volts: float, coulomb: float | None, problem: str
+) -> None:
+    """A battery reading that is dead says nothing about the motor."""
+    friction = ROBOT.model.friction
+    if coulomb is not None:
+        friction = replace(friction, coulomb=Measured(coulomb))
+    config = replace(ROBOT, model=replace(ROBOT.model, friction=friction))
+    report = examine(FaultyRobot(volts=volts), config)
+    assert found(report, "motor 0").problem[: len("it is much faster")] == problem
+    assert (found(report, "battery").verdict is Verdict.OK) is bool(problem)
+
+
 def test_a_healthy_motor_is_measured() -> None:
     values = examined("motor 1").values
     assert values["bemf_forward_counts"] == pytest.approx(525.0, abs=10.0)
