@@ -74,9 +74,9 @@ __all__ = [
 _log = logging.getLogger("raccoon")
 BYTE_ORDER_MARK = "\ufeff"
 _TOML_SLIPS = (
-    (r"=\s*(True|False)\b", "; true and false are written small"),
-    (r"=\s*-?\d+,\d", "; a number has a decimal point"),
-    (r"=\s*[^\W\d][\w-]*\s*(#|$)", "; a text stands in quotes"),
+    (r"=\s*(True|False)\b", "; write true and false in small letters"),
+    (r"=\s*-?\d+,\d", "; write a number with a decimal point"),
+    (r"=\s*[^\W\d][\w-]*\s*(#|$)", "; put a text in quotes"),
     (r"=\s*(#|$)", "; write a value, or leave the line out"),
 )
 """Common mistakes that are not TOML, as patterns, with hints."""
@@ -139,7 +139,7 @@ def load_robot(path: str | Path) -> RobotConfig:
     if robot.battery.weakest > full:
         _log.warning(
             "%s: battery.weakest = %g V is above model.battery.open_circuit_voltage = %g V: motions are"
-            " planned faster than such a battery drives; correct what is wrong of the two",
+            " planned faster than such a battery drives; correct the one that is wrong",
             path,
             robot.battery.weakest,
             full,
@@ -161,7 +161,7 @@ def parse_toml(content: str | bytes) -> dict[str, Any]:
         text = content if isinstance(content, str) else content.decode("utf-8")
     except UnicodeDecodeError as error:
         packed = isinstance(content, bytes) and content.startswith(b"\x1f\x8b")
-        hint = "it is packed, as recordings are" if packed else f"{error}; save it as UTF-8"
+        hint = "it is compressed, like a recording" if packed else f"{error}; save it as UTF-8"
         raise ConfigError(f"not a TOML file: {hint}") from None
     text = text.removeprefix(BYTE_ORDER_MARK)
     try:
@@ -238,11 +238,11 @@ def parse_robot(table: Mapping[str, Any], also: tuple[str, ...] = ()) -> RobotCo
 
 _SECTION_NOTES = {
     "body": "  # the box around the wheels, for the walls of the simulator",
-    "motor.0": "  # one section a motor port, 0 to 3",
-    "tophat.front": "  # one section a tophat, by any name",
-    "bumper.front": "  # one section a switch that walls and objects press, by any name",
-    "servo.claw": "  # one section a servo, by any name",
-    "mechanism.arm": "  # one section a motor that moves something else than the robot, by any name",
+    "motor.0": "  # one section per motor port, 0 to 3",
+    "tophat.front": "  # one section per tophat, with any name",
+    "bumper.front": "  # one section per switch that walls and objects press, with any name",
+    "servo.claw": "  # one section per servo, with any name",
+    "mechanism.arm": "  # one section per motor that does not drive the robot, with any name",
     "model.motor": "  # both motors; [model.motor.left] and [model.motor.right] override it",
 }
 
@@ -294,6 +294,6 @@ def template() -> str:
     for name, kind in sections:
         header = f"[{name}]{_SECTION_NOTES.get(name, '')}"
         owned = kind in (TophatConfig, BumperConfig, ServoConfig, MechanismConfig)
-        lines += ["", f"# {header}; uncomment this with its keys" if owned else header]
+        lines += ["", f"# {header}; remove the # here and at the keys that you need" if owned else header]
         lines += [template_line(each) for each in fields(kind)]
     return "\n".join(lines) + "\n"

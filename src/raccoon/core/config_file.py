@@ -67,7 +67,7 @@ def updated_text(text: str, values: Mapping[str, Measured]) -> str:
     for key, value in values.items():
         table, _, name = key.rpartition(".")
         if not table:
-            raise ConfigError(f"{key}: a measured value stands in a table, such as motor.0.radians_per_tick")
+            raise ConfigError(f"{key}: a measured value must be in a table, such as motor.0.radians_per_tick")
         _set_line(lines, table, name, formatted(value), end)
         _assign(expected, key, parse_toml(f"x = {formatted(value)}")["x"])
     result = mark + "\n".join(lines) + "\n"
@@ -78,7 +78,7 @@ def updated_text(text: str, values: Mapping[str, Measured]) -> str:
     if not agrees:
         names = ", ".join(values)
         raise ConfigError(
-            f"{names}: written in a form that cannot be edited; give each table its own [header]"
+            f"{names}: the file is written in a form that cannot be edited; give each table its own [header]"
         )
     return result
 

@@ -47,7 +47,7 @@ class FrictionModel:
     """`[model.friction]`, at the wheel shaft."""
 
     coulomb: Measured = measured(0.18, 0.005, "N m", "torque that opposes any motion", Bounds(0.0, 100.0))
-    viscous: Measured = measured(0.004, 0.0005, "N m s/rad", "torque a unit of speed", Bounds(0.0, 100.0))
+    viscous: Measured = measured(0.004, 0.0005, "N m s/rad", "torque per unit of speed", Bounds(0.0, 100.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class DriveModel:
     """`[model.drive]`."""
 
     inertia_straight: Measured = measured(
-        0.020, 0.0006, "kg m2", "inertia that one motor feels when both turn alike", INERTIA
+        0.020, 0.0006, "kg m2", "inertia that one motor feels when both turn in the same direction", INERTIA
     )
     inertia_turn: Measured = measured(
         0.014, 0.0005, "kg m2", "inertia that one motor feels when they turn against each other", INERTIA
@@ -71,7 +71,11 @@ class BemfModel:
     """`[model.bemf]`."""
 
     filter_time_constant: Measured = measured(
-        0.0225, 0.0005, "s", "lag of the back-EMF; left like this, a Wombat's own counts", Bounds(0.0, 1.0)
+        0.0225,
+        0.0005,
+        "s",
+        "lag of the back-EMF; at this default, the lag of a Wombat's own filter is used instead",
+        Bounds(0.0, 1.0),
     )
     offset: Measured = measured(0.0, 1.0, "counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
 

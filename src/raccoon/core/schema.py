@@ -96,9 +96,7 @@ def word(
 
 def port(default: int, meaning: str, count: int) -> Any:
     """Field for a port number."""
-    return field(
-        default=default, metadata={"unit": "port", "meaning": meaning, "bounds": Bounds(0, count - 1)}
-    )
+    return field(default=default, metadata={"unit": "", "meaning": meaning, "bounds": Bounds(0, count - 1)})
 
 
 def switch(default: bool, meaning: str) -> Any:

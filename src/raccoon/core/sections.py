@@ -53,11 +53,11 @@ class ControllerConfig:
 
     port: str = word("wombat", "what the program talks to", CONTROLLERS, _PORT_HINTS)
     rate_hz: float = number(200.0, "Hz", "cycles a second", CYCLE_RATE)
-    device: str = word("", "path of a serial port or SPI device; the usual one of the port where empty")
+    device: str = word("", "path of a serial port or SPI device; empty: the usual one of this controller")
     counter_rate_hz: float = number(
         0.0,
         "Hz",
-        "measured updates of a Wombat's counters; 0: usual for its firmware",
+        "measured update rate of a Wombat's counters; 0: the usual one of its firmware",
         Bounds(50.0, 1000.0, or_zero=True),
     )
 
@@ -66,12 +66,17 @@ class ControllerConfig:
 class BatteryConfig:
     """`[battery]`: the pack, and the voltages a match is planned for."""
 
-    chemistry: str = word("lifepo4", "of the cells", ("lifepo4", "lipo", "nimh"))
-    cells: float = number(2.0, "", "in series", Bounds(1.0, 12.0))
+    chemistry: str = word("lifepo4", "chemistry of the cells", ("lifepo4", "lipo", "nimh"))
+    cells: float = number(2.0, "", "number of cells in series", Bounds(1.0, 12.0))
     weakest: float = number(
-        6.1, "V", "lowest voltage of a match: no motion is planned faster", BATTERY_VOLTAGE
+        6.1,
+        "V",
+        "lowest voltage of a match: motions are planned no faster than it can drive",
+        BATTERY_VOLTAGE,
     )
-    tuned_at: Measured | None = optional("V", "resting voltage the program was tuned at", BATTERY_VOLTAGE)
+    tuned_at: Measured | None = optional(
+        "V", "resting voltage at which the program was tuned", BATTERY_VOLTAGE
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +91,14 @@ class DriveConfig:
 class BodyConfig:
     """`[body]`: the box that collides with simulated walls, and how hard it can push."""
 
-    front: float = number(0.09, "m", "flat front, ahead of the wheel axis", Bounds(0.0, 1.0))
-    back: float = number(0.09, "m", "flat back, behind the wheel axis", Bounds(0.0, 1.0))
+    front: float = number(0.09, "m", "from the wheel axis to the flat front", Bounds(0.0, 1.0))
+    back: float = number(0.09, "m", "from the wheel axis to the flat back", Bounds(0.0, 1.0))
     width: float = number(0.18, "m", "from the left side to the right", Bounds(0.01, 2.0))
     mass: float = number(3.0, "kg", "of the robot", Bounds(0.05, 50.0))
     grip: float = number(
         0.9,
         "",
-        "most that both tyres push with before they spin, over the robot's weight",
+        "largest push of both tyres before they spin, divided by the robot's weight",
         Bounds(0.01, 5.0),
     )
 
@@ -102,7 +107,7 @@ class BodyConfig:
 class MotorConfig:
     """`[motor.N]`: wiring and calibration of one motor port."""
 
-    inverted: bool = switch(False, "true where positive duty turns the wheel backwards")
+    inverted: bool = switch(False, "true if positive duty turns the wheel backwards")
     radians_per_tick: Measured | None = optional(
         "rad",
         "wheel angle of one tick of the position counter; derived from the model when absent",
@@ -115,16 +120,18 @@ class MotorConfig:
         1.0, 0.0, "", "static compensation k: the duty of this motor is multiplied by it", Bounds(0.5, 1.5)
     )
     static_voltage: Measured | None = optional(
-        "V", "that friction takes at any speed; derived from the model when absent", Bounds(0.0, 30.0)
+        "V",
+        "voltage against friction, the same at any speed; derived from the model when absent",
+        Bounds(0.0, 30.0),
     )
     speed_voltage: Measured | None = optional(
         "V/(rad/s)",
-        "that a unit of wheel speed takes; derived from the model when absent",
+        "voltage per unit of wheel speed; derived from the model when absent",
         Bounds(0.001, 100.0),
     )
     acceleration_voltage: Measured | None = optional(
         "V/(rad/s2)",
-        "that a unit of acceleration takes; derived from the model when absent",
+        "voltage per unit of wheel acceleration; derived from the model when absent",
         Bounds(1e-6, 100.0),
     )
 
@@ -167,14 +174,14 @@ class BumperConfig:
     """`[bumper.NAME]`: one switch, and the part of the box that presses it in simulation."""
 
     digital: int = port(0, "digital port", DIGITAL_PORTS)
-    side: str = word("front", "of [body], that presses it in simulation", BOX_SIDES)
+    side: str = word("front", "side of [body] that presses it in simulation", BOX_SIDES)
     begin: Measured | None = optional(
         "m",
-        "where the part that presses it begins: left of the middle (below 0: right of it); on the left and"
-        " right side ahead of the wheel axis; where the side begins when absent",
+        "start of the part that presses it: to the left of the middle (negative: right of it), or on the left"
+        " and right side ahead of the wheel axis; start of the side when absent",
         PART_END,
     )
-    end: Measured | None = optional("m", "where it ends, likewise", PART_END)
+    end: Measured | None = optional("m", "end of that part, measured in the same way", PART_END)
 
     def __post_init__(self) -> None:
         low, high = self.part
@@ -240,13 +247,18 @@ class MechanismConfig:
     inertia: float = number(0.01, "kg m2", "that the motor feels", Bounds(1e-6, 100.0))
     tolerance: float = number(0.03, "rad", "a move ends this near its goal", TOLERANCE)
     turns: float = number(
-        1.0, "turns", "full turns either way that a program may ask for; more for a winch", Bounds(0.01, 1e4)
+        1.0,
+        "turns",
+        "full turns in each direction that a program may ask for; more for a winch",
+        Bounds(0.01, 1e4),
     )
     lowest_stop: Measured | None = optional(
-        "rad", "end stop of the simulated one backwards, from where it begins; none when absent", STOP_BELOW
+        "rad", "backward end stop in simulation, relative to the start; none when absent", STOP_BELOW
     )
     highest_stop: Measured | None = optional(
-        "rad", "the same forwards; a program homes against either (spin until blocked)", STOP_ABOVE
+        "rad",
+        "forward end stop in simulation; a program can home against either (spin until blocked)",
+        STOP_ABOVE,
     )
 
     @property

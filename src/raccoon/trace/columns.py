@@ -59,7 +59,10 @@ def recording_of(trace: Trace) -> Recording:
         columns[name][: len(column)] = column
     scales = {tick.inputs.device.position_counts_seconds for tick in trace.ticks} or {1.0}
     if len(scales) > 1:
-        raise TraceError(f"position ticks change their worth on the way: {sorted(scales)} counts seconds")
+        raise TraceError(
+            f"the size of a position tick changes during the recording: "
+            f"position_counts_seconds is {sorted(scales)}"
+        )
     device = _device({tick.inputs.device for tick in trace.ticks}, scales.pop())
     events = [Event(max(event.tick, 0), event.text) for event in trace.events] if rows else []
     problems = [] if trace.damage is None else [str(trace.damage)]

@@ -93,7 +93,8 @@ class _Reader:
         found = {name: np.array(column, np.float64) for name, column in columns.items()}
         self._leave_out_words(found)
         self._problems += [
-            f"{first}, as in {more} lines more" if more else first for first, more in self._nothing.values()
+            f"{first}, and likewise in {more} more lines" if more else first
+            for first, more in self._nothing.values()
         ]
         return Recording(found, self._events, problems=self._problems)
 
@@ -118,7 +119,7 @@ class _Reader:
             self._report(cells)
             return None
         if self._rows.is_cut_off and not self._strict:
-            self._report("the line has no end: the file may be cut off in it, so it is left out")
+            self._report("the line has no line break: the file may be cut off there, so the line is left out")
             return None
         if len(cells) == len(names) + 1 and not cells[-1].strip():
             cells = cells[:-1]  # a separator after the last value
@@ -153,7 +154,7 @@ class _Reader:
         text = self._with_point(cell) if self._commas and _must_be_number(name, cell) else cell
         value, allowed = _parse(name, text)
         if value is None and name != "t" and not self._strict and cell.strip().lower() in BLANK_WORDS:
-            said = f"line {self._rows.line}, column {name}: {cell!r} stands for nothing, and is read as blank"
+            said = f"line {self._rows.line}, column {name}: {cell!r} means no value and is read as blank"
             first, more = self._nothing.get(name, (said, -1))
             self._nothing[name] = first, more + 1
             return math.nan
@@ -176,7 +177,7 @@ class _Reader:
         if mark and self._mark not in ("", mark):
             raise TraceError(
                 f"line {self._rows.line}: {cell[:40]!r} has another decimal mark than the numbers "
-                "before: write all of them with a point, and none that parts thousands"
+                "before: write all numbers with a decimal point and without a thousands separator"
             )
         self._mark = mark or self._mark
         return cell.replace(",", ".")
@@ -195,7 +196,8 @@ class _Reader:
         for column in columns.values():
             column.pop()
         self._report(
-            f"column t: it goes on from before '{self._time_order.outlier_time:g}', whose line is left out"
+            f"column t: the time continues from before the outlier '{self._time_order.outlier_time:g}', "
+            "so that line is left out"
         )
 
     def _report(self, problem: str) -> None:

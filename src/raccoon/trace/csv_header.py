@@ -44,7 +44,7 @@ def read_header(
         names.pop()
     for name in filter(None, names):
         if names.count(name) > 1:
-            raise TraceError(f"line {file.line}: column name {name!r} is there twice")
+            raise TraceError(f"line {file.line}: column name {name!r} occurs twice")
     nameless = names.count("")
     problems = [f"columns without a name are left out: {nameless} of {len(names)}"] if nameless else []
     return names, problems + list(filter(None, [misnamed_columns_note([name for name in names if name])]))

@@ -92,7 +92,9 @@ def parse_cycle(table: dict[str, Any], device: Device | None) -> Cycle:
 
 def _inputs(table: Mapping[str, Any], device: Device | None) -> Inputs:
     if device is None:
-        raise TraceError("a cycle comes before the device that says what its words are worth")
+        raise TraceError(
+            "a cycle comes before the line with device, which gives the scales of its raw values"
+        )
     given: dict[str, Any] = {}
     for field in ("bemf", "position", "analog"):
         if field in table:

@@ -21,7 +21,7 @@ OTHER_KINDS: Mapping[str, str] = {
     ".html": "a report",
     ".json": "a result in JSON",
     **dict.fromkeys((".svg", ".png", ".gif", ".jpg", ".pdf"), "a picture"),
-    **dict.fromkeys((".xlsx", ".xls", ".ods"), "a spreadsheet, which has to be saved as CSV"),
+    **dict.fromkeys((".xlsx", ".xls", ".ods"), "a spreadsheet, which must be saved as CSV"),
     ".parquet": "a table of a sweep",
 }
 """Descriptions of other files that lie beside recordings, by the endings of their names."""
@@ -87,11 +87,11 @@ def missing_time_reason(names: Iterable[str]) -> str:
     cells = _cells(header)
     said = f"there is no column t in the header {header[:80]!r}; t is the time in s"
     if all(re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?", each, re.IGNORECASE) for each in cells):
-        return f"{said}, and the first line holds the names of the columns"
+        return f"{said}, and the first line must hold the names of the columns"
     if len(cells) == 1 and "t" in header.split():
-        return f"{said}: columns are parted by commas, semicolons or tabs, not by spaces"
+        return f"{said}: columns are separated by commas, semicolons or tabs, not by spaces"
     alike = next((each for each in cells if _TIME.fullmatch(without_comment_mark(each))), None)
-    return said if alike is None else f"{said}: if {format_value(alike)} is that, name it t"
+    return said if alike is None else f"{said}: if {format_value(alike)} is the time, rename it t"
 
 
 def _cells(header: str) -> list[str]:
@@ -119,10 +119,12 @@ def clock_reset_reason(before: float, now: float) -> str:
         for unit in (1.0, 1e-3, 1e-6):
             most = size * unit
             if abs(before - most) < WRAP_TOLERANCE * most and 0.0 <= now < WRAP_TOLERANCE * most:
-                return f"{said}: a counter that begins anew at {most:.10g}? Add as much from there on"
+                return f"{said}: does a counter wrap around at {most:.10g}? Add that to all later times"
     if now > MIN_OUT_OF_ORDER_SHARE * before:
-        return f"{said}: are the rows in their order, and is t of a clock that nobody sets (time.monotonic)?"
-    return f"{said}: is it a second recording? Then name each by itself"
+        return (
+            f"{said}: are the rows in order, and does t come from a clock that is never set (time.monotonic)?"
+        )
+    return f"{said}: is it a second recording? Then put each into its own file"
 
 
 def not_a_number_hint(name: str, cell: str) -> str:
@@ -130,7 +132,7 @@ def not_a_number_hint(name: str, cell: str) -> str:
     if name == "t" and _DATE.fullmatch(cell.strip()):
         return "; it looks like a date or a time of day"
     halves = _DECIMAL_COMMA.fullmatch(cell.strip())
-    return "; where commas part the columns a half is written 0.5" if halves else ""
+    return "; where commas separate the columns, write a half as 0.5" if halves else ""
 
 
 def misnamed_columns_note(names: Collection[str]) -> str:
@@ -138,10 +140,10 @@ def misnamed_columns_note(names: Collection[str]) -> str:
     other separators between their parts or a mistyped letter; "" if there are none."""
     matches = {name: _KNOWN.fullmatch(name) for name in names}
     meant = {name: _format_name(match[1]) if match else _mistyped(name) for name, match in matches.items()}
-    found = [f"{name!r} is to be {known}" for name, known in meant.items() if known and known not in names]
+    found = [f"{name!r} should be {known}" for name, known in meant.items() if known and known not in names]
     more = f" and {len(found) - MAX_MISNAMED_LISTED} more" if len(found) > MAX_MISNAMED_LISTED else ""
     return (
-        f"columns by other names are not used: {', '.join(found[:MAX_MISNAMED_LISTED])}{more}"
+        f"columns with other names are not used: {', '.join(found[:MAX_MISNAMED_LISTED])}{more}"
         if found
         else ""
     )
@@ -172,8 +174,8 @@ def unnamed(names: Collection[str]) -> str:
     if not (missing and others):
         return ""
     return (
-        f"nothing is named {', '.join(missing)} (N is the motor port): rename what holds it, if that is "
-        f"among {', '.join(map(repr, others[:OTHERS_SAID]))}{more}; docs/trace-format.md has the names"
+        f"no column is named {', '.join(missing)} (N is the motor port): rename the column that holds it, if "
+        f"it is among {', '.join(map(repr, others[:OTHERS_SAID]))}{more}; see docs/trace-format.md"
     )
 
 
@@ -218,7 +220,7 @@ def _check_form(start: bytes, line: str) -> None:
     """Raise TraceError for a file that must be converted or renamed to be a CSV or a trace."""
     check_not_picture(start)
     if start.startswith((b"\x1f\x8b", b"PK\x03\x04")):
-        raise TraceError("the file is packed: unpack it first, or name it .jsonl.gz where it is a trace")
+        raise TraceError("the file is compressed: unpack it first, or name it .jsonl.gz if it is a trace")
     halves = (
         start[:40:2].count(0),
         start[1:40:2].count(0),
@@ -228,7 +230,7 @@ def _check_form(start: bytes, line: str) -> None:
     if start.lstrip().startswith(b"{"):
         raise TraceError("it looks like JSON Lines, not CSV: name it .jsonl")
     if "\0" in line or line.count("\ufffd") > MAX_INVALID_LETTERS:
-        raise TraceError("it is no text: a CSV file begins with the names of its columns")
+        raise TraceError("it is not text: a CSV file begins with the names of its columns")
 
 
 def check_not_picture(start: bytes) -> None:

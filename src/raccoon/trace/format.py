@@ -27,9 +27,9 @@ MAX_BYTES = 1 << 30
 MAX_TICKS = 1_000_000
 """Most cycles that are read: 83 minutes at 200 Hz."""
 SECOND_RECORDING_TEXT = (
-    "this is its last line, and another recording seems to follow: put each into a file of its own"
+    "the recording ends in this line, and another one seems to follow: put each into its own file"
 )
-WRONG_VALUE_TEXT = "this is its last line, and some value before it may not be what was written"
+WRONG_VALUE_TEXT = "the recording ends in this line, but some value before it may be wrong"
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,7 +94,7 @@ def load_run(path: str | Path) -> Run:
     path = recording_file(path)
     run = replace(_loaded(path), path=path)
     if run.recording.problems and len(run.recording["t"]) == 0:
-        raise TraceError(f"{path}: nothing of it can be used: {run.recording.problems[0]}")
+        raise TraceError(f"{path}: no row of the recording can be used: {run.recording.problems[0]}")
     return run
 
 

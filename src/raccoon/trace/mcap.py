@@ -84,8 +84,8 @@ def _write_rows(writer: Writer, recording: Recording) -> None:
     start = min(0.0, float(time[0])) if len(time) else 0.0  # message times cannot be negative
     if len(time) and not time[-1] - start < MAX_SECONDS:
         raise TraceError(
-            f"t goes from {start:g} to {time[-1]:g} s: the times of MCAP end {MAX_SECONDS:g} s after their "
-            "start; is t in seconds?"
+            f"t goes from {start:g} to {time[-1]:g} s: MCAP can store only {MAX_SECONDS:g} s "
+            "after the start; is t in seconds?"
         )
     stamps = [round((each - start) * 1e9) for each in time.tolist()]
     for row, stamp in enumerate(stamps):

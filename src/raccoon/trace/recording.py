@@ -27,12 +27,12 @@ TIME_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds")
 SLOW_CLOCK = 5.0
 """Step below which milliseconds may also be hundredths of a second."""
 DUTY_UNITS = (
-    (2.0, "shares of something less than a full command"),
-    (13.0, "volts, which are motor.N.voltage, or percent"),
+    (2.0, "fractions of something smaller than full power"),
+    (13.0, "volts (column motor.N.voltage) or percent"),
     (100.0, "percent"),
     (255.0, "PWM of 8 bits (-255..255)"),
     (400.0, "a Wombat's PWM (-400..400)"),
-    (1500.0, "ticks a second (-1500..1500), which are no duty, or PWM of 10 bits (-1023..1023)"),
+    (1500.0, "ticks a second (-1500..1500), which are a speed, or PWM of 10 bits (-1023..1023)"),
 )
 """Sizes up to which a command is probably of the given other unit."""
 MAX_OUT_OF_RANGE_SHARE = 0.02

@@ -179,14 +179,14 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("name = ", r"not a TOML file"),
         ('port = "sim"', r"robot.toml: port: it belongs below a line with its section, \[controller\]$"),
         ("left = 0", r"robot.toml: left: it belongs below a line with its section, \[drive\]$"),
-        ("[motor.0]\ninverted = True", r"'inverted = True'; true and false are written small$"),
-        ("[motion]\nspeed = 0,15", r"'speed = 0,15'; a number has a decimal point$"),
+        ("[motor.0]\ninverted = True", r"'inverted = True'; write true and false in small letters$"),
+        ("[motion]\nspeed = 0,15", r"'speed = 0,15'; write a number with a decimal point$"),
         (
             "[battery]\ntuned_at =  # V, resting voltage\n",
             r"Invalid value \(at line 2, column \d+\): 'tuned_at =  # V, resting voltage'; write a value",
         ),
-        ("[controller]\nport = sim", r"'port = sim'; a text stands in quotes$"),
-        ("[controller]\nport = wombat-raccoon  # ours", r"; a text stands in quotes$"),
+        ("[controller]\nport = sim", r"'port = sim'; put a text in quotes$"),
+        ("[controller]\nport = wombat-raccoon  # ours", r"; put a text in quotes$"),
         (
             "[model.battery]\nopen_circuit_voltage = 2.0",
             r"model.battery.open_circuit_voltage = 2.0: allowed are numbers from 3.1 to 30",
@@ -293,6 +293,6 @@ def test_a_recording_in_place_of_a_robot_toml_is_called_so(tmp_path: Path) -> No
     path = tmp_path / "run.jsonl.gz"
     path.write_bytes(b"\x1f\x8b\x08\x00")
     with pytest.raises(
-        ConfigError, match=r"run\.jsonl\.gz: not a TOML file: it is packed, as recordings are"
+        ConfigError, match=r"run\.jsonl\.gz: not a TOML file: it is compressed, like a recording"
     ):
         load_robot(path)

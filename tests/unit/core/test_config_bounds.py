@@ -38,7 +38,7 @@ def numbers() -> Iterator[tuple[str, Bounds, str]]:
     """Each key that takes a number, its bounds and its unit."""
     for section, kind in SECTIONS.items():
         for each in fields(kind):
-            if "bounds" in each.metadata and each.metadata["unit"] != "port":
+            if "bounds" in each.metadata and type(each.default) is not int:  # an int is a port
                 yield f"{section}.{each.name}", each.metadata["bounds"], each.metadata["unit"]
 
 

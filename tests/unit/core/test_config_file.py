@@ -158,7 +158,7 @@ def test_a_form_that_cannot_be_edited_is_refused_and_untouched(tmp_path: Path, t
         ("motor.0.radians_per_tick", -1.0, "from 1e-08"),
         ("motor.9.radians_per_tick", 1.0, "ports 0 to 3"),
         ("motor.0.unknown", 1.0, "no such key"),
-        ("name", 1.0, "stands in a table"),
+        ("name", 1.0, "must be in a table"),
         ("name.first", 1.0, "is no table"),
     ],
 )

@@ -111,7 +111,7 @@ def test_worth_of_a_position_tick_is_kept_and_must_not_change() -> None:
     recording = recording_of(Trace(Header(), ticks))
     assert recording.device.position_counts_seconds == 1.25
     assert recording["motor.0.position"][0] == 4
-    with pytest.raises(TraceError, match="change their worth"):
+    with pytest.raises(TraceError, match="size of a position tick changes"):
         recording_of(Trace(Header(), [*ticks, Tick(cycle(5))]))
 
 

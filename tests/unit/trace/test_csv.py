@@ -86,7 +86,7 @@ BAD = [
     ("t\n09:10:00.5\n", "allowed are finite numbers; it looks like a date or a time of day"),
     (
         't,battery.voltage\n0,"6,8"\n',
-        "and blank; where commas part the columns a half is written",
+        "and blank; where commas separate the columns, write a half as",
     ),
     ("t,motor.0.duty\n0,1.5\n", "line 2, column motor.0.duty: '1.5': allowed are numbers from -1 to 1"),
     ("t,digital.3\n0,2\n", "line 2, column digital.3: '2': allowed are 0, 1"),
@@ -117,12 +117,12 @@ def test_a_file_whose_rows_go_back_is_not_left_with_one_of_them(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("before", "now", "said"),
     [
-        (4294.966, 0.003, "begins anew at 4294.967296"),  # micros() in s
-        (4294966296.0, 1704.0, "begins anew at 4294967296"),
-        (65.531, 0.002, "begins anew at 65.536"),
+        (4294.966, 0.003, "wrap around at 4294.967296"),  # micros() in s
+        (4294966296.0, 1704.0, "wrap around at 4294967296"),
+        (65.531, 0.002, "wrap around at 65.536"),
         (40.0, 0.0, "a second recording"),
         (4294.966, 2000.0, "a second recording"),
-        (39.59, 39.58, "rows in their order"),  # upside down, shuffled, or of a clock that was set
+        (39.59, 39.58, "rows in order"),  # upside down, shuffled, or of a clock that was set
     ],
 )
 def test_why_a_time_goes_back_and_on_from_there_is_said(
@@ -141,7 +141,7 @@ def test_one_wild_time_costs_its_own_line_and_the_next(tmp_path: Path) -> None:
     found = read_csv(write(tmp_path / "run.csv", text), strict=False)
     assert found["x"].tolist() == [0.0, 1.0, 4.0, 5.0]
     assert found.events == []
-    assert "goes on from before '1e+09', whose line is left out" in found.problems[1]
+    assert "time continues from before the outlier '1e+09', so that line is left out" in found.problems[1]
 
 
 def test_wild_times_are_said_once(tmp_path: Path) -> None:
@@ -173,13 +173,13 @@ def test_a_bad_value_is_blank_and_a_bad_row_is_left_out(tmp_path: Path) -> None:
     [
         ("", "no column t"),
         ("a,b\n1,2\n", "no column t in the header 'a,b'"),
-        ("a,time_ms\n1,2\n", "t is the time in s: if 'time_ms' is that, name it t"),
-        ("T;a\n1;2\n", "t is the time in s: if 'T' is that, name it t"),
-        ("0,-0.5,1e-3\n", "t is the time in s, and the first line holds the names of the columns"),
-        ("t,x,x\n", "'x' is there twice"),
-        ("t x\n0 1\n", "parted by commas, semicolons or tabs, not by spaces"),
-        ("%time,field.x\n0,1\n", "if '%time' is that, name it t"),
-        ("/clock/sec,x\n0,1\n", "if '/clock/sec' is that, name it t"),
+        ("a,time_ms\n1,2\n", "t is the time in s: if 'time_ms' is the time, rename it t"),
+        ("T;a\n1;2\n", "t is the time in s: if 'T' is the time, rename it t"),
+        ("0,-0.5,1e-3\n", "t is the time in s, and the first line must hold the names of the columns"),
+        ("t,x,x\n", "'x' occurs twice"),
+        ("t x\n0 1\n", "separated by commas, semicolons or tabs, not by spaces"),
+        ("%time,field.x\n0,1\n", "if '%time' is the time, rename it t"),
+        ("/clock/sec,x\n0,1\n", "if '/clock/sec' is the time, rename it t"),
         ("t\n" + "x" * (1 << 20), "line is longer"),
         ("t,x\n" + "0,bad\n" * 1002, "more than 1000 bad values; the first: line 2"),
     ],
@@ -228,8 +228,9 @@ def test_words_for_nothing_are_blanks_and_said_once_a_column(tmp_path: Path) -> 
     found = read_csv(write(tmp_path / "run.csv", f"t,imu.gyro.z,x\n{rows}"), strict=False)
     assert np.isfinite(found["imu.gyro.z"]).sum() == 500
     assert found.problems == [
-        "line 3, column imu.gyro.z: 'NaN' stands for nothing, and is read as blank, as in 1499 lines more",
-        "line 9, column x: 'n/a' stands for nothing, and is read as blank",
+        "line 3, column imu.gyro.z: 'NaN' means no value and is read as blank, "
+        "and likewise in 1499 more lines",
+        "line 9, column x: 'n/a' means no value and is read as blank",
     ]
 
 
@@ -249,15 +250,15 @@ def test_words_for_nothing_are_blanks_and_said_once_a_column(tmp_path: Path) -> 
 )
 def test_a_name_with_something_else_between_its_parts_is_said(tmp_path: Path, name: str, known: str) -> None:
     (said,) = read_csv(write(tmp_path / "run.csv", f"t,{name}\n0,0\n")).problems
-    assert said.endswith(f" is to be {known}")
+    assert said.endswith(f" should be {known}")
 
 
 def test_a_name_with_a_unit_or_capital_letters_is_said(tmp_path: Path) -> None:
     names = ["t", "motor.0.duty [-1..1]", "Battery.Voltage", "analog.0", "ANALOG.0", "motor.0.wish", "x (m)"]
     path = write(tmp_path / "run.csv", ",".join(names) + "\n0,0,0,0,0,0,0\n")
     assert read_csv(path).problems == [
-        "columns by other names are not used: 'motor.0.duty [-1..1]' is to be motor.0.duty, "
-        "'Battery.Voltage' is to be battery.voltage"
+        "columns with other names are not used: 'motor.0.duty [-1..1]' should be motor.0.duty, "
+        "'Battery.Voltage' should be battery.voltage"
     ]
 
 
@@ -266,7 +267,7 @@ def test_names_of_somebody_else_are_said_where_a_drive_lacks_a_column() -> None:
     whole = ["t", "event", "motor.0.duty", "motor.0.position", "imu.gyro.z", "battery.voltage", "state"]
     assert unnamed(whole) == ""
     said = unnamed(["gyro" if each == "imu.gyro.z" else each for each in whole])
-    assert said.startswith("nothing is named imu.gyro.z (")
+    assert said.startswith("no column is named imu.gyro.z (")
     assert "among 'gyro', 'state'; " in said
     assert unnamed(["t", "motor.0.duty", "estimate.drive.0"]) == ""  # what is missing is nowhere
 
@@ -274,15 +275,15 @@ def test_names_of_somebody_else_are_said_where_a_drive_lacks_a_column() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (gzip.compress(b"t,x\n0,1\n", mtime=0), "the file is packed: unpack it first"),
-        (b"PK\x03\x04" + bytes(100), "the file is packed"),
+        (gzip.compress(b"t,x\n0,1\n", mtime=0), "the file is compressed: unpack it first"),
+        (b"PK\x03\x04" + bytes(100), "the file is compressed"),
         ("t,x\n0,1\n".encode("utf-16"), "UTF-16: save it as UTF-8"),
         ("t,motor.0.bemf,motor.1.bemf\n".encode("utf-16-le"), "UTF-16: save it as UTF-8"),
         (b'{"format":"raccoon trace","version":1}\n', "name it .jsonl"),
         ("t,motor.0.bemf,motor.1.bemf\n".encode("utf-16-be"), "UTF-16: save it as UTF-8"),
-        (b"\x7fELF\x02\x01\x01" + bytes(9) + b"\x03\0\x3e\0\x01" + bytes(99), "it is no text"),
-        (bytes(range(128, 256)), "it is no text"),
-        (b"t\0x\n", "it is no text"),
+        (b"\x7fELF\x02\x01\x01" + bytes(9) + b"\x03\0\x3e\0\x01" + bytes(99), "it is not text"),
+        (bytes(range(128, 256)), "it is not text"),
+        (b"t\0x\n", "it is not text"),
         (b"time;x\n0,5;1\n", "line 1: there is no column t in the header 'time;x'"),
         (b"t;x\n0,5;1\n1,0;1.234\n", "line 3: '1.234' has another decimal mark than the numbers before"),
     ],
@@ -320,7 +321,7 @@ def test_a_last_line_without_an_end_may_be_cut_off(tmp_path: Path) -> None:
     recording = read_csv(path, strict=False)
     np.testing.assert_array_equal(recording["x"], [12.0])
     assert recording.problems == [
-        "line 3, the line has no end: the file may be cut off in it, so it is left out"
+        "line 3, the line has no line break: the file may be cut off there, so the line is left out"
     ]
     np.testing.assert_array_equal(read_csv(path)["x"], [12.0, 1.0])
 
@@ -373,7 +374,7 @@ def test_a_remark_may_name_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
     ("largest", "said"),
     [
         (100.0, "it looks like percent"),
-        (1.5, "it looks like shares of something less"),
+        (1.5, "it looks like fractions of something smaller"),
         (380.0, "it looks like a Wombat's PWM"),
     ],
 )

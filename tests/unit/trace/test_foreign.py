@@ -153,7 +153,7 @@ def test_fleet_steps_report_dead_sensors_and_spikes(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.isnan(recording["motor.0.speed"]), [0, 0, 0, 1, 1, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(recording["motor.0.rim_speed"], rim)
     assert recording.problems == [
-        "motor 0: -3.3 m/s is impossible beside its neighbours",
+        "motor 0: -3.3 m/s is impossible between the values before and after it",
         "motor 1: the current is 0.0 A at most: dead",
     ]
 

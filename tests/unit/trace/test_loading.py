@@ -152,5 +152,7 @@ def test_a_recording_of_which_nothing_can_be_used_says_why(tmp_path: Path) -> No
     path = tmp_path / "run.jsonl"
     header = '{"format": "raccoon trace", "version": 1, "library": "1", "port": "Own", "seed": null}\n'
     path.write_text(header + '{"device": {"name": "own", "bemf_volts": 0.0}}\n')
-    with pytest.raises(TraceError, match=r"run.jsonl: nothing of it can be used: line 2.*bemf_volts"):
+    with pytest.raises(
+        TraceError, match=r"run.jsonl: no row of the recording can be used: line 2.*bemf_volts"
+    ):
         load_run(path)

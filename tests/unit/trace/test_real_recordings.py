@@ -58,5 +58,5 @@ def test_faults_of_the_fleet_are_reported() -> None:
     }
     assert problems == {
         "robot-18": ["motor 1: the current is 0.0 A at most: dead"],
-        "robot-78": ["motor 1: -3.3467 m/s is impossible beside its neighbours"],
+        "robot-78": ["motor 1: -3.3467 m/s is impossible between the values before and after it"],
     }

@@ -58,5 +58,7 @@ def _without_spikes(port: int, speed: Column, problems: list[str]) -> Column:
     clean = speed.copy()
     for spike in spikes:
         clean[starts[spike] : starts[spike + 1]] = np.nan
-        problems.append(f"motor {port}: {float(held[spike])} m/s is impossible beside its neighbours")
+        problems.append(
+            f"motor {port}: {float(held[spike])} m/s is impossible between the values before and after it"
+        )
     return clean

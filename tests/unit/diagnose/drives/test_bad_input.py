@@ -45,7 +45,7 @@ def test_a_good_recording_passes(good: Columns) -> None:
     ("column", "factor", "said"),
     [
         ("motor.0.duty", 100.0, "percent"),
-        ("motor.0.duty", 6.8, r"volts, which are motor\.N\.voltage, or percent"),
+        ("motor.0.duty", 6.8, r"volts \(column motor\.N\.voltage\) or percent"),
         ("motor.0.duty", 255.0, "PWM of 8 bits"),
         ("motor.0.duty", 400.0, "a Wombat's PWM"),
         ("motor.0.duty", 1500.0, "ticks a second"),

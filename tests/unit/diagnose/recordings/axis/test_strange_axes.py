@@ -59,7 +59,7 @@ def test_names_without_a_port_are_of_another_program() -> None:
     assert kind_of(named, ROBOT) is Kind.DRIVE
     held = r"motor\.0\.duty is not in the recording: it holds motor\.left\.duty"
     with pytest.raises(
-        TraceError, match=held + r"; .*'motor0\.bemf' is to be motor\.0\.bemf; .*among 'motor\."
+        TraceError, match=held + r"; .*'motor0\.bemf' should be motor\.0\.bemf; .*among 'motor\."
     ):
         diagnose_recording(named, ROBOT)
     assert tophat_ports({"t": time, "analog.front": time, "analog.3": time}, ROBOT) == [3]
