@@ -74,10 +74,10 @@ class WheelState:
             return ""
         if self.speed_factor <= 0.0:
             return (
-                "turns against its voltage: the sign of its reading (inverted), commands that act so late "
-                "that it rings, or something drives it"
+                "turns against its voltage: wrong sign (inverted), commands that act so late that it "
+                "oscillates, or something drives it"
             )
-        return f"takes {self.speed_factor:.2f} times the voltage a speed should: magnet (K_E) or calibration"
+        return f"needs {self.speed_factor:.2f} times the voltage for its speed: magnet (K_E) or calibration"
 
 
 def describe_oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
@@ -94,14 +94,14 @@ def describe_oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
     ratio = left.load_factor / right.load_factor
     std = math.hypot(left.load_factor_std / left.load_factor, right.load_factor_std / right.load_factor)
     if max(ratio, 1.0 / ratio) - 1.0 > max(ODD_SHARE, 3.0 * std * max(ratio, 1.0 / ratio)):
-        words = "takes {:.2f} times the voltage that the other takes under load: resistance, magnet, friction"
+        words = "needs {:.2f} times the voltage of the other wheel under load: resistance, magnet, friction"
         return (words.format(ratio), "") if ratio > 1.0 else ("", words.format(1.0 / ratio))
     both = 0.5 * (left.load_factor + right.load_factor)
     # A drive at constant speed holds almost no information on inertia.
     std = 0.5 * math.hypot(left.load_factor_std, right.load_factor_std)
     late = 0.5 * (left.load_late + right.load_late)
     if both + 3.0 * std < ODD_LOADS[0] or both - 3.0 * std - late > ODD_LOADS[1]:
-        words = f"takes, like the other, {both:.1f} times the voltage a load should: weight, inertia_straight"
+        words = f"needs, like the other, {both:.1f} times the voltage for its load: weight, inertia_straight"
         return words, words
     return "", ""
 

@@ -168,7 +168,7 @@ def test_half_as_much_resistance_again_is_odd() -> None:
     state = watched(WheelModel(2.7, 1.08, 0.18, 0.004, 0.02))
     assert state.load_factor == pytest.approx(1.5, abs=0.15)
     left, right = describe_oddities(state, watched(NOMINAL))
-    assert "that the other takes under load" in left
+    assert "of the other wheel under load" in left
     assert right == ""
     assert describe_oddities(watched(NOMINAL), state) == (right, left)
 
@@ -184,7 +184,7 @@ def test_a_weak_magnet_is_odd() -> None:
 def test_a_wheel_that_turns_against_its_voltage_takes_no_negative_times_of_it(factor: float) -> None:
     state = replace(watched(NOMINAL), speed_factor=factor)
     assert state.odd_speed.startswith("turns against its voltage")
-    assert "act so late that it rings" in state.odd_speed  # 30 ms do, and no sign is wrong then
+    assert "act so late that it oscillates" in state.odd_speed  # 30 ms do, and no sign is wrong then
     assert "times" not in state.odd_speed
 
 
@@ -246,4 +246,4 @@ def test_a_load_that_is_hardly_known_is_not_odd() -> None:
     unsure = WheelState(True, 1.0, 0.01, 0.24, 0.54)
     assert describe_oddities(unsure, unsure) == ("", "")
     sure = WheelState(True, 1.0, 0.01, 0.24, 0.03)
-    assert all("times the voltage a load should" in each for each in describe_oddities(sure, sure))
+    assert all("times the voltage for its load" in each for each in describe_oddities(sure, sure))

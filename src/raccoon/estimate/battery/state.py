@@ -45,7 +45,7 @@ class PackEstimate:
         voltage = f"{self.open_circuit_voltage:.2f} V (+- {self.open_circuit_voltage_std:.2f})"
         resistance = f"{self.internal_resistance:.3f} ohm (+- {self.internal_resistance_std:.3f})"
         charge = f"{100.0 * self.charge:.0f} % (+- {100.0 * self.charge_std:.0f})"
-        return f"charge {charge}, {voltage} open, {resistance} inside, {self.status}"
+        return f"charge {charge}, open-circuit {voltage}, internal {resistance}, {self.status}"
 
 
 class PackState:

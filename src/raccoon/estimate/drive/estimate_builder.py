@@ -30,10 +30,10 @@ UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
 UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
 """m, standard deviation of the position."""
 POSE_DOUBT_REASONS = (
-    f"the place is in doubt by {UNCERTAIN_PLACE:g} m or more: drive on to a wall or a line, and say by "
-    "robot.odometry.reset(x, y, heading) where that is",
-    f"the heading is in doubt by {math.degrees(UNCERTAIN_HEADING):g} degrees or more: "
-    "align_on_wall(heading=...) tells it",
+    f"the position is uncertain by {UNCERTAIN_PLACE:g} m or more: drive to a wall or a line, and set its "
+    "position by robot.odometry.reset(x, y, heading)",
+    f"the heading is uncertain by {math.degrees(UNCERTAIN_HEADING):g} degrees or more: "
+    "align_on_wall(heading=...) corrects it",
 )
 """Reasons of an estimate whose standard deviation is above these thresholds, even if their cause has long
 passed."""

@@ -75,7 +75,7 @@ class GyroWatch:
                 reasons.tell("the gyro is silent", inputs.time)
             return None
         if not math.isfinite(rate):
-            reasons.tell("the gyro reads no number", inputs.time)
+            reasons.tell("the gyro's reading is not a number", inputs.time)
             return None
         if abs(rate) >= GYRO_FULL_SCALE:
             reasons.tell("the gyro is at full scale", inputs.time)

@@ -219,12 +219,12 @@ class DriveReadings:
         tell, time, reasons = self.reasons.tell, self.time, self.reasons
         reasons.drop_expired(time)
         if reading.dt <= 0.0 and inputs.time <= time and self._has_time:
-            tell("time stands still or runs back", time)
+            tell("time stands still or goes backwards", time)
         if reading.dt > CYCLE_GAP_S:
             more = "" if reading.dt < LONGEST_GAP_S else "more than "
             tell(f"{more}{reading.dt:.2f} s between two cycles", time, 0.5)
         if reading.not_a_number:
-            tell("a wheel reads no number", time)
+            tell("a wheel's reading is not a number", time)
         for side, jumped, absurd, wheel in (
             ("left", reading.left_jumped, reading.left_absurd, self.left),
             ("right", reading.right_jumped, reading.right_absurd, self.right),
@@ -232,7 +232,7 @@ class DriveReadings:
             if jumped:
                 tell(f"the {side} counter jumped", time)
             if absurd:
-                tell(f"the {side} back-EMF is beyond any wheel's", time)
+                tell(f"the {side} back-EMF is larger than any wheel's", time)
             if wheel.silence > HOLD_S:
                 tell(f"the {side} wheel is silent", time)
             if wheel.stuck_source:

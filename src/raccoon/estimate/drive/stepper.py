@@ -43,7 +43,7 @@ BIAS_HEADING_SHARE, BIAS_PLACE_SHARE = 0.29, 0.25
 heading: as a share of the angle that the change of bias makes in that time. Of the position: as a share of
 this angle times the distance; it is across the path, half of that, and half again because of the unknown
 time."""
-TURN_MISMATCH = "the robot turns otherwise than its wheels say"
+TURN_MISMATCH = "the robot turns differently from its wheels"
 _VB = variance_index(State.GYRO_BIAS)
 _VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
 

@@ -9,7 +9,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.estimate.drive.odometry import Odometry
 
-REMEDY = "give it a free way and drive again"
+REMEDY = "clear its way and drive again"
 
 
 def describe_disturbance(held: float, slipped: bool, told: Iterable[str]) -> str:

@@ -102,7 +102,7 @@ def fit_drive(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: De
     for name, deviation in zip(("left wheel", "right wheel", "track width"), deviations, strict=True):
         if not deviation <= MAX_DEVIATION:
             raise CalibrationError(
-                f"{name}: these recordings tell it to {100 * deviation:.1f} % only (5 % are allowed): "
+                f"{name}: these recordings determine it only to {100 * deviation:.1f} % (5 % are allowed): "
                 f"{BOTH_WAYS}"
             )
     return _calibration_of_factors(robot, device, manoeuvres, factors, deviations, (before, after))

@@ -52,11 +52,7 @@ def describe_surprises(
             )
     if len(said) == 2 and abs(shares[0] / shares[1] - 1.0) < ALIKE_SHARE:
         share = 0.5 * (shares[0] + shares[1])
-        went = (
-            ""
-            if distance is None
-            else f", by which the robot went {distance / share:.3f} m, not {distance:g}"
-        )
+        went = "" if distance is None else f", so the robot drove {distance / share:.3f} m, not {distance:g}"
         again = "the tape again" if distance is not None else "the tape and its times again, or the reference"
         return (
             f"both motors' radians_per_tick are {share:.3f} times what robot.toml says{went}: read {again}",

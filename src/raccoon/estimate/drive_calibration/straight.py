@@ -189,7 +189,9 @@ def count_ticks(
     decoder = WheelDecoder(robot)
     readings = [decoder.decode(cycle) for cycle in inputs]
     angles = [angle for reading in readings if (angle := getattr(reading, f"{side}_angle")) is not None]
-    _require(len(angles) > 10, f"the counter of the {side} motor (port {port}) gives nothing")
+    _require(
+        len(angles) > 10, f"the counter of the {side} motor (port {port}) has no readings in the recording"
+    )
     speeds = [speed for reading in readings[-10:] if (speed := getattr(reading, f"{side}_speed")) is not None]
     scale = counts_scale(robot, side, device)
     moving = bool(speeds) and abs(fmean(speeds)) > MOVING_COUNTS * scale

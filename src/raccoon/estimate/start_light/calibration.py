@@ -48,8 +48,8 @@ def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLig
     dark, lit = (float(sorted(counts)[len(counts) // 2]) for counts in (off, on))
     if lit <= ANALOG_BOTTOM:
         raise CalibrationError(
-            f"{lit:.0f} counts with the lamp on: nothing is so bright; look for wires that touch, and for "
-            "a plug that is turned or one hole off"
+            f"{lit:.0f} counts with the lamp on: no lamp is so bright; check for wires that touch, and for "
+            "a plug that is reversed or one hole off"
         )
     plain = light_of(lit) >= MIN_LIGHT_RATIO * light_of(dark)
     if lit > MIN_RATIO * dark or dark - lit < MIN_COUNTS or not plain:

@@ -140,7 +140,9 @@ def _calibrate_detrended(counts: Array, calm: NDArray[np.bool_]) -> TophatCalibr
     judged = _calibrate_ordered(flat, find_clusters(flat[calm[known]]))
     if judged is None or judged.separation < FAR_SEPARATION or judged.white is None or judged.black is None:
         return None
-    told = f"{judged.reason}; the light drifted by {drift:.0f} counts, the threshold holds for the end"
+    told = (
+        f"{judged.reason}; the light drifted by {drift:.0f} counts, the threshold is for the light at the end"
+    )
     lasting = drift < 0.5 * (judged.black.mean - judged.white.mean)
     return replace(judged, verdict=judged.verdict if lasting else Verdict.WEAK, reason=told)
 
@@ -161,7 +163,7 @@ def _calibrate_unordered(counts: Array, found: Clusters) -> TophatCalibration:
     if judged.verdict is not Verdict.OK:
         return judged
     if all_lone and judged.share_black < RARE_BLACK_SHARE:
-        told = f"{black.count} dark readings, each alone: a line, or spikes"
+        told = f"{black.count} single dark readings: a line, or spikes"
         return replace(judged, verdict=Verdict.WEAK, reason=told)
     if evidence < SURE_EVIDENCE:
         return replace(judged, verdict=Verdict.WEAK, reason="it may be one surface with a long tail")
@@ -188,7 +190,7 @@ def calibrate_two_phase(floor: ArrayLike, line: ArrayLike) -> TophatCalibration:
     if _separation(white, black) < MIN_SEPARATION:
         return TophatCalibration(
             Verdict.ONE_SURFACE,
-            f"floor {white.mean:.0f} and line {black.mean:.0f} counts do not stand apart",
+            f"floor {white.mean:.0f} and line {black.mean:.0f} counts are too close to each other",
             white=white,
         )
     return _judge_surfaces(white, black)
@@ -230,7 +232,7 @@ def _judge_surfaces(white: Surface, black: Surface) -> TophatCalibration:
     share = black.count / (white.count + black.count)
     separation = _separation(white, black)
     if rarer < MIN_COUNT:
-        reason = f"{rarer} readings are not a second surface"
+        reason = f"{rarer} readings are too few for a second surface"
         return TophatCalibration(Verdict.ONE_SURFACE, reason, white=white)
     not_black, is_sure = why_not_black(white.mean, black.mean, share)
     if is_sure:
@@ -239,12 +241,15 @@ def _judge_surfaces(white: Surface, black: Surface) -> TophatCalibration:
     if separation < SURE_SEPARATION:
         verdict, reason = Verdict.WEAK, f"separation is only {separation:.1f} standard deviations"
     elif rarer < SURE_COUNT and separation < FAR_SEPARATION:
-        verdict, reason = Verdict.WEAK, f"only {rarer} readings of the rarer surface, and close to the other"
+        verdict, reason = (
+            Verdict.WEAK,
+            f"only {rarer} readings of the rarer surface, whose level is close to the other",
+        )
     elif white.mean <= ANALOG_BOTTOM:
         reason = f"white reads {white.mean:.0f}, the converter's bottom: a change of the light is seen late"
         verdict = Verdict.WEAK
     elif black.mean >= ANALOG_TOP:
-        reason = f"black reads {black.mean:.0f}, the converter's top, as an input does whose wire is loose"
+        reason = f"black reads {black.mean:.0f}, the converter's top, as an input with a loose wire does"
         verdict = Verdict.WEAK
     elif not_black:
         verdict, reason = Verdict.WEAK, not_black

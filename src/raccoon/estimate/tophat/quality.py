@@ -70,9 +70,9 @@ def no_surfaces_calibration(counts: Array) -> TophatCalibration:
         return TophatCalibration(Verdict.FLOATING, "the readings jump about as an open input does")
     mean, ask = float(counts.mean()), "drive over white and black"
     if mean > NO_LIGHT_COUNTS:
-        ask = "over black alone, or too high above the floor to see it"
+        ask = "the sensor was over black only, or is too high above the floor"
     elif mean < DROWNED_COUNTS:
-        ask = "it is in more light than it can tell: shade it"
+        ask = "the light is too bright for the sensor: shade it"
     return TophatCalibration(
         Verdict.ONE_SURFACE, f"one surface at {mean:.0f} counts; {ask}", white=Surface.of(counts)
     )
@@ -93,7 +93,7 @@ def refuse_narrow(found: TophatCalibration, counts: Array, ways: ArrayLike) -> T
     width = longest_above(counts, found.threshold, steps)
     if width >= NARROWEST:
         return found
-    told = f"the robot went {1000.0 * width:.0f} mm over what is darker, and lines are wider than"
+    told = f"the darker part is {1000.0 * width:.0f} mm long, and lines are wider than"
     reason = f"{told} {1000.0 * NARROWEST:.0f} mm: a seam, or the light changed"
     return TophatCalibration(Verdict.ONE_SURFACE, reason, white=found.white)
 

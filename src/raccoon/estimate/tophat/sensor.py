@@ -60,11 +60,13 @@ def why_not_black(white: float, black: float, share: float) -> tuple[str, bool]:
     """Reason why the darker of two levels (counts) is another white ("" if it may be black), and whether that
     is certain. share: of the readings, on the darker one."""
     sent = light_of(max(black, 1.0)) / light_of(max(white, 1.0))
-    told = f"{black:.0f} counts beside {white:.0f} are {sent:.0%} of its light"
+    told = (
+        f"the darker surface ({black:.0f} counts) returns {sent:.0%} of the light of the other ({white:.0f})"
+    )
     if sent > max_black_share():
-        return f"{told}, and black is at most {max_black_share():.0%}: a board or a seam, and no line", True
+        return f"{told}, and black at most {max_black_share():.0%}: it is a board or a seam, not a line", True
     if share > MOSTLY_DARK_SHARE and sent > DIM_LIGHT_SHARE:
-        return f"{told}, and most of the way: if that was white, the other was glare and no line seen", False
+        return f"{told}, and covers most of the way: it may be white, and the other glare", False
     return "", False
 
 

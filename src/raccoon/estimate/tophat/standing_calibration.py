@@ -57,7 +57,7 @@ def calibrate_standing(white: ArrayLike, black: ArrayLike) -> TophatCalibration:
         return replace(wide, verdict=Verdict.WEAK, reason=f"{told}, which is close")
     sent = light_of(dark.mean) / light_of(bright.mean)
     if sent > DOUBTFUL_BLACK_SHARE:
-        told = f"{told}, {sent:.0%} of its light: that is black in the sun, or a sensor half beside the line"
+        told = f"{told}, {sent:.0%} of white's light: black in the sun, or the sensor is half beside the line"
         return replace(wide, verdict=Verdict.WEAK, reason=told)
     return wide if wide.verdict is Verdict.WEAK else replace(wide, reason=told)
 

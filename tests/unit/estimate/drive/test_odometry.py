@@ -123,9 +123,14 @@ def test_the_first_estimate_is_of_the_first_cycle() -> None:
     ("position_std", "heading_std", "status", "told"),
     [
         (0.0, 0.0, Status.OK, ()),
-        (0.08, 0.0, Status.UNCERTAIN, ("the place is in doubt by 0.1 m or more: drive on to a wall",)),
-        (0.0, 0.1, Status.UNCERTAIN, ("the heading is in doubt by 5 degrees or more: align_on_wall",)),
-        (2.0, 2.0, Status.INVALID, ("the place is in doubt by 0.1 m", "the heading is in doubt by 5 deg")),
+        (0.08, 0.0, Status.UNCERTAIN, ("the position is uncertain by 0.1 m or more: drive to a wall",)),
+        (0.0, 0.1, Status.UNCERTAIN, ("the heading is uncertain by 5 degrees or more: align_on_wall",)),
+        (
+            2.0,
+            2.0,
+            Status.INVALID,
+            ("the position is uncertain by 0.1 m", "the heading is uncertain by 5 deg"),
+        ),
     ],
 )
 def test_an_estimate_that_is_less_than_ok_says_why(

@@ -56,7 +56,7 @@ FAULTS: dict[str, tuple[Damage, str, float, float]] = {
     "gyro gone": (between(2.0, 2.6, lambda i: replace(i, gyro=None)), "the gyro is silent", 0.02, 2.0),
     "gyro not a number": (
         between(2.0, 2.6, lambda i: replace(i, gyro=(0.0, 0.0, math.nan))),
-        "the gyro reads no number",
+        "the gyro's reading is not a number",
         0.02,
         2.0,
     ),
@@ -80,19 +80,19 @@ FAULTS: dict[str, tuple[Damage, str, float, float]] = {
     ),
     "back-EMF not a number": (
         between(2.0, 2.5, lambda i: word(i, 1, math.nan, "bemf")),
-        "a wheel reads no number",
+        "a wheel's reading is not a number",
         0.01,
         1.0,
     ),
     "back-EMF beyond its word": (
         between(2.0, 2.5, lambda i: word(i, 1, 1e300, "bemf")),
-        "the right back-EMF is beyond any wheel's",
+        "the right back-EMF is larger than any wheel's",
         0.01,
         1.0,
     ),
     "counter beyond its word": (
         between(2.0, 2.5, lambda i: word(i, 1, 1e300, "position")),
-        "a wheel reads no number",
+        "a wheel's reading is not a number",
         0.01,
         1.0,
     ),
@@ -116,7 +116,7 @@ FAULTS: dict[str, tuple[Damage, str, float, float]] = {
     ),
     "time repeats": (
         lambda n, i: replace(i, time=i.time - 0.005) if n % 50 == 40 else i,
-        "time stands still or runs back",
+        "time stands still or goes backwards",
         0.01,
         1.0,
     ),

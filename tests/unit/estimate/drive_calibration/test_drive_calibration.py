@@ -120,7 +120,7 @@ REFUSED: list[tuple[list[Segment], dict[str, Any], dict[str, Any], str]] = [
     ([(1.0, 0.0, 0.0), (3.2, 0.2, 0.0)], {}, {}, "still turns at the end"),
     ([(1.0, 0.0, 0.0), (3.2, -0.2, 0.0)], {}, {"distance": -0.64}, "still turns at the end"),
     (STRAIGHT, {"gyro_every": 0}, {}, "give the turn"),
-    (STRAIGHT, {"counters": False}, {}, "gives nothing"),
+    (STRAIGHT, {"counters": False}, {}, "has no readings"),
     ([(5.0, 0.0, 0.0)], {}, {"distance": 0.6}, r"the left wheel \(motor port 0\) did not turn"),
     (STRAIGHT, {}, {"distance": -0.6}, "wrong sign"),
     (STRAIGHT, {}, {"distance": 6.0}, "times the expected"),

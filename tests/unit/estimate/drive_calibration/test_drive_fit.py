@@ -123,7 +123,7 @@ def test_a_tape_that_tells_a_wheel_s_way_to_more_than_5_percent_is_refused() -> 
     found = fit_drive(ROBOT, [circles(taped=[TapedWay(0.0, end, across, 0.04 * across)])], device=SI_WORDS)
     assert found.left.std / found.left.value == pytest.approx(0.04, rel=0.01)
     with pytest.raises(
-        CalibrationError, match=r"^left wheel: these recordings tell it to 6\.\d % only .5 % a"
+        CalibrationError, match=r"^left wheel: these recordings determine it only to 6\.\d % .5 % a"
     ):
         fit_drive(ROBOT, [circles(taped=[TapedWay(0.0, end, across, 0.06 * across)])], device=SI_WORDS)
 
