@@ -73,7 +73,7 @@ def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
         assert end.y == pytest.approx(0.0, abs=0.005)
         told += robot.drive.find_oddities()
     assert len(told) >= 3
-    assert all(re.search(r"left motor \(port 0\) takes 1\.[345]", each) for each in told)
+    assert all(re.search(r"left motor \(port 0\) needs 1\.[345]", each) for each in told)
 
 
 @pytest.mark.parametrize(("factor", "config"), [(0.5, CONFIG), (2.0, BARE)])
@@ -309,7 +309,7 @@ def test_the_missing_speed_is_noted() -> None:
 
 
 def test_a_loop_that_follows_a_line_to_and_fro_makes_no_motor_odd(caplog: pytest.LogCaptureFixture) -> None:
-    """Its speeds jump with every look at the tophat: motors "took half the voltage a speed should", or stood
+    """Its speeds jump with every look at the tophat: motors "needed half the voltage for it", or stood
     still against their duty, and a straight after it was held at a wall that was not there."""
     config = replace(RobotConfig(), tophats={"left": TophatConfig(0, 0.10, 0.035)})
     line = Line(((-1.0, 0.01), (3.0, 0.01)), 0.05)
@@ -361,4 +361,4 @@ def test_a_motor_is_found_odd_between_turns_too() -> None:
     parts = [part for _ in range(3) for part in (straight(0.4), turn(deg(90)))]
     _, _, robot = run(seq(*parts), simulated_port(effects=effects))
     (said,) = robot.drive.find_oddities()
-    assert said.startswith("the left motor (port 0) takes 1.")
+    assert said.startswith("the left motor (port 0) needs 1.")
