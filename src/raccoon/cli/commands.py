@@ -53,7 +53,11 @@ class Command(Protocol):
 
 def build_parser() -> Parser:
     """The parser of the command line with all commands."""
-    parser = Parser(prog="raccoon", description="Onboard robot control for the KIPR Wombat.")
+    parser = Parser(
+        prog="raccoon",
+        description="Onboard robot control for the KIPR Wombat.",
+        epilog="`raccoon help COMMAND` or `raccoon COMMAND --help` lists the arguments of a command.",
+    )
     parser.add_argument("--version", action="version", version=f"raccoon {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
@@ -79,8 +83,8 @@ def run_command(argv: Sequence[str] | None = None) -> int:
         if not given:  # the list of commands helps more than an error
             parser.print_help(sys.stderr)
             return 2
-        args, unknown = parser.parse_known_args(_without_view_run(given))
-        if unknown:  # with the usage of this command, not that of `raccoon`
+        args, unknown = parser.parse_known_args(_with_help_option(_without_view_run(given)))
+        if unknown:  # by the parser of this command, which knows its options
             args.parser.refuse(unknown)
         args.given = given
         name = f"raccoon {args.command}"
@@ -94,6 +98,11 @@ def run_command(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
         return 130
+
+
+def _with_help_option(given: list[str]) -> list[str]:
+    """The arguments with `--help` behind a command instead of `help` before it."""
+    return [*given[1:], "--help"] if given[:1] == ["help"] else given
 
 
 def _without_view_run(given: list[str]) -> list[str]:

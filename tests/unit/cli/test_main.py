@@ -63,8 +63,11 @@ def test_an_empty_name_is_not_the_folder_that_one_is_in(
             ["calibrate", "driv"],
             "KIND: there is no 'driv' (did you mean drive?); allowed are drive, motors, ",
         ),
-        (["demo", "--nonsense"], "unrecognized arguments: --nonsense\n"),
-        (["view", "a", "--outptu=b"], "unrecognized arguments: --outptu=b (did you mean --output?)\n"),
+        (["help", "diagnos"], "there is no 'diagnos' (did you mean diagnose?); allowed are "),
+        (["demo", "--nonsense"], "raccoon demo: there is no option --nonsense; see raccoon demo --help\n"),
+        (["view", "a", "--outptu=b"], "there is no option --outptu (did you mean --output?); see raccoon "),
+        (["view", "a", "b", "c", "d"], "raccoon view: too many arguments: c d; "),
+        (["sweep", "a.py", "--runs", "3.5"], "argument --runs: '3.5' is not a whole number; "),
     ],
 )
 def test_wrong_usage_is_status_2_and_says_what_is_near(
@@ -74,8 +77,23 @@ def test_wrong_usage_is_status_2_and_says_what_is_near(
         main(arguments)
     assert end.value.code == 2
     shown = capsys.readouterr().err
-    assert "usage: raccoon" in shown
     assert said in shown
+    assert shown.startswith("raccoon")  # nothing before the sentence, such as ten lines of usage
+    assert shown.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", [(), ("diagnose",), ("calibrate", "drive")])
+def test_help_before_a_command_is_help_behind_it(
+    command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown = []
+    for arguments in (["help", *command], [*command, "--help"]):
+        with pytest.raises(SystemExit) as end:
+            main(arguments)
+        assert not end.value.code
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1]
+    assert shown[0].startswith(" ".join(("usage: raccoon", *command)))
 
 
 def test_ctrl_c_is_status_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -268,7 +286,7 @@ def test_a_file_that_is_not_there_is_named_and_how_to_make_it(
         ["tune", "wheels"],
     ],
 )
-def test_an_option_that_is_not_there_is_told_with_the_usage_of_its_command(
+def test_an_option_that_is_not_there_is_told_with_the_help_of_its_command(
     command: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as end:
@@ -276,8 +294,8 @@ def test_an_option_that_is_not_there_is_told_with_the_usage_of_its_command(
     assert end.value.code == 2
     said = capsys.readouterr().err
     name = " ".join(word for word in command if word != "run.csv")
-    assert said.startswith(f"usage: raccoon {name} [-h]")
-    assert "unrecognized arguments: --outptu=a.svg" in said
+    assert said.startswith(f"raccoon {name}: there is no option --outptu")
+    assert said.endswith(f"see raccoon {name} --help\n")
 
 
 def test_init_names_the_file_that_cannot_be_written(
