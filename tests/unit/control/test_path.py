@@ -22,6 +22,13 @@ def test_a_corner_is_rounded_and_the_end_is_the_last_point() -> None:
     assert middle.curvature == pytest.approx(5.0)
 
 
+def test_two_points_are_a_straight_line() -> None:
+    path = Path([(0.2, 0.1), (0.2, -0.4)])
+    assert path.length == pytest.approx(0.5)
+    assert path.start.heading == pytest.approx(-0.5 * math.pi)
+    assert (path.at(0.1).pose.x, path.at(0.1).pose.y) == pytest.approx((0.2, 0.0))
+
+
 def test_a_rounding_that_does_not_fit_is_made_smaller() -> None:
     """Half of the shorter of its two sides is there for each corner."""
     path = Path([(0.0, 0.0), (0.4, 0.0), (0.4, 0.1), (1.0, 0.1)], rounding=1.0)
@@ -68,6 +75,9 @@ def test_nonsense_is_refused() -> None:
     for aside in (0.01, -0.01):
         with pytest.raises(ValueError, match="turns back at"):
             Path([(0.0, 0.0), (1.0, 0.0), (0.0, aside)])
+    for rounding in (0.0, -0.1, math.inf, math.nan):
+        with pytest.raises(ValueError, match=f"rounding is {rounding} m"):
+            Path(CORNER, rounding)
     for point in ((math.nan, 0.1), (0.1, math.inf)):
         with pytest.raises(ValueError, match="both numbers must be finite"):
             Path([(0.0, 0.0), point])

@@ -75,8 +75,8 @@ def test_a_wheel_of_which_somebody_knows_that_it_is_held_teaches_nothing() -> No
     assert not learnt(held)
 
 
-def test_the_window_before_a_wheel_is_held_is_not_learnt() -> None:
-    """It was braked in it."""
+def test_the_windows_before_and_after_a_wheel_is_held_are_not_learnt() -> None:
+    """It was braked in them, or its reading was not yet its speed."""
     watches = WheelWatch(NOMINAL), WheelWatch(NOMINAL)
     for watch in watches:
         for _ in range(13):
@@ -85,7 +85,12 @@ def test_the_window_before_a_wheel_is_held_is_not_learnt() -> None:
     for _ in range(20):
         held.update(4.0, 0.0, 0.005)
     assert learnt(free)
+    for _ in range(19):  # released: for 0.1 s the reading follows its filter
+        held.update(NOMINAL.voltage(3.0) + 1.0, 3.0, 0.005)
     assert not learnt(held)
+    for _ in range(13):
+        held.update(NOMINAL.voltage(3.0) + 1.0, 3.0, 0.005)
+    assert learnt(held)
 
 
 @pytest.mark.parametrize(("memory", "doubt"), [(120.0, 0.0), (120.0, 0.3), (30.0, 0.0)])
@@ -177,6 +182,7 @@ def test_a_weak_magnet_is_odd() -> None:
     state = watched(WheelModel(1.8, 0.54, 0.18, 0.004, 0.02))
     assert "K_E" in state.odd_speed
     assert describe_oddities(watched(NOMINAL), state) == ("", state.odd_speed)
+    assert describe_oddities(state, watched(NOMINAL)) == (state.odd_speed, "")
     assert state.speed_factor == pytest.approx(0.5, abs=0.1)
 
 
@@ -234,6 +240,17 @@ def test_a_wheel_that_reads_all_the_time_that_it_turns_against_its_voltage_is_st
     assert told[99:] == [True, False]
 
 
+@pytest.mark.parametrize("volts", [1.5, -6.0])
+def test_a_wheel_far_below_the_speed_of_its_voltage_is_stalled(volts: float) -> None:
+    """A tenth of it is a stall. Less than half, as with a heavy load, is none."""
+    nominal = math.copysign(NOMINAL.top_speed(abs(volts)), volts)
+    for share, stalled in ((0.1, True), (0.4, False)):
+        watch = WheelWatch(NOMINAL)
+        for _ in range(75):
+            watch.update(volts, share * nominal, 0.005)
+        assert watch.stalled is stalled
+
+
 def test_too_little_voltage_to_move_is_no_stall() -> None:
     watch = WheelWatch(NOMINAL)
     for _ in range(1000):
@@ -247,3 +264,21 @@ def test_a_load_that_is_hardly_known_is_not_odd() -> None:
     assert describe_oddities(unsure, unsure) == ("", "")
     sure = WheelState(True, 1.0, 0.01, 0.24, 0.03)
     assert all("times the voltage for its load" in each for each in describe_oddities(sure, sure))
+    nominal = WheelState(True, 1.0, 0.01, 1.0, 0.02)
+    for std, is_odd in ((0.15, False), (0.02, True)):  # within three deviations of the other, and far beyond
+        light = WheelState(True, 1.0, 0.01, 0.6, std)
+        told = describe_oddities(light, nominal), describe_oddities(nominal, light)
+        assert told[0][0] == told[1][1] == ""
+        assert ("1.67 times" in told[0][1]) is ("1.67 times" in told[1][0]) is is_odd
+
+
+def test_a_load_below_nothing_is_no_comparison() -> None:
+    nominal, driven = WheelState(True, 1.0, 0.01, 1.0, 0.02), WheelState(True, 1.0, 0.01, -0.2, 0.02)
+    assert describe_oddities(nominal, driven) == describe_oddities(driven, nominal) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("factor", "std", "is_odd"), [(1.3, 0.1, False), (1.3, 0.06, True), (1.2, 0.01, False)]
+)
+def test_a_speed_is_odd_only_beyond_its_deviation(factor: float, std: float, is_odd: bool) -> None:
+    assert bool(WheelState(True, factor, std, 1.0, 0.02).odd_speed) is is_odd

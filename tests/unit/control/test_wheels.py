@@ -64,16 +64,15 @@ def test_a_nominal_motor_follows_a_step_without_overshoot() -> None:
 
 
 def test_saturation_keeps_the_ratio_and_says_what_is_missing() -> None:
-    loop = make_loop()
-    wanted = WheelTarget(12.0, 6.0)
-    left, right = Motor(1.8, 1.08, 0.18), Motor(1.8, 1.08, 0.18)
-    for _ in range(400):
-        duties = loop.step(wanted, left.measured, right.measured, 0.005, 6.1)
-        left.advance(duties[0] * 6.1)
-        right.advance(duties[1] * 6.1)
-    assert left.speed / right.speed == pytest.approx(2.0, rel=0.01)
-    assert loop.saturated
-    assert loop.missing_speed == pytest.approx(12.0 - NOMINAL.top_speed(6.1))
+    for wanted in (WheelTarget(12.0, 6.0), WheelTarget(-6.0, -12.0)):
+        loop, left, right = make_loop(), Motor(1.8, 1.08, 0.18), Motor(1.8, 1.08, 0.18)
+        for _ in range(200):
+            duties = loop.step(wanted, left.measured, right.measured, 0.005, 6.1)
+            left.advance(duties[0] * 6.1)
+            right.advance(duties[1] * 6.1)
+        assert left.speed / right.speed == pytest.approx(wanted.left / wanted.right, rel=0.01)
+        assert loop.saturated
+        assert loop.missing_speed == pytest.approx(12.0 - NOMINAL.top_speed(6.1))
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
@@ -102,6 +101,16 @@ def test_a_wheel_that_friction_holds_where_it_is_to_stand_is_not_stalled() -> No
     assert mirrored.standing == ("right",)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_wheels_that_do_not_turn_are_stalled_until_they_rest(sign: float) -> None:
+    loop, told = make_loop(), []
+    for wanted in (*[WheelTarget(12.0 * sign, 12.0 * sign)] * 100, REST):
+        loop.step(wanted, 0.0, 0.0, 0.005, 6.8)
+        assert loop.standing == ()
+        told.append((loop.stalled, loop.saturated, loop.missing_speed > 0.0))
+    assert told[-2:] == [(("left", "right"), True, True), ((), False, False)]
+
+
 def known_after(loop: WheelLoop, target: WheelTarget, seconds: float = 2.0) -> tuple[bool, bool]:
     """What the loop knows of its motors after it has driven like that, with wheels that follow."""
     for _ in range(round(seconds / 0.005)):
@@ -119,9 +128,13 @@ def test_wheels_tell_of_their_motors_once_they_drive_straight_on() -> None:
 
 def test_wheels_that_push_tell_nothing_until_they_have_rested() -> None:
     loop, straight = make_loop(), WheelTarget(4.0, 4.0)
+    nominal = [each.speed_factor for each in loop.states]
+    for _ in range(50):  # it has pushed for 0.25 s before that is known
+        loop.step(straight, 3.0, 3.0, 0.005, 6.8)
     loop.hold()
     assert known_after(loop, straight) == (False, False)
     known_after(loop, REST, 0.005)
+    assert [each.speed_factor for each in loop.states] == nominal
     assert known_after(loop, straight) == (True, True)
 
 
