@@ -286,7 +286,7 @@ class FilterStepper:
         if motion_start is not None:
             since = self._readings.time - motion_start[0]
             seconds = max(0.5 * since, CREEP_TIME_S)
-            heading = max(BIAS_HEADING_SHARE * bias_change * since, heading)
+            heading = max(BIAS_HEADING_SHARE * bias_change * since, abs(heading))
             way = abs(self.fusion.distance - motion_start[1])
             place = max(BIAS_PLACE_SHARE * bias_change * since * way, abs(place))
         return RestDoubt(offsets, max(bias_change, self._settings.gyro_bias), seconds, heading, place)

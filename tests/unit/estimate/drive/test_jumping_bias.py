@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import pytest
 
-from drive_traces import Segment, drive
+from drive_traces import PER_COUNT, RADIUS, TRACK, Errors, Segment, drive
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry, OdometrySettings
 
 REST: Segment = (1.0, 0.0, 0.0)
+QUIET = Errors(bemf_noise_counts=0.0, gyro_noise=0.0, slip_noise=0.0)
 DRIVE: list[Segment] = [(1.5, 0.18, 0.0), (0.2, 0.0, 0.0), (1.0, 0.0, 1.6), (0.2, 0.0, 0.0), (1.5, 0.18, 0.0)]
 
 
@@ -89,3 +90,26 @@ def test_a_reset_ends_what_another_bias_has_turned() -> None:
             odometry.reset()
     assert odometry.estimate.gyro_bias == pytest.approx(0.02, abs=0.001)
     assert abs(odometry.estimate.heading) < 2.5 * odometry.estimate.heading_std < math.radians(1.5)
+
+
+def test_wheels_and_gyro_that_read_a_turn_at_rest_leave_the_same_doubt_to_either_side() -> None:
+    """A controller whose offsets and bias both change as the robot comes to rest."""
+    ends = []
+    for turn in (0.06, -0.06):
+        odometry = Odometry(RobotConfig())
+        aside = turn * 0.5 * TRACK / RADIUS / PER_COUNT
+        for inputs, command in drive([(0.5, 0.0, 0.0), (0.25, 0.15, 0.0), (1.4, 0.0, 0.0)], QUIET, dt=0.01):
+            if inputs.time > 0.75:
+                left, right = inputs.bemf[0] or 0.0, inputs.bemf[1] or 0.0
+                inputs = replace(
+                    inputs,
+                    gyro=(0.0, 0.0, turn / inputs.device.gyro_rad_s),
+                    bemf=(left - aside, right + aside, None, None),
+                    position=(None,) * 4,
+                )
+            estimate = odometry.update(inputs, command)
+        ends.append(estimate)
+    one, other = ends
+    assert one.heading == pytest.approx(-other.heading, rel=1e-6)
+    assert one.heading_std == pytest.approx(other.heading_std, rel=1e-6)
+    assert one.heading_std > 0.02
