@@ -18,6 +18,8 @@ from math import radians as deg
 
 TYPE_CHECKING = False  # as typing has it, whose import would take longer than all of this
 if TYPE_CHECKING:
+    from types import FrameType
+
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import (
         CalibrationError,
@@ -240,16 +242,28 @@ __all__ = [
 if not TYPE_CHECKING:  # a checker that saw it would take every name, also a mistyped one, for an object
 
     def __getattr__(name: str) -> object:
-        home = _HOME_OF.get(name)
-        if home is None:
-            from sys import _getframe
+        from sys import _getframe
 
+        asking = _getframe(1)
+        home = _HOME_OF.get(name)
+        if _is_in_main_program(asking):  # not for a library that uses this one: it owns no hooks
+            from raccoon.robot.tracebacks import install_hook
+
+            install_hook()
+        if home is None:
             from raccoon.robot.name_hints import refuse_name
 
-            refuse_name(name, _getframe(1))
+            refuse_name(name, asking)
         value = getattr(import_module(home), name)
         globals()[name] = value
         return value
+
+
+def _is_in_main_program(frame: FrameType | None) -> bool:
+    """Whether the file that Python was started with asks for a name: a team's program."""
+    while frame is not None and str(frame.f_globals.get("__name__")).startswith("importlib."):
+        frame = frame.f_back  # `from raccoon import ...`
+    return frame is not None and frame.f_globals.get("__name__") == "__main__"
 
 
 def __dir__() -> list[str]:

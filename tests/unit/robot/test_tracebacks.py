@@ -78,3 +78,15 @@ def test_the_whole_is_printed_where_it_is_asked_for_and_by_the_hook_of_others(
     monkeypatch.setattr(sys, "excepthook", print)
     install_hook()
     assert sys.excepthook is print
+
+
+@pytest.mark.parametrize(("who", "is_short"), [("__main__", True), ("library", False)])
+@pytest.mark.parametrize("line", ["from raccoon import straigt", "import raccoon; raccoon.straigt"])
+def test_a_program_has_short_tracebacks_before_it_opens_a_robot(
+    line: str, who: str, is_short: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A wrong import or robot.toml is an error before. A library that uses this one keeps Python's hook."""
+    monkeypatch.setattr(sys, "excepthook", sys.__excepthook__)
+    with pytest.raises((ImportError, AttributeError), match="straigt"):
+        exec(line, {"__name__": who})
+    assert (sys.excepthook is not sys.__excepthook__) is is_short

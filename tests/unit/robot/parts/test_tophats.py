@@ -422,7 +422,7 @@ def test_a_sensor_that_comes_loose_while_it_is_calibrated_is_said(tmp_path: Path
         calibrate_tophats(robot, 0.5)
         said = [each for each in robot.drive.remarks.values() if "with care" in each]
     assert [each[:15] for each in said] == ["use tophat left"]
-    assert "wire is loose" in said[0]
+    assert "loose wire" in said[0]
 
 
 def test_a_sensor_that_was_moved_is_said_at_the_next_calibration(tmp_path: Path) -> None:
