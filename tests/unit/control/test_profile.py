@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from raccoon.control.profile import Trapezoid, profile
+from raccoon.control.profile import ProfileState, Trapezoid, profile
 
 LIMITS = st.tuples(st.floats(-3.0, 3.0), st.floats(0.01, 2.0), st.floats(0.05, 10.0), st.floats(0.05, 10.0))
 
@@ -18,12 +18,14 @@ def test_closed_form_of_a_trapezoid() -> None:
     assert profile.at(0.25).position == pytest.approx(0.5 * 0.25**2)
     assert profile.at(1.0).velocity == 0.5
     assert profile.at(profile.duration - 0.1).velocity == pytest.approx(0.2)
+    assert [profile.at(time).acceleration for time in (0.25, 1.0, profile.duration - 0.1)] == [1.0, 0.0, -2.0]
 
 
 def test_closed_form_of_a_triangle() -> None:
     profile = Trapezoid(-0.1, 5.0, 1.0)
     assert profile.duration == pytest.approx(2.0 * math.sqrt(0.1))
     assert profile.at(profile.duration / 2).velocity == pytest.approx(-math.sqrt(0.1))
+    assert [profile.at(share * profile.duration).acceleration for share in (0.4, 0.6)] == [-1.0, 1.0]
 
 
 @given(LIMITS)
@@ -36,8 +38,8 @@ def test_keeps_its_limits_and_ends_on_the_mark(limits: tuple[float, float, float
         assert abs(state.velocity) <= speed * (1 + 1e-9)
         assert -1e-9 <= state.position * math.copysign(1.0, distance) <= abs(distance) + 1e-9
         assert abs(state.acceleration) <= max(up, down)
-    assert profile.at(profile.duration + 1.0).position == distance
-    assert profile.at(-1.0).position == 0.0
+    assert profile.at(profile.duration + 1.0) == ProfileState(distance, 0.0, 0.0)
+    assert profile.at(-1.0) == ProfileState(0.0, 0.0, 0.0)
 
 
 @given(LIMITS, st.floats(0.01, 0.99))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raccoon.control.profile import SCurve, Trapezoid, profile
+from raccoon.control.profile import ProfileState, SCurve, Trapezoid, profile
 
 POSITIVE = st.floats(0.05, 5.0)
 
@@ -22,10 +22,12 @@ def test_it_arrives_and_keeps_every_limit(d: float, speed: float, gain: float, j
         assert abs(now.velocity) <= speed * (1 + 1e-9) + 1e-9
         assert abs(now.acceleration) <= gain * (1 + 1e-9) + 1e-9
         assert abs(now.acceleration - before.acceleration) <= jerk * dt * (1 + 1e-6) + 1e-6
+        mean = 0.5 * (before.acceleration + now.acceleration)
+        assert abs(now.velocity - before.velocity - mean * dt) <= 0.5 * jerk * dt * dt + 1e-6
         before = now
     assert before.position == pytest.approx(d, abs=1e-6)
     assert before.velocity == pytest.approx(0.0, abs=1e-6)
-    assert curve.at(curve.duration + 1.0).position == d
+    assert curve.at(curve.duration + 1.0) == ProfileState(d, 0.0, 0.0)
 
 
 @given(st.floats(0.05, 2.0), POSITIVE, POSITIVE, st.floats(0.5, 50.0), st.floats(0.02, 0.98))

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raccoon.control.profile import profile
+from raccoon.control.profile import ProfileState, profile
 from raccoon.control.stages import Stage, StagedProfile
 
 STAGES = st.lists(
@@ -49,6 +49,8 @@ def test_a_slow_corner_does_not_slow_down_the_straights() -> None:
     assert staged.duration == pytest.approx(5.5 + 2 * (0.25 + 0.2025), abs=1e-6)
     assert staged.at(1.5).velocity == pytest.approx(0.2)
     assert staged.at(0.5 * staged.duration).velocity == pytest.approx(0.02)
+    assert [staged.at(time).acceleration for time in (0.2, 1.0, staged.duration - 0.2)] == [0.4, 0.0, -0.4]
+    assert staged.at(staged.duration + 1.0) == ProfileState(staged.distance, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("rest", [-0.05, 0.1, 0.41, 0.7, 0.83, 0.9])
