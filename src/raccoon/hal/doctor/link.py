@@ -35,9 +35,11 @@ REMEDIES = {
     Fault.TORN: "run the doctor again; if it stays, stop other programs that use the bus",
     Fault.MISALIGNED: "stop other programs that use the bus, then restart the controller",
     Fault.IMU_FROZEN: "restart the controller; if it stays, its IMU is broken",
+    Fault.IMU_IMPLAUSIBLE: "put the robot on its wheels, restart the controller; else its IMU is broken",
     Fault.COMMAND_LOST: "stop other programs that command the motors; flash the matching firmware",
     Fault.OVERRUN: "stop other programs; see docs/hardware.md on real-time priority",
     Fault.MOTOR_FAULT: "check the motor's plug and that it turns freely; let a tripped fuse cool",
+    Fault.BEMF_INVALID: "see the findings on the motors at rest; if they are well, restart the controller",
     Fault.BEMF_FROZEN: "restart the controller; if it stays, its converter is broken: use another motor port",
     Fault.SENSOR_LOST: "check the plug and the supply of the added sensor",
 }

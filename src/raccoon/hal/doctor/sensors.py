@@ -61,8 +61,15 @@ def _missing_imu_finding(rest: Sequence[Inputs]) -> Finding:
     if rest[-1].device is CREATE_2:
         return Finding("imu", Verdict.NOT_CHECKED, "this base has none")
     remedy = "restart the controller; if it stays, its IMU is broken: add one on I2C"
-    if any(Fault.IMU_FROZEN in each.faults for each in rest):
-        problem = "its readings are impossible (they stand still, sweep, or are far from 1 g)"
+    faults = {fault for each in rest for fault in each.faults}
+    if Fault.IMU_IMPLAUSIBLE in faults:
+        problem = (
+            "its readings are impossible (they sweep or are far from 1 g), or the controller stands on edge"
+        )
+        remedy = f"put the robot on its wheels; {remedy}"
+        return Finding("imu", Verdict.FAULT, "left out by the port", problem, remedy)
+    if Fault.IMU_FROZEN in faults:
+        problem = "its readings stand still, or it is missing"
         return Finding("imu", Verdict.FAULT, "left out by the port", problem, remedy)
     return Finding("imu", Verdict.FAULT, "none", "the controller delivers no IMU readings", remedy)
 

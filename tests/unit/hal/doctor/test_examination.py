@@ -16,6 +16,7 @@ from raccoon.core.config import BumperConfig, DriveConfig, Measured, MotorConfig
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, SIMULATOR, STOP, Fault, Inputs
 from raccoon.hal.create import CREATE_2
 from raccoon.hal.doctor import Finding, Report, Verdict, examine
+from raccoon.hal.doctor.link import fault_findings
 from raccoon.hal.doctor.sensors import analog_findings
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -277,9 +278,22 @@ def test_a_rare_fault_that_the_port_repaired_is_no_illness() -> None:
     assert finding.values == {"torn": 1.0}
 
 
-def test_an_imu_that_its_port_does_not_believe_is_told_apart() -> None:
-    finding = examined("imu", no_imu=True, faults=dict.fromkeys(range(1, 2000), (Fault.IMU_FROZEN,)))
-    assert finding.problem.startswith("its readings are impossible")
+@pytest.mark.parametrize(
+    ("fault", "problem"),
+    [
+        (Fault.IMU_FROZEN, "its readings stand still"),
+        (Fault.IMU_IMPLAUSIBLE, "its readings are impossible"),
+    ],
+)
+def test_an_imu_that_its_port_does_not_believe_is_told_apart(fault: Fault, problem: str) -> None:
+    finding = examined("imu", no_imu=True, faults=dict.fromkeys(range(1, 2000), (fault,)))
+    assert finding.problem.startswith(problem)
+
+
+def test_every_fault_of_a_port_has_a_remedy() -> None:
+    told = fault_findings([Inputs(device=SIMULATOR, time=0.0, faults=tuple(Fault))])
+    assert len(told) == len(Fault) - 1  # the analog ports have findings of their own
+    assert all(finding.remedy for finding in told)
 
 
 def test_a_sick_link_is_told_before_what_it_makes_look_sick() -> None:
