@@ -274,27 +274,3 @@ class RestWatch:
     def is_resting(self, time: float) -> bool:
         """Whether the motors have been at rest for longer than `SETTLE`."""
         return self._since is not None and time - self._since > self.SETTLE
-
-
-class BatteryWatch:
-    """Detects a battery so low that the controller may restart; smoothed, as starting motors pull it down."""
-
-    LOWEST = 5.7
-    RECOVERED = 5.9
-    TIME_CONSTANT = 0.2
-
-    def __init__(self) -> None:
-        self._time: float | None = None
-        self._low = False
-        self.voltage = 0.0
-
-    def update(self, voltage: float, time: float) -> bool:
-        """Whether the smoothed voltage is too low: below `LOWEST`, then until it is above `RECOVERED`."""
-        if self._time is None:
-            self.voltage = voltage
-        else:
-            share = min((time - self._time) / self.TIME_CONSTANT, 1.0)
-            self.voltage += share * (voltage - self.voltage)
-        self._time = time
-        self._low = self.voltage < (self.RECOVERED if self._low else self.LOWEST)
-        return self._low

@@ -9,14 +9,8 @@ from dataclasses import dataclass
 
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, MOTOR_PORTS, Fault, Inputs, Words
-from raccoon.hal.wombat.checks.health import (
-    BatteryWatch,
-    ImuWatch,
-    LifeWatch,
-    Liveness,
-    MotorWatch,
-    RestWatch,
-)
+from raccoon.hal.wombat.checks.battery_watch import BatteryWatch
+from raccoon.hal.wombat.checks.health import ImuWatch, LifeWatch, Liveness, MotorWatch, RestWatch
 from raccoon.hal.wombat.checks.repeat_watch import RepeatWatch
 from raccoon.hal.wombat.firmware.counters import Bemf
 from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
@@ -72,7 +66,7 @@ class Monitor:
         self._motors, self._repeats = MotorWatch(), RepeatWatch(dialect.device.bemf_range)
         self._rest = RestWatch(resting_bemf)
         self._resting_bemf = tuple(resting_bemf)
-        self._battery = BatteryWatch()
+        self._battery = BatteryWatch(dialect.battery_held * dialect.device.battery_volts)
         self._bemf: Sequence[float] = (0.0,) * 4
         self._first: float | None = None
         self._time = 0.0

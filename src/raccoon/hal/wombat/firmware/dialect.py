@@ -41,6 +41,8 @@ class Dialect(Protocol):
     """Counts a second that no counter exceeds."""
     first_analog: int
     """Index of the first of the six analog ports in `Reading.words`."""
+    battery_held: float
+    """Counts by which a rising battery voltage may be above its word."""
     expected_rate_hz: float | None
     """Updates of the counters a second that the conversion of ticks assumes; None if ticks do not depend on
     it."""

@@ -36,6 +36,7 @@ class RaccoonDialect:
     commands cannot be read back."""
 
     first_analog = 11
+    battery_held = 0.0
 
     def __init__(self, version: int, bemf_rate_hz: float = RACCOON_BEMF_RATE_HZ) -> None:
         self.name = f"RaccoonOS {version}"

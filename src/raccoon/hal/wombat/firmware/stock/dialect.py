@@ -33,6 +33,7 @@ class StockDialect:
     name = "stock"
     length = wire.LENGTH
     first_analog = 6
+    battery_held = 17.0
     fastest_counter = LARGEST_BEMF * STOCK_BEMF_RATE_HZ
 
     def __init__(self, bemf_rate_hz: float = STOCK_BEMF_RATE_HZ) -> None:
