@@ -11,6 +11,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Status
 from raccoon.estimate.tophat.calibration import TophatCalibration
 from raccoon.estimate.tophat.flicker import FlickerWatch
+from raccoon.estimate.tophat.jumps import JumpWatch
 from raccoon.estimate.tophat.levels import GATE_SDS
 from raccoon.estimate.tophat.tracker import LightTracker
 from raccoon.model.reflectance import FULL_SCALE, light_of
@@ -71,6 +72,7 @@ class Tophat:
         self.levels = LightTracker(white, black)
         self._debounce = debounce
         self._flicker = FlickerWatch(calibration.flickers)
+        self._jumps = JumpWatch()
         levels = self.levels
         levels.threshold = calibration.threshold or levels.threshold
         levels.low, levels.high = calibration.low or levels.low, calibration.high or levels.high
@@ -141,11 +143,9 @@ class Tophat:
         """
         self.missed = counts is None or self._is_at_rail(counts)
         if counts is None or self.missed:
-            waiting, self._waiting = self._waiting, None  # unknown whether it was a spike
-            self.levels.unread_way += (way or 0.0) + (0.0 if waiting is None else waiting[1] or 0.0)
-            if self._is_black is None:
-                return UNKNOWN
-            return TophatReading(self._is_black, 0.5, self._last_coverage, Status.UNCERTAIN, None)
+            self._jumps.skip(way)
+            self._skip(way)
+            return self._unsure_reading()
         counts = float(counts)
         levels = self.levels
         flicker = self._flicker
@@ -158,12 +158,15 @@ class Tophat:
         if flicker.hertz:
             counts = FULL_SCALE / (1.0 + light)
         self._last_counts = counts
-        if self._adapt:
+        if self._jumps.is_held:
+            self._skip(way)
+        elif self._adapt:
             self._follow(counts, others_lost, way)
         else:
             self._beyond_readings = self._beyond_readings + 1 if levels.is_beyond(counts, light) else 0
         coverage = (levels.light - light) / (levels.light - levels.dark)
         coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
+        self._jumps.update(counts, coverage, way, sure=not levels.is_in_doubt)
         last = self._last_coverage
         if levels.late_changes != self._seen_changes:
             # A change of light is certain only now: another answer, but no edge.
@@ -174,7 +177,21 @@ class Tophat:
             self._edge_time = self._last_time + share * (time - self._last_time)
         self._last_time, self._last_coverage = time, coverage
         edge = self._decide(counts)
+        if self._jumps.is_held:
+            return self._unsure_reading()
         return TophatReading(self._is_black, self._probability(counts), coverage, levels.status, edge)
+
+    def _unsure_reading(self) -> TophatReading:
+        """The answer without a reading of a surface: that of before."""
+        if self._is_black is None:
+            return UNKNOWN
+        coverage = float(self._is_black) if self._jumps.is_held else self._last_coverage
+        return TophatReading(self._is_black, 0.5, coverage, Status.UNCERTAIN, None)
+
+    def _skip(self, way: float | None) -> None:
+        """Give the tracker no reading, only the distance."""
+        waiting, self._waiting = self._waiting, None  # unknown whether it was a spike
+        self.levels.unread_way += (way or 0.0) + (0.0 if waiting is None else waiting[1] or 0.0)
 
     def _follow(self, counts: float, others_lost: bool | None, way: float | None) -> None:
         """Give the reading to the tracker that follows the light.
@@ -229,9 +246,11 @@ class Tophat:
             return None
         if counts < levels.high if not is_black else counts > levels.low:
             self._opposite_readings = 0
+            self._jumps.release()
             return None
-        self._opposite_readings += 1
-        if self._opposite_readings < self._debounce + self._flicker.extra_debounce(to_black=not is_black):
+        readings = self._opposite_readings = self._opposite_readings + 1
+        held = self._jumps.holds(self._last_coverage, readings, to_black=not is_black)
+        if held or readings < self._debounce + self._flicker.extra_debounce(to_black=not is_black):
             return None
         self._is_black, self._opposite_readings = not is_black, 0
         return Edge(self._edge_time, not is_black)

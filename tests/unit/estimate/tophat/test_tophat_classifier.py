@@ -8,7 +8,9 @@ from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat import Tophat, TophatCalibration, TophatReading, Verdict, calibrate
 from raccoon.estimate.tophat.calibration import Surface
-from raccoon.model.reflectance import FULL_SCALE
+from raccoon.model.paper import TOPHAT_READINGS as PAPER_READINGS
+from raccoon.model.paper import TophatReading as PaperReading
+from raccoon.model.reflectance import AMBIENT, FULL_SCALE, fit, line_coverage, spot_radius
 
 RATE = 200.0
 
@@ -156,6 +158,38 @@ def test_a_loose_wire_at_the_ends_of_the_range_is_no_floor(floor: float, ends: t
         assert reading.black is (floor > 1000.0)
         assert reading.edge is None
     assert tophat.update(1.0, ends[0]).status is Status.UNCERTAIN
+
+
+def behind_stock_filter(inputs: list[float], phase: int) -> list[float]:
+    """What a program reads every 5 ms of a converter that is read five times in these."""
+    filtered, word = [], int(inputs[0])
+    for each in inputs:
+        word = int(0.9 * word + 0.1 * round(each))
+        filtered.append(float(word))
+    return filtered[phase::5]
+
+
+@pytest.mark.parametrize("condition", PAPER_READINGS, ids=lambda each: f"{each.generation}-{each.light}")
+def test_a_wire_that_breaks_is_no_line_on_its_way_through_the_stock_filter(condition: PaperReading) -> None:
+    optics = fit(condition.generation).at(condition.height)
+    white, black = (optics.counts(dark, AMBIENT[condition.light]) for dark in (0.0, 1.0))
+    surfaces = Surface(white, 6.0, 400), Surface(black, 6.0, 100)
+    found = TophatCalibration.of_surfaces(Verdict.OK, "", *surfaces, share_black=0.1)
+    for phase in range(5):
+        broken = behind_stock_filter([white] * (100 + phase) + [FULL_SCALE] * 80, phase)
+        tophat = Tophat(found)
+        for index, counts in enumerate(broken):
+            reading = tophat.update(index / RATE, counts, None, 5e-4)
+            assert reading.black is False
+        assert reading.status is Status.UNCERTAIN
+    for way in (2.5e-4, 1e-3, 1.5e-3):
+        at = 0.008 + way * np.arange(0.0, 0.025 / way, 0.2)
+        dark = line_coverage(at, 0.03, 0.02, spot_radius(condition.height))
+        line = behind_stock_filter([*optics.counts(dark, AMBIENT[condition.light])], 0)
+        tophat = Tophat(found, adapt=False)
+        answers = [tophat.update(index / RATE, counts, None, way).black for index, counts in enumerate(line)]
+        assert found.high is not None
+        assert answers.index(True) == 1 + next(index for index, each in enumerate(line) if each > found.high)
 
 
 def test_a_surface_at_the_end_of_the_range_is_one() -> None:
