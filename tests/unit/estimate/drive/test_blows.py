@@ -88,7 +88,8 @@ def test_a_reversal_of_duties_on_a_coarse_accelerometer_is_no_blow(inverted: boo
         bemf, position = (sign * (each[0] or 0.0) for each in (inputs.bemf, inputs.position))
         ahead = 0.9 if inputs.time < 2.0 else -0.9
         duty = ahead if inputs.time > 1.0 else 0.0
-        force = -9.0 if 1.999 < inputs.time < 2.015 else 0.0
+        struck = 2.119 < inputs.time < 2.135
+        force = -14.0 if struck else -9.0 if 1.999 < inputs.time < 2.015 else 0.0
         accel = (force / SIMULATOR.accel_m_s2, 0.0, GRAVITY / SIMULATOR.accel_m_s2)
         read = replace(
             inputs,
@@ -97,16 +98,20 @@ def test_a_reversal_of_duties_on_a_coarse_accelerometer_is_no_blow(inverted: boo
             position=(position, *inputs.position[1:]),
         )
         told = odometry.update(read, Outputs(duty=(sign * duty, duty, 0.0, 0.0))).reasons
-        assert not any(reason.startswith("bumped") for reason in told)
+        bumped = any(reason.startswith("bumped") for reason in told)
+        assert not bumped or inputs.time > 2.119
+    assert bumped  # by the blow a moment after the reversal
 
 
-@pytest.mark.parametrize("gyro_reads", [True, False])
-def test_a_speed_gained_while_the_imu_was_silent_is_no_blow(gyro_reads: bool) -> None:
+@pytest.mark.parametrize("silent", ["accelerometer", "IMU", "all"])
+def test_a_speed_gained_while_nothing_was_felt_is_no_blow(silent: str) -> None:
     odometry = Odometry(RobotConfig())
     for inputs, command in drive([(0.8, 0.0, 0.0), (0.7, 0.3, 0.0)], gyro_every=4):
-        silent = 0.8 <= inputs.time < 1.2  # it reaches 0.3 m/s after 0.375 s
-        accel = None if silent or inputs.gyro is None else (0.0, 0.0, GRAVITY / SIMULATOR.accel_m_s2)
-        gyro = inputs.gyro if gyro_reads or not silent else None
+        unseen = 0.8 <= inputs.time < 1.2  # it reaches 0.3 m/s after 0.375 s
+        if unseen and silent == "all":
+            continue
+        accel = None if unseen or inputs.gyro is None else (0.0, 0.0, GRAVITY / SIMULATOR.accel_m_s2)
+        gyro = None if unseen and silent == "IMU" else inputs.gyro
         told = odometry.update(replace(inputs, accel=accel, gyro=gyro), command).reasons
         assert not any(reason.startswith("bumped") for reason in told)
     assert odometry.estimate.velocity == pytest.approx(0.3, abs=0.02)

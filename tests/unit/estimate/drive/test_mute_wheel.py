@@ -1,5 +1,6 @@
 """A motor at fault whose wheel reads nothing: a dead converter, an open plug or fuse, or a blocked wheel."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -33,7 +34,8 @@ def driven(
         inputs = replace(inputs, bemf=tuple(bemf), position=tuple(position))
         if faulty and inputs.time >= NOTICED and any(given.duty):
             inputs = replace(inputs, faults=(Fault.MOTOR_FAULT,))
-        estimate = odometry.update(inputs, replace(given, duty=(*given.duty[:2], arm, 0.0)))
+        left, right = (math.copysign(duty, velocity) for duty in given.duty[:2])
+        estimate = odometry.update(inputs, replace(given, duty=(left, right, arm, 0.0)))
     return estimate, inputs
 
 
