@@ -25,16 +25,19 @@ if TYPE_CHECKING:
 
 WALL_SPEED_SHARE = 0.2
 WALL_TIME_S = 0.3
-PRESS_FORCE_N, MIN_FORCE_N, EASING_S = 8.0, 3.0, 0.3
-"""N per wheel beyond rolling resistance: first, and after so many s in which both wheels are held. Tyres with
-a friction coefficient of 0.6 under half of 1.2 kg carry 3.5 N, and wheels that spin do not show that they are
-at a wall."""
+PRESS_FORCE_N, MIN_FORCE_N, EASING_S = 12.0, 2.0, 0.08
+"""N per wheel beyond rolling resistance: at first, and once both wheels are held; time constant (s) of the
+decrease. A heavy robot needs the first to slide a corner along the wall. Tyres with a friction coefficient of
+0.55 under a light robot carry less than 3 N, and wheels that spin do not show that they are at a wall."""
 LADEN_FORCE_N = 1.5
 """N beyond rolling resistance from which something holds a wheel."""
 ROLLING_TIME_S, ROLLING_SMOOTHING_S = 0.2, 0.03
 """s after which a wheel has reached its speed, and s over which its torque is smoothed."""
 MAX_FRICTION_ERROR = 0.5
 """Largest difference of a rolling wheel's friction from the model's, as a share of it, that is believed."""
+TURN_TIME_S, TURN_RATE = 0.08, 0.15
+"""s over which the turn rate is averaged, and the rate (rad/s) from which the robot squares up: its corner
+slides along the wall, so both wheels carry load although it is not square yet."""
 SLOWED_SHARE, SQUARING_SHARE = 0.9, 0.15
 """Shares of the highest speed on the way: slower wheels are at a wall; wheels that differ by twice the second
 turn the robot."""
@@ -49,12 +52,12 @@ def align_on_wall(
 ) -> Action[MotionResult]:
     """Push against a wall until both wheels stand, so that the robot is square to it.
 
-    speed: m/s of the approach, negative backwards. The robot presses with 8 N per wheel beyond rolling
-    resistance, and with 3 N once both wheels are held: most motors are stronger than the grip, and would spin
-    the wheels for ever. heading: rad of the field that the robot has at the wall, if known: the odometry
-    takes it over, with `heading_std` rad, or reports that it is too far off to be believed (`remarks` of the
-    result). Raises MotionTimeout if the wheels still turn after `timeout` s: there is no wall, or they spin
-    at it.
+    speed: m/s of the approach, negative backwards. The robot presses with 12 N per wheel beyond rolling
+    resistance until both wheels are held and it does not turn any more, then with 2 N: most motors are
+    stronger than the grip, and would spin the wheels for ever. heading: rad of the field that the robot has
+    at the wall, if known: the odometry takes it over, with `heading_std` rad, or reports that it is too far
+    off to be believed (`remarks` of the result). Raises MotionTimeout if the wheels still turn after
+    `timeout` s: there is no wall, or they spin at it.
     """
     check_speed(speed=speed)
     check_finite(speed=speed)  # None is no default here
@@ -79,14 +82,15 @@ def align_on_wall(
                 turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
                 started = robot.time - begin > WALL_TIME_S
                 unread = any(robot.odometry.silent_wheels)  # they say nothing, not that they stand
-                quiet = 0.0 if turns or unread or not started else quiet + robot.dt
+                moving = turns or press.is_turning or unread or not started
+                quiet = 0.0 if moving else quiet + robot.dt
                 at_wall.update(here.velocity, here.turn_rate, robot.dt, started)
                 # At first all of it: a robot that stands sticks.
                 most = press.max_torques if started else (math.inf, math.inf)
                 turning_at = here.left_speed, here.right_speed
                 volts = robot.drive.push(speed, robot.battery_voltage, turning_at, most)
                 if robot.time - begin > ROLLING_TIME_S:
-                    press.update(volts, turning_at, robot.dt)
+                    press.update(volts, turning_at, here.heading, robot.dt)
                 yield
         finally:
             robot.drive.stop()
@@ -157,6 +161,9 @@ class _PressForce:
     def __init__(self, models: tuple[WheelModel, WheelModel], radius: float, speed: float) -> None:
         self._wheels = [_RollingTorque(model, math.copysign(1.0, speed)) for model in models]
         self._radius, self._force = radius, PRESS_FORCE_N
+        self._slow_heading: float | None = None
+        self.is_turning = False
+        """Whether the wall turns the robot."""
 
     @property
     def max_torques(self) -> tuple[float, float]:
@@ -165,15 +172,21 @@ class _PressForce:
         torque = self._force * self._radius
         return torque + left.friction_error, torque + right.friction_error
 
-    def update(self, volts: tuple[float, float], speeds: tuple[float, float], dt: float) -> None:
-        """Take a cycle: voltages (V) and speeds (rad/s) of both wheels, and its duration (s)."""
+    def update(
+        self, volts: tuple[float, float], speeds: tuple[float, float], heading: float, dt: float
+    ) -> None:
+        """Take a cycle: voltages (V) and speeds (rad/s) of both wheels, the robot's heading (rad) and the
+        duration (s)."""
+        slow = heading if self._slow_heading is None else self._slow_heading
+        self._slow_heading = slow + min(dt / TURN_TIME_S, 1.0) * (heading - slow)
+        self.is_turning = abs(heading - slow) > TURN_RATE * TURN_TIME_S
         for wheel, given, speed in zip(self._wheels, volts, speeds, strict=True):
             wheel.update(given, speed, dt)
-        if min(wheel.excess_torque for wheel in self._wheels) < LADEN_FORCE_N * self._radius:
-            self._force = PRESS_FORCE_N  # one of them rolls: it turns the robot square
+        rolls = min(wheel.excess_torque for wheel in self._wheels) < LADEN_FORCE_N * self._radius
+        if rolls or self.is_turning:  # one of them turns the robot square
+            self._force = PRESS_FORCE_N
         else:
-            eased = (PRESS_FORCE_N - MIN_FORCE_N) / EASING_S * dt
-            self._force = max(MIN_FORCE_N, self._force - eased)
+            self._force += min(dt / EASING_S, 1.0) * (MIN_FORCE_N - self._force)
 
 
 class _WallWay:

@@ -78,7 +78,7 @@ def test_a_robot_squares_up_to_a_wall_and_its_odometry_knows(
     firmware: Firmware, sign: float, given: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plants = remembered(monkeypatch)
-    askew = math.radians(10.0)
+    askew = math.radians(30.0)
     middle = 0.2 * sign * math.cos(askew), 0.2 * sign * math.sin(askew)
     along = -math.sin(askew), math.cos(askew)
     start, end = ((middle[0] + k * along[0], middle[1] + k * along[1]) for k in (-1.0, 1.0))
