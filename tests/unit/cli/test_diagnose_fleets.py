@@ -279,7 +279,7 @@ def test_robots_are_told_apart_by_their_robot_toml(
             write_csv_file(tmp_path / place / f"{day}.csv", tophat(70 + day, factor=factor, seconds=6.0))
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
     said = capsys.readouterr().out
-    assert "tophat.gain@2: 50 % (only robot blue), 0.89" in said
+    assert "Gain of a tophat (port 2) [tophat.gain@2]: 50 % (only robot blue), 0.89" in said
     assert "jumps" not in said
     assert set(json.loads((tmp_path / "out.json").read_text())["robots"]) == {"red", "blue"}
 

@@ -12,6 +12,7 @@ from raccoon.diagnose.fleet.series import Course
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause, FleetNumber
 from raccoon.diagnose.reports.headline import reason_it_cannot_tell
 from raccoon.diagnose.reports.numbers import format_two_digits
+from raccoon.diagnose.reports.plain_names import capitalise, name_with_id, plain_name, plain_names
 from raccoon.diagnose.reports.unknown_text import depends_text
 from raccoon.diagnose.result import Diagnosis, Verdict
 
@@ -97,7 +98,7 @@ CROSS_CHECK_TITLE = (
 
 def cross_check_text(each: CrossCheck) -> str:
     """The errors of a cross check, and the causes that remain."""
-    return f"{each.before:.2f} -> {each.after:.2f} ({each.own:.2f}): {', '.join(each.still) or 'nothing'}"
+    return f"{each.before:.2f} -> {each.after:.2f} ({each.own:.2f}): {plain_names(each.still) or 'nothing'}"
 
 
 def robot_suffix(fleet: Fleet, name: str) -> str:
@@ -113,7 +114,7 @@ def most_recordings_of_a_robot(fleet: Fleet) -> int:
 
 def findings_text(diagnosis: Diagnosis) -> str:
     """The findings of a recording, or why there can be none."""
-    findings = [each.name for each in diagnosis.causes]
+    findings = [plain_name(each.name) for each in diagnosis.causes]
     findings += [
         f"something that depends on {depends_text([each])}" for each in diagnosis.unexplained.depends_on
     ]
@@ -180,7 +181,8 @@ def _course_line(each: FleetCause | FleetNumber, course: Course) -> str:
     """A parameter's name, its course, and possible reasons. The name includes all causes that cannot be
     distinguished, since it is only known that one of them changes."""
     rivals = each.rivals if isinstance(each, FleetCause) else ()
-    name = f"{each.name} (or {', '.join(rivals)})" if rivals else each.name
+    plain = capitalise(plain_name(each.name))
+    name = f"{plain} (or {plain_names(rivals)})" if rivals else plain
     first, *others = course.pieces
     goes = f"creeps from {first.start:.4g} to {first.end:.4g}" if first.creeps else ""
     for piece in others:
@@ -190,7 +192,7 @@ def _course_line(each: FleetCause | FleetNumber, course: Course) -> str:
         goes += f" and creeps to {piece.end:.4g}" if piece.creeps else ""
     if not others:
         goes += " over the recordings"
-    unit = f" ({each.unit})" if each.unit else ""
+    unit = f" in {each.unit}" if each.unit else ""
     kinds = [CREEP_REASONS] * first.creeps + [JUMP_REASONS] * bool(others)
     id_ = each.name.partition("@")[0]
     behind = "; ".join(dict.fromkeys(it[id_] for it in kinds if id_ in it))
@@ -203,12 +205,13 @@ def _cause_line(each: FleetCause, fleet: Fleet) -> str:
     size = low if low == high else f"{low} to {high}"
     odd = outliers_text(each)
     unit = f" {each.unit}" if each.unit else ""
-    alike = f"; not distinguishable from {', '.join(each.rivals)}" if each.rivals else ""
+    alike = f"; not distinguishable from {plain_names(each.rivals)}" if each.rivals else ""
     share = f"{100 * each.share:.0f} %"
     if each.telling < count:
         share += f" of {each.telling} that can tell"
     odd = f"; far from the others: {odd}" if odd else ""
-    line = f"{each.name}: {share} ({kind_with_reason_text(each, fleet)}), {size}{unit}{odd}{alike}"
+    name = name_with_id(each.name)
+    line = f"{name}: {share} ({kind_with_reason_text(each, fleet)}), {size}{unit}{odd}{alike}"
     return "\n  ".join((line, *explanation_lines(each, fleet)))
 
 
@@ -237,7 +240,7 @@ def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
     `named` recordings only their number."""
     standing = each.standing
     if each.instead:
-        return f"instead of {each.instead}"
+        return f"instead of {plain_name(each.instead)}"
     if standing.since or standing.until:
         return _since_when(each, fleet)
     if each.common:

@@ -28,7 +28,7 @@ from raccoon.diagnose.reports.fleet_text import (
 )
 from raccoon.diagnose.reports.html import load_template
 from raccoon.diagnose.reports.pictures import AFTER, BEFORE, figure_to_base64_png
-from raccoon.diagnose.reports.plain_names import capitalise, plain_name
+from raccoon.diagnose.reports.plain_names import capitalise, plain_name, plain_names
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MAX_PANELS = 8
@@ -58,6 +58,8 @@ def save_fleet_html(
                 count_text(each),
                 explanation_lines(each, fleet),
                 outliers_text(each),
+                capitalise(plain_name(each.name)),
+                plain_names(each.rivals),
             )
             for each in fleet.causes
         ],
@@ -67,7 +69,7 @@ def save_fleet_html(
         headline=_headline(fleet, len(failed or {})),
         picture=figure_to_base64_png(fleet_figure(fleet)) if fleet.causes else None,
         failed=failed or {},
-        seen=seen or {},
+        seen={name: (each, plain_names(each.still)) for name, each in (seen or {}).items()},
     )
     write_atomically(Path(path), page)
 
@@ -75,7 +77,9 @@ def save_fleet_html(
 def _row(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "verdict": str(diagnosis.verdict),
-        "causes": [{"name": each.name, "short": _first_number_text(each)} for each in diagnosis.causes],
+        "causes": [
+            {"name": plain_name(each.name), "short": _first_number_text(each)} for each in diagnosis.causes
+        ],
         "told": findings_text(replace(diagnosis, causes=(), sensor_faults=())),
         "sensor_faults": diagnosis.sensor_faults,
     }
@@ -131,7 +135,8 @@ def fleet_figure(fleet: Fleet) -> Any:
         refitted = [names.index(each) for each in cause.refitted]
         axes.scatter(refitted, cause.refitted.values(), 14, "none", edgecolors=AFTER)
         axes.axhline(cause.nominal, color="0.6", linewidth=0.8, linestyle="--")
-        axes.set_title(f"{cause.name}{f', {cause.unit}' if cause.unit else ''}", fontsize=9, loc="left")
+        unit = f", {cause.unit}" if cause.unit else ""
+        axes.set_title(f"{capitalise(plain_name(cause.name))}{unit}", fontsize=9, loc="left")
         axes.set_xlim(-0.5, len(names) - 0.5)
         for before, after in pairwise(range(len(names))):
             if fleet.robots[names[before]] != fleet.robots[names[after]]:

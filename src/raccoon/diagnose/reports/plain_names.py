@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 PLAIN_NAMES: Mapping[str, str] = {
     "battery.open_circuit_voltage": "battery voltage",
@@ -49,7 +49,20 @@ PLAIN_NAMES: Mapping[str, str] = {
 def plain_name(name: str) -> str:
     """id@where in words, such as: dry friction (left). A team's own effect keeps its id."""
     id_, _, where = name.partition("@")
-    return PLAIN_NAMES.get(id_, id_) + (f" ({where})" if where else "")
+    place = f"port {where}" if where.isdecimal() else where
+    return PLAIN_NAMES.get(id_, id_) + (f" ({place})" if place else "")
+
+
+def plain_names(names: Iterable[str]) -> str:
+    """The plain names of causes, separated by commas."""
+    return ", ".join(map(plain_name, names))
+
+
+def name_with_id(name: str) -> str:
+    """The plain name of a cause with its id, which the JSON and the options have: Wheel radius (left)
+    [drive.wheel_radius@left]."""
+    plain = capitalise(plain_name(name))
+    return plain if plain == name else f"{plain} [{name}]"
 
 
 _PLACES = {

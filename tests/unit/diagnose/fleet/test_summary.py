@@ -89,8 +89,8 @@ def test_what_creeps_what_jumps_and_what_was_once(weeks: dict[str, Diagnosis]) -
     (motor,) = fleet.numbers
     assert jumps(motor) == [6]
     text = fleet_report(fleet)
-    assert "battery.internal_resistance (ohm) creeps from 0.06" in text
-    assert "motor.0.back_emf (V s/rad) jumps from 1.08" in text
+    assert "Battery resistance in ohm creeps from 0.06" in text
+    assert "motor.0.back_emf in V s/rad jumps from 1.08" in text
     assert "with week-6.csv" in text
     assert "motor.1.current: dead" in text
 
@@ -350,13 +350,10 @@ def test_what_most_recordings_do_not_tell_a_cause_from_is_said_with_it(tmp_path:
     (found,) = fleet_of(fleet).causes
     assert found.rivals == ("motor.back_emf_constant@left",)
     text = fleet_report(fleet_of(fleet))
-    assert "1.06; not distinguishable from motor.back_emf_constant@left" in text
-    assert (
-        "motor.back_emf_constant@right (or motor.back_emf_constant@left) jumps from 0.05 to 1.06 with run5"
-        in text
-    )
+    assert "1.06; not distinguishable from K_E (left)" in text
+    assert "K_E (right) (or K_E (left)) jumps from 0.05 to 1.06 with run5" in text
     save_fleet_html(fleet_of(fleet), tmp_path / "fleet.html")
-    assert "<td>motor.back_emf_constant@left</td>" in (tmp_path / "fleet.html").read_text()
+    assert "<td>K_E (left)</td>" in (tmp_path / "fleet.html").read_text()
 
 
 def of_robots(**numbers: list[float]) -> tuple[dict[str, Diagnosis], dict[str, str]]:
@@ -382,7 +379,7 @@ def test_another_robot_is_no_motor_that_was_replaced() -> None:
     (weak,) = fleet.causes
     assert (weak.robots, weak.of_robots, weak.common) == (("blue",), 2, False)
     text = fleet_report(fleet)
-    assert "motor.back_emf_constant@left: 50 % (only robot blue), 1.0" in text
+    assert "K_E (left) [motor.back_emf_constant@left]: 50 % (only robot blue), 1.0" in text
     assert re.search(r"motor\.0\.back_emf +1\.0[12]\d* to 1\.0[78]\d* \+- 0\.00", text)
 
 
@@ -393,7 +390,7 @@ def test_a_motor_is_replaced_in_the_robot_that_has_it(tmp_path: Path) -> None:
     (motor,) = fleet.numbers
     assert [each.robot for each in motor.series.courses] == ["blue"]
     text = fleet_report(fleet)
-    jump = r"  blue: motor\.0\.back_emf \(V s/rad\) jumps from 1\.0[78]\d* to 1\.0[12]\d* with blue/day3\.csv"
+    jump = r"  blue: motor\.0\.back_emf in V s/rad jumps from 1\.0[78]\d* to 1\.0[12]\d* with blue/day3\.csv"
     assert re.search(jump, text)
     assert "red: " not in text
     save_fleet_html(fleet, tmp_path / "fleet.html")
@@ -425,7 +422,7 @@ def test_a_battery_that_aged_and_was_replaced_is_said_with_when() -> None:
     drives = [diagnosis(cause("battery.internal_resistance", float(each))) for each in values]
     text = fleet_report(fleet_of({f"w{week}": each for week, each in enumerate(drives)}))
     assert re.search(
-        r"battery\.internal_resistance \(ohm\) creeps from 0\.0[56]\d* to 0\.1[23]\d*, jumps to 0\.0[56]\d* "
+        r"Battery resistance in ohm creeps from 0\.0[56]\d* to 0\.1[23]\d*, jumps to 0\.0[56]\d* "
         r"with w6 and creeps to 0\.1[23]\d* \(a battery ages; another battery, or its contacts\?\)",
         text,
     )

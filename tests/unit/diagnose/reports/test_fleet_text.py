@@ -43,8 +43,8 @@ def test_a_tophat_that_changed_is_said_with_when(changed: dict[str, Diagnosis]) 
     ((before, after),) = (each.pieces for each in fleet.causes[0].series.courses)
     assert (before.end, after.start) == pytest.approx((1.0, 0.9), abs=0.003)
     text = fleet_report(fleet)
-    assert re.search(r"tophat\.gain@2 jumps from 1 to [\d.]+ with t5\.csv", text)
-    assert re.search(r"analog\.2 over white \(counts\) jumps from 12[67]\d to 114\d with t5\.csv", text)
+    assert re.search(r"Gain of a tophat \(port 2\) jumps from 1 to [\d.]+ with t5\.csv", text)
+    assert re.search(r"analog\.2 over white in counts jumps from 12[67]\d to 114\d with t5\.csv", text)
     assert "in the order of the recordings above" in text
 
 
@@ -58,7 +58,9 @@ def test_a_mount_that_came_loose_is_said_with_when() -> None:
     fleet = fleet_of({f"t{row}.csv": each for row, each in enumerate(found)})
     said = fleet_report(fleet)
     assert re.search(
-        r"tophat.height@2 \(m\) jumps from 0.012\d* to 0.01[45]\d* with t4.csv \(its mount slipped\?\)", said
+        r"Height of a tophat \(port 2\) in m jumps from 0.012\d* to 0.01[45]\d* with t4.csv "
+        r"\(its mount slipped\?\)",
+        said,
     )
     common = common_model(fleet)
     assert common is not None
@@ -82,7 +84,10 @@ def test_recordings_speak_of_what_they_are_of(drive: Diagnosis, tmp_path: Path) 
     fleet = fleet_of({"drive": drive, "sound": of_tophat(13), "weak": weak, "port 3": other})
     (gain,) = fleet.causes
     assert (gain.name, gain.share, gain.telling) == ("tophat.gain@2", 0.5, 2)
-    assert "tophat.gain@2: 50 % of 2 that can tell (only weak), 0.9" in fleet_report(fleet)
+    assert (
+        "Gain of a tophat (port 2) [tophat.gain@2]: 50 % of 2 that can tell (only weak), 0.9"
+        in fleet_report(fleet)
+    )
     save_fleet_html(fleet, tmp_path / "fleet.html")
     assert '<td class="number">1 of 2</td>' in (tmp_path / "fleet.html").read_text()
     (gain,) = fleet_of({"drive": drive, "weak": weak}).causes
@@ -136,7 +141,7 @@ def test_many_recordings_are_not_all_named(tmp_path: Path, monkeypatch: pytest.M
     fleet = fleet_of({name: faulty if row % 2 else sound for row, name in enumerate(names)})
     save_fleet_html(fleet, tmp_path / "fleet.html")
     page = (tmp_path / "fleet.html").read_text()
-    assert "Gain of a tophat (2): 15 of 30 recordings." in page
+    assert "Gain of a tophat (port 2): 15 of 30 recordings." in page
     said = fleet_report(fleet)
     assert "run-7.csv and 11 more), " in said
     assert max(map(len, said.splitlines())) < 600

@@ -11,6 +11,7 @@ def test_every_effect_has_a_plain_name_of_its_own() -> None:
 
 def test_a_plain_name_says_where() -> None:
     assert plain_name("friction.coulomb@left") == "dry friction (left)"
+    assert plain_name("tophat.gain@2") == "gain of a tophat (port 2)"
     assert plain_name("battery.internal_resistance") == "battery resistance"
     assert plain_name("team.motor_hum@left") == "team.motor_hum (left)"
 
