@@ -208,8 +208,7 @@ def test_what_a_drive_says_of_its_tophats_is_kept() -> None:
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize("sun", [0.005, 0.03, 0.3])
-@pytest.mark.parametrize("when", [5.3, 9.0, 16.7])
+@pytest.mark.parametrize(("when", "sun"), [(5.3, 0.3), (9.0, 0.005), (16.7, 0.03), (16.7, 0.3)])
 def test_a_lamp_that_is_switched_on_is_said_with_its_time(when: float, sun: float, truth_free: bool) -> None:
     """Wherever it falls among the pieces that the readings are sorted in, and also where it lowers black to
     where white was: a sensor in strong light was as assumed."""

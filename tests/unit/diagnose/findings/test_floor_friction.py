@@ -55,7 +55,7 @@ def test_the_line_through_a_floor_varies_as_drawn_lines_do() -> None:
 def test_a_number_is_expected_as_a_regression_on_what_is_found_says(problem: Problem) -> None:
     """Robots are drawn from robot.toml, floors from `friction_line_covariance`; what is left of a fit that
     finds the sum of both is, in the mean over robots, the robot's."""
-    rng, draws, wander = np.random.default_rng(6), 3000, 0.05
+    rng, draws, wander = np.random.default_rng(6), 1500, 0.05
     motor = RobotConfig().model
     counts = {
         side: problem.features.measured[:, problem.features.roles.index(f"bemf_{side}")]

@@ -34,7 +34,7 @@ def test_a_steady_number_does_not_change() -> None:
     assert fit_pieces([1.0] * 9, [0.0] * 9) == ()
 
 
-@pytest.mark.parametrize("count", [5, 8, 12])
+@pytest.mark.parametrize("count", [5, 12])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_steady_series_is_hardly_ever_said_to_change(count: int, kind: str) -> None:
     rng = np.random.default_rng(count)
@@ -48,9 +48,9 @@ def test_few_numbers_that_say_no_deviation_seem_to_change_in_one_of_a_hundred(co
     rng = np.random.default_rng(count)
     silent = [float("nan")] * count
     said = sum(
-        bool(fit_pieces((1.0 + 0.01 * rng.standard_normal(count)).tolist(), silent)) for _ in range(1000)
+        bool(fit_pieces((1.0 + 0.01 * rng.standard_normal(count)).tolist(), silent)) for _ in range(400)
     )
-    assert said <= 15
+    assert said <= 6
     one, two = (level + 0.01 * rng.standard_normal(count) for level in (1.0, 1.3))
     before, after = fit_pieces([*one[:3], *two[3:]], silent)
     assert (before.last, after.first) == (2, 3)

@@ -53,7 +53,7 @@ def wrong_share(
 def test_a_shadow_edge_is_no_line(condition: TophatReading, shade: float) -> None:
     time = np.arange(1600) / RATE
     sun = np.interp(time, [4.0, 4.1], [1.0, shade])
-    for seed in range(3):
+    for seed in range(2):
         wrong, _ = wrong_share(condition, sun, seed, slice(800, 880))
         assert wrong <= 0.01
 
