@@ -191,8 +191,7 @@ def truncated(raw: np.ndarray[Any, Any], share: float = 0.25, start: int = 0) ->
     return np.array(found, float)
 
 
-@pytest.mark.parametrize("firmware", ["stock", 17, 21])
-@pytest.mark.parametrize("volts", [1.0, -2.7])
+@pytest.mark.parametrize(("firmware", "volts"), [("stock", -2.7), (17, 1.0), (21, -2.7)])
 def test_back_emf_is_read_without_a_bias_but_for_half_a_count_cut_off(
     firmware: Firmware, volts: float
 ) -> None:

@@ -67,9 +67,17 @@ def test_an_arm_arrives_across_a_restart_and_it_is_said(firmware: Firmware) -> N
         assert "how far arm turned" in said
 
 
-@pytest.mark.parametrize("rest", [0.005, 0.5])
-@pytest.mark.parametrize("offset", [-77.0, 31.5])
-@pytest.mark.parametrize("firmware", ["stock", 17, 21])
+@pytest.mark.parametrize(
+    ("firmware", "offset", "rest"),
+    [
+        ("stock", -77.0, 0.005),
+        ("stock", 31.5, 0.5),
+        (17, -77.0, 0.5),
+        (17, 31.5, 0.005),
+        (21, -77.0, 0.005),
+        (21, 31.5, 0.5),
+    ],
+)
 def test_an_offset_that_nobody_calibrated_does_not_make_an_arm_creep(
     firmware: Firmware, offset: float, rest: float
 ) -> None:

@@ -131,9 +131,17 @@ def test_the_grip_decides_which_it_is() -> None:
     assert spinning(0.4) > 1.0
 
 
-@pytest.mark.parametrize("duty", [WEAK, STRONG])
-@pytest.mark.parametrize("heading_deg", [10.0, -10.0, 25.0])
-@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize(
+    ("duty", "heading_deg", "backwards"),
+    [
+        (WEAK, 10.0, False),
+        (STRONG, 10.0, True),
+        (WEAK, -10.0, True),
+        (STRONG, -10.0, False),
+        (WEAK, 25.0, False),
+        (STRONG, 25.0, True),
+    ],
+)
 def test_a_robot_that_meets_a_wall_askew_ends_square_to_it_and_stands(
     duty: float, heading_deg: float, backwards: bool
 ) -> None:
