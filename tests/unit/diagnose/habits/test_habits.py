@@ -147,13 +147,14 @@ def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str)
 def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
     """What is measured of a motor is the same where it is unpowered a tenth of the time."""
     lower: Effects = {("motor.armature_resistance", place): {"factor": 0.9} for place in ("left", "right")}
-    for robot in (
-        Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT] | lower, Chain.firmware()),
-        Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], replace(Chain.firmware(), coast_share=0.0)),
-    ):
-        said = diagnose(record_simulated_drive(robot, 6.0), ROBOT)
-        assert [each.name for each in said.causes] == ["motor.armature_resistance"]
-        assert any("does not pause for its samples" in each for each in said.notes)
+    weaker = Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT] | lower, Chain.firmware())
+    unpaused = Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT], replace(Chain.firmware(), coast_share=0.0))
+    columns = record_simulated_drive(weaker, 6.0)
+    for name, values in record_simulated_drive(unpaused, 6.0).items():
+        np.testing.assert_allclose(values, columns[name], rtol=1e-9, atol=1e-9, err_msg=name)
+    said = diagnose(columns, ROBOT)
+    assert [each.name for each in said.causes] == ["motor.armature_resistance"]
+    assert any("does not pause for its samples" in each for each in said.notes)
 
 
 def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
