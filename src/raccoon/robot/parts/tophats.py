@@ -52,6 +52,7 @@ class TophatSensor(Part):
         self.is_judged = True
         """Whether its readings tell about its calibration: along a line, half on it, they do not."""
         self._heard: float | None = None  # s, of its last word, or since when there was none
+        self._is_heard = False  # whether the last cycle had a word
         self.silent = False
         """Whether it has not been read for a while."""
         self.sees = False
@@ -96,12 +97,13 @@ class TophatSensor(Part):
         counts = inputs.analog[self.config.analog]
         if counts is None:
             self._heard = inputs.time if self._heard is None else self._heard
+            self._is_heard = False
             self.sees = inputs.time - self._seen < BLIND_AFTER_S
             if self._classifier is not None:  # it goes on all the same
                 self._classifier.update(inputs.time, None, others_lost, way)
             return
-        dt = 0.0 if self._heard is None else inputs.time - self._heard
-        self.counts, self._heard = counts, inputs.time
+        dt = inputs.time - self._heard if self._is_heard and self._heard is not None else 0.0
+        self.counts, self._heard, self._is_heard = counts, inputs.time, True
         if way is not None and way < STANDING_WAY_M and not shaken:
             self._standing.append(counts)
         elif self._standing:
