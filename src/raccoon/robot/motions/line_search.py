@@ -24,7 +24,8 @@ middle of the axle: a sensor mounted to one side would otherwise search less far
 SEARCH_SPEED, SEARCH_TIME = 0.08, 12.0
 """m/s of the sensor while searching, and longest duration of a search, s."""
 SIGHT_TIME = 1.0
-"""s to wait for the readings of a loose plug that moves no more, or of a controller that restarts."""
+"""s to wait for the readings of a loose plug that moves no more, or of a controller that restarts, and for
+readings of a robot at rest."""
 BACK_SPEED = 0.1
 """m/s at which the robot drives back to where the line was."""
 CATCH_SPEED = 0.03
@@ -87,6 +88,7 @@ class LineSearch:
             robot.drive.follow(self._velocity, LIGHT_GAIN * (self._line_heading - robot.estimate.heading))
             yield
         yield from self._stop()
+        yield from self._wait_for_floor()
         aside = ASIDE_M / sensor.config.forward
         yield from self._turn(self._edge_side, aside, to_edge=False)
         yield from self._turn(-self._edge_side, aside, to_edge=False)
@@ -113,15 +115,19 @@ class LineSearch:
             yield
 
     def _wait_for_floor(self) -> Steps[None]:
-        """Stand until the sensors see a floor, without which no line can be found."""
-        robot, begin = self._robot, self._robot.time
-        while blind := [each for each in self._sight.sensors if not each.sees]:
-            if robot.time - begin > SIGHT_TIME:
-                raise MotionTimeout(
-                    f"{self._sight.name} lost the line: no floor is seen; {describe_obstacle(robot, *blind)}"
-                )
-            robot.drive.follow(0.0)
+        """Stand until the sensors see a floor, without which no line can be found, and are known to be
+        plugged in: the reading of an open port wanders through the edge of any line, but also at rest."""
+        robot, begin, sensors = self._robot, self._robot.time, self._sight.sensors
+        robot.drive.stop()
+        while True:
+            steady = [each.is_steady_at_rest() and each.sees for each in sensors]
+            if all(steady) or robot.time - begin > SIGHT_TIME:
+                break
             yield
+        if blind := [each for each in sensors if each.floating or not each.sees]:
+            raise MotionTimeout(
+                f"{self._sight.name} lost the line: no floor is seen; {describe_obstacle(robot, *blind)}"
+            )
 
     def _drive_back(self) -> Steps[None]:
         """Drive backwards along the arc that it came, to the last edge, or to black before that: a line that

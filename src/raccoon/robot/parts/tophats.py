@@ -128,11 +128,9 @@ class TophatSensor(Part):
         from raccoon.estimate.tophat.calibration_watch import Fit
 
         self.silent = self._heard is not None and time - self._heard > SILENT_AFTER_S
-        if len(self._standing) == STANDING_READINGS:
-            from raccoon.estimate.tophat.quality import is_restless
-
-            step = 1 if is_restless(self._standing) else -1
-            self._wandered = min(max(self._wandered + step, 0), MIN_WANDERED)
+        wanders = self._wanders
+        if wanders is not None:
+            self._wandered = min(max(self._wandered + (1 if wanders else -1), 0), MIN_WANDERED)
             if self._wandered in (0, MIN_WANDERED):
                 self.floating = self._wandered == MIN_WANDERED
         if self._watch is not None:
@@ -140,6 +138,23 @@ class TophatSensor(Part):
             began_well = self._driven_s > PROVING_S and self.fit is not Fit.CHANGED
             self.fit = Fit.FITS if fit is Fit.CHANGED and began_well else fit
         return self.fit
+
+    @property
+    def _wanders(self) -> bool | None:
+        """Whether its last readings wandered while the robot stood; None if it has hardly stood."""
+        if len(self._standing) < STANDING_READINGS:
+            return None
+        from raccoon.estimate.tophat.quality import is_restless
+
+        return is_restless(self._standing)
+
+    def is_steady_at_rest(self) -> bool:
+        """Whether its last readings, at rest, were steady. Sets `floating` at once."""
+        wanders = self._wanders
+        if wanders is not None:
+            self.floating = wanders
+            self._wandered = MIN_WANDERED if wanders else 0
+        return wanders is False
 
     @property
     def complaint(self) -> str:

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from random import Random
 
 import numpy as np
 import pytest
@@ -295,13 +296,18 @@ def test_exchanged_plugs_are_said_where_the_other_tophat_is_on_the_edge(exchange
         ) is exchanged
 
 
-@pytest.mark.parametrize("until", [math.inf, 2.6], ids=["for good", "for a moment"])
-def test_no_line_is_looked_for_with_a_tophat_that_sees_none(until: float) -> None:
-    """It looked for the line for 6 s, with a plug that was out."""
+@pytest.mark.parametrize("out", ["for good", "for a moment", "floating"])
+def test_no_line_is_looked_for_with_a_tophat_that_sees_none(out: str) -> None:
+    """It looked for the line for 6 s, with a plug that was out, and drove on for long if the port floated."""
+    until, noise, level = 2.6 if out == "for a moment" else math.inf, Random(1), 1800.0
 
     def seen(inputs: Inputs) -> Inputs:
-        out = 1.0 < inputs.time < until
-        return replace(inputs, analog=(4095.0, *inputs.analog[1:])) if out else inputs
+        nonlocal level
+        if not 1.0 < inputs.time < until:
+            return inputs
+        if out == "floating":  # as on the emulated controllers, after its neighbour
+            level += 0.1 * ((inputs.analog[1] or 0.0) - level) + noise.gauss(0.0, 43.0)
+        return replace(inputs, analog=(level if out == "floating" else 4095.0, *inputs.analog[1:]))
 
     port = simulated_port(world=World(lines=(STRAIGHT,)), start=(0.0, HALF - 0.03, 0.0))
     with open_robot(CONFIG, port=InterceptingPort(port, seen=seen)) as robot:
@@ -309,14 +315,14 @@ def test_no_line_is_looked_for_with_a_tophat_that_sees_none(until: float) -> Non
             sensor.calibrate(calibration(0.0))
         robot.run(wait(0.3))
         follow = follow_line("left", "left", 0.1).until(after_distance(0.3))
-        if until == math.inf:
-            with pytest.raises(MotionTimeout, match=r"no floor is seen; .*tophat left .*is it plugged in"):
-                robot.run(follow)
-            assert robot.time < 4.0
-            assert abs(robot.pose.heading) < 0.05
-        else:
+        if out == "for a moment":
             robot.run(follow)
             assert robot.pose.x == pytest.approx(0.3, abs=0.01)
+            return
+        with pytest.raises(MotionTimeout, match=r"no floor is seen; .*tophat left.* is it plugged in"):
+            robot.run(follow)
+        assert robot.time < 4.0
+        assert out == "floating" or abs(robot.pose.heading) < 0.05
 
 
 def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
