@@ -16,6 +16,8 @@ MOVE_S = 0.35
 SETTLE_S = 0.4
 STEADY_S = 0.15
 """The last part of a move, s, in which its speed is measured."""
+START_S = 0.2
+"""The first part of a move, s, in which the wheel accelerates."""
 SILENT_COUNTS = 60.0
 """Back-EMF in counts up to which a motor at `TRIAL_DUTY` does not move (the stock firmware suppresses 40
 counts when starting)."""
@@ -29,8 +31,8 @@ class MotorMove:
 
     bemf: counts, without the offset. ticks: change of the position. integral: integral of the raw back-EMF,
     counts * s, by which the position should have changed. turn_rate: of the robot, rad/s, without the gyro's
-    bias. latency: s from the first commanded cycle to the first sign of motion. None if there is no such
-    reading.
+    bias. acceleration: forward, m/s2, mean of the first `START_S` without the accelerometer's bias. latency:
+    s from the first commanded cycle to the first sign of motion. None if there is no such reading.
     """
 
     duty: float
@@ -38,6 +40,7 @@ class MotorMove:
     ticks: float
     integral: float | None
     turn_rate: float | None
+    acceleration: float | None
     latency: float | None
 
 
@@ -80,9 +83,11 @@ def try_motor(session: Session, motor_port: int) -> MotorTrial:
 
 
 def _move(session: Session, motor_port: int, duty: float, offset: float) -> MotorMove:
-    gyro = _turn_rates(session.cycles[-20:])
+    before = session.cycles[-20:]
+    gyro, accel = _turn_rates(before), _forward_accelerations(before)
     still = mean(gyro) if gyro else 0.0
     cycles = session.run(MOVE_S, one_motor(motor_port, duty))
+    starting = _forward_accelerations([each for each in cycles if each.time < cycles[0].time + START_S])
     steady = [each for each in cycles if each.time > cycles[-1].time - STEADY_S]
     bemf = port_words(steady, "bemf", motor_port)
     positions = port_words(cycles, "position", motor_port)
@@ -93,12 +98,18 @@ def _move(session: Session, motor_port: int, duty: float, offset: float) -> Moto
         ticks=positions[-1] - positions[0] if len(positions) > 1 else 0.0,
         integral=_bemf_integral(cycles, motor_port),
         turn_rate=mean(turning) - still if turning else None,
+        acceleration=mean(starting) - mean(accel) if starting and accel else None,
         latency=_latency(cycles, motor_port, offset),
     )
 
 
 def _turn_rates(cycles: Sequence[Inputs]) -> list[float]:
     return [rate for rate in (each.turn_rate for each in cycles) if rate is not None]
+
+
+def _forward_accelerations(cycles: Sequence[Inputs]) -> list[float]:
+    """m/s2, of the cycles in which the accelerometer was read."""
+    return [each.device.accel_m_s2 * each.accel[0] for each in cycles if each.accel is not None]
 
 
 def _bemf_integral(cycles: Sequence[Inputs], motor_port: int) -> float | None:

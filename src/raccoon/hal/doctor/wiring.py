@@ -4,6 +4,9 @@ direction and how fast.
 The left wheel, driven forward, turns the robot clockwise (negative), the right one counter-clockwise
 (positive). The robot turns about the other wheel, which stands still, so its turn rate is the wheel's angular
 velocity times the wheel radius over the track width.
+
+If left and right are exchanged and both are reversed, the robot turns as it should, but drives backwards.
+Only the accelerometer shows that.
 """
 
 from __future__ import annotations
@@ -13,11 +16,13 @@ from collections.abc import Mapping
 from raccoon.core.config import RobotConfig
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import mean
-from raccoon.hal.doctor.trial import MotorTrial
+from raccoon.hal.doctor.trial import MotorMove, MotorTrial
 from raccoon.model.bemf import counts_scale, foreign_ticks_reason
 
 TURN_LIMIT = 0.05
 """Turn rate of the robot, rad/s, from which one driven wheel shows its direction."""
+BACKWARDS_LIMIT = -0.05
+"""m/s2, mean of the moves, below which a wheel that is driven forward accelerates the robot backwards."""
 MIN_SHARE, MAX_SHARE = 0.6, 1.6
 """Range of the ratio of the gyro's turn rate to the wheels': K_E, radius and track width in robot.toml may be
 wrong by that much. A gyro whose full scale is not the nominal one of the firmware is off by 2."""
@@ -40,6 +45,8 @@ def wiring_finding(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Fin
     values = {f"turn_rate_{side}": turn for side, turn in seen.items()}
     wrong = [side for side, (_, sign) in sides.items() if seen[side] * sign < 0.0]
     if not wrong:
+        if (ahead := _acceleration(config, trials)) is not None and ahead < BACKWARDS_LIMIT:
+            return _backwards_finding(measured, ahead, values)
         shares = [_gyro_share(config, side, trials[port], seen[side]) for side, (port, _) in sides.items()]
         known = [share for share in shares if share is not None]
         if known and not MIN_SHARE < mean(known) < MAX_SHARE:
@@ -54,13 +61,29 @@ def _wheel_turn_rate(config: RobotConfig, trial: MotorTrial | None) -> float | N
     None without a trial or without a gyro."""
     if trial is None:
         return None
-    sign = -1.0 if config.motor(trial.motor_port).inverted else 1.0
     rates = [
-        move.turn_rate * (1.0 if move.duty * sign > 0.0 else -1.0)
+        move.turn_rate * _forward_sign(config, trial, move)
         for move in trial.moves
         if move.turn_rate is not None
     ]
     return mean(rates) if rates else None
+
+
+def _acceleration(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> float | None:
+    """The robot's mean acceleration ahead, m/s2, when a wheel starts forward; None without an accelerometer.
+    That of its turning, where the IMU is beside the middle of the axle, is opposite for the two wheels."""
+    found = [
+        move.acceleration * _forward_sign(config, trial, move)
+        for trial in trials.values()
+        for move in trial.moves
+        if move.acceleration is not None
+    ]
+    return mean(found) if found else None
+
+
+def _forward_sign(config: RobotConfig, trial: MotorTrial, move: MotorMove) -> float:
+    """1 if the move was forward by robot.toml, -1 if backward."""
+    return 1.0 if (move.duty > 0.0) is not config.motor(trial.motor_port).inverted else -1.0
 
 
 def _gyro_share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> float | None:
@@ -71,6 +94,19 @@ def _gyro_share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) 
         return None
     drive, per_count = config.model.drive, counts_scale(config, side, trial.device)
     return abs(turn) * drive.track_width.value / (mean(readings) * per_count * drive.wheel_radius.value)
+
+
+def _backwards_finding(measured: str, ahead: float, values: Mapping[str, float]) -> Finding:
+    return Finding(
+        "wiring signs",
+        Verdict.WARNING,
+        measured,
+        f"the robot accelerates backwards ({ahead:+.2f} m/s2) when a wheel is driven forward",
+        "watch which way it drives: if it is backwards, the motors are exchanged and both plugged in the "
+        "other way round (exchange drive.left and drive.right in robot.toml, and change `inverted` of both "
+        "motors); if it is forwards, the controller is mounted with its front to the back",
+        {**values, "acceleration": ahead},
+    )
 
 
 def _off_scale_finding(measured: str, share: float, values: Mapping[str, float]) -> Finding:

@@ -407,3 +407,14 @@ def test_a_gyro_of_another_full_scale_is_seen(factor: float) -> None:
         assert finding.verdict is Verdict.WARNING
         assert f"the gyro sees {factor:.2f} times" in finding.problem
         assert "gyro_scale" in finding.remedy
+
+
+def test_a_robot_that_only_drives_backwards_is_seen_by_the_accelerometer() -> None:
+    """With left and right exchanged and both reversed, it turns as it should."""
+    turned = MotorConfig(inverted=True)
+    cables = RobotConfig(drive=DriveConfig(left=1, right=0), motors={0: turned, 1: turned})
+    port = SimPort(Parameters.from_robot(cables), World())
+    finding = found(examine(port, RobotConfig()), "wiring signs")
+    assert finding.verdict is Verdict.WARNING
+    assert "accelerates backwards" in finding.problem
+    assert "exchange drive.left and drive.right" in finding.remedy
