@@ -18,10 +18,11 @@ from step_recordings import (
 
 
 def test_it_foresees_steps_it_was_not_fitted_on() -> None:
-    robots = recordings(data_path("fleet-steps"))
+    """Every second robot; `benchmarks/plant.py` has them all."""
+    robots = recordings(data_path("fleet-steps"))[::2]
     every = [wheel for table in robots for wheel in wheels(table)]
     scores = [held_out(wheel, fitted(wheel, LATENCY), LATENCY) for wheel in every]
-    assert len(scores) == 44
+    assert len(scores) == 22
     assert np.median([each.r2 for each in scores]) >= 0.986
     assert np.median([each.rmse for each in scores]) <= 0.061
 

@@ -14,7 +14,7 @@ from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.motors import diagnosis as motors
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.supply import judge_supply
-from raccoon.diagnose.result import Verdict
+from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.trace.loading import load_run
 from shared_data import data_path
 from unit.diagnose.axes import Columns, bench, motor
@@ -38,8 +38,17 @@ def test_a_textbook_motor_has_no_cause() -> None:
     assert found.identified["back_emf"].value == pytest.approx(0.09, rel=0.02)
 
 
-def test_friction_is_named_for_the_motor_that_has_it_and_the_battery_for_itself() -> None:
-    found = diagnose_recording(pair(5, (0.008, 0.0)), ROBOT)
+def not_asked(*_: object) -> None:
+    raise TraceError("its motors are no matter here")
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    """What is said of a pair whose left motor has friction."""
+    return diagnose_recording(pair(5, (0.008, 0.0)), ROBOT)
+
+
+def test_friction_is_named_for_the_motor_that_has_it_and_the_battery_for_itself(found: Diagnosis) -> None:
     assert {each.name for each in found.causes} == {"friction.coulomb@left", "battery.internal_resistance"}
     values = {each.name: next(iter(each.parameters.values())) for each in found.causes}
     assert values["friction.coulomb@left"].value == pytest.approx(0.008, rel=0.1)
@@ -47,9 +56,9 @@ def test_friction_is_named_for_the_motor_that_has_it_and_the_battery_for_itself(
     assert [each.rank for each in found.causes] == [1, 2]
 
 
-def test_a_speed_in_another_unit_than_the_other_motors_is_suspected() -> None:
+def test_a_speed_in_another_unit_than_the_other_motors_is_suspected(found: Diagnosis) -> None:
     columns = pair(5, (0.008, 0.0))
-    assert not any("in another unit" in note for note in diagnose_motors(columns, ROBOT).notes)
+    assert not any("in another unit" in note for note in found.notes)
     turns = {**columns, "motor.1.speed": 60.0 / (2.0 * np.pi) * columns["motor.1.speed"]}
     (told,) = (note for note in diagnose_motors(turns, ROBOT).notes if "in another unit" in note)
     assert told.startswith("motor.0.back_emf is 9.")
@@ -147,16 +156,13 @@ def test_a_battery_that_never_changes_tells_nothing_and_that_is_said(monkeypatch
     for volts in np.arange(60, 130) / 10.0:
         assert judge_supply(columns["t"], np.full(len(power), volts), power) is None
     columns["battery.voltage"][:] = 11.5
-
-    def not_asked(*_: object) -> None:
-        raise TraceError("its motors are no matter here")
-
     monkeypatch.setattr(motors, "diagnose_axis", not_asked)
     reasons = {each.id: each.reason for each in diagnose_motors(columns, ROBOT).rejected}
     assert reasons["battery.internal_resistance"].startswith("not visible: battery.voltage, or what")
 
 
-def test_a_battery_of_0_volts_is_none() -> None:
+def test_a_battery_of_0_volts_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motors, "diagnose_axis", not_asked)
     columns = pair(5, (0.008, 0.0))
     columns["battery.voltage"][100:110] = 0.0
     found = diagnose_motors(columns, ROBOT)
