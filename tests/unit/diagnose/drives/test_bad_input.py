@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from blind.drives import exciting
 from blind.generator import Noise, make
+from diagnoses import make_diagnosis
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
@@ -18,9 +19,10 @@ from raccoon.diagnose.drives.units import check_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.linear_model import linearise
 from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.recordings import drive as drive_diagnosis
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.rows.repeated import without_duplicate_times
-from raccoon.diagnose.result import Verdict
+from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.unknown.probes import make_probe_function
 
 ROBOT = RobotConfig()
@@ -406,7 +408,7 @@ def test_a_missing_channel_is_named(good: Columns) -> None:
 
 
 def test_samples_that_were_written_twice_are_left_out_of_the_recording_and_of_what_judges_it(
-    good: Columns,
+    good: Columns, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     again = np.insert(np.arange(len(good["t"])), [500, 900], [499, 899])
     twice = {name: each[again] for name, each in good.items()}
@@ -414,9 +416,18 @@ def test_samples_that_were_written_twice_are_left_out_of_the_recording_and_of_wh
     assert "2 samples have the time of the one before and are left out" in said[0]
     for name, each in good.items():
         np.testing.assert_array_equal(once[name], each)
-    later = {name: each[again] for name, each in make(5, seconds=8.0).columns.items()}
-    found = diagnose_recording(twice, ROBOT, holdout=later)
+    other = {name: each[: len(good["t"])] for name, each in make(5, seconds=8.0).columns.items()}
+    compared: list[Columns] = []
+
+    def answer(columns: Columns, _: RobotConfig, *, holdout: Columns, **__: object) -> Diagnosis:
+        compared.extend((columns, holdout))
+        return make_diagnosis()
+
+    monkeypatch.setattr(drive_diagnosis, "diagnose", answer)
+    found = diagnose_recording(twice, ROBOT, holdout={name: each[again] for name, each in other.items()})
     assert said[0] in found.notes
+    for columns, whole in zip(compared, (good, other), strict=True):
+        np.testing.assert_array_equal(columns["t"], whole["t"])
     assert without_duplicate_times(good) == (good, ())
     assert without_duplicate_times({}) == ({}, ())
 

@@ -121,6 +121,7 @@ def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white
     assert found.to_dict()["channels"][0]["whiteness_p"] is None
 
 
+@pytest.mark.usefixtures("words_only")
 def test_what_white_means_is_said_where_it_is_said() -> None:
     assert "White: each error is independent" in render_page(FOUND, "run")
     axis = replace(FOUND, curves=())  # of an axis nobody asks
@@ -371,6 +372,7 @@ def test_on_a_phone_a_number_keeps_its_deviation_and_a_reason_stands_under_its_c
     )
 
 
+@pytest.mark.usefixtures("words_only")
 def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
     empty = make_diagnosis()
     text = render_page(empty, "run")
