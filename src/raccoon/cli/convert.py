@@ -12,17 +12,19 @@ from raccoon.core.errors import ConfigError
 if TYPE_CHECKING:
     from raccoon.trace.loading import Run
 
-HELP = "turn a recording into CSV or MCAP, or a recording of others into columns of this library"
+HELP = "convert a recording to CSV or MCAP, also one of other software that raccoon can read"
 ENDINGS = (".csv", ".mcap")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument(
-        "source", type=Path, help="a trace, a CSV or MCAP file, or a known recording of others"
+        "source",
+        type=Path,
+        help="a trace, a CSV or MCAP file, or a recording of other software that raccoon can read",
     )
-    parser.add_argument("target", type=Path, help="what to write: its ending (.csv, .mcap) says how")
-    parser.add_argument("--overwrite", action="store_true", help="replace the target where it exists")
+    parser.add_argument("target", type=Path, help="file to write; its ending (.csv, .mcap) sets the format")
+    parser.add_argument("--overwrite", action="store_true", help="replace the target if it exists")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -37,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     if target.suffix not in ENDINGS:
         raise ConfigError(f"{target}: allowed are the endings {', '.join(ENDINGS)}")
     if target.exists() and not args.overwrite:
-        raise ConfigError(f"{target} exists and is left as it is: name another file or say --overwrite")
+        raise ConfigError(f"{target} exists and is left as it is: name another file or add --overwrite")
     check_folders(target)
     check_not_read([target], [recording_file(source)])  # else the only copy would lose its doubtful values
     with show_progress():

@@ -19,7 +19,7 @@ def add_workers_option(parser: argparse.ArgumentParser, usual: int) -> None:
         "--workers",
         type=int,
         default=usual,
-        help="processes to use, 0 one for each core (default %(default)s)",
+        help="processes to use; 0: one per core (default %(default)s)",
     )
 
 
@@ -32,7 +32,9 @@ def add_crew_options(parser: argparse.ArgumentParser, usual: int) -> None:
         default="processes",
         help="where the workers run (processes of this computer)",
     )
-    parser.add_argument("--scheduler", help="with --executor dask: its address (default: one of its own)")
+    parser.add_argument(
+        "--scheduler", help="with --executor dask: address of its scheduler (default: start one here)"
+    )
 
 
 def check_workers(workers: int) -> None:
@@ -45,7 +47,7 @@ def check_crew(args: argparse.Namespace) -> None:
     """Raise ConfigError if the options of `add_crew_options` contradict each other."""
     check_workers(args.workers)
     if args.scheduler is not None and args.executor != "dask":
-        raise ConfigError(f"--scheduler {args.scheduler}: it belongs to --executor dask")
+        raise ConfigError(f"--scheduler {args.scheduler}: it needs --executor dask")
 
 
 def open_crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:

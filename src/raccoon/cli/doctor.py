@@ -24,17 +24,17 @@ FIRMWARES = ("stock", "17", "21")
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
+    parser.add_argument("--robot", type=Path, help="robot description (default: robot.toml, if it exists)")
     parser.add_argument(
-        "--robot", type=Path, help="robot description; without it robot.toml where there is one"
+        "--port", choices=CONTROLLERS, help="controller to examine (default: controller.port of robot.toml)"
     )
     parser.add_argument(
-        "--port", choices=CONTROLLERS, help="what to examine; without it robot.toml's controller.port"
+        "--no-motion", action="store_true", help="move nothing; without this each wheel turns back and forth"
     )
     parser.add_argument(
-        "--no-motion", action="store_true", help="move nothing; otherwise each wheel turns to and fro"
-    )
-    parser.add_argument(
-        "--firmware", choices=FIRMWARES, help="of the emulated controller (stock; with --port emulator)"
+        "--firmware",
+        choices=FIRMWARES,
+        help="firmware of the emulated controller, only with --port emulator (default: stock)",
     )
     parser.add_argument("--i2c", default="/dev/i2c-1", metavar="DEVICE", help="I2C bus for added sensors")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     config = _config(args)
     port = config.controller.port
     if args.firmware is not None and port != "emulator":
-        choice = "only --port emulator has a choice of it"
+        choice = "it is an option of --port emulator"
         raise ConfigError(f"--firmware {args.firmware}: {choice}, and {port} is examined")
     say = _silent if args.json else _print_progress
     if not args.no_motion:

@@ -25,10 +25,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="robot.toml (default: here)")
     parser.add_argument(
         "--manoeuvre",
-        help="drive this one; without it the best for --cause, or else the checkup: a bit of everything",
+        help="manoeuvre to drive (default: the best one for --cause; without --cause the checkup)",
     )
     parser.add_argument("--cause", help="cause to show, such as drive.backlash or bemf.scale@left")
-    parser.add_argument("--rival", action="append", default=[], help="cause to tell it from (repeatable)")
+    parser.add_argument(
+        "--rival", action="append", default=[], help="cause to distinguish it from (repeatable)"
+    )
     parser.add_argument(
         "--within", type=float, default=1.0, help="m, free space around the robot (default %(default)g)"
     )
@@ -41,13 +43,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--simulate", action="store_true", help="drive the simulated robot, on an empty floor"
     )
     parser.add_argument(
-        "--model", type=Path, help="with --simulate: model.toml of the robot to drive, effects and all"
+        "--model", type=Path, help="with --simulate: model.toml of the robot to drive, with its effects"
     )
     parser.add_argument(
         "--seed",
         type=int,
         default=0,
-        help="of the simulated robot's noise (default %(default)s): another drive of it",
+        help="of the simulated robot's noise (default %(default)s); another seed is another drive",
     )
     parser.add_argument("--record", type=Path, help="recording to write; without it nothing is driven")
 
@@ -72,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     if args.model is not None and not args.simulate:
         raise ConfigError(f"--model {args.model}: only a simulated robot has one; add --simulate")
     if args.rival and args.cause is None:
-        raise ConfigError(f"--rival {args.rival[0]}: name the --cause that it is to be told from")
+        raise ConfigError(f"--rival {args.rival[0]}: name the --cause to distinguish it from")
     if args.manoeuvre is not None and args.cause is not None:
         raise ConfigError(
             f"--cause {args.cause}: --manoeuvre {args.manoeuvre} is driven whatever the cause; leave one out"
@@ -142,8 +144,8 @@ def _choose_best(args: argparse.Namespace, robot: RobotConfig) -> str:
     from raccoon.diagnose.experiment.advice import DECISIVE_EVIDENCE, rank_manoeuvres
 
     check_numba(
-        f"--cause {args.cause}: the best drive for it is found by simulating all of them (with --manoeuvre "
-        "and no --cause one is driven at once)"
+        f"--cause {args.cause}: the best drive for it is found by simulating all of them (--manoeuvre "
+        "without --cause drives one at once)"
     )
     longest = DEFAULT_MAX_SECONDS if args.seconds is None else args.seconds
     with show_progress():
@@ -161,11 +163,11 @@ def _choose_best(args: argparse.Namespace, robot: RobotConfig) -> str:
         )
     elif advice[0].evidence < DECISIVE_EVIDENCE:
         print(
-            f"None of them decides (that takes an evidence of {DECISIVE_EVIDENCE:.0f}): drive it several "
+            f"None of them is decisive (that needs an evidence of {DECISIVE_EVIDENCE:.0f}): drive it several "
             "times into one recording, or give a reference such as counted turns."
         )
     else:
-        print(f"A drive with an evidence of {DECISIVE_EVIDENCE:.0f} or more decides.")
+        print(f"A drive with an evidence of {DECISIVE_EVIDENCE:.0f} or more is decisive.")
     return advice[0].manoeuvre
 
 

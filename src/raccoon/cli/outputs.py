@@ -72,8 +72,8 @@ def check_holdout(holdout: Iterable[Path], recordings: Iterable[Path]) -> None:
     for path in holdout:
         if any(_is_same_file(path, each) for each in fitted):
             raise ConfigError(
-                f"--holdout {path}: it is diagnosed itself and would only confirm itself; name another "
-                "recording, or none: then the part of it that no fit has seen is the judge"
+                f"--holdout {path}: it is also diagnosed, so it would only confirm itself; name another "
+                "recording, or leave --holdout out: the part of it that no fit has seen is the test then"
             )
 
 

@@ -28,15 +28,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("program", type=Path, help="a Python file that opens a robot, or has mission(robot)")
     parser.add_argument(
-        "--model", type=Path, help="model.toml of the robot that drives, while the program goes by robot.toml"
+        "--model", type=Path, help="model.toml of the simulated robot; the program still uses robot.toml"
     )
     add_place_options(parser)
     parser.add_argument("--seed", type=int, default=0, help="of the noise (%(default)s)")
-    parser.add_argument("--record", type=Path, help="where the run goes if the program does not say")
+    parser.add_argument("--record", type=Path, help="recording to write if the program names none")
     parser.add_argument(
         "--traceback",
         action="store_true",
-        help="of an error show the lines of this library too, not only the program's",
+        help="show an error with the lines of this library too, not only the program's",
     )
 
 
@@ -98,7 +98,7 @@ def end_text(robot: Robot, start: tuple[float, float, float]) -> str:
     """Duration of the run, s, and the robot's final pose, true and estimated, relative to its start, in m and
     degrees."""
     if robot.inputs is None or robot.inputs.truth is None:
-        return "0.00 s: it was never read"
+        return "0.00 s: the program never read it"
     truth, (x0, y0, heading0) = robot.inputs.truth, start
     x, y, c, s = truth.x - x0, truth.y - y0, math.cos(heading0), math.sin(heading0)
     here = _pose_text(c * x + s * y, c * y - s * x, truth.heading - heading0)

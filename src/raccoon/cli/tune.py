@@ -51,5 +51,5 @@ def _show(fit: WheelFit) -> None:
     )
     print(
         f"  margins       {math.degrees(reached.phase):.0f} deg, {reached.gain_db:.1f} dB, crossover "
-        f"{reached.crossover:.0f} rad/s: bears {1e3 * reached.delay:.0f} ms of delay beyond the model's"
+        f"{reached.crossover:.0f} rad/s: tolerates {1e3 * reached.delay:.0f} ms of delay beyond the model's"
     )

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (%(default)s)"
     )
     parser.add_argument(
-        "--port", choices=PORTS, help="what to drive; without it robot.toml's controller.port"
+        "--port", choices=PORTS, help="controller to drive (default: controller.port of robot.toml)"
     )
     parser.add_argument("--seed", type=int, default=0, help="of the simulator's noise (%(default)s)")
     parser.add_argument(

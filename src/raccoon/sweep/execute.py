@@ -22,7 +22,7 @@ class Crew:
 
     def __init__(self, executor: Executor | Callable[[], Executor], window: int) -> None:
         if window < 1:
-            raise ValueError(f"window is {window}: at least one call must be under way")
+            raise ValueError(f"window is {window}: allowed are whole numbers from 1")
         self._open = None if isinstance(executor, Executor) else executor
         self.window = window
         self.executor = executor if isinstance(executor, Executor) else executor()
@@ -31,8 +31,8 @@ class Crew:
         """Open a new executor in place of a broken one. Raises BrokenExecutor if none can be opened."""
         if self._open is None:
             raise BrokenExecutor(
-                "the executor broke and came from outside; open another and run the sweep again:"
-                " it goes on where it stopped"
+                "the given executor broke; open another and run the sweep again: it continues where it"
+                " stopped"
             )
         self.executor.shutdown(wait=False, cancel_futures=True)
         self.executor = self._open()

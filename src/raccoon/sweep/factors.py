@@ -58,7 +58,7 @@ class Factor:
             raise ConfigError(f"{self.name}: it has neither parameters nor places")
         if self.is_fault and self.low != self.high:
             raise ConfigError(
-                f"{self.name}: {self.low}:{self.high}: give the one share of matches that have it"
+                f"{self.name}: {self.low}:{self.high}: give one number, the share of matches that have it"
             )
         for value in (0.5 * (self.low + self.high),) if self.normal else (self.low, self.high):
             self._check(value)

@@ -239,7 +239,7 @@ def _row(match: Match, port: WatchedPort, reason: str) -> Row:
         if not reason and not position_error <= match.within:
             reason = f"ended more than {match.within:g} m off"
         elif not reason and not heading_error <= match.within_angle:
-            reason = f"ended more than {math.degrees(match.within_angle):g} deg turned"
+            reason = f"ended more than {math.degrees(match.within_angle):g} deg off in heading"
     return {
         "status": FAILED if reason else OK,
         "reason": reason,

@@ -101,7 +101,7 @@ class Results:
         if not self._about_path.exists():
             for path in (self.path, self._rows_path):
                 if path.exists():
-                    raise ConfigError(f"{path} is there already and is not the result of a sweep")
+                    raise ConfigError(f"{path} already exists and is not the result of a sweep")
             return wanted
         try:
             found = json.loads(self._about_path.read_text("utf-8"))
@@ -123,7 +123,7 @@ class Results:
         if (end is None) != (wanted["end"] is None):
             counts = "does not count" if end is None else "counts"
             raise ConfigError(
-                f"{self.path} is the result of a sweep in which where a match ends {counts}; "
+                f"{self.path} is the result of a sweep in which the end of a match {counts}; "
                 "choose another file"
             )
         return {**wanted, "end": end}
@@ -217,7 +217,7 @@ def _read(text: str, columns: tuple[str, ...], path: Path) -> dict[int, Row]:
         except ValueError as error:
             raise ConfigError(f"{path}: row {number}: {error}") from None
         if row["run"] in rows:
-            raise ConfigError(f"{path}: row {number}: run {row['run']} is there twice")
+            raise ConfigError(f"{path}: row {number}: run {row['run']} occurs twice")
         rows[row["run"]] = row
     return rows
 

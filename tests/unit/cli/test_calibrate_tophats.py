@@ -50,7 +50,7 @@ def test_what_is_shown_is_not_made_as_well(
 ) -> None:
     """Of the two, one was done and nothing said of the other."""
     assert command(folder, other, "--show") == 2
-    assert capsys.readouterr().err.endswith(f"and that alone; leave out {other}\n")
+    assert capsys.readouterr().err.endswith(f"it only shows what is stored; leave out {other}\n")
     assert not (folder / "tophats.json").exists()
 
 

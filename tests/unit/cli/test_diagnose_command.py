@@ -249,7 +249,7 @@ def test_a_recording_is_not_its_own_judge(tmp_path: Path, capsys: pytest.Capture
     other = write_csv_file(tmp_path / "other.csv", {"t": np.zeros(1)})
     for recorded in ([path], [path, other]):
         assert main(["diagnose", *map(str, recorded), "--holdout", str(link)]) == 2
-        assert f"--holdout {link}: it is diagnosed itself" in capsys.readouterr().err
+        assert f"--holdout {link}: it is also diagnosed" in capsys.readouterr().err
 
 
 def test_an_error_of_the_recording_to_judge_on_names_that(
@@ -292,7 +292,7 @@ def test_a_count_of_workers_is_not_negative(tmp_path: Path, capsys: pytest.Captu
     assert main(["diagnose", str(tmp_path / "never-read.csv"), "--workers", "-3"]) == 2
     assert "--workers -3: allowed are whole numbers from 0" in capsys.readouterr().err
     assert main(["diagnose", str(tmp_path / "never-read.csv"), "--scheduler", "tcp://x:1"]) == 2
-    assert "--scheduler tcp://x:1: it belongs to --executor dask" in capsys.readouterr().err
+    assert "--scheduler tcp://x:1: it needs --executor dask" in capsys.readouterr().err
 
 
 def test_an_empty_name_is_not_the_folder_that_the_command_is_in(
@@ -312,7 +312,7 @@ def test_many_files_one_of_them_bad(tmp_path: Path, capsys: pytest.CaptureFixtur
     table = json.loads(out.read_text())
     assert set(table["recordings"]) == {"run-5.csv", "run-6.csv"}
     assert "the file is empty" in table["failed"]["empty.csv"]
-    assert "tophat.gain@2: 100 % (common)" in capsys.readouterr().out
+    assert "[tophat.gain@2]: 100 % (common)" in capsys.readouterr().out
     assert "2 recordings" in page.read_text()
 
 

@@ -79,7 +79,7 @@ def test_a_copy_of_a_recording_counts_once(tmp_path: Path, capsys: pytest.Captur
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
     table = json.loads((tmp_path / "out.json").read_text())
     assert list(table["recordings"]) == ["a.csv", "b.csv"]
-    assert table["failed"] == {"c.mcap": "its samples are those of a.csv, and count once"}
+    assert table["failed"] == {"c.mcap": "its samples are those of a.csv, and are used once"}
     assert "c.mcap: no diagnosis: its samples are those of a.csv" in capsys.readouterr().out
 
 
@@ -90,7 +90,7 @@ def test_where_files_name_the_robots_the_same_samples_are_of_one() -> None:
     files = {name: Answer(nothing, name, None, "7f", RobotConfig()) for name in ("robot-1", "copy")}
     assert _without_duplicates(files, {name: name for name in files}) == {
         "robot-1": files["robot-1"],
-        "copy": "its samples are those of robot-1, and count once",
+        "copy": "its samples are those of robot-1, and are used once",
     }
     named = {
         name: Answer(nothing, name, Path(name, "robot.toml"), "7f", RobotConfig()) for name in ("red", "blue")
@@ -170,7 +170,7 @@ def test_a_trace_and_the_csv_of_it_are_one_recording(tmp_path: Path) -> None:
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
     table = json.loads((tmp_path / "out.json").read_text())
     assert list(table["recordings"]) == ["run.csv"]
-    assert table["failed"] == {"run.jsonl.gz": "its samples are those of run.csv, and count once"}
+    assert table["failed"] == {"run.jsonl.gz": "its samples are those of run.csv, and are used once"}
     assert table["robots"] == {"drumbot": ["run.csv"]}
 
 
@@ -446,5 +446,5 @@ def test_a_recording_to_judge_on_of_another_controller_is_said(
     monkeypatch.setattr("raccoon.diagnose.recordings.diagnosis.diagnose_recording", answer)
     for holdout, said in ((trace, True), (one, False)):
         diagnose_job(Job(one, None, None, holdout, truth_free=False))
-        told = f"--holdout {holdout}: it is of the controller simulator, and judged as if it were of an"
+        told = f"--holdout {holdout}: it is of the controller simulator, but is treated as one of an"
         assert any(each.startswith(told) for each in asked) is said

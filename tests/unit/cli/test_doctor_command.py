@@ -55,7 +55,7 @@ def test_the_emulated_wombat_is_well(capsys: pytest.CaptureFixture[str], firmwar
 @pytest.mark.parametrize("port", ["sim", "emulator-raccoon"])
 def test_a_firmware_that_is_not_examined_is_refused(port: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "--port", port, "--firmware", "17"]) == 2
-    said = f"--firmware 17: only --port emulator has a choice of it, and {port} is examined"
+    said = f"--firmware 17: it is an option of --port emulator, and {port} is examined"
     assert said in capsys.readouterr().err
 
 

@@ -46,7 +46,7 @@ def test_the_advice_names_the_nearest_rival(
     evidence = [float(each) for each in re.findall(r"evidence +([\d.]+)", said)]
     assert evidence == sorted(evidence, reverse=True)
     assert evidence[0] > 30.0
-    assert "\nA drive with an evidence of 30 or more decides.\n" in said
+    assert "\nA drive with an evidence of 30 or more is decisive.\n" in said
     best = said.partition("  ")[0]
     assert said.endswith(f"\nnothing was driven: --record FILE drives '{best}' and records it\n")
 
@@ -192,7 +192,7 @@ def test_an_evidence_that_does_not_decide_is_said_not_to(
     assert excite("--cause", "drive.inertia", "--within", "0.03") == 0
     spin, said, _ = capsys.readouterr().out.splitlines()
     assert spin.startswith("spin")
-    assert "None of them decides (that takes an evidence of 30" in said
+    assert "None of them is decisive (that needs an evidence of 30" in said
 
 
 def test_a_drive_that_shows_nothing_is_not_to_be_repeated(

@@ -150,7 +150,7 @@ def test_without_truth_there_is_no_error_and_the_robot_is_named(
     write_csv(Recording(columns), tmp_path / "run.csv")
     run(tmp_path / "run.csv")
     said = capsys.readouterr().out
-    assert "does not say its robot" in said
+    assert "does not contain its robot" in said
     assert "pooled" not in said
 
 
@@ -178,7 +178,7 @@ def test_a_program_that_does_nothing_is_not_the_same(
     assert run(recorded, "--program", tmp_path / "team.py") == 1
     said = capsys.readouterr().out
     assert "tick 41: motor.0.duty was" in said
-    assert "it must do with the robot all that was done in the recording" in said
+    assert "it must do everything with the robot that was done in the recording" in said
     assert run(recorded, "--program", tmp_path / "team.py", "--ignore-commands") == 0
     assert re.search(r"ran in 0 of \d+ cycles; its commands were not compared", capsys.readouterr().out)
 
@@ -287,7 +287,7 @@ def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--tolerance nan: allowed are numbers from 0 to below 1"):
         run(recorded, "--tolerance", "nan")
     for words in (["--ignore-commands"], ["--tolerance", "0.1"]):
-        with pytest.raises(ConfigError, match=f"{words[0]}: it is for what a --program commands; name one"):
+        with pytest.raises(ConfigError, match=f"{words[0]}: it only applies to --program; name a program"):
             run(recorded, *words)
     with pytest.raises(ConfigError, match="there is no folder"):
         run(recorded, "--json", tmp_path / "missing" / "out.json")

@@ -121,7 +121,7 @@ def test_what_an_interrupted_sweep_has_played_is_named(
     Path("r.csv").touch()
     assert main(["sweep", program, "--any-end", "--out", "r.csv"]) == 130
     assert capsys.readouterr().err == (
-        "what was played is in r.csv: the same command goes on from there\nraccoon sweep: interrupted\n"
+        "what was played is in r.csv: the same command continues from there\nraccoon sweep: interrupted\n"
     )
 
 

@@ -92,7 +92,7 @@ def test_a_call_that_takes_workers_down_is_given_up_while_the_others_go_on() -> 
 def test_a_broken_pool_from_outside_is_said_so() -> None:
     seen: list[int] = []
     found = (number for number, _ in run_all(squared, range(10), Crew(Breaking(4), 3), nothing))
-    with pytest.raises(BrokenExecutor, match="goes on where it stopped"):
+    with pytest.raises(BrokenExecutor, match="continues where it stopped"):
         seen.extend(found)
     assert len(seen) == len(set(seen))
     assert 4 not in seen

@@ -77,7 +77,7 @@ def test_names_and_units(text: str, name: str, unit: str) -> None:
         ("foo@left=1", "effect 'foo': there is no such id"),
         ("foo:1:2", "write EFFECT"),
         ("fault.imu_silnt=0.1", r"there is no such fault \(did you mean fault.imu_silent\?\); allowed"),
-        ("fault.imu_silent=0:0.1", "give the one share"),
+        ("fault.imu_silent=0:0.1", "give one number"),
         ("fault.imu_silent=2", "fault.imu_silent is 2.0"),
     ],
 )

@@ -146,7 +146,7 @@ def test_a_row_that_is_there_twice_or_holds_no_number_is_named(tmp_path: Path) -
     results.close()
     text = path.read_text()
     path.write_text(text + text.split("\n")[1] + "\n")
-    with pytest.raises(ConfigError, match=r"results\.csv: row 3: run 0 is there twice"):
+    with pytest.raises(ConfigError, match=r"results\.csv: row 3: run 0 occurs twice"):
         Results(path, COLUMNS, ABOUT)
     path.write_text(text + "1,5,ok,,1.2.3\n")
     with pytest.raises(ConfigError, match=r"results\.csv: row 3: could not convert .*1\.2\.3"):
@@ -174,7 +174,7 @@ def test_a_sweep_whose_ends_count_does_not_go_on_in_one_whose_ends_do_not(
     before, now = ends
     begun(path, {**ABOUT, "end": before})
     counts = "counts" if before else "does not count"
-    with pytest.raises(ConfigError, match=f"where a match ends {counts}; choose another file"):
+    with pytest.raises(ConfigError, match=f"the end of a match {counts}; choose another file"):
         Results(path, COLUMNS, {**ABOUT, "end": now})
 
 

@@ -139,7 +139,7 @@ def _calibrate_tophats(args: argparse.Namespace) -> int:
         raise ConfigError("--set: the name of the set is empty")
     if args.show and (args.recording or args.write):
         given = str(args.recording[0]) if args.recording else "--write"
-        raise ConfigError(f"--show: it shows what is stored, and that alone; leave out {given}")
+        raise ConfigError(f"--show: it only shows what is stored; leave out {given}")
     if args.recording:
         if args.write:  # before the work, not after it
             check_folders(args.store)
@@ -149,5 +149,5 @@ def _calibrate_tophats(args: argparse.Namespace) -> int:
             args.recording, args.robot, args.store, args.set or "default", write=args.write
         )
     if not args.show:
-        raise ConfigError("name a recording of a drive over a line, or say --show")
+        raise ConfigError("name a recording of a drive over a line, or add --show")
     return show_store(args.store, args.set)

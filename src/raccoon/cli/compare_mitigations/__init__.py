@@ -27,10 +27,12 @@ PICTURES = (".svg", ".png", ".pdf")
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument(
-        "--quick", action="store_true", help=f"{QUICK} robots a column: a minute, and the worst of {QUICK}"
+        "--quick",
+        action="store_true",
+        help=f"{QUICK} robots per column: takes a minute and shows the worst of {QUICK}",
     )
     parser.add_argument(
-        "--robots", type=int, help="simulated robots a column (without it the full table, 24 to 200)"
+        "--robots", type=int, help="simulated robots per column (default: the full table, 24 to 200)"
     )
     parser.add_argument("--seed", type=int, default=1, help="of everything random (%(default)s)")
     add_workers_option(parser, 1)
@@ -38,9 +40,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--tape",
         type=float,
         default=0.001,
-        help="m, standard deviation of the tape that all go by (%(default)g)",
+        help="m, standard deviation of the tape measure of all calibrations (%(default)g)",
     )
-    parser.add_argument("--condition", action="append", help="only this column (may be given again)")
+    parser.add_argument("--condition", action="append", help="only this column (repeatable)")
     parser.add_argument("--markdown", type=Path, metavar="OUT", help="also write the tables as Markdown")
     parser.add_argument("--plot", type=Path, metavar="OUT", help="also draw them (needs matplotlib)")
     parser.add_argument(

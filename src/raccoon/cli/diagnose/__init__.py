@@ -34,11 +34,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--robot",
         type=Path,
         action=OnceOnly,
-        help="robot.toml; without it the recording's own, one beside it or here, or the default",
+        help="robot.toml (default: that of the recording, beside it, in this folder, or the usual robot)",
     )
     parser.add_argument("--model", type=Path, help="model.toml to start from instead of robot.toml's model")
     parser.add_argument(
-        "--holdout", type=Path, nargs="+", default=[], help="other recordings of this robot to judge on"
+        "--holdout",
+        type=Path,
+        nargs="+",
+        default=[],
+        help="other recordings of this robot, on which the result is tested",
     )
     parser.add_argument(
         "--causes", type=Path, help="Python file with effects of your own, a list CAUSES of OwnEffect"
@@ -52,7 +56,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--together",
         action="store_true",
-        help="fit all drives of one robot as one: together, short ones show what none shows alone",
+        help="fit all drives of one robot together: several short ones can show what none shows alone",
     )
     parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
     add_crew_options(parser, DEFAULT_WORKERS)

@@ -159,7 +159,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     return 0 if answers else 2
 
 
-DUPLICATE_REASON = "its samples are those of {}, and count once"
+DUPLICATE_REASON = "its samples are those of {}, and are used once"
 
 
 def _without_duplicates(

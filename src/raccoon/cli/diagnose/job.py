@@ -150,7 +150,7 @@ def _holdout_problems(holdout: Recording, first: Recording) -> list[str]:
     if holdout.device == first.device:
         return holdout.problems
     one, other = _controller_text(holdout.device), _controller_text(first.device)
-    return [*holdout.problems, f"it is of {one}, and judged as if it were of {other}"]
+    return [*holdout.problems, f"it is of {one}, but is treated as one of {other}"]
 
 
 def _with_model_numbers(robot: RobotConfig, model: Parameters) -> RobotConfig:

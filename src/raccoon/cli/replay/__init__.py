@@ -24,14 +24,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="a trace, a CSV or MCAP file, an OptiOdom session, or a folder of them",
     )
     parser.add_argument(
-        "--robot", type=Path, help="robot.toml; by default what the recording says, or one beside it or here"
+        "--robot",
+        type=Path,
+        help="robot.toml (default: the one in the recording, or beside it, or in this folder)",
     )
     parser.add_argument(
-        "--program", type=Path, help="a program with mission(robot): must command the same again"
+        "--program",
+        type=Path,
+        help="a program with mission(robot): check that it gives the same commands again",
     )
     parser.add_argument("--ignore-commands", action="store_true", help="let --program command something else")
     parser.add_argument(
-        "--tolerance", type=float, default=0.0, help="relative difference that --program forgives (0: exact)"
+        "--tolerance", type=float, default=0.0, help="relative difference that --program allows (0: none)"
     )
     parser.add_argument("--json", type=Path, metavar="OUT", help="write the results as JSON")
     parser.add_argument("--plot", type=Path, metavar="OUT", help="draw the drives as .svg, .png or .pdf")
@@ -49,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--tolerance {args.tolerance}: allowed are numbers from 0 to below 1")
     for name, given in (("ignore-commands", args.ignore_commands), ("tolerance", args.tolerance > 0.0)):
         if given and args.program is None:
-            raise ConfigError(f"--{name}: it is for what a --program commands; name one")
+            raise ConfigError(f"--{name}: it only applies to --program; name a program")
     _check_outputs(args)
     robot = None if args.robot is None else load_robot(args.robot)
     files = files_of(*args.file)

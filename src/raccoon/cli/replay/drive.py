@@ -56,7 +56,9 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     config = robot or run.robot
     if config is None:
         config, _, taken = find_robot_toml(run)
-        notes.append(f"the recording does not say its robot: taken for {taken} (--robot names another)")
+        notes.append(
+            f"the recording does not contain its robot: compared with {taken} (--robot names another)"
+        )
     if len(run.recording):  # a recording that ended before its first cycle has no columns to check
         _check_wheels(run, config)
     if mistaken := time_unit_hint(median_step(run.recording["t"])):

@@ -46,8 +46,8 @@ def replay_program(args: argparse.Namespace, files: Sequence[Path], robot: Robot
     diverged = not all(found)
     if diverged and not args.ignore_commands:
         print(
-            f"mission(robot) of {args.program} is what ran, and nothing around it: "
-            "it must do with the robot all that was done in the recording, waiting for the start too"
+            f"only mission(robot) of {args.program} ran, not the code around it: it must do everything with "
+            "the robot that was done in the recording, including the wait for the start"
         )
     return BAD_FILE if failed else int(diverged)
 

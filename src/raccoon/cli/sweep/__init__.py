@@ -19,11 +19,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--runs", type=int, default=200, help="matches to play (%(default)s)")
     parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="the robot (%(default)s)")
     parser.add_argument(
-        "--model", type=Path, help="model.toml of the robot that plays, while the program goes by robot.toml"
+        "--model", type=Path, help="model.toml of the simulated robot; the program still uses robot.toml"
     )
     parser.add_argument("--seed", type=int, default=0, help="of everything random (%(default)s)")
     parser.add_argument(
-        "--out", type=Path, help="table of all matches, .csv or .parquet; taken up again there"
+        "--out",
+        type=Path,
+        help="table of all matches, .csv or .parquet; an interrupted sweep continues from it",
     )
     add_crew_options(parser, 0)
     _configure_matches(parser)
@@ -37,7 +39,7 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="EFFECT[.PARAMETER][@WHERE]=RANGE",
-        help="LOW:HIGH, MEAN~SD or a number, in place of what is varied by default",
+        help="LOW:HIGH, MEAN~SD or a number, instead of what is varied by default",
     )
     parser.add_argument("--only-varied", action="store_true", help="vary nothing but what --vary names")
     parser.add_argument(
@@ -46,14 +48,20 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plain-sensors",
         action="store_true",
-        help="robot.toml's plain filter and an IMU at 200 Hz, not the RaccoonOS firmware's sensor chain",
+        help="simulate robot.toml's plain filter and an IMU at 200 Hz, not RaccoonOS' sensor chain",
     )
     add_place_options(parser)
-    parser.add_argument("--within", type=float, help=f"m from the nominal robot's end ({DEFAULT_WITHIN:g})")
-    parser.add_argument("--within-angle", type=float, help=f"deg from it ({DEFAULT_WITHIN_DEGREES:g})")
-    parser.add_argument("--any-end", action="store_true", help="where a match ends does not count")
     parser.add_argument(
-        "--seconds", type=float, default=DEFAULT_MATCH_S, help="a match may take (%(default)g)"
+        "--within", type=float, help=f"largest distance from the nominal robot's end, m ({DEFAULT_WITHIN:g})"
+    )
+    parser.add_argument(
+        "--within-angle",
+        type=float,
+        help=f"largest difference from its heading, deg ({DEFAULT_WITHIN_DEGREES:g})",
+    )
+    parser.add_argument("--any-end", action="store_true", help="a match may end anywhere")
+    parser.add_argument(
+        "--seconds", type=float, default=DEFAULT_MATCH_S, help="longest duration of a match, s (%(default)g)"
     )
 
 

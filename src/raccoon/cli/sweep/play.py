@@ -45,7 +45,7 @@ def sweep_and_print(args: argparse.Namespace) -> int:
             rows = sweep(match, args.runs, seed=args.seed, executor=played, out=args.out, progress=bar.show)
     except KeyboardInterrupt:
         if args.out is not None and args.out.exists():  # otherwise no match was finished
-            print(f"what was played is in {args.out}: the same command goes on from there", file=sys.stderr)
+            print(f"what was played is in {args.out}: the same command continues from there", file=sys.stderr)
         raise
     print_report(match, rows, args.seed, args.given, args.table)
     if args.out is not None:

@@ -64,7 +64,7 @@ def _print_sensitivities(found: Summary, units: dict[str, Factor]) -> None:
         return
     print(f"\nMost sensitive to (share of the variance of {what} that goes with it):")
     for number, each in enumerate(strongest, start=1):
-        unsure = "" if each.is_clear else "   within chance; play more matches"
+        unsure = "" if each.is_clear else "   may be chance; play more matches"
         print(f"  {number}. {each.name:44} {_percent(max(0.0, each.share)):>7}{unsure}")
         print(f"     {_groups(each, found.of, units[each.name].unit)}")
 

@@ -20,7 +20,7 @@ MAX_EVENTS_SHOWN = 100
 """Largest number of printed messages; a program may write a note in every cycle."""
 ELSEWHERE = (
     "the drive goes through a wall of the Botball-size table, so it was driven elsewhere and is drawn alone: "
-    "--table FILE names its table, --start X Y DEG where on it it began"
+    "--table FILE names its table, --start X Y DEG where on it the drive began"
 )
 ENDINGS = (".svg", ".png", ".gif")
 SLOWEST, FASTEST = 0.01, 1000.0

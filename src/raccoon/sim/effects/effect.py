@@ -81,7 +81,9 @@ class Effect:
         try:
             number = float(value)
         except OverflowError:  # a whole number of hundreds of digits
-            raise ConfigError(f"{self.id}: {name} is {format_value(value)}: no float is as large") from None
+            raise ConfigError(
+                f"{self.id}: {name} is {format_value(value)}: the number is too large"
+            ) from None
         if math.isnan(number) or not parameter.bounds.allows(number):
             raise ConfigError(f"{self.id}: {name} is {number:g}{unit}: allowed are {parameter.bounds}")
         return number

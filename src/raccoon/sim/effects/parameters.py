@@ -78,7 +78,7 @@ class Parameters:
         key = (id, self._place(effect(id), where))
         if key not in self.effects:
             raise ConfigError(
-                f"{id}: it is not switched on at {where or 'both sides'}: its numbers have no origin"
+                f"{id}: the effect is off at {where or 'both sides'}, so its numbers have no origin"
             )
         for name in origin.std:
             effect(id).parameter(name)

@@ -72,11 +72,11 @@ class Kind:
     creeping: bool = True
 
 
-SELDOM_KIND = "robots with seldom effects"
-GIVING_KIND = "robots whose wheels give"
-READ_KIND = "readings of robots whose wheels give"
-ROLLING_KIND = "readings of robots with seldom motors or friction, or that creep"
-GIVING_SELDOM_KIND = "robots whose wheels give, with seldom effects"
+SELDOM_KIND = "robots with rare effects"
+GIVING_KIND = "robots with presliding friction"
+READ_KIND = "readings of robots with presliding friction"
+ROLLING_KIND = "readings of robots with rare motors or friction, or creeping wheels"
+GIVING_SELDOM_KIND = "robots with presliding friction and rare effects"
 PLAIN_KIND = "plain robots"
 KINDS: Mapping[str, Kind] = {
     SELDOM_KIND: Kind(("friction.presliding",)),

@@ -392,7 +392,7 @@ def test_a_copy_of_a_run_is_left_out_and_judges_nothing(
     runs = [str(tmp_path / f"{name}.csv") for name in "abc"]
     (tmp_path / "robot.toml").write_text(ROBOT_TOML)
     assert main(["diagnose", *runs]) == 0
-    assert "c.csv is left out: its samples are those of a.csv, and count once" in capsys.readouterr().out
+    assert "c.csv is left out: its samples are those of a.csv, and are used once" in capsys.readouterr().out
     assert main(["diagnose", runs[1], runs[2], "--holdout", runs[0]]) == 2
     assert "a.csv: its samples are those of the recording that is diagnosed" in capsys.readouterr().err
 
