@@ -99,6 +99,7 @@ def test_a_clock_that_stands_still_ends_the_examination() -> None:
         ({"bemf_sign": -1.0}, Verdict.FAULT, "its back-EMF has the opposite sign of its command"),
         ({"position_scale": -1.0}, Verdict.FAULT, "its position counts against its command"),
         ({"backward_gain": 0.3}, Verdict.FAULT, "it is weak backwards"),
+        ({"backward_gain": 3.0}, Verdict.FAULT, "it is weak forwards"),
         (
             {"gain": dict.fromkeys(range(4), 700.0)},
             Verdict.WARNING,
@@ -145,19 +146,30 @@ def test_a_motor_that_cannot_move_by_battery_or_model_and_does_is_judged(
 
 
 def test_a_healthy_motor_is_measured() -> None:
-    values = examined("motor 1").values
+    finding = examined("motor 1")
+    values = finding.values
     assert values["bemf_forward_counts"] == pytest.approx(525.0, abs=10.0)
     assert values["bemf_backward_counts"] == pytest.approx(-525.0, abs=10.0)
     # 525 counts for 0.35 s, less what the lag of 30 ms takes.
     assert values["ticks_forward"] == pytest.approx(525.0 * (0.35 - 0.03), rel=0.05)
     assert values["latency"] == pytest.approx(0.01, abs=0.0051)
+    assert finding.measured == (
+        f"back-EMF {values['bemf_forward_counts']:+.0f} / {values['bemf_backward_counts']:+.0f} counts, "
+        f"{values['ticks_forward']:+.0f} / {values['ticks_backward']:+.0f} ticks at duty +0.3 / -0.3, "
+        f"answer after {1e3 * values['latency']:.0f} ms"
+    )
 
 
 def test_an_offset_at_rest_names_the_line_to_write() -> None:
-    finding = examined("motor 0 at rest", offset=60.0)
+    report = examine(FaultyRobot(offset=60.0), ROBOT)
+    moved = found(report, "motor 0").values  # without the offset
+    assert moved["bemf_forward_counts"] == pytest.approx(525.0, abs=10.0)
+    assert moved["latency"] == pytest.approx(0.01, abs=0.0051)
+    finding = found(report, "motor 0 at rest")
     assert finding.verdict is Verdict.WARNING
     assert "the position creeps" in finding.problem
     assert finding.values["offset_counts"] == pytest.approx(60.0, abs=1.0)
+    assert finding.values["noise_counts"] == pytest.approx(1.0, rel=0.4)
     assert "under [motor.0]" in finding.remedy
     known = RobotConfig(motors={0: MotorConfig(bemf_offset=Measured(58.0))})
     assert examined("motor 0 at rest", known, offset=60.0).verdict is Verdict.OK
@@ -199,7 +211,7 @@ def test_signs_cannot_be_judged_without_a_turn(switches: dict[str, Any]) -> None
         ("imu", {"no_imu": True}, "the controller delivers no IMU readings"),
         ("gyro", {"gyro_frozen": True}, "it repeats one reading"),
         ("gyro", {"gyro_noise": 0.3}, "its turn rate drifts"),
-        ("gyro", {"gyro_bias": 0.2}, "its bias is far from robot.toml's +0.0000"),
+        ("gyro", {"gyro_bias": -0.2}, "its bias is far from robot.toml's +0.0000"),
         ("accelerometer", {"force": (0.0, 0.0, 4.9)}, "gravity is not 1 g"),
         ("accelerometer", {"force": (0.0, 0.0, -9.8)}, "it is upside down"),
         ("accelerometer", {"force": (6.0, 0.0, 7.75)}, "the robot is not level"),
@@ -272,6 +284,12 @@ def test_lamps_that_flicker_are_no_open_plug(hertz: float) -> None:
     assert analog_findings(ROBOT, rest)[0].verdict is Verdict.OK
 
 
+def test_a_bias_that_robot_toml_knows_is_no_fault() -> None:
+    imu = replace(ROBOT.model.imu, gyro_bias=Measured(-0.2))
+    known = replace(ROBOT, model=replace(ROBOT.model, imu=imu))
+    assert found(examine(FaultyRobot(gyro_bias=-0.2), known, move=False), "gyro").verdict is Verdict.OK
+
+
 def test_a_rare_fault_that_the_port_repaired_is_no_illness() -> None:
     finding = examined("link", faults={150: (Fault.TORN,)})
     assert finding.verdict is Verdict.OK
@@ -334,6 +352,7 @@ def test_a_base_with_encoders_and_no_imu_is_examined_too() -> None:
     )
     assert found(report, "imu").verdict is Verdict.NOT_CHECKED
     assert found(report, "motor 0").verdict is Verdict.OK
+    assert 0.0 < found(report, "motor 0").values["latency"] < 0.06
     assert found(report, "rate").verdict is Verdict.OK
     assert found(report, "battery").verdict is Verdict.OK
     assert report.well
