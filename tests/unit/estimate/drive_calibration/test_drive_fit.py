@@ -114,6 +114,23 @@ def test_exact_circles_give_exact_factors_and_the_mean_of_what_each_recording_kn
     assert found.error_after < 1e-3 * found.error_before
 
 
+def test_recordings_that_differ_are_no_surer_than_their_difference() -> None:
+    """A wheel was changed between them: the jackknife of two gives half the difference of their results."""
+    changed = replace(circles(), left=1.01 * circles().left)
+    found = fit_drive(ROBOT, [circles(), changed], device=SI_WORDS)
+    assert found.left.std / found.left.value == pytest.approx(0.005, rel=0.1)
+
+
+def test_without_a_rest_the_offset_of_robot_toml_counts() -> None:
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    begin = int(np.searchsorted(table["t"], 1.45))  # it starts at 1.5 s
+    robot = RobotConfig(motors={0: MotorConfig(bemf_offset=Measured(31.5))})
+    whole = manoeuvre_from_columns(table, ROBOT)
+    cut = manoeuvre_from_columns({name: values[begin:] for name, values in table.items()}, robot)
+    assert cut.offsets[0] is None
+    assert cut.left[-1] == pytest.approx(whole.left[-1] - whole.left[begin], abs=0.2)
+
+
 def test_a_tape_that_tells_a_wheel_s_way_to_more_than_5_percent_is_refused() -> None:
     """All that a tape is off by goes into the wheels' ways."""
     truth = circles().truth

@@ -382,13 +382,16 @@ def test_firmware_and_version_are_told(name: str, measured: str, values: dict[st
     assert finding.values == values
 
 
-def test_the_rate_of_the_counters_is_told_where_the_port_measures_it() -> None:
+@pytest.mark.parametrize(("hertz", "verdict"), [(235.4, Verdict.OK), (200.4, Verdict.WARNING)])
+def test_the_rate_of_the_counters_is_told_where_the_port_measures_it(hertz: float, verdict: Verdict) -> None:
     class Measuring(FaultyRobot):
-        rates = SimpleNamespace(bemf=235.4, expected_bemf=235.0)
+        rates = SimpleNamespace(bemf=hertz, expected_bemf=235.0)
 
     finding = found(examine(Measuring(), ROBOT, move=False), "rate")
-    assert finding.measured.endswith("; counters 235 Hz")
-    assert finding.values["counters_hz"] == 235.4
+    assert finding.measured.endswith(f"; counters {hertz:.0f} Hz")
+    assert finding.values["counters_hz"] == hertz
+    assert finding.verdict is verdict
+    assert ("counter_rate_hz = 200.4" in finding.remedy) is (verdict is Verdict.WARNING)
 
 
 def test_the_report_is_json_and_names_its_verdicts() -> None:
