@@ -84,7 +84,6 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 @pytest.mark.parametrize(
     ("column", "factor", "said", "every"),
     [
-        ("imu.gyro", math.degrees(1.0), "it looks like degrees, not radians", 1),
         ("imu.gyro", math.degrees(1.0), "it looks like degrees, not radians", 4),
         ("imu.gyro", 939.0, "the sensor's own counts", 4),
         (".bemf", 1.0 / 303.4, "it looks like volts or radians a second, not counts", 4),

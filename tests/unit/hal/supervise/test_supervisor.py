@@ -23,7 +23,18 @@ def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Supervised
     bench.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGABRT])
+@pytest.mark.parametrize(
+    ("bench", "number"),
+    [
+        ("stock", signal.SIGKILL),
+        (17, signal.SIGKILL),
+        (21, signal.SIGKILL),
+        ("stock", signal.SIGTERM),
+        (17, signal.SIGHUP),
+        (21, signal.SIGABRT),
+    ],
+    indirect=["bench"],
+)
 def test_a_killed_program_stops(bench: SupervisedBench, number: signal.Signals) -> None:
     program = bench.start("100000")
     bench.serve_until(True, patience=20.0)

@@ -91,8 +91,19 @@ def test_sensors_in_each_others_port_are_said_where_the_line_lies_oddly_by_them(
     assert (said in caplog.text) is exchanged
 
 
-@pytest.mark.parametrize("askew_deg", [0.0, 10.0, -10.0, 20.0, -20.0, 40.0])
-@pytest.mark.parametrize("further", [0.0, 0.02], ids=["at its edge", "well on it"])
+@pytest.mark.parametrize(
+    ("askew_deg", "further"),
+    [
+        (0.0, 0.0),
+        (0.0, 0.02),
+        (10.0, 0.02),
+        (-10.0, 0.0),
+        (20.0, 0.0),
+        (-20.0, 0.02),
+        (40.0, 0.0),
+        (40.0, 0.02),
+    ],
+)
 def test_the_robot_stands_square_to_a_line_that_a_sensor_stands_on_already(
     askew_deg: float, further: float
 ) -> None:

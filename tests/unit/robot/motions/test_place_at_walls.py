@@ -13,8 +13,17 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import Wall, World
 
 
-@pytest.mark.parametrize(("speed", "askew"), [(-0.06, 0.0), (-0.1, 0.0), (-0.15, 0.0), (-0.15, 8.0)])
-@pytest.mark.parametrize("firmware", ["stock", 21])
+@pytest.mark.parametrize(
+    ("firmware", "speed", "askew"),
+    [
+        ("stock", -0.06, 0.0),
+        (21, -0.1, 0.0),
+        ("stock", -0.15, 0.0),
+        (21, -0.15, 0.0),
+        ("stock", -0.15, 8.0),
+        (21, -0.15, 8.0),
+    ],
+)
 def test_wheels_that_slip_at_a_wall_leave_the_place_in_doubt(
     firmware: Firmware, speed: float, askew: float
 ) -> None:

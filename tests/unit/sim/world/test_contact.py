@@ -156,8 +156,10 @@ def test_a_robot_that_meets_a_wall_askew_ends_square_to_it_and_stands(
     )
 
 
-@pytest.mark.parametrize(("effect", "values"), LOOSE)
-@pytest.mark.parametrize("duty", [WEAK, STRONG])
+@pytest.mark.parametrize(
+    ("effect", "values", "duty"),
+    [(*LOOSE[0], STRONG), *((*each, (WEAK, STRONG)[number % 2]) for number, each in enumerate(LOOSE))],
+)
 def test_loose_gears_and_soft_tyres_stand_at_a_wall_as_well(
     effect: str, values: dict[str, float], duty: float
 ) -> None:
