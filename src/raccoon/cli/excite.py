@@ -22,7 +22,9 @@ cause."""
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="robot.toml (default: here)")
+    parser.add_argument(
+        "--robot", type=Path, default=Path("robot.toml"), help="robot.toml (default: in this folder)"
+    )
     parser.add_argument(
         "--manoeuvre",
         help="manoeuvre to drive (default: the best one for --cause; without --cause the checkup)",
@@ -49,7 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--seed",
         type=int,
         default=0,
-        help="of the simulated robot's noise (default %(default)s); another seed is another drive",
+        help="seed of the simulated robot's noise (default %(default)s); another seed is another drive",
     )
     parser.add_argument("--record", type=Path, help="recording to write; without it nothing is driven")
 

@@ -31,7 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--model", type=Path, help="model.toml of the simulated robot; the program still uses robot.toml"
     )
     add_place_options(parser)
-    parser.add_argument("--seed", type=int, default=0, help="of the noise (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the simulated noise (%(default)s)")
     parser.add_argument("--record", type=Path, help="recording to write if the program names none")
     parser.add_argument(
         "--traceback",

@@ -32,9 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port", choices=PORTS, help="controller to drive (default: controller.port of robot.toml)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the simulator's noise (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the simulator's noise (%(default)s)")
     parser.add_argument(
-        "--write", action="store_true", help="put the result into robot.toml (else only show it)"
+        "--write", action="store_true", help="write the result to robot.toml (default: only show it)"
     )
 
 

@@ -68,10 +68,14 @@ def _add_drive(kinds: Any) -> None:
         help="a straight piece from BEGIN to END (s of the recording) that measures METRES (may be repeated)",
     )
     parser.add_argument(
-        "--tape-std", type=float, default=0.002, metavar="M", help="of the tape, m (%(default)g)"
+        "--tape-std",
+        type=float,
+        default=0.002,
+        metavar="M",
+        help="standard deviation of METRES, m (%(default)g)",
     )
     parser.add_argument(
-        "--write", action="store_true", help="put the result into robot.toml (else only show it)"
+        "--write", action="store_true", help="write the result to robot.toml (default: only show it)"
     )
     parser.set_defaults(calibrate=_calibrate_drive)
 
@@ -122,10 +126,10 @@ def _add_tophats(kinds: Any) -> None:
     )
     parser.add_argument(
         "--set",
-        help="name of the surface, such as practice-table (without it: default); with --show only this one",
+        help="name of the surface, such as practice-table (default: default); with --show only this one",
     )
     parser.add_argument("--show", action="store_true", help="show the stored calibrations and their history")
-    parser.add_argument("--write", action="store_true", help="store the result (else only show it)")
+    parser.add_argument("--write", action="store_true", help="store the result (default: only show it)")
     parser.set_defaults(calibrate=_calibrate_tophats)
 
 

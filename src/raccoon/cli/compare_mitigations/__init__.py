@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robots", type=int, help="simulated robots per column (default: the full table, 24 to 200)"
     )
-    parser.add_argument("--seed", type=int, default=1, help="of everything random (%(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers (%(default)s)")
     add_workers_option(parser, 1)
     parser.add_argument(
         "--tape",

@@ -15,7 +15,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, default=Path("raccoon-demo"), help="folder for the picture and the trace"
     )
-    parser.add_argument("--seed", type=int, default=1, help="of everything random (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of all random numbers (default %(default)s)"
+    )
     add_workers_option(parser, 2)
 
 

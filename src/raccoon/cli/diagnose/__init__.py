@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--robot",
         type=Path,
         action=OnceOnly,
-        help="robot.toml (default: that of the recording, beside it, in this folder, or the usual robot)",
+        help="robot.toml (default: the one in the recording, else a file beside it or in this folder)",
     )
     parser.add_argument("--model", type=Path, help="model.toml to start from instead of robot.toml's model")
     parser.add_argument(

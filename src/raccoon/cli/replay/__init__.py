@@ -33,7 +33,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="a program with mission(robot): check that it gives the same commands again",
     )
-    parser.add_argument("--ignore-commands", action="store_true", help="let --program command something else")
+    parser.add_argument(
+        "--ignore-commands",
+        action="store_true",
+        help="do not compare the commands of --program with the recorded ones",
+    )
     parser.add_argument(
         "--tolerance", type=float, default=0.0, help="relative difference that --program allows (0: none)"
     )

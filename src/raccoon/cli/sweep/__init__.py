@@ -21,7 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", type=Path, help="model.toml of the simulated robot; the program still uses robot.toml"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of everything random (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers (%(default)s)")
     parser.add_argument(
         "--out",
         type=Path,
@@ -29,8 +29,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_crew_options(parser, 0)
     _configure_matches(parser)
-    parser.add_argument("--only", type=int, metavar="RUN", help="play just this match of the sweep")
-    parser.add_argument("--record", type=Path, help="with --only: where its trace goes")
+    parser.add_argument("--only", type=int, metavar="RUN", help="play only this match of the sweep")
+    parser.add_argument("--record", type=Path, help="with --only: recording to write")
 
 
 def _configure_matches(parser: argparse.ArgumentParser) -> None:

@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--start", type=float, nargs=3, metavar=("X", "Y", "DEG"), help="where on the table it started"
     )
     parser.add_argument(
-        "--speed", type=float, default=4.0, help="of the animation, times real time (%(default)g)"
+        "--speed", type=float, default=4.0, help="speed of the animation, times real time (%(default)g)"
     )
 
 
