@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.model.pose import Pose
@@ -29,9 +29,19 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 MIN_REACH = 0.02
+MAX_SQUINT, WAY_MARGIN_M = math.radians(80.0), 0.02
+"""rad of squint beyond which the way between two meetings is no longer bounded more tightly; m that it may be
+longer, for the width of a spot and for a robot that turns on its way."""
 MAX_REGULAR_ANGLE, MAX_ALONG_ANGLE = math.radians(4.0), math.radians(1.5)
 """rad from a multiple of a quarter turn of the field, of a line that is laid regularly; rad of a line along
 the field."""
+
+
+class _Meeting(NamedTuple):
+    """Where a sensor met an edge: place on the field (x, y, m), and m that the robot had driven."""
+
+    place: tuple[float, float]
+    way: float
 
 
 def align_on_line(
@@ -67,7 +77,7 @@ def align_on_line(
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin = robot.time
-        first = yield from _meet_edges(robot, left, right, speed, reach, timeout)
+        first = yield from _meet_edges(robot, left, right, speed, reach, timeout, squint)
         (x0, y0), (x1, y1) = first
         # From the right sensor's point to the left one's is the line; its normal to the right looks ahead.
         normal = math.atan2(y0 - y1, x0 - x1) - 0.5 * math.pi
@@ -94,7 +104,13 @@ def align_on_line(
 
 
 def _meet_edges(
-    robot: Robot, left: str, right: str, speed: float | None, reach: float, timeout: float | None
+    robot: Robot,
+    left: str,
+    right: str,
+    speed: float | None,
+    reach: float,
+    timeout: float | None,
+    squint: float,
 ) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
     """Drive until both sensors have met the same edge; the places on the field where each did, left first."""
     sensors = robot.tophat(left), robot.tophat(right)
@@ -104,9 +120,10 @@ def _meet_edges(
     body = drive_until_stopped(
         0.5 * robot.config.motion.speed if speed is None else speed, reach, timeout
     ).start(robot)
+    max_way = _max_way_between(*sensors, squint)
     # A line has two edges, and a sensor that stands on it meets but the second: only places on the same one
     # give its direction. By whether the edge leads to black: where the left and the right sensor met it.
-    met: dict[bool, list[tuple[float, float] | None]] = {True: [None, None], False: [None, None]}
+    met: dict[bool, list[_Meeting | None]] = {True: [None, None], False: [None, None]}
     try:
         while True:
             for index, sensor in enumerate(sensors):
@@ -114,11 +131,13 @@ def _meet_edges(
                 if edge is None:
                     continue
                 sensor.forget_edge()
-                places = met[edge.to_black]
-                if places[index] is None:
-                    places[index] = _sensor_place(robot, sensor, robot.time - edge.time)
-                if places[0] is not None and places[1] is not None:
-                    return places[0], places[1]
+                now = _Meeting(_sensor_place(robot, sensor, robot.time - edge.time), robot.estimate.distance)
+                places, other = met[edge.to_black], met[edge.to_black][1 - index]
+                if other is not None and abs(now.way - other.way) < max_way:
+                    return (other.place, now.place) if index else (now.place, other.place)
+                mine = places[index]
+                if mine is None or abs(now.way - mine.way) > max_way:
+                    places[index] = now
             try:
                 advance(body)
             except StopIteration as end:
@@ -130,11 +149,18 @@ def _meet_edges(
         body.close()
 
 
+def _max_way_between(left: TophatSensor, right: TophatSensor, squint: float) -> float:
+    """m of way between the two sensors' meetings with one edge, at the most: what a sensor met before that
+    was another edge, as that of the line along which the robot came."""
+    aside = abs(left.config.left - right.config.left) * math.tan(min(squint, MAX_SQUINT))
+    return aside + abs(left.config.forward - right.config.forward) + WAY_MARGIN_M
+
+
 def _describe_no_line(
     robot: Robot,
     left: str,
     right: str,
-    met: Iterable[list[tuple[float, float] | None]],
+    met: Iterable[list[_Meeting | None]],
     reach: float,
     held: float,
 ) -> str:
@@ -142,7 +168,11 @@ def _describe_no_line(
     places = max(met, key=lambda each: sum(place is not None for place in each))
     names = [name for name, place in zip((left, right), places, strict=True) if place is None]
     why = describe_obstacle(robot, *map(robot.tophat, names))
-    return f"no line at {' and '.join(names)} within {reach:g} m; {why}{wall_hint(held, 'it')}"
+    found = ""
+    if len(names) == 1:
+        met_by = right if names[0] == left else left
+        found = f", but one at {met_by}: does it lie on that side only, as at a junction?"
+    return f"no line at {' and '.join(names)} within {reach:g} m{found}; {why}{wall_hint(held, 'it')}"
 
 
 def _sensor_place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:

@@ -127,6 +127,26 @@ def test_backwards_over_a_line_that_a_sensor_stands_on_already() -> None:
     assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=0.8)
 
 
+@pytest.mark.parametrize(("y", "heading_deg"), [(-0.01, 4.0), (-0.03, 8.0)])
+def test_the_edge_of_the_line_that_the_robot_came_along_is_not_that_of_the_crossing_one(
+    y: float, heading_deg: float
+) -> None:
+    """A sensor that crossed the stem of a T met another edge than the other one on its bar: 76 deg askew."""
+    stem, bar = Line(((-0.5, 0.0), (0.5, 0.0)), width=0.05), Line(((0.5, -0.5), (0.5, 0.5)), width=0.05)
+    align = seq(drive(0.15).until(on_black("left") | on_black("right")), align_on_line("left", "right"))
+    _, robot, _ = on_table(World(lines=(stem, bar)), (0.0, y, deg(heading_deg)), align)
+    assert robot.inputs is not None
+    assert robot.inputs.truth is not None
+    assert robot.inputs.truth.x > 0.4
+    assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=1.5)
+
+
+def test_a_line_that_lies_on_one_side_only_is_said() -> None:
+    world = World(lines=(Line(((0.2, 0.0), (0.2, 0.5))),))
+    with pytest.raises(MotionTimeout, match=r"no line at right within 0\.2 m, but one at left: .* junction"):
+        on_table(world, (0.0, 0.0, 0.0), align_on_line("left", "right", reach=0.2))
+
+
 def test_no_line_within_reach_is_said() -> None:
     with pytest.raises(MotionTimeout, match=r"no line at left and right within 0\.1 m"):
         on_table(World.empty(), (0.0, 0.0, 0.0), align_on_line("left", "right", reach=0.1))
