@@ -92,7 +92,8 @@ def coordinate_covariance(search: Search) -> Array:
     """
     fit = search.fit
     columns = fit.jacobian
-    hessian = columns @ columns.T + np.eye(len(columns)) + np.diag(_stair_curvature(search))
+    known = _stair_curvature(search) + _reading_curvature(search)
+    hessian = columns @ columns.T + np.eye(len(columns)) + np.diag(known)
     unnamed = _unnamed_responses(search)
     across = unnamed @ columns.T
     with_unnamed = hessian - across.T @ np.linalg.solve(np.eye(len(unnamed)) + unnamed @ unnamed.T, across)
@@ -147,6 +148,16 @@ def _stair_curvature(search: Search) -> Array:
                 )
             )
         curvature[index] = max(1.0 / float(np.mean(stds)) ** 2 - norms[index] ** 2 - 1.0, 0.0)
+    return curvature
+
+
+def _reading_curvature(search: Search) -> Array:
+    """Curvature of coordinates whose size the readings themselves show, (coordinates,). The misfit does not
+    show that of a dead zone: it is flat from the fastest speed that was read as 0 to the smallest reading."""
+    curvature = np.zeros(len(search.fit.point.vector()))
+    for name, span in search.fit.point.spans().items():
+        if name in search.problem.reading_evidence:
+            curvature[span.start] = search.problem.reading_evidence[name].std ** -2
     return curvature
 
 

@@ -14,6 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import StepChange
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Setting, Settings
+from raccoon.diagnose.rollout.dead_zone_evidence import ReadingEvidence
 from raccoon.diagnose.rollout.plant_rollout import Rollout
 
 Array = NDArray[np.float64]
@@ -79,11 +80,10 @@ class BatteryCreep:
 class Problem:
     """Everything a fit needs: what was measured, how to simulate it, what may differ.
 
-    reading_evidence: log evidence of causes that the readings themselves contain, without any simulation, and
-    the smallest first coordinate at which it counts. creep: slow variation of the battery's reading.
-    coast_share: share of the time in which a driven motor is unpowered to be measured. friction_may_change:
-    whether friction may change at some moment, for example when the robot takes a load. change: a known
-    change.
+    reading_evidence: what the readings themselves show of causes, by name. creep: slow variation of the
+    battery's reading. coast_share: share of the time in which a driven motor is unpowered to be measured.
+    friction_may_change: whether friction may change at some moment, for example when the robot takes a load.
+    change: a known change.
     """
 
     features: Features
@@ -92,7 +92,7 @@ class Problem:
     neutral: Settings
     base: tuple[Coordinate, ...]
     causes: Mapping[str, Cause]
-    reading_evidence: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    reading_evidence: Mapping[str, ReadingEvidence] = field(default_factory=dict)
     creep: BatteryCreep = BatteryCreep()
     coast_share: float = 0.0
     friction_may_change: bool = False
@@ -104,11 +104,11 @@ class Problem:
     def reading_evidence_at(self, point: Point) -> float:
         """Log evidence of a point's causes that the readings themselves contain, without any simulation."""
         present = (
-            (*self.reading_evidence[name], u[0])
+            (self.reading_evidence[name], u[0])
             for name, u in point.active.items()
             if name in self.reading_evidence
         )
-        return sum(evidence for evidence, min_u, u in present if u >= min_u)
+        return sum(shown.log_evidence for shown, u in present if u >= shown.least)
 
     def settings(self, point: Point) -> Settings:
         """The simulator's settings at a point."""
@@ -181,10 +181,13 @@ class Problem:
 
     def limits(self, point: Point) -> tuple[Array, Array]:
         """Lower and upper bounds of the point's vector: those of the base coordinates, and for causes the
-        range that the simulator allows."""
+        range that the simulator and the readings allow."""
         causes = [self.causes[name] for name in point.active]
         low = [each.low for each in self.base]
-        low += [self._lowest(cause, each) for cause in causes for each in cause.coordinates]
+        for cause in causes:
+            first, *others = (self._lowest(cause, each) for each in cause.coordinates)
+            shown = self.reading_evidence.get(cause.name)
+            low += [first if shown is None else max(first, shown.low), *others]
         high = [each.high for each in self.base]
         high += [each.high for cause in causes for each in cause.coordinates]
         return np.array(low), np.array(high)

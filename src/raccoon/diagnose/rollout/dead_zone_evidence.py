@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.truncation import HALF_A_COUNT
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.sim.effects.parameters import SIDES
 
@@ -31,10 +32,27 @@ MIN_EXPECTED_READINGS = 20.0
 SAME_GAP_TOLERANCE = 0.2
 """Difference of two wheels' gaps, relative to the narrower one and in addition to one count, up to which they
 may be one zone."""
+MIN_SIZES_NEAR_EDGE = 5
+"""Number of sizes of readings, from the smallest to twice that, fewer than which the smallest does not show
+where a zone ends: it may be a stray one."""
 MAX_ZONE_COUNTS = 200
 """Counts. A wider gap is no dead zone."""
 MAX_GAP_EVIDENCE = 40.0
 """Upper bound on the log evidence of a gap: with that a zone is certain, whatever the rest of the data."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingEvidence:
+    """What the readings themselves, without any simulation, show of a cause.
+
+    log_evidence: of the cause, where its first coordinate is at least `least`. low, std: lower bound of that
+    coordinate, and its standard deviation by the readings alone; infinite if they do not show its size.
+    """
+
+    log_evidence: float
+    least: float
+    low: float = -math.inf
+    std: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +96,25 @@ class ReadingGaps:
         sides = SIDES if place is None else (place,)
         return 0.5 * min((self.widths[side] for side in sides if self.widths[side]), default=0)
 
+    def width(self, place: str | None) -> tuple[float, float]:
+        """Width of a zone in counts and its standard deviation, by the smallest reading that is not 0; 0 and
+        infinite if there are too few readings near it.
+
+        The readings just outside a zone have random sizes. With n per count the smallest is on average 1 / n
+        counts outside, with a standard deviation of as much (exponential distribution). Each size is counted
+        once, since a robot that keeps its speed repeats one. Truncation makes readings half a count smaller
+        on average.
+        """
+        sizes = [
+            np.flatnonzero(self.histograms[side][1:]) + 1 for side in (SIDES if place is None else (place,))
+        ]
+        least = min((int(each[0]) for each in sizes if len(each)), default=0)
+        near = sum(int((each < 2 * least).sum()) for each in sizes)
+        if near < MIN_SIZES_NEAR_EDGE:
+            return 0.0, math.inf
+        std = max(least / near, HALF_A_COUNT)
+        return least + HALF_A_COUNT - std, std
+
 
 def without_ruled_out_zones(causes: Sequence[Cause], log: Log) -> tuple[Cause, ...]:
     """The causes without the dead zones that contradict the readings: of one wheel if both lack the same
@@ -86,17 +123,19 @@ def without_ruled_out_zones(causes: Sequence[Cause], log: Log) -> tuple[Cause, .
     return tuple(each for each in causes if each.id != ZONE or each.where in places)
 
 
-def dead_zone_evidence(causes: Mapping[str, Cause], log: Log) -> dict[str, tuple[float, float]]:
-    """The dead zones that the gaps show, each with its log evidence and the smallest size (in widths) at
-    which it counts, half the gap."""
+def dead_zone_evidence(causes: Mapping[str, Cause], log: Log) -> dict[str, ReadingEvidence]:
+    """What the readings show of each dead zone: log evidence from a gap, which counts from half the gap's
+    width on, and the zone's width. The width is only used if the simulation has no zone yet."""
     gaps = ReadingGaps.of(log)
-    if not any(gaps.widths.values()):
-        return {}
     found = [each for each in causes.values() if each.id == ZONE and each.where in gaps.places()]
-    widths = {each.name: each.coordinates[0].value(1.0) for each in found}
-    return {
-        each.name: (gaps.evidence(each.where), gaps.least(each.where) / widths[each.name]) for each in found
-    }
+    shown = {}
+    for each in found:
+        unit = each.coordinates[0].value(1.0)
+        evidence = gaps.evidence(each.where) if any(gaps.widths.values()) else 0.0
+        width, std = gaps.width(each.where)
+        bounds = (width / unit, std / unit) if each.one_sided else ()
+        shown[each.name] = ReadingEvidence(evidence, gaps.least(each.where) / unit, *bounds)
+    return shown
 
 
 def _other(side: str) -> str:

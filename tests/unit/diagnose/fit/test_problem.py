@@ -13,6 +13,7 @@ from raccoon.diagnose.fit.fitting import fit_with_frozen_columns
 from raccoon.diagnose.fit.problem import BASE_STEP_STDS, Point, Problem, neighbouring_points
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
+from raccoon.diagnose.rollout.dead_zone_evidence import ReadingEvidence
 
 
 class Counting:
@@ -147,10 +148,14 @@ def test_a_column_at_a_bound_is_taken_inwards(problem: Problem) -> None:
 
 
 def test_what_readings_tell_apart_from_a_simulation_needs_a_cause_of_that_size(problem: Problem) -> None:
-    told = replace(
-        problem, reading_evidence={"bemf.dead_zone": (12.0, 0.4), "bemf.dead_zone@left": (3.0, 0.1)}
-    )
+    shown = {
+        "bemf.dead_zone": ReadingEvidence(12.0, 0.4, low=0.3),
+        "bemf.dead_zone@left": ReadingEvidence(3.0, 0.1),
+    }
+    told = replace(problem, reading_evidence=shown)
     point = problem.nominal().with_cause("imu.latency", np.ones(1))
     assert told.reading_evidence_at(point) == 0.0
     for size, evidence in ((0.39, 0.0), (0.4, 12.0), (2.0, 12.0)):
         assert told.reading_evidence_at(point.with_cause("bemf.dead_zone", np.array([size]))) == evidence
+    assert told.limits(told.nominal().with_cause("bemf.dead_zone", np.ones(1)))[0][-1] == 0.3
+    assert told.limits(told.nominal().with_cause("bemf.dead_zone@left", np.ones(1)))[0][-1] == 0.0
