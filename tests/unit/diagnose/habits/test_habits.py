@@ -198,30 +198,27 @@ def test_the_filter_of_the_battery_is_asked_for_before_that_of_the_wheels() -> N
     assert order.index(try_battery_filters) < order.index(try_sensor_chains)
 
 
-@pytest.mark.parametrize(
-    ("named", "ahead", "other"),
-    [({}, 1.0, True), ({}, -1.0, False), ({"drive.inertia": 0.5}, 1.0, False)],
-)
-def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
-    named: dict[str, float], ahead: float, other: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     """A sound robot whose friction creeps had something unknown over the speed, which is 8 behind."""
     columns = record_simulated_drive(Parameters(ROBOT, SLIDING[WheelSliding.COMPLIANT]), 3.0)
     creeps = replace(FIRMWARE, sliding=WheelSliding.CREEPING)
     search, trials = standing(columns, FIRMWARE, {"friction.viscous": 0.5})
-    second, _ = standing(columns, creeps, named)
-    trials.started[creeps] = second
+    sound, heavy = (standing(columns, creeps, named)[0] for named in ({}, {"drive.inertia": 0.5}))
     monkeypatch.setattr("raccoon.diagnose.habits.alternatives.net_lead", lambda *_: MIN_LOG_EVIDENCE_LEAD)
-    monkeypatch.setattr("raccoon.diagnose.habits.alternatives.lead_over_search", lambda *_: ahead)
-    _, habits = adopt_if_ahead(
-        search,
-        FIRMWARE,
-        trials.running(start_selection),
-        creeps,
-        trials.problem_of(creeps),
-        [search.fit.point],
-    )
-    assert (habits == creeps) is other
+    for second, ahead, other in ((sound, 1.0, True), (sound, -1.0, False), (heavy, 1.0, False)):
+        trials.started[creeps] = replace(second, rejections={})
+        monkeypatch.setattr(
+            "raccoon.diagnose.habits.alternatives.lead_over_search", lambda *_, lead=ahead: lead
+        )
+        _, habits = adopt_if_ahead(
+            replace(search, rejections={}),
+            FIRMWARE,
+            trials.running(start_selection),
+            creeps,
+            trials.problem_of(creeps),
+            [search.fit.point],
+        )
+        assert (habits == creeps) is other, ahead
 
 
 @pytest.mark.parametrize("run_search", [continue_selection, run_search])
