@@ -17,6 +17,8 @@ def test_the_paper_s_factor_and_its_limit() -> None:
     assert round(full.factor, 3) == 1.148
     assert full.duty == 1.0
     assert full.saturated
+    assert scaling.scale_duty(-1.0, TESTING_VOLTAGE).duty == -1.0
+    assert scaling.scale_duty(0.0, TESTING_VOLTAGE).missing == 0.0
     assert full.missing == pytest.approx(1.0 - TESTING_VOLTAGE / COMPETITION_VOLTAGE)
     most = scaling.scale_duty(0.8, TESTING_VOLTAGE)
     assert most.duty == pytest.approx(0.8 * 7.0 / 6.1)
@@ -32,8 +34,9 @@ def test_nonsense_is_refused() -> None:
     for reference in (1.0, math.inf, math.nan):
         with pytest.raises(ValueError, match=rf"reference is {reference} V"):
             VoltageScaling(reference)
-    with pytest.raises(ValueError, match=r"duty is 1\.5"):
-        VoltageScaling(7.0).scale_duty(1.5, 6.6)
+    for duty in (1.5, -1.5, math.nan):
+        with pytest.raises(ValueError, match=rf"duty is {duty}"):
+            VoltageScaling(7.0).scale_duty(duty, 6.6)
 
 
 def test_the_budget_s_speed_needs_exactly_the_budget_s_voltage() -> None:
