@@ -11,7 +11,8 @@ import math
 from raccoon.model.reflectance import FULL_SCALE, spot_radius
 
 CLEAR_COVERAGE = 0.15
-"""Share of the spot on black up to which a reading is white; as much less than 1 for black."""
+CLEAR_BLACK = 1.0 - CLEAR_COVERAGE
+"""Shares of the spot on black up to which a reading is white, and from which it is black."""
 LEAST_WAY_M = 0.7 * 0.5 * math.pi * spot_radius(0.005)
 """m driven for each unit of coverage, at the least: pi / 2 radii while the middle of the spot comes over an
 edge. The spot is that of the lowest sensors, and may be narrower by 30 %: its width is an assumption, and a
@@ -30,11 +31,12 @@ class JumpWatch:
     is_held: whether the answer is that of before an abrupt change, until it is known what that is.
     """
 
-    __slots__ = ("_counts", "_has_settled", "_way_from_black", "_way_from_white", "is_held")
+    __slots__ = ("_change", "_counts", "_way_from_black", "_way_from_white", "is_held")
 
     def __init__(self) -> None:
         self._way_from_white = self._way_from_black = math.inf  # m since the sensor was on one surface
-        self._counts, self._has_settled, self.is_held = 0.0, True, False
+        self._counts = self._change = 0.0  # the last reading, and its difference to the one before
+        self.is_held = False
 
     def skip(self, way: float | None) -> None:
         """A tick without a reading. way: m, None if unknown."""
@@ -44,14 +46,10 @@ class JumpWatch:
 
     def update(self, counts: float, coverage: float, way: float | None, *, sure: bool) -> None:
         """Take a reading. way: m since the tick before, None if unknown. sure: whether the light is known."""
-        self.skip(way)
-        if sure and coverage <= CLEAR_COVERAGE:
-            self._way_from_white = 0.0
-        elif sure and coverage >= 1.0 - CLEAR_COVERAGE:
-            self._way_from_black = 0.0
-        change, self._counts = counts - self._counts, counts
-        rest = FULL_SCALE - counts if change > 0.0 else counts
-        self._has_settled = -SETTLED_SHARE * rest <= change <= SETTLED_SHARE * rest
+        way = math.inf if way is None else way
+        self._way_from_white = 0.0 if sure and coverage <= CLEAR_COVERAGE else self._way_from_white + way
+        self._way_from_black = 0.0 if sure and coverage >= CLEAR_BLACK else self._way_from_black + way
+        self._change, self._counts = counts - self._counts, counts
 
     def holds(self, coverage: float, readings: int, *, to_black: bool) -> bool:
         """Whether the present reading may be on its way through the other surface, rather than on it.
@@ -63,7 +61,8 @@ class JumpWatch:
             way = self._way_from_white if to_black else self._way_from_black
             changed = (coverage if to_black else 1.0 - coverage) - CLEAR_COVERAGE
             self.is_held = way < LEAST_WAY_M * changed
-        if self._has_settled or readings > MAX_HELD_READINGS:
+        rest = FULL_SCALE - self._counts if self._change > 0.0 else self._counts
+        if abs(self._change) <= SETTLED_SHARE * rest or readings > MAX_HELD_READINGS:
             self.is_held = False
         return self.is_held
 
