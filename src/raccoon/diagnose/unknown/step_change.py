@@ -68,6 +68,8 @@ def find_step_change(time: Array, gyro: Array, wheels: Mapping[str, Array]) -> S
     knots = np.linspace(0.0, 1.0, CURVE_KNOTS)
     hats = np.maximum(0.0, 1.0 - (CURVE_KNOTS - 1) * np.abs(share - knots[:, None]))
     without_step = _residual_power(clipped, base)
+    if without_step == 0.0:
+        return None
     courses = {GYRO_ZERO: one, **wheels}
 
     def power_with_step(of: str, place: float) -> float:

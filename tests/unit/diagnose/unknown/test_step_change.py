@@ -57,6 +57,11 @@ def test_what_is_no_step_is_none(left: NDArray[np.float64]) -> None:
     assert find_step_change(TIME, left + NOISE, WHEELS) is None
 
 
+def test_where_nothing_is_left_there_is_no_step() -> None:
+    """A simulation without noise of the same equations leaves nothing of the gyro."""
+    assert find_step_change(TIME, np.zeros(len(TIME)), WHEELS) is None
+
+
 def test_short_means_make_no_step_of_what_wanders() -> None:
     """Of a floor's pushes for half a second, in means of 5 ms: two of five sound robots with wheel loops."""
     time = np.asarray(0.005 * np.arange(6000), np.float64)
