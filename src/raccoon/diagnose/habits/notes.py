@@ -20,7 +20,7 @@ from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.plant_rollout import Habits
-from raccoon.diagnose.select.refits import GYRO_LOW_PASS
+from raccoon.diagnose.select.refits import GYRO_LOW_PASS, delay_same_reading
 from raccoon.sim.effects.chain import Chain
 
 MIN_NOTED_WINDOW_S = 0.004
@@ -31,7 +31,7 @@ motor's pauses, a reading was taken. The sag of a reversal decays with the wheel
 from the beginning of a row of 5 ms a resistance was 16 % larger than by those from its end, where the
 simulated ones are; by readings that see no pause it is a ninth larger."""
 MAY_BE_READ_TIME = (
-    "But it is not known exactly when in a row its reading is taken, which may explain all of it: change "
+    "But it is not known exactly when in a row the reading is taken, which may explain all of it: change "
     "nothing because of this alone."
 )
 COMMAND_IN_FORCE_BEFORE = (
@@ -54,17 +54,28 @@ def habit_notes(
 
 
 def with_habit_uncertainty(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
-    """Causes with the standard deviations of the battery's resistance and the latencies increased, since it
-    is not known exactly when readings are taken. Their probability is limited to what the increased deviation
-    allows, and if it may be the whole number the explanation says so: `validate_causes` named it from the
-    drive alone."""
+    """Causes with increased standard deviations of the battery's resistance, of the latencies and of lags
+    that may be latencies, since it is not known exactly when readings are taken. Their probability is limited
+    to what the increased deviation allows, and if it may be the whole number the explanation says so:
+    `validate_causes` named it from the drive alone."""
     firmware = habits.firmware if habits.knows_battery else None
     share = RESISTANCE_SHARE_BY_READ_TIME if firmware is None else firmware.unread_resistance_share
     unknown = {BATTERY_RESISTANCE[0]: (share, 0.0)}
     if habits.firmware is None:
         chip = 0.0 if habits.low_pass else 0.5 * LOW_PASS
         unknown |= {LATENCY: (0.0, SAMPLE_PHASE_STD), GYRO_LATENCY: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
-    return tuple(_with_wider_std(each, *unknown[each.id]) if each.id in unknown else each for each in causes)
+    sources = [_reading_time_source(each) for each in causes]
+    return tuple(
+        _with_wider_std(each, *unknown[source]) if source in unknown else each
+        for each, source in zip(causes, sources, strict=True)
+    )
+
+
+def _reading_time_source(cause: CauseResult) -> str:
+    """The cause itself, or a latency of the same reading that it is not distinguished from: its time is then
+    as uncertain as that latency."""
+    latencies = (each for each in (LATENCY, GYRO_LATENCY) if each in cause.confounded_with)
+    return next((each for each in latencies if delay_same_reading(cause.id, each)), cause.id)
 
 
 def _with_wider_std(cause: CauseResult, share: float, extra: float) -> CauseResult:

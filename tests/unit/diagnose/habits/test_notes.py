@@ -75,6 +75,24 @@ def test_what_may_be_the_moment_of_a_reading_alone_is_said_to_be(late: float, ma
     assert describe_cause(wider).todo == describe_cause(found).todo
 
 
+@pytest.mark.parametrize(
+    ("name", "parameter", "rival", "std"),
+    [
+        ("drive.wheel_slip", "time", "imu.latency", 0.0032),
+        ("drive.wheel_slip", "time", "friction.coulomb", 0.0002),
+        ("drive.wheel_slip", "time", "actuation.latency", 0.0002),
+        ("bemf.filter_lag", "time_constant", "actuation.latency", 0.00145),
+    ],
+)
+def test_what_may_be_a_latency_is_as_unsure_as_one(name: str, parameter: str, rival: str, std: float) -> None:
+    """If a slip may be a late gyro, its time is no better known than when the gyro is read."""
+    found = replace(
+        make_cause(name, {parameter: ParameterResult(0.0096, 0.0002, "s", 0.0)}), confounded_with=(rival,)
+    )
+    (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False))
+    assert wider.parameters[parameter].std == pytest.approx(std, abs=0.00005)
+
+
 def test_what_is_less_sure_is_said_with_fewer_places() -> None:
     found = make_cause("imu.latency", {"seconds": ParameterResult(0.00618, 0.0001, "s", 0.0)})
     (wider,) = with_habit_uncertainty((found,), Habits(Chain(), False))
