@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -44,6 +45,7 @@ from raccoon.diagnose.unknown.one_sided_error import find_one_sided_error
 from raccoon.diagnose.unknown.probes import find_change
 from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX
 from raccoon.diagnose.unknown.shapes import fit_shapes
+from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
 
@@ -71,7 +73,15 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     causes = with_habit_uncertainty(make_cause_results(search, judged, uncertainty), habits)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, active_backlash(search.fit.point)
-    bursts = find_bursts(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
+    bursts = find_bursts(
+        features.roles,
+        features.measured,
+        rest,
+        features.time,
+        regimes,
+        play=bool(play),
+        age_std=_age_std(log, habits),
+    )
     depends_on, unknown_notes = _unknown_dependence(search, bursts)
     left = judged.left if judged.is_model_wrong or depends_on else 0.0  # 0 if it may be chance
     verdict = _verdict(
@@ -105,6 +115,14 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     )
     change = None if log.runs else find_change(search.problem, search.linear)
     return SearchOutcome(diagnosis, bursts.moments, change, partial(is_clearly_heating, search))
+
+
+def _age_std(log: Log, habits: Habits) -> float:
+    """Standard deviation in s of the time from a command to a gyro's sample, which a row does not tell: the
+    sample was taken anywhere in the row, and a controller with its own clock applies the command anywhere in
+    a cycle."""
+    cycle = habits.chain.cycle if habits.chain.free_running else 0.0
+    return math.hypot(median_step(log.time), cycle) / math.sqrt(12.0)
 
 
 def _unknown_dependence(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -7,6 +7,10 @@ that is not in the catalogue, and counting it as noise would mean to report that
 A residual in a few moments only is neither: a wheel that slipped on a pipe, a bump, a hand. It is reported
 with its time, and says nothing about the robot. The same applies to moments that contain most of the gyro's
 residual and that no wheel shows, if the rest of the drive is quiet.
+
+A gyro whose chip has its own clock shows a sample that was taken at any moment of its row, and a firmware
+with its own clock applies a command at any moment of its cycle. While the robot accelerates, such a sample is
+wrong by this unknown time times the acceleration, which is no burst either.
 """
 
 from __future__ import annotations
@@ -67,13 +71,15 @@ class Bursts:
 @dataclass(frozen=True, slots=True)
 class _Residuals:
     """Residuals of a drive: the roles of its channels, their readings and the unexplained part of these,
-    (bins, channels), the time of each bin in s, and its regime of the noise."""
+    (bins, channels), the time of each bin in s, its regime of the noise, and by how much the ages of the
+    gyro's samples vary, s."""
 
     roles: Sequence[str]
     measured: Array
     residual: Array
     time: Array
     regimes: Regimes
+    age_std: float
 
     @property
     def max_moments(self) -> int:
@@ -84,8 +90,22 @@ class _Residuals:
         """The residuals without those around a moment, s."""
         keep = np.abs(self.time - moment) > DISTURBANCE_S
         return _Residuals(
-            self.roles, self.measured[keep], self.residual[keep], self.time[keep], self.regimes[keep]
+            self.roles,
+            self.measured[keep],
+            self.residual[keep],
+            self.time[keep],
+            self.regimes[keep],
+            self.age_std,
         )
+
+    def without_sample_ages(self, error: float, part: Flags) -> float:
+        """An RMS residual of the gyro in a part of the drive, rad/s, less what the ages of its samples
+        make."""
+        gyro = self.roles.index("gyro")
+        slopes = np.diff(self.measured[:, gyro] - self.residual[:, gyro]) / np.diff(self.time)
+        before, after = (np.pad(slopes**2, each, mode="edge")[part] for each in ((1, 0), (0, 1)))
+        by_ages = self.age_std * float(np.sqrt(0.5 * (before + after).mean()))
+        return float(np.sqrt(max(error**2 - by_ages**2, 0.0)))
 
     def gyro_beyond_wheels(self) -> Callable[[Flags], Array] | None:
         """A function from a mask of bins to the gyro's residual in them that the wheels' residuals do not
@@ -116,14 +136,16 @@ def find_bursts(
     time: Array,
     regimes: Regimes,
     play: bool = False,
+    age_std: float = 0.0,
 ) -> Bursts:
     """Describe each channel whose error comes in bursts.
 
     roles: of the channels. measured, residual: (bins, channels). time: of the bins, s. regimes: of the bins.
     play: whether backlash of a wheel was named, which turns the gyro differently from the wheels by more than
-    its equations contain.
+    its equations contain. age_std: standard deviation (s) of the time from a command to the gyro's sample,
+    which a row does not tell; 0 if all are alike.
     """
-    residuals = _Residuals(roles, measured, residual, time, regimes)
+    residuals = _Residuals(roles, measured, residual, time, regimes, age_std)
     max_moments, moments = residuals.max_moments, [] if play else _find_gyro_only_moments(residuals)
     for each in moments:
         residuals = residuals.without_moment(each)
@@ -174,18 +196,20 @@ def _find_channel_bursts(residuals: _Residuals, play: bool) -> tuple[_Burst, ...
     in_changes, in_steady = (np.sqrt((residual[part] ** 2).mean(axis=0)) for part in (changing, steady))
     bursts = []
     for index, role in enumerate(roles):
+        error = in_changes[index]
         if role == "gyro":
             min_error, name, unit = MIN_GYRO_ERROR, "the gyro", "rad/s"
+            error = residuals.without_sample_ages(error, changing)
         elif role in WHEELS:
             min_error = MIN_WHEEL_ERROR_SHARE * float(np.abs(residuals.measured[:, index]).max())
             name = f"the {role.rpartition('_')[2]} wheel"
             unit = "counts" if role.startswith("bemf") else "rad/s"
         else:
             continue
-        if in_changes[index] > max(min_error, MIN_ERROR_RATIO * in_steady[index]):
+        if error > max(min_error, MIN_ERROR_RATIO * in_steady[index]):
             description = (
                 f"the remaining error of {name} occurs where wheels speed up or brake: "
-                f"{format_size(in_changes[index])} {unit} there, {format_size(in_steady[index])} in steady "
+                f"{format_size(error)} {unit} there, {format_size(in_steady[index])} in steady "
                 f"driving; the tyres spin or skid, or something {LOOSE_PART_TEXT}{UNLOGGED_COMMANDS_TEXT}"
             )
             bursts.append(_Burst(index, description))
@@ -205,9 +229,9 @@ def _find_gyro_only_burst(residuals: _Residuals) -> tuple[_Burst, ...]:
     gyro, resting = residuals.gyro_beyond_wheels(), residuals.regimes == STANDING
     if gyro is None or resting.sum() < MIN_BINS:
         return ()
-    in_changes, at_rest = (
-        float(np.sqrt((gyro(part) ** 2).mean())) for part in (residuals.regimes == CHANGING, resting)
-    )
+    changing = residuals.regimes == CHANGING
+    in_changes, at_rest = (float(np.sqrt((gyro(part) ** 2).mean())) for part in (changing, resting))
+    in_changes = residuals.without_sample_ages(in_changes, changing)
     if in_changes <= max(MIN_GYRO_ONLY_ERROR, MIN_RATIO_TO_REST * at_rest):
         return ()
     description = (

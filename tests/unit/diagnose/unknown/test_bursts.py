@@ -73,6 +73,24 @@ def test_a_body_that_turns_as_no_wheel_does_is_told() -> None:
     assert beside_wheels(pushes=25.0, body=0.0, gyro=0.06) == ()
 
 
+def test_the_unknown_age_of_samples_in_their_rows_is_no_burst() -> None:
+    """A turn rate that swings by 1 rad/s at 3 Hz, read up to a row of 20 ms late: 0.077 rad/s (RMS) is the
+    age times the acceleration. What is 0.1 rad/s beyond that is a burst."""
+    random, ages = np.random.default_rng(4), np.tile((np.arange(50) + 0.5) / 50, 16) - 0.5
+    time, regimes = np.linspace(0.0, 15.98, 800), np.repeat([STEADY, CHANGING], 400)
+    turning = np.where(regimes == CHANGING, 1.0, 0.0)
+    turn_rate = np.asarray(turning * np.sin(6.0 * np.pi * time), np.float64)
+    for age_std, body, told in ((0.00577, 0.0, 0), (0.00577, 0.1, 1), (0.0003, 0.0, 1)):
+        late = turn_rate - np.sin(6.0 * np.pi * (time - 0.02 * ages)) * turning
+        noise = random.standard_normal((800, 3)) * [1.0, 1.0, 0.002]
+        left: Array = noise + np.outer(body * turning * ages / np.std(ages) + late, [0.0, 0.0, 1.0])
+        measured = np.column_stack([np.full((800, 2), 1500.0), turn_rate + left[:, 2]])
+        found = find_bursts(
+            ("bemf_left", "bemf_right", "gyro"), measured, left, time, regimes, age_std=age_std
+        )
+        assert len(found.told) == told, (age_std, body)
+
+
 def test_too_little_of_a_drive_says_nothing() -> None:
     zeros = np.zeros((30, 3))
     regimes = np.repeat([STEADY, CHANGING], [20, 10])
