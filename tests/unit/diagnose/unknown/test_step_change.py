@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import Diagnoser
 from raccoon.diagnose.drives.log import Log, StepChange
+from raccoon.diagnose.result import Shape, Unexplained
 from raccoon.diagnose.search_outcome import SearchOutcome
 from raccoon.diagnose.unknown.step_change import change_probes, find_step_change
 
@@ -96,15 +97,23 @@ def test_the_response_to_a_wheel_that_grew_is_what_it_turns_the_robot_by_from_th
     assert (probe.name, probe.unit) == ("unknown: time (left wheel)", "%")
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_what_changed_is_beside_all_that_is_sought_again(monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
+@pytest.mark.parametrize(("grown", "told"), [(3.9, True), (0.02, False), (None, False)])
+def test_what_changed_is_beside_all_that_is_sought_again(
+    monkeypatch: pytest.MonkeyPatch, grown: float | None, told: bool
+) -> None:
+    """A wheel that grew by so many percent, with a standard deviation of 0.02; None where nothing is told."""
     logs: list[Log] = []
+    one = np.ones(1)
 
     def once(_: Diagnoser, log: Log, __: None) -> SearchOutcome:
         logs.append(log)
-        depends_on = ("time (right wheel)",) if told and log.change else ()
+        shapes: tuple[Shape, ...] = ()
+        if grown is not None and log.change:
+            over, values, stds = (np.concatenate([0.0 * one, each * one]) for each in (17.3, grown, 0.02))
+            shapes = (Shape("time (right wheel)", "radius", "%", over, "s", values, stds),)
+        depends_on = tuple(each.depends_on for each in shapes)
         said: Any = SimpleNamespace(
-            causes=(), channels=(), unexplained=SimpleNamespace(depends_on=depends_on), asked=len(logs)
+            causes=(), channels=(), shapes=shapes, unexplained=Unexplained(0.0, depends_on), asked=len(logs)
         )
         return SearchOutcome(said, (), None if log.change else StepChange(17.3, "right"))
 
