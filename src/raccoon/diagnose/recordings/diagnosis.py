@@ -25,6 +25,7 @@ from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.step_response import diagnose_step_response, step_port
 from raccoon.diagnose.recordings.no_comparison import diagnose_without_comparison
 from raccoon.diagnose.recordings.plausibility.overridden_model import overridden_model_notes
+from raccoon.diagnose.recordings.rows.first_time import with_times_from_first_row
 from raccoon.diagnose.recordings.rows.repeated import without_duplicate_times
 from raccoon.diagnose.recordings.rows.selection import (
     select_rows,
@@ -72,8 +73,9 @@ def diagnose_recording(
     same samples.
     """
     check_robot(robot)
-    columns, more = as_float_columns(columns), [as_float_columns(each) for each in more]
-    holdout = None if holdout is None else as_float_columns(holdout)
+    columns, time_notes = with_times_from_first_row(as_float_columns(columns))
+    more = [with_times_from_first_row(as_float_columns(each))[0] for each in more]
+    holdout = None if holdout is None else with_times_from_first_row(as_float_columns(holdout))[0]
     recordings = (columns, holdout or {}, *more)
     has_truth = any(name.startswith(TRUTH_PREFIX) for each in recordings for name in each)
     if truth_free:
@@ -84,7 +86,7 @@ def diagnose_recording(
     check_joint_recordings([columns, *(without_duplicate_times(each)[0] for each in more)], robot)
     columns, row_notes = select_rows(columns, kind)
     more, row_notes_of_more = select_unique_rows_of_each(more, kind)
-    row_notes = (*duplicate_notes, *row_notes, *row_notes_of_more)
+    row_notes = (*time_notes, *duplicate_notes, *row_notes, *row_notes_of_more)
     holdout_note = ""
     if holdout is not None:
         with naming_holdout():
