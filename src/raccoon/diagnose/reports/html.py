@@ -105,9 +105,12 @@ def load_template(name: str) -> Any:
 
 
 def _headline(diagnosis: Diagnosis) -> str:
-    """The first cause in one sentence if it matters, else the first sensor fault, else the verdict."""
+    """The first cause in one sentence if it matters, and on what something unknown beside it depends; else
+    the first sensor fault, else the verdict."""
     if diagnosis.causes and not diagnosis.causes[0].is_negligible:
-        return _problem_sentence(diagnosis.causes[0])
+        unknown = depends_text(diagnosis.unexplained.depends_on)
+        beside = f" Something that no cause describes acts as well: it depends on {unknown}."
+        return f"{_problem_sentence(diagnosis.causes[0])}{beside if unknown else ''}"
     if diagnosis.sensor_faults:
         return f"{capitalise(diagnosis.sensor_faults[0].text)}."
     return verdict_text(diagnosis)

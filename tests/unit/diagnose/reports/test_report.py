@@ -322,8 +322,12 @@ def test_the_headline_says_what_else_it_may_be() -> None:
     assert "<b>To do:</b> If it is K_E (left): calibrate the left motor" in text
     assert '<a href="#next">below</a>.</p>' in text
     assert '<h2 id="next">Record this' in text
-    alone = render_page(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)), "run")
+    known = replace(FOUND, causes=(replace(CAUSE, confounded_with=()),), unexplained=Unexplained(0.0))
+    alone = render_page(known, "run")
     assert "; or it is" not in alone
+    assert "acts as well" not in alone
+    beside = render_page(replace(known, unexplained=Unexplained(0.2, ("wheel angle left",))), "run")
+    assert "acts as well: it depends on the angle of the left wheel.</p>" in beside.partition("<h2")[0]
     assert "<b>To do:</b> Calibrate the left motor" in alone
 
 
