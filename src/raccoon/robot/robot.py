@@ -20,7 +20,7 @@ from raccoon.robot.actions.limits import COMPOSE_HINT, SEVERAL_ACTIONS_HINT, che
 from raccoon.robot.actions.sequences import start_in_steps
 from raccoon.robot.actions.steps import Steps, advance, close
 from raccoon.robot.deadline import MatchOver, end_match
-from raccoon.robot.parts.tophats import TophatArray
+from raccoon.robot.parts.tophat_array import TophatArray
 from raccoon.robot.remarks import add_remark, remark_cycle, remark_undriven
 from raccoon.robot.robot_state import RobotState, replayed_numbers
 

@@ -4,8 +4,9 @@
 """
 
 from raccoon.estimate.tophat.calibration import TophatCalibration, Verdict
-from raccoon.estimate.tophat.classifier import Edge, Tophat, TophatGroup, TophatReading
+from raccoon.estimate.tophat.classifier import Edge, Tophat, TophatReading
 from raccoon.estimate.tophat.cluster import calibrate, calibrate_two_phase
+from raccoon.estimate.tophat.group import TophatGroup
 
 __all__ = [
     "Edge",

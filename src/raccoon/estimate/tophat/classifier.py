@@ -4,7 +4,6 @@ edge times."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from raccoon.core.errors import ConfigError
@@ -79,6 +78,8 @@ class Tophat:
         self._is_black: bool | None = None
         self._opposite_readings = 0  # readings in a row opposite to the state
         self._last_time = self._last_counts = self._last_coverage = 0.0
+        self._time = self._light = 0.0  # time and light of the reading that was taken
+        self._way: float | None = None  # its distance
         self._last_followed = 0.0  # last reading given to the levels
         self._waiting: tuple[float, float | None] | None = None  # a waiting reading and its distance
         self._readings_until_wait = 0  # readings until another one may wait, after an edge or flicker
@@ -141,11 +142,25 @@ class Tophat:
         floor since the last tick (None: unknown, 0.24 m/s is assumed); the length of an edge distinguishes it
         from a change of light.
         """
+        self.take(time, counts, others_lost, way)
+        LightTracker.run_banks((self.levels,))
+        return self.classify()
+
+    def take(
+        self,
+        time: float,
+        counts: float | None,
+        others_lost: bool | None = None,
+        way: float | None = None,
+    ) -> None:
+        """Take the reading of this tick, as `update` does. `LightTracker.run_banks` and
+        `classify` have to follow."""
+        self._way = way
         self.missed = counts is None or self._is_at_rail(counts)
         if counts is None or self.missed:
             self._jumps.skip(way)
             self._skip(way)
-            return self._unsure_reading()
+            return
         counts = float(counts)
         levels = self.levels
         flicker = self._flicker
@@ -154,19 +169,25 @@ class Tophat:
         if self._is_black is None:
             self._last_followed = counts
         # The classifier uses readings with the flicker of lamps averaged out.
-        time, light = flicker.mean(time, light)
+        self._time, light = flicker.mean(time, light)
         if flicker.hertz:
             counts = FULL_SCALE / (1.0 + light)
-        self._last_counts = counts
+        self._last_counts, self._light = counts, light
         if self._jumps.is_held:
             self._skip(way)
         elif self._adapt:
             self._follow(counts, others_lost, way)
         else:
             self._beyond_readings = self._beyond_readings + 1 if levels.is_beyond(counts, light) else 0
+
+    def classify(self) -> TophatReading:
+        """Classify the reading that was taken."""
+        if self.missed:
+            return self._unsure_reading()
+        time, counts, light, levels = self._time, self._last_counts, self._light, self.levels
         coverage = (levels.light - light) / (levels.light - levels.dark)
         coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
-        self._jumps.update(counts, coverage, way, sure=not levels.is_in_doubt)
+        self._jumps.update(counts, coverage, self._way, sure=not levels.is_in_doubt)
         last = self._last_coverage
         if levels.late_changes != self._seen_changes:
             # A change of light is certain only now: another answer, but no edge.
@@ -268,30 +289,3 @@ class Tophat:
         scale = spread if spread > least else least
         odds = 4.0 * gap * (counts - levels.threshold) / (scale * scale)
         return 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
-
-
-class TophatGroup:
-    """All tophats of a robot, which share one light: a change is believed sooner if several sensors see
-    it."""
-
-    def __init__(self, tophats: Sequence[Tophat]) -> None:
-        self.tophats = tuple(tophats)
-
-    def update(
-        self, time: float, counts: Sequence[float | None], ways: Sequence[float | None] | None = None
-    ) -> tuple[TophatReading, ...]:
-        """Classify one reading for each sensor, in the order of `tophats`; ways: see `Tophat.update`.
-
-        Raises ValueError for another number of readings.
-        """
-        tophats = self.tophats
-        if ways is None:
-            ways = [None] * len(tophats)
-        if len(tophats) == 1:
-            return (tophats[0].update(time, counts[0], None, ways[0]),)
-        lost = [each.lost for each in tophats]
-        count = sum(lost)
-        return tuple(
-            each.update(time, reading, count > own, way)
-            for each, reading, own, way in zip(tophats, counts, lost, ways, strict=True)
-        )

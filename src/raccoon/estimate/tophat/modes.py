@@ -29,6 +29,7 @@ PACE_CHANGE_SD = 0.15  # sd of the change of the pace from one reading to the ne
 OTHERS_LOST_FACTORS = {None: 1.0, True: 8.0, False: 0.5}
 """Factors on the probability of a change of light, by whether other sensors are lost (None: there are
 none)."""
+LEAKED_LIGHT = 0.03  # light that a sensor gets over any surface
 BETWEEN_LINES_M, LINE_WIDTH_M = 0.2, 0.05  # m, means
 NARROW_LINE_SHARE = 0.1  # share of apparent lines that are narrower than the spot: seams, scratches
 LIGHT_STATES = 2  # standing, moving
@@ -51,23 +52,57 @@ PHASE_COVERAGE: Array = np.concatenate(
 )
 """Share of the spot on black, or on the floor ahead, by phase: white, black, entering black, leaving it,
 entering each floor, and on it."""
-IS_MOSTLY_BLACK: Array = (PHASE_COVERAGE[2:FIRST_BORDER_PHASE] > 0.5).astype(float)
 MODE_GROUPS: Index = np.repeat(
     [0, 1] + [2] * 2 * STAGES + [3] * len(FLOOR_BORDERS_M) * STAGES + [0], LIGHT_STATES
 )
 
 
-class ModeTransitions(NamedTuple):
-    """Every transition from mode to mode, one array for each property: source, target, stages (-1: none),
-    change of light.
+def _mode_sums() -> Array:
+    """1 where a mode belongs to a sum: white, black, more than half on black, on a border, standing light and
+    no edge."""
+    phase, state = np.divmod(np.arange(MODES), LIGHT_STATES)
+    on_white, on_black = (phase == 0) | (phase == OTHER_FLOOR_PHASE), phase == 1
+    crossing = (phase > 1) & (phase < FIRST_BORDER_PHASE)
+    on_border = (phase >= FIRST_BORDER_PHASE) & (phase < OTHER_FLOOR_PHASE)
+    mostly_black = crossing & (PHASE_COVERAGE[phase] > 0.5)
+    is_steady = (on_white | on_black) & (state == 0)
+    return np.stack([on_white, on_black, mostly_black, on_border, is_steady], axis=1).astype(float)
 
-    They are sorted by target: those to `reached_modes[reached_index]` begin at `reached_starts`. source: the
-    mode, or, from `MODES` on, one that reaches another floor or leaves for it
-    (`HypothesisBank._with_floor_modes`). floor: index in `FLOOR_BORDERS_M`, -1 for none. is_not_on_border: 1,
-    or 0 on a border. max_excess_light: bound on the light in black's place above u; infinite on a border.
+
+MODE_SUMS: Array = _mode_sums()
+"""Matrix by which the modes' probabilities sum up to those (modes, sums)."""
+
+
+class Predictions(NamedTuple):
+    """Every pair of a source and a change of light, one array for each property.
+
+    source: the mode, or, from `MODES` on, one that reaches another floor or leaves for it
+    (`bank_step._with_floor_modes`).
     """
 
     source: Index
+    keeps_pace: Array
+    pace_share: Array
+    pace_share_squared: Array
+    pace_change_variance: Array
+    standing_variance: Array
+    pace_variance: Array
+    sunlight_variance: Array
+
+
+class ModeTransitions(NamedTuple):
+    """Every transition from mode to mode, one array for each property: prediction, target, stages (-1: none),
+    change of light.
+
+    They are sorted by target: those to `reached_modes[reached_index]` begin at `reached_starts`. Transitions
+    from the same source with the same change of light share a prediction; `prediction` is its index in
+    `predictions`. floor: index in `FLOOR_BORDERS_M`, -1 for none. leaked_light: light over black besides its
+    share of white's; infinite on a border. max_excess_light: bound on the light in black's place above u;
+    infinite on a border.
+    """
+
+    predictions: Predictions
+    prediction: Index
     reached_modes: Index
     reached_starts: Index
     reached_index: Index
@@ -77,17 +112,11 @@ class ModeTransitions(NamedTuple):
     on_other: NDArray[np.bool_]
     adopts_floor: NDArray[np.bool_]
     floor: Index
-    is_not_on_border: Array
+    leaked_light: Array
     max_excess_light: Array
     on_edge: NDArray[np.bool_]
     entering: NDArray[np.bool_]
     leaves_narrow_line: NDArray[np.bool_]
-    keeps_pace: Array
-    pace_share: Array
-    pace_change_variance: Array
-    standing_variance: Array
-    pace_variance: Array
-    sunlight_variance: Array
     white_part: Array
     black_part: Array
     blur: Array
@@ -116,16 +145,13 @@ def mode_transitions() -> ModeTransitions:
     reached, starts, place = np.unique(
         target * LIGHT_STATES + after[change], return_index=True, return_inverse=True
     )
-    from_white, floor = (source == 0) | (source == OTHER_FLOOR_PHASE), floors >= 0
-    before, _, wander, pace, sun, part, uneven = np.array(_LIGHT_CHANGES).T
+    from_white = (source == 0) | (source == OTHER_FLOOR_PHASE)
     dark, entering = PHASE_COVERAGE[target], (source >= 2) & (source < 2 + STAGES)
     stepping = (target >= FIRST_BORDER_PHASE) & (target < OTHER_FLOOR_PHASE)
+    predictions, prediction = _list_predictions(source, target, change, floors)
     return ModeTransitions(
-        source=np.where(
-            floor,
-            _floor_sources(source, target, floors),
-            source * LIGHT_STATES + before[change].astype(np.intp),
-        ),
+        predictions=predictions,
+        prediction=prediction,
         reached_modes=reached,
         reached_starts=starts,
         reached_index=place,
@@ -135,21 +161,40 @@ def mode_transitions() -> ModeTransitions:
         on_other=source == OTHER_FLOOR_PHASE,
         adopts_floor=(source == OTHER_FLOOR_PHASE) & (target == 0),
         floor=floors,
-        is_not_on_border=(~stepping).astype(float),
+        leaked_light=np.where(stepping, np.inf, LEAKED_LIGHT),
         max_excess_light=np.where(stepping, np.inf, 0.0),
         on_edge=~from_white & (source > 1),
         entering=entering,
         leaves_narrow_line=entering & ((target == 0) | (target >= 2 + STAGES)),
-        keeps_pace=after[change].astype(float),
-        pace_share=part[change],
-        pace_change_variance=uneven[change],
-        standing_variance=wander[change] ** 2,
-        pace_variance=pace[change] ** 2,
-        sunlight_variance=sun[change] ** 2,
         white_part=1.0 - dark,
         black_part=dark,
         blur=np.where((dark > 0.0) & (dark < 1.0), 0.3 / STAGES, 0.0),
     )
+
+
+def _list_predictions(
+    source: Index, target: Index, change: Index, floors: Index
+) -> tuple[Predictions, Index]:
+    """The pairs of source and change of light, and the index of each transition's pair."""
+    before, after, wander, pace, sun, part, uneven = np.array(_LIGHT_CHANGES).T
+    modes = np.where(
+        floors >= 0,
+        _floor_sources(source, target, floors),
+        source * LIGHT_STATES + before[change].astype(np.intp),
+    )
+    pairs, prediction = np.unique(modes * len(_LIGHT_CHANGES) + change, return_inverse=True)
+    modes, change = np.divmod(pairs, len(_LIGHT_CHANGES))
+    found = Predictions(
+        source=modes,
+        keeps_pace=after[change],
+        pace_share=part[change],
+        pace_share_squared=part[change] ** 2,
+        pace_change_variance=uneven[change],
+        standing_variance=wander[change] ** 2,
+        pace_variance=pace[change] ** 2,
+        sunlight_variance=sun[change] ** 2,
+    )
+    return found, prediction
 
 
 def _list_transitions() -> list[tuple[int, int, int, int, int]]:
@@ -184,7 +229,7 @@ def _narrow_line_transitions() -> Iterator[tuple[int, int, int]]:
 
 
 def _floor_sources(source: Index, target: Index, floors: Index) -> Index:
-    """Index of the source of each border transition in `HypothesisBank._with_floor_modes`: behind the modes
+    """Index of the source of each border transition in `bank_step._with_floor_modes`: behind the modes
     are the stages that reach the end of a border, one by one; then white that leaves the first floor, leaves
     another one, and leaves that back to the first."""
     begins = (source == 0) | (source == OTHER_FLOOR_PHASE)

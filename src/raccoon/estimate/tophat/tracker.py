@@ -9,22 +9,31 @@ is `uncertain`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.tophat.calibration import MIN_SD, Surface
-from raccoon.estimate.tophat.hypotheses import Belief, HypothesisBank, Sensor, pattern_share, spot_width
+from raccoon.estimate.tophat.hypotheses import (
+    Belief,
+    HypothesisBank,
+    Reading,
+    Sensor,
+    pattern_share,
+    spot_width,
+    update_banks,
+)
 from raccoon.estimate.tophat.levels import CONVERTER_VARIANCE, FLOOR_SPREAD, GATE_SDS, Levels, max_edge_share
+from raccoon.estimate.tophat.reading_log import ReadingLog
 from raccoon.estimate.tophat.sensor import DARKEST_WHITE_SHARE, explain_levels
 
 # bound in standard deviations on the change of readings that are learnt; on an edge it is larger
 LEVEL_SDS = 2.0
 USUAL_WAY_M = 0.0012  # m per reading if unknown: 0.24 m/s at 200 Hz
-BANK_STEP_M, MAX_STEP_READINGS = 8e-4, 8  # m of distance for one reading of the bank, and most readings in it
 STANDING_WAY_M = 2e-5  # m per reading below which a sensor stands
 USUAL_HEIGHT_M = 0.012  # m, of a sensor of neither generation
 MAX_UNEXPLAINED, MAX_OUTSIDE = 120, 6  # most readings that neither surface explains, and most beyond both
 MAX_OUTSIDE_AT_START = 2  # the same where the robot was put down
-MIN_LOGGED = 32  # least number of readings that the bank processes
-MAX_CAUGHT_UP_PER_TICK = 3  # logged readings that the bank takes in one tick
+MAX_CAUGHT_UP_PER_TICK = 3  # logged readings that a bank takes in one tick
 # least probabilities to adopt levels, and to stop the bank
 FOLLOWED_IN_CALM, FOLLOWED_ALWAYS, DECIDED = 0.6, 0.9, 0.99
 CALM_PROBABILITY = 0.95  # least probability of steady light in a calm reading
@@ -39,14 +48,14 @@ NO_READINGS = (-1e9, -1e9, -1e9)
 class LightTracker(Levels):
     """Levels that follow the light: call `update` with every reading, then see `Levels`.
 
-    late_changes: number of changes of light that were noticed so late that readings had been assigned to the
-    wrong surface. unexplained: readings in a row that neither surface explains. unread_way: m that the sensor
-    moved since the last reading while there was none; the next reading covers that distance, too.
+    is_bank_due: whether the bank has readings to process in this tick. late_changes: number of changes of
+    light that were noticed so late that readings had been assigned to the wrong surface. unexplained:
+    readings in a row that neither surface explains. unread_way: m that the sensor moved since the last
+    reading while there was none; the next reading covers that distance, too.
     """
 
     __slots__ = (
         "_bank",
-        "_banked",
         "_black_way",
         "_calm_readings",
         "_first_unexplained_way",
@@ -57,16 +66,15 @@ class LightTracker(Levels):
         "_mean_residual",
         "_next_start",
         "_on_black",
+        "_others_lost",
         "_outside_readings",
         "_recent",
         "_same_readings",
         "_sensor",
         "_start",
-        "_step_counts",
-        "_step_readings",
-        "_step_way",
         "_unexplained_way",
         "_way_known",
+        "is_bank_due",
         "late_changes",
         "unexplained",
         "unread_way",
@@ -80,18 +88,18 @@ class LightTracker(Levels):
         pattern = pattern_share(white.sd**2, self.light, CONVERTER_VARIANCE)
         self._sensor = Sensor(*shares, *least, spot, pattern, CONVERTER_VARIANCE**0.5)
         self._bank: HypothesisBank | None = None
+        self.is_bank_due = False
+        self._others_lost: bool | None = None
         self._on_black: bool | None = None
         self._has_fitted = False  # whether a reading has fitted a surface yet
         self._recent = NO_READINGS  # the last readings on one surface, oldest first
-        self._log: list[tuple[float, float]] = []  # counts and way of the readings since `_start`
+        self._log = ReadingLog()  # readings since `_start`
         self._start = self._next_start = self._belief()
         self._former: Belief | None = None  # levels before a change of floor or light, which may come back
         self._way_known = True  # whether the distance is known
         self._last_informative = -1e9  # last unexplained reading with information
         self.unread_way = self._first_unexplained_way = self._unexplained_way = 0.0
         self._mean_residual = self._black_way = 0.0
-        self._step_counts = self._step_way = 0.0  # sums of the readings not yet in the log
-        self._step_readings = self._banked = 0
         self.unexplained = self.late_changes = 0
         self._same_readings = self._outside_readings = self._calm_readings = 0
 
@@ -105,11 +113,11 @@ class LightTracker(Levels):
         """P(black) by the bank; 0.5 if black lasts so long that it may be white in less light; None if the
         levels decide, or if the bank has not processed all readings yet."""
         if self._bank is not None:
-            return None if self._log else self._bank.black
+            return None if self._log.entries else self._bank.black
         return 0.5 if self._black_way > WIDEST_LINE_M else None
 
     def update(self, counts: float, others_lost: bool | None = None, way: float | None = None) -> None:
-        """Learn from a reading.
+        """Learn from a reading; `run_banks` has to follow.
 
         others_lost: whether other sensors are lost; None: there are none. way: m that the sensor moved over
         the floor since the last reading; None: unknown.
@@ -118,19 +126,18 @@ class LightTracker(Levels):
         way = self._way_since_reading(USUAL_WAY_M if way is None else way)
         if self._bank is not None:
             if not self._bank.on_edge or self._is_informative(counts, way):
-                self._log_reading(counts, way)
-            if self._log:
-                self._run_bank(self._bank, others_lost)
+                self._log.add(counts, way)
+            self._others_lost, self.is_bank_due = others_lost, bool(self._log.entries)
             return
         on_black = counts >= self.threshold
         residual = counts - (self.black if on_black else self.white)
         spread = self.sd_black if on_black else self.sd_white
         if not -GATE_SDS * spread <= residual <= GATE_SDS * spread:
             if self._is_informative(counts, way):
-                self._log_reading(counts, way)
+                self._log.add(counts, way)
                 self._take_unexplained(counts, way)
             return
-        self._log_reading(counts, way)
+        self._log.add(counts, way)
         self._has_fitted = True
         if on_black is not self._on_black:
             if self._on_black is not None and not self._has_crossed_edge(way, way_known):
@@ -161,8 +168,7 @@ class LightTracker(Levels):
                 self.status = Status.UNCERTAIN
         else:
             self._black_way = 0.0
-        if len(self._log) >= 2 * MIN_LOGGED:
-            del self._log[:-MIN_LOGGED]
+        if self._log.trim():
             self._start, self._next_start = self._next_start, self._belief()
 
     def _has_crossed_edge(self, way: float, way_known: bool) -> bool:
@@ -178,19 +184,6 @@ class LightTracker(Levels):
             self.restart()
             return 0.0
         return way
-
-    def _log_reading(self, counts: float, way: float) -> None:
-        """Keep a reading for the bank: one mean for each `BANK_STEP_M` of distance.
-
-        A slow spot sees the same floor for many readings, and they hold no more information than one.
-        """
-        count = self._step_readings = self._step_readings + 1
-        self._step_counts += counts
-        way = self._step_way = self._step_way + way
-        if way >= BANK_STEP_M or count >= MAX_STEP_READINGS:
-            self._log.append((self._step_counts / count, way))
-            self._step_counts = self._step_way = 0.0
-            self._step_readings = 0
 
     def _is_informative(self, counts: float, way: float) -> bool:
         """Whether an unexplained reading holds information: another one of a sensor at rest does not.
@@ -233,21 +226,31 @@ class LightTracker(Levels):
         if not self._has_fitted:  # the sensor may be higher than at its calibration
             sensor = sensor.with_least_light(self._least_light_far)
         self._bank = HypothesisBank(sensor, self._start, self._former)
-        self._banked = self._calm_readings = 0
+        self._calm_readings = 0
         self.status = Status.UNCERTAIN
 
-    def _run_bank(self, bank: HypothesisBank, others_lost: bool | None) -> None:
-        """Feed the bank the next readings, and adopt its levels if it is certain enough."""
+    @staticmethod
+    def run_banks(trackers: Sequence[LightTracker]) -> None:
+        """Let the banks of sensors that are in doubt process their next readings, once a tick."""
+        for _ in range(MAX_CAUGHT_UP_PER_TICK):
+            due = [(each, each._bank) for each in trackers if each.is_bank_due and each._bank is not None]
+            if not due:
+                return
+            readings = [Reading(*each._log.take(), each._others_lost, each._way_known) for each, _ in due]
+            update_banks([bank for _, bank in due], readings)
+            for each, bank in due:
+                each._take_bank(bank)
+        for each in trackers:
+            each.is_bank_due = False
+
+    def _take_bank(self, bank: HypothesisBank) -> None:
+        """Adopt the bank's levels if it has processed all readings and is certain enough."""
         log = self._log
-        last = min(self._banked + MAX_CAUGHT_UP_PER_TICK, len(log))
-        for counts, way in log[self._banked : last]:
-            bank.update(counts, way, others_lost, self._way_known)
-        self._banked = last
-        if last < len(log):
+        self.is_bank_due = log.taken < len(log.entries)
+        if self.is_bank_due:
             return
-        counts = log[-1][0]
+        counts = log.entries[-1][0]
         log.clear()
-        self._banked = 0
         sure = bank.sure
         self._calm_readings = self._calm_readings + 1 if bank.steady >= CALM_PROBABILITY else 0
         # On an edge even the likelier mode is often wrong for a reading or two. But after the robot was put
@@ -286,13 +289,11 @@ class LightTracker(Levels):
         """Drop the bank and its readings after a gap in the readings; the levels stay."""
         self._on_black = None
         self.unread_way = 0.0
-        self._log.clear()
-        self._step_counts = self._step_way = 0.0
-        self._step_readings = 0
+        self._log.restart()
         self._stop_bank()
 
     def _stop_bank(self) -> None:
-        self._bank = None
+        self._bank, self.is_bank_due = None, False
         self._same_readings = 0
         self._start = self._next_start = self._belief()
         self._recent = NO_READINGS

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Inputs, Status
 from raccoon.robot.name_hints import Part
-from raccoon.robot.remarks import add_remark
 
 if TYPE_CHECKING:
     from raccoon.core.config import TophatConfig
     from raccoon.estimate.tophat import Tophat, TophatCalibration, TophatReading
     from raccoon.estimate.tophat.calibration_watch import CalibrationWatch, Fit
     from raccoon.estimate.tophat.classifier import Edge
-    from raccoon.robot.robot import Robot
+    from raccoon.estimate.tophat.tracker import LightTracker
 
 PROVING_S = 5.0  # s of driving that prove a calibration; what changes after that is light, and followed
-CHECK_PERIOD_TICKS = 40  # ticks
 BLIND_AFTER_S = 0.1  # s without a floor; a flash of the sun takes less
 SILENT_AFTER_S = 0.5  # s without a word; a controller that restarts gives none for 0.1 s
 MOVING_WAY_M = 2e-4  # m a tick: 0.04 m/s at 200 Hz
@@ -53,6 +50,7 @@ class TophatSensor(Part):
         """Whether its readings tell about its calibration: along a line, half on it, they do not."""
         self._heard: float | None = None  # s, of its last word, or since when there was none
         self._is_heard = False  # whether the last cycle had a word
+        self._dt = 0.0  # s since the word before
         self.silent = False
         """Whether it has not been read for a while."""
         self.sees = False
@@ -83,35 +81,41 @@ class TophatSensor(Part):
         self._reading = self.fit = None
         self._driven_s = 0.0
 
-    def update(
+    def take(
         self,
         inputs: Inputs,
         way: float | None = None,
         others_lost: bool | None = None,
         *,
         shaken: bool = False,
-    ) -> None:
-        """Take the reading of this cycle. way, others_lost: see `raccoon.estimate.tophat.Tophat.update`.
-        shaken: whether something moves on the robot: a sensor half on a line may wander then although the
-        robot stands."""
-        counts = inputs.analog[self.config.analog]
+    ) -> LightTracker | None:
+        """Take the reading of this cycle. Returns the tracker if it is in doubt and has a bank to run.
+
+        way, others_lost: see `raccoon.estimate.tophat.Tophat.update`. shaken: whether something moves on the
+        robot: a sensor half on a line may wander then although the robot stands.
+        """
+        counts, classifier = inputs.analog[self.config.analog], self._classifier
+        if classifier is not None:  # it goes on without a reading, too
+            classifier.take(inputs.time, counts, others_lost, way)
         if counts is None:
             self._heard = inputs.time if self._heard is None else self._heard
             self._is_heard = False
-            self.sees = inputs.time - self._seen < BLIND_AFTER_S
-            if self._classifier is not None:  # it goes on all the same
-                self._classifier.update(inputs.time, None, others_lost, way)
-            return
-        dt = inputs.time - self._heard if self._is_heard and self._heard is not None else 0.0
+            return None
+        self._dt = inputs.time - self._heard if self._is_heard and self._heard is not None else 0.0
         self.counts, self._heard, self._is_heard = counts, inputs.time, True
         if way is not None and way < STANDING_WAY_M and not shaken:
             self._standing.append(counts)
         elif self._standing:
             self._standing.clear()
-        classifier, watch = self._classifier, self._watch
-        if classifier is None or watch is None:
+        return classifier.levels if classifier is not None and classifier.levels.is_bank_due else None
+
+    def classify(self, inputs: Inputs, way: float | None = None) -> None:
+        """Classify the reading that was taken, once the banks of all sensors have run."""
+        classifier, watch, counts = self._classifier, self._watch, inputs.analog[self.config.analog]
+        if classifier is None or watch is None or counts is None:
+            self.sees = counts is None and inputs.time - self._seen < BLIND_AFTER_S
             return
-        reading = self._reading = classifier.update(inputs.time, counts, others_lost, way)
+        reading = self._reading = classifier.classify()
         self._seen = self._seen if classifier.missed or self.floating else inputs.time
         self.sees = inputs.time - self._seen < BLIND_AFTER_S
         if reading.edge is not None and not self.floating:
@@ -119,7 +123,7 @@ class TophatSensor(Part):
         # Half on a line neither surface explains what it reads, so only a drive across the floor proves it.
         proves = self.is_judged and (way is None or way > MOVING_WAY_M)
         if proves:
-            self._driven_s += dt
+            self._driven_s += self._dt
         if proves or not ANALOG_BOTTOM < counts < ANALOG_TOP:
             watch.update(counts if classifier.missed else classifier.counts, 0.0 if way is None else way)
 
@@ -237,52 +241,6 @@ class TophatSensor(Part):
         if self.fit == "changed":
             return Status.UNCERTAIN
         return self._reading.status
-
-
-class TophatArray:
-    """All tophats of a robot at once: they move with it and share its light."""
-
-    def __init__(self, sensors: Mapping[str, TophatSensor]) -> None:
-        self._sensors = tuple(sensors.values())
-        self._ticks = 0
-
-    def sense(self, robot: Robot, inputs: Inputs, dt: float) -> None:
-        """Update every sensor with the distance that it moved, and check one of them for what may be wrong
-        with it. dt: s since the previous reading."""
-        sensors = self._sensors
-        if not sensors:
-            return
-        estimate = robot.odometry.estimate
-        speed, turn = estimate.velocity, estimate.turn_rate
-        lost = sum(each.lost for each in sensors)
-        alone = len(sensors) == 1
-        shaken = any(robot.outputs.duty) or robot.attachments.servo_moves
-        for each in sensors:
-            at = each.config
-            way = math.hypot(speed - turn * at.left, turn * at.forward) * dt
-            each.update(inputs, way, None if alone else lost > each.lost, shaken=shaken)
-        self._ticks += 1
-        index = self._ticks % CHECK_PERIOD_TICKS
-        if index < len(sensors):
-            self._check(robot, sensors[index])
-
-    def _check(self, robot: Robot, sensor: TophatSensor) -> None:
-        now = sensor.check(robot.time)
-        if sensor.silent or sensor.floating:
-            add_remark(robot, sensor.complaint)
-        elif now is not None and now in FIT_REMARKS:
-            add_remark(robot, f"tophat {sensor.name} {self._describe_swapped(sensor) or FIT_REMARKS[now]}")
-
-    def _describe_swapped(self, sensor: TophatSensor) -> str | None:
-        """The remark if it reads the floor as another sensor should."""
-        from raccoon.estimate.tophat.calibration_watch import find_swapped
-
-        stored = {each.name: each.calibration for each in self._sensors if each.calibration is not None}
-        pair = find_swapped(stored, {each.name: each.recent for each in self._sensors})
-        if pair is None or sensor.name not in pair:
-            return None
-        other = pair[pair[0] == sensor.name]
-        return f"reads what {other} should, and the other way round: are their plugs swapped?"
 
 
 UNREAD_REMARK = "is not read: its port gives no readings"
