@@ -47,8 +47,8 @@ ROBOT = RobotConfig()
 @dataclass(frozen=True)
 class Held:
     """One recording. causes: exactly those must be named, or be in the class of one that is; by_chance: and
-    those may be. unknown: on what something unknown must depend, or nothing. notes: words that some note must
-    have."""
+    those may be. Beside causes, one that is reported as not mattering may be named too. unknown: on what
+    something unknown must depend, or nothing. notes: words that some note must have."""
 
     name: str
     columns: Callable[[], Columns]
@@ -61,7 +61,8 @@ class Held:
         """What is not as it must be."""
         named, unknown = {each.name for each in said.causes}, said.unexplained.depends_on
         classes = {other for each in said.causes for other in each.confounded_with}
-        if named - self.by_chance - self.causes or self.causes - named - classes:
+        ignored = {each.name for each in said.causes if each.is_negligible and self.causes}
+        if named - ignored - self.by_chance - self.causes or self.causes - named - classes:
             yield f"named {_listed(named)} instead of {_listed(self.causes)}"
         if self.unknown not in unknown if self.unknown else unknown:
             yield f"unknown over {_listed(unknown)} instead of {self.unknown or 'nothing'}"
