@@ -222,9 +222,7 @@ class Fusion:
         after = next((n for n, step in enumerate(steps) if step.time > time), len(steps))
         if after == 0:
             oldest = steps[0].time if steps else math.nan
-            return Observation(
-                False, math.nan, f"seen at {time} s: cycles before {oldest} s are not stored any more"
-            )
+            return Observation(False, math.nan, f"seen at {time} s: cycles are stored from {oldest} s on")
         last = steps[after - 1]
         flat_now, steps_now = self.drive.flat, self._steps
         self.drive.flat = last.flat

@@ -140,9 +140,7 @@ def _calibrate_detrended(counts: Array, calm: NDArray[np.bool_]) -> TophatCalibr
     judged = _calibrate_ordered(flat, find_clusters(flat[calm[known]]))
     if judged is None or judged.separation < FAR_SEPARATION or judged.white is None or judged.black is None:
         return None
-    told = (
-        f"{judged.reason}; the light drifted by {drift:.0f} counts, the threshold is for the light at the end"
-    )
+    told = f"{judged.reason}; the light drifted by {drift:.0f} counts, the threshold is for the last light"
     lasting = drift < 0.5 * (judged.black.mean - judged.white.mean)
     return replace(judged, verdict=judged.verdict if lasting else Verdict.WEAK, reason=told)
 
@@ -237,22 +235,17 @@ def _judge_surfaces(white: Surface, black: Surface) -> TophatCalibration:
     not_black, is_sure = why_not_black(white.mean, black.mean, share)
     if is_sure:
         return TophatCalibration(Verdict.ONE_SURFACE, not_black, white=white)
-    verdict, reason = Verdict.OK, f"separation {separation:.1f} standard deviations"
+    weakness = not_black
     if separation < SURE_SEPARATION:
-        verdict, reason = Verdict.WEAK, f"separation is only {separation:.1f} standard deviations"
+        weakness = f"separation is only {separation:.1f} standard deviations"
     elif rarer < SURE_COUNT and separation < FAR_SEPARATION:
-        verdict, reason = (
-            Verdict.WEAK,
-            f"only {rarer} readings of the rarer surface, whose level is close to the other",
-        )
+        weakness = f"only {rarer} readings of the rarer surface, whose level is close to the other"
     elif white.mean <= ANALOG_BOTTOM:
-        reason = f"white reads {white.mean:.0f}, the converter's bottom: a change of the light is seen late"
-        verdict = Verdict.WEAK
+        weakness = f"white reads {white.mean:.0f}, the converter's bottom: a change of the light is seen late"
     elif black.mean >= ANALOG_TOP:
-        reason = f"black reads {black.mean:.0f}, the converter's top, as an input with a loose wire does"
-        verdict = Verdict.WEAK
-    elif not_black:
-        verdict, reason = Verdict.WEAK, not_black
+        weakness = f"black reads {black.mean:.0f}, the converter's top, as an input with a loose wire does"
+    verdict = Verdict.WEAK if weakness else Verdict.OK
+    reason = weakness or f"separation {separation:.1f} standard deviations"
     return TophatCalibration.of_surfaces(
         verdict, reason, _shrink_spread(white, black), _shrink_spread(black, white), share
     )
