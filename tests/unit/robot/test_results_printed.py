@@ -16,7 +16,8 @@ def test_what_a_robot_gives_says_itself() -> None:
         assert re.search(r" mm, \d+\.\d\d deg\), 0\.0\d\d m/s, -?0\.0\d\d rad/s, ok$", said)
         pack = f"{robot.pack.estimate}"
         assert re.fullmatch(
-            r"charge \d+ % \(\+- \d+\), 6\.\d\d V \(\+- .*\) open, 0\.\d{3} ohm \(.*\) inside, \w+", pack
+            r"charge \d+ % \(\+- \d+\), open-circuit 6\.\d\d V \(\+- .*\), internal 0\.\d{3} ohm \(.*\), \w+",
+            pack,
         )
         report = run_match(robot, wait(0.1))
     assert f"{report}" == report.table()
