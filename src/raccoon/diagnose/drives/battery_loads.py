@@ -28,6 +28,10 @@ LOADED_DRIVE_NOTE = (
     "that may explain what is reported about the battery"
 )
 
+LOOSE_CONTACT_HINT = (
+    "; if nothing else drew current then, look for a loose contact: the battery's plug, its wires, a fuse"
+)
+
 
 def find_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     """The log with the loads other than the wheels that its battery reading shows. columns: of the recording;
@@ -75,9 +79,10 @@ def load_notes(log: Log, resistance: float) -> tuple[str, ...]:
     if found:
         said = "; ".join(_describe_load(each, log.time, resistance) for each in found[:MAX_LISTED])
         more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
+        doubt = "" if any(each.by for each in found) else LOOSE_CONTACT_HINT
         told.append(
             f"something other than the wheels draws current, as the battery's voltage shows: {said}{more}; "
-            "nothing is compared there, since the simulation knows the wheels' current only"
+            f"nothing is compared there, since the simulation knows the wheels' current only{doubt}"
         )
     return tuple(told)
 

@@ -238,6 +238,7 @@ def test_they_are_told_with_what_moved() -> None:
     first, second = told.split(";")[0], told.split(";")[1]
     assert re.search(r"voltage shows: (3.9|4.0) to (4.9|5.0) s 1\d\d mV, 1.\d A \(servo.2.pulse_us\)$", first)
     assert re.search(r" (8.9|9.0) to (9.8|9.9|10.0) s 1\d\d mV, \d.\d A \(motor.3.duty\)$", second)
+    assert "loose" not in told
 
 
 def test_the_battery_s_resistance_beside_servos() -> None:
@@ -247,7 +248,8 @@ def test_the_battery_s_resistance_beside_servos() -> None:
     number = found.causes[0].parameters["resistance"]
     true = make(8, hidden, np.zeros((int(24.0 * drives.RATE), 2)), 24.0).robot["rint"]
     assert abs(number.value - true) < 3.0 * number.std
-    assert any(note.startswith("something other than the wheels draws current") for note in found.notes)
+    (told,) = (each for each in found.notes if each.startswith("something other than the wheels draws"))
+    assert "look for a loose contact" in told
 
 
 def test_a_servo_that_jams_is_no_discharge() -> None:
