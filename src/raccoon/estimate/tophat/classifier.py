@@ -143,7 +143,8 @@ class Tophat:
         from a change of light.
         """
         self.take(time, counts, others_lost, way)
-        LightTracker.run_banks((self.levels,))
+        if self.levels.is_bank_due:
+            LightTracker.run_banks((self.levels,))
         return self.classify()
 
     def take(
