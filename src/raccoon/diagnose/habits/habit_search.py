@@ -80,6 +80,7 @@ FIRST_STEPS = (
 that do not exist, so everything about wheels and filters that a whole search would find is determined before
 it continues."""
 GROWN_STEPS = (
+    HabitStep(try_sampling_once_a_row),
     HabitStep(try_sensor_chains),
     HabitStep(try_friction_forms, known_firmware=True),
     HabitStep(try_lags_as_causes, known_firmware=True),
@@ -88,6 +89,7 @@ GROWN_STEPS = (
 """Steps of the first part of a search with several causes: they replace habits that were adopted while little
 was known. The rest of the search takes as long again under each habit, and seldom changes its lead."""
 LAST_STEPS = (
+    HabitStep(try_sampling_once_a_row),
     HabitStep(try_sensor_chains),
     HabitStep(try_friction_forms, known_firmware=True),
     HabitStep(try_other_stopping, known_firmware=True),
