@@ -11,7 +11,7 @@ Only the accelerometer shows that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from raccoon.core.config import RobotConfig
 from raccoon.hal.doctor.report import Finding, Verdict
@@ -59,31 +59,27 @@ def wiring_finding(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Fin
 def _wheel_turn_rate(config: RobotConfig, trial: MotorTrial | None) -> float | None:
     """The robot's mean turn rate, rad/s, while this wheel is commanded forward, from both moves of its trial;
     None without a trial or without a gyro."""
-    if trial is None:
-        return None
-    rates = [
-        move.turn_rate * _forward_sign(config, trial, move)
-        for move in trial.moves
-        if move.turn_rate is not None
-    ]
-    return mean(rates) if rates else None
+    return None if trial is None else _forward_mean(config, (trial,), lambda move: move.turn_rate)
 
 
 def _acceleration(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> float | None:
     """The robot's mean acceleration ahead, m/s2, when a wheel starts forward; None without an accelerometer.
     That of its turning, where the IMU is beside the middle of the axle, is opposite for the two wheels."""
-    found = [
-        move.acceleration * _forward_sign(config, trial, move)
-        for trial in trials.values()
-        for move in trial.moves
-        if move.acceleration is not None
-    ]
+    return _forward_mean(config, trials.values(), lambda move: move.acceleration)
+
+
+def _forward_mean(
+    config: RobotConfig, trials: Iterable[MotorTrial], reading: Callable[[MotorMove], float | None]
+) -> float | None:
+    """Mean reading of all moves of some trials, reversed for moves that robot.toml calls backward; None if
+    there is no reading."""
+    found = []
+    for trial in trials:
+        inverted = config.motor(trial.motor_port).inverted
+        for move in trial.moves:
+            if (value := reading(move)) is not None:
+                found.append(value if (move.duty > 0.0) is not inverted else -value)
     return mean(found) if found else None
-
-
-def _forward_sign(config: RobotConfig, trial: MotorTrial, move: MotorMove) -> float:
-    """1 if the move was forward by robot.toml, -1 if backward."""
-    return 1.0 if (move.duty > 0.0) is not config.motor(trial.motor_port).inverted else -1.0
 
 
 def _gyro_share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> float | None:
