@@ -91,13 +91,16 @@ def has_height_changed(stored: TophatCalibration, now: TophatCalibration) -> boo
     """Whether the sensor is higher or lower than at its calibration: its own light changed, not the ambient
     light.
 
-    This needs two calibrations: a single level cannot distinguish height from light.
+    This needs two calibrations: a single level cannot distinguish height from light. False if no sensor that
+    `explain_levels` knows reads the levels of one of them: then its height is unknown.
     """
     before, after = (
         {each.generation: each.height for each in explain_levels(white.mean, black.mean)}
         for white, black in (stored.surfaces(), now.surfaces())
     )
     shared = before.keys() & after.keys()
+    if not (before and after):
+        return False
     return not any(0.6 < after[generation] / before[generation] < 1.6 for generation in shared)
 
 

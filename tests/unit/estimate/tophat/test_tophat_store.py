@@ -197,6 +197,9 @@ def test_height_is_told_from_light() -> None:
     assert has_height_changed(made(180, 2930), made(1830, 3810))
     assert not has_height_changed(made(180, 2930), made(50, 170))
     assert not has_height_changed(made(1270, 3800), made(140, 250))
+    for known in (made(210, 3900), made(180, 2930)):  # no known sensor reads 200 and 3900: no known height
+        assert not has_height_changed(made(200, 3900), known)
+        assert not has_height_changed(known, made(200, 3900))
 
 
 def test_swapped_plugs_are_named() -> None:
