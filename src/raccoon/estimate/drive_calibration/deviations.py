@@ -32,7 +32,7 @@ def jackknife_deviations(
     parts, kept = split_into_parts(manoeuvres)
     square = _jackknife_variances(robot, parts, kept, factors) * (len(parts) - 1) / (len(parts) - 3)
     if len(manoeuvres) > 1:  # recordings may differ in what is constant within each, like a changed wheel
-        square = np.maximum(square, _jackknife_variances(robot, manoeuvres, [], factors))
+        square = np.maximum(square, _jackknife_variances(robot, *_split_into_recordings(manoeuvres), factors))
     if not np.isfinite(square).all():
         return np.full(3, math.inf)
     if not any(each.truth is not None for each in manoeuvres):  # the gyro's scale is wrong in all parts alike
@@ -81,8 +81,8 @@ def _tape_variances(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors
     """Variances (3,) from the error of each taped piece. Leaving out parts does not show it: the tape is
     never left out, and beside a reference it still has its weight."""
     whole = np.sum([_normal_equations(robot, each, factors)[0] for each in manoeuvres], axis=0)
-    taped = [replace(each, gyro=None, truth=None) for each in manoeuvres if each.taped]
-    slopes = np.concatenate([np.zeros((0, 3)), *(_jacobian(robot, each, factors) for each in taped)])
+    taped = [_jacobian(robot, each, factors) for each in _tapes(manoeuvres)]
+    slopes = np.concatenate([np.zeros((0, 3)), *taped])
     squares: Array = (np.linalg.solve(whole, slopes.T) ** 2).sum(axis=1)
     return squares
 
@@ -105,9 +105,24 @@ def split_into_parts(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], 
     """The parts to leave out in turn, recordings or pieces of them; and what is never left out: the tape."""
     each_in = math.ceil(JACKKNIFE_PARTS / len(manoeuvres))
     if each_in == 1:
-        return list(manoeuvres), []
+        return _split_into_recordings(manoeuvres)
     pieces = []
     for whole in manoeuvres:
         edges = np.linspace(0, len(whole.t), each_in + 1).astype(int)
         pieces += [whole.piece(begin, end) for begin, end in pairwise(edges)]
-    return pieces, [replace(each, gyro=None, truth=None) for each in manoeuvres if each.taped]
+    return pieces, _tapes(manoeuvres)
+
+
+def _split_into_recordings(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
+    """The recordings to leave out in turn; and what is never left out, if a single recording gives a length:
+    its tape, or all of it if it has a reference."""
+    if sum(each.truth is not None or len(each.taped) > 0 for each in manoeuvres) > 1:
+        return list(manoeuvres), []
+    seen = [each for each in manoeuvres if each.truth is not None]
+    others = [replace(each, taped=()) for each in manoeuvres if each.truth is None]
+    return others, seen or _tapes(manoeuvres)
+
+
+def _tapes(manoeuvres: Sequence[Manoeuvre]) -> list[Manoeuvre]:
+    """The recordings with a tape, each with nothing else that its path is compared with."""
+    return [replace(each, gyro=None, truth=None) for each in manoeuvres if each.taped]

@@ -100,7 +100,12 @@ def fit_drive(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: De
     factors, before, after = _fit_factors(robot, fitted)
     deviations = jackknife_deviations(robot, manoeuvres, factors, fitted)
     for name, deviation in zip(("left wheel", "right wheel", "track width"), deviations, strict=True):
-        if not deviation <= MAX_DEVIATION:
+        if not math.isfinite(deviation):
+            raise CalibrationError(
+                f"{name}: without a part of these recordings it is not determined at all, so its standard "
+                f"deviation is unknown: {BOTH_WAYS}"
+            )
+        if deviation > MAX_DEVIATION:
             raise CalibrationError(
                 f"{name}: these recordings determine it only to {100 * deviation:.1f} % (5 % are allowed): "
                 f"{BOTH_WAYS}"

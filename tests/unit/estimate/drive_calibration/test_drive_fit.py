@@ -112,6 +112,8 @@ def test_exact_circles_give_exact_factors_and_the_mean_of_what_each_recording_kn
     assert found.right_offset == Measured(-30.0, 3.0, battery_voltage=6.75)
     assert found.left.battery_voltage == 6.75
     assert found.error_after < 1e-3 * found.error_before
+    found = fit_drive(ROBOT, [circles(), circles(taped=())], device=SI_WORDS)  # one of them gives the lengths
+    assert found.left.value == pytest.approx(1.02 * tick / 0.1, rel=1e-4)
 
 
 def test_recordings_that_differ_are_no_surer_than_their_difference() -> None:
@@ -119,6 +121,11 @@ def test_recordings_that_differ_are_no_surer_than_their_difference() -> None:
     changed = replace(circles(), left=1.01 * circles().left)
     found = fit_drive(ROBOT, [circles(), changed], device=SI_WORDS)
     assert found.left.std / found.left.value == pytest.approx(0.005, rel=0.1)
+    left = circles().left
+    changed_often = [replace(circles(), left=(1.0 + 0.01 * sign) * left) for sign in (-1.0, 1.0) * 4]
+    found = fit_drive(ROBOT, changed_often, device=SI_WORDS)
+    # The mean of eight: a variance of 1e-4 / 7, times that of Student's t of 7 degrees of freedom, 7 / 5.
+    assert found.left.std / found.left.value == pytest.approx(0.01 / math.sqrt(5.0), rel=0.05)
 
 
 def test_without_a_rest_the_offset_of_robot_toml_counts() -> None:
@@ -132,13 +139,15 @@ def test_without_a_rest_the_offset_of_robot_toml_counts() -> None:
 
 
 def test_a_tape_that_tells_a_wheel_s_way_to_more_than_5_percent_is_refused() -> None:
-    """All that a tape is off by goes into the wheels' ways."""
+    """All that a tape is off by goes into the wheels' ways, however many recordings without one there are."""
     truth = circles().truth
     assert truth is not None
     row = int(np.hypot(*truth[:150, :2].T).argmax())
     end, across = circles().t[row], float(np.hypot(*truth[row, :2]))
-    found = fit_drive(ROBOT, [circles(taped=[TapedWay(0.0, end, across, 0.04 * across)])], device=SI_WORDS)
-    assert found.left.std / found.left.value == pytest.approx(0.04, rel=0.01)
+    taped = circles(taped=[TapedWay(0.0, end, across, 0.04 * across)])
+    for others in (0, 1, 7):
+        found = fit_drive(ROBOT, [*[circles(taped=())] * others, taped], device=SI_WORDS)
+        assert found.left.std / found.left.value == pytest.approx(0.04, rel=0.01)
     with pytest.raises(
         CalibrationError, match=r"^left wheel: these recordings determine it only to 6\.\d % .5 % a"
     ):
@@ -349,6 +358,12 @@ def test_a_manoeuvre_that_cannot_tell_is_refused(
 ) -> None:
     with pytest.raises(CalibrationError, match=reason):
         calibrate_drive(ROBOT, [made(segments, *leave_out)])
+
+
+def test_a_turning_direction_that_only_one_recording_has_is_of_unknown_deviation() -> None:
+    whole = circles()
+    with pytest.raises(CalibrationError, match="left wheel: without a part of these recordings it is not"):
+        fit_drive(ROBOT, [whole.piece(0, 150), whole.piece(149, 299)], device=SI_WORDS)
 
 
 def test_a_tape_without_a_gyro_is_refused() -> None:
