@@ -435,16 +435,3 @@ def test_a_sensor_that_comes_loose_while_it_is_calibrated_is_said(tmp_path: Path
         said = [each for each in robot.drive.remarks.values() if "with care" in each]
     assert [each[:15] for each in said] == ["use tophat left"]
     assert "loose wire" in said[0]
-
-
-def test_a_sensor_that_was_moved_is_said_at_the_next_calibration(tmp_path: Path) -> None:
-    store = tmp_path / "tophats.json"
-    for effects in ({}, {"tophat.height@0": {"height": 0.023}}):
-        port = simulated_port(world=table(tmp_path), effects=effects)
-        with open_robot(CONFIG, port=port) as robot:
-            robot.run(wait(0.3))
-            calibrate_tophats(robot, 0.9, store=store)
-            said = list(robot.drive.remarks.values())
-    assert [each for each in said if "tophat" in each] == [
-        "tophat left sits higher or lower than at its last calibration"
-    ]
