@@ -360,6 +360,19 @@ def test_a_manoeuvre_that_cannot_tell_is_refused(
         calibrate_drive(ROBOT, [made(segments, *leave_out)])
 
 
+def test_a_heading_that_scatters_at_the_start_is_as_unsure_as_a_wrong_one_moves_the_result() -> None:
+    """The mean of the first four rows, of +- 0.01 rad, may be wrong by 0.01 rad / sqrt(3)."""
+    found = []
+    for headings in ([0.01, -0.01, 0.01, -0.01], [0.0] * 4, [0.01 / math.sqrt(3.0)] * 4):
+        seen = circles()
+        assert seen.truth is not None
+        seen.truth[:4, 2] += headings
+        found.append(fit_drive(ROBOT, [seen], device=SI_WORDS))
+    for name in ("left", "right", "track_width"):
+        unsure, right, wrong = (getattr(each, name) for each in found)
+        assert unsure.std == pytest.approx(abs(wrong.value - right.value), rel=0.15)
+
+
 def test_a_turning_direction_that_only_one_recording_has_is_of_unknown_deviation() -> None:
     whole = circles()
     with pytest.raises(CalibrationError, match="left wheel: without a part of these recordings it is not"):
