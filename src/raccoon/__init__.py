@@ -18,8 +18,6 @@ from math import radians as deg
 
 TYPE_CHECKING = False  # as typing has it, whose import would take longer than all of this
 if TYPE_CHECKING:
-    from types import FrameType
-
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import (
         CalibrationError,
@@ -244,12 +242,11 @@ if not TYPE_CHECKING:  # a checker that saw it would take every name, also a mis
     def __getattr__(name: str) -> object:
         from sys import _getframe
 
-        asking = _getframe(1)
-        home = _HOME_OF.get(name)
-        if _is_in_main_program(asking):  # not for a library that uses this one: it owns no hooks
-            from raccoon.robot.tracebacks import install_hook
+        from raccoon.robot.tracebacks import install_hook_for
 
-            install_hook()
+        asking = _getframe(1)
+        install_hook_for(asking)
+        home = _HOME_OF.get(name)
         if home is None:
             from raccoon.robot.name_hints import refuse_name
 
@@ -257,13 +254,6 @@ if not TYPE_CHECKING:  # a checker that saw it would take every name, also a mis
         value = getattr(import_module(home), name)
         globals()[name] = value
         return value
-
-
-def _is_in_main_program(frame: FrameType | None) -> bool:
-    """Whether the file that Python was started with asks for a name: a team's program."""
-    while frame is not None and str(frame.f_globals.get("__name__")).startswith("importlib."):
-        frame = frame.f_back  # `from raccoon import ...`
-    return frame is not None and frame.f_globals.get("__name__") == "__main__"
 
 
 def __dir__() -> list[str]:

@@ -11,7 +11,7 @@ import os
 import sys
 import sysconfig
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 
 from raccoon.robot.name_hints import add_hints
 
@@ -26,6 +26,26 @@ def install_hook() -> None:
     """Have errors that end the program printed by `print_error`, unless another hook is installed."""
     if sys.excepthook is sys.__excepthook__ and not os.environ.get(WHOLE):
         sys.excepthook = _print_uncaught
+
+
+def install_hook_for(frame: FrameType | None) -> None:
+    """Do so if a team's program is at `frame`, not a library that uses this one: it owns no hooks."""
+    if _is_in_program(frame):
+        install_hook()
+
+
+def _is_in_program(frame: FrameType | None) -> bool:
+    """Whether a frame, or what imports something there, is in the file that Python was started with, or in a
+    module of its folder or below that is not installed there."""
+    while frame is not None and str(frame.f_globals.get("__name__")).startswith("importlib."):
+        frame = frame.f_back  # `from raccoon import ...`
+    if frame is None or frame.f_globals.get("__name__") == "__main__":
+        return frame is not None
+    file, started = frame.f_globals.get("__file__"), getattr(sys.modules.get("__main__"), "__file__", None)
+    if not file or not started:  # as in an interactive session
+        return False
+    module = Path(file).absolute()
+    return Path(started).absolute().parent in module.parents and "site-packages" not in module.parts
 
 
 def _print_uncaught(_: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

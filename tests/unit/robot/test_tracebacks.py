@@ -80,13 +80,25 @@ def test_the_whole_is_printed_where_it_is_asked_for_and_by_the_hook_of_others(
     assert sys.excepthook is print
 
 
-@pytest.mark.parametrize(("who", "is_short"), [("__main__", True), ("library", False)])
+@pytest.mark.parametrize(
+    ("who", "file", "is_short"),
+    [
+        ("__main__", "/team/match.py", True),
+        ("helpers", "/team/helpers.py", True),
+        ("lines", "/team/parts/lines.py", True),
+        ("library", "/elsewhere/library.py", False),
+        ("library", "/team/.venv/lib/python3.11/site-packages/library.py", False),
+        ("library", "/team2/library.py", False),
+    ],
+)
 @pytest.mark.parametrize("line", ["from raccoon import straigt", "import raccoon; raccoon.straigt"])
 def test_a_program_has_short_tracebacks_before_it_opens_a_robot(
-    line: str, who: str, is_short: bool, monkeypatch: pytest.MonkeyPatch
+    line: str, who: str, file: str, is_short: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A wrong import or robot.toml is an error before. A library that uses this one keeps Python's hook."""
+    """A wrong import or robot.toml is an error before, in a module of the program too, which may ask first. A
+    library that uses this one keeps Python's hook."""
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "/team/match.py", raising=False)
     monkeypatch.setattr(sys, "excepthook", sys.__excepthook__)
     with pytest.raises((ImportError, AttributeError), match="straigt"):
-        exec(line, {"__name__": who})
+        exec(line, {"__name__": who, "__file__": file})
     assert (sys.excepthook is not sys.__excepthook__) is is_short
