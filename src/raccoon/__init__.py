@@ -16,7 +16,9 @@ from __future__ import annotations
 from importlib import import_module
 from math import radians as deg
 
-TYPE_CHECKING = False  # as typing has it, whose import would take longer than all of this
+# As typing has it, whose import would take longer than all of this. Without the type, jedi, which completes
+# names in Thonny and Jupyter, would rely on the value and skip what follows.
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import (

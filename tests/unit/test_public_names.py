@@ -1,5 +1,6 @@
 """The public names are where they are said to be."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -24,6 +25,19 @@ def test_the_lazy_table_and_the_list_agree() -> None:
 def test_an_unknown_name_is_an_attribute_error_for_python_and_for_the_type_checker() -> None:
     with pytest.raises(AttributeError, match="drive_staight"):
         raccoon.drive_staight(0.2)  # type: ignore[attr-defined]  # unused, which mypy says, if it took any name
+
+
+def test_editors_that_use_jedi_complete_the_public_names() -> None:
+    """jedi skips what stands below an `if` whose condition is false by a plain assignment, and reads it where
+    the condition has nothing but a type."""
+    source = ast.parse(Path(raccoon.__file__).read_text("utf-8"))
+    declared = next(each for each in source.body if ast.unparse(each).startswith("TYPE_CHECKING"))
+    assert isinstance(declared, ast.AnnAssign)
+    offered = next(each for each in source.body if ast.unparse(each).startswith("if TYPE_CHECKING"))
+    names = {
+        alias.name for each in ast.walk(offered) if isinstance(each, ast.ImportFrom) for alias in each.names
+    }
+    assert set(raccoon.__all__) <= names | {"deg"}
 
 
 def test_every_public_name_stands_on_a_page() -> None:
