@@ -66,6 +66,17 @@ def test_an_empty_name_is_not_the_folder_that_one_is_in(
         (["help", "diagnos"], "there is no 'diagnos' (did you mean diagnose?); allowed are "),
         (["demo", "--nonsense"], "raccoon demo: there is no option --nonsense; see raccoon demo --help\n"),
         (["view", "a", "--outptu=b"], "there is no option --outptu (did you mean --output?); see raccoon "),
+        (
+            ["sweep", "--rusn=5"],
+            "no option --rusn (did you mean --runs?); the following arguments are required: program; ",
+        ),
+        (["sweep", "--run=5", "-x"], "raccoon sweep: there is no option -x; the following arguments are req"),
+        (["sweep", "--runs=x", "--", "--y"], "raccoon sweep: argument --runs: 'x' is not a whole number; "),
+        (["sweep", "--start", "-1", "-.5", "--y z"], "sweep: argument --start: '--y z' is not a number; "),
+        (
+            ["calibrate", "--robot=r.toml"],
+            "raccoon calibrate: the following arguments are required: KIND; ",
+        ),
         (["view", "a", "b", "c", "d"], "raccoon view: too many arguments: c d; "),
         (["sweep", "a.py", "--runs", "3.5"], "argument --runs: '3.5' is not a whole number; "),
     ],
