@@ -365,6 +365,9 @@ def test_a_battery_that_never_changes_was_not_read() -> None:
     stiff = np.round(GOOD["battery.voltage"] / 0.03) * 0.03
     assert len(np.unique(stiff)) < 16
     assert faults(**{"battery.voltage": stiff}) == []
+    weak = np.round(6.8 + 3.3 * (GOOD["battery.voltage"] - 6.8), 1)
+    assert np.std(weak) > 0.1  # it sags by more than a step: most of that is known
+    assert faults(**{"battery.voltage": weak}) == []
 
 
 def test_the_rate_that_a_strange_time_has_is_no_advice() -> None:
