@@ -175,7 +175,7 @@ def _follow_steps(
     motion = robot.config.motion
     turns = round((robot.plan.heading - path.start.heading - flipped) / math.tau) * math.tau + flipped
     ahead = -1.0 if flipped else 1.0
-    stages, planned = [], 1.0
+    stages, planned = [], math.inf
     for piece in path.pieces:
         outer = 1.0 + robot.drive.half_track * abs(piece.curvature)
         wanted = (motion.speed if speed is None else float(speed)) / outer
