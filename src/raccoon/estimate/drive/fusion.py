@@ -221,8 +221,8 @@ class Fusion:
         steps = list(self._steps)
         after = next((n for n, step in enumerate(steps) if step.time > time), len(steps))
         if after == 0:
-            oldest = steps[0].time if steps else math.nan
-            return Observation(False, math.nan, f"seen at {time} s: cycles are stored from {oldest} s on")
+            stored = f"cycles are stored from {steps[0].time:.3f} s on" if steps else "no cycle is stored yet"
+            return Observation(False, math.nan, f"seen at {time} s: {stored}")
         last = steps[after - 1]
         flat_now, steps_now = self.drive.flat, self._steps
         self.drive.flat = last.flat

@@ -250,6 +250,8 @@ def test_what_was_seen_before_the_robot_was_put_elsewhere_is_not_taken() -> None
     odometry.reset(1.0, 2.0, 0.5, position_std=10.0, heading_std=3.0)
     put = odometry.estimate
     assert (put.x_std, put.y_std, put.heading_std) == pytest.approx((10.0, 10.0, 3.0), rel=1e-3)
+    found = odometry.observe_pose(*seen, position_std=0.01, heading_std=0.01, time=time - 0.01)
+    assert (found.accepted, found.reason) == (False, f"seen at {time - 0.01} s: no cycle is stored yet")
     for inputs, command in islice(cycles, 40):
         odometry.update(inputs, command)
     here = odometry.estimate
