@@ -56,7 +56,7 @@ class GyroWatch:
     age: s since a usable reading. repeats: how often the last one was repeated exactly.
     """
 
-    __slots__ = ("_changes", "_last", "age", "frozen", "repeats", "seen")
+    __slots__ = ("_changes", "_last", "age", "repeats", "seen")
 
     def __init__(self) -> None:
         self._last: tuple[float, float, float] | None = None
@@ -64,7 +64,6 @@ class GyroWatch:
         self.age = math.inf
         self.repeats = 0
         self.seen = False
-        self.frozen = False
 
     def judge(self, dt: float, inputs: Inputs, reasons: Reasons) -> float | None:
         """The gyro's turn rate in this cycle, rad/s; None if there is no usable one."""
@@ -95,5 +94,4 @@ class GyroWatch:
             self._changes += 1
         announced = bool(inputs.faults) and Fault.IMU_FROZEN in inputs.faults
         lively = self._changes > NOISY_CHANGES
-        self.frozen = announced or (lively and self.repeats >= FROZEN_REPEATS)
-        return self.frozen
+        return announced or (lively and self.repeats >= FROZEN_REPEATS)
