@@ -30,8 +30,8 @@ class StagedProfile:
 
     def __init__(self, stages: Sequence[Stage], jerk: float = 0.0) -> None:
         for each in stages:
-            if not min(each.length, each.speed, each.acceleration) > 0.0:
-                raise ValueError(f"{each}: all of it must be above 0")
+            if not all(0.0 < value < math.inf for value in (each.length, each.speed, each.acceleration)):
+                raise ValueError(f"{each}: all of it must be above 0 and finite")
         self._stages, self._jerk = tuple(stages), jerk
         self.distance = math.fsum(each.length for each in stages)
         self.duration = 0.0
