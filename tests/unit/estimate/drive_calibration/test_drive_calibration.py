@@ -68,9 +68,15 @@ def test_an_encoder_tells_by_its_ticks_when_the_robot_stands() -> None:
     assert found.turn == pytest.approx(0.32, abs=0.01)  # with the gyro's bias of before
     assert found.left_offset is found.right_offset is None
     unsure = RobotConfig(motors={0: MotorConfig(bemf_offset=Measured(0.0, 100.0))})
-    found = calibrate_straight(unsure, cycles, -distance)
     share = 100.0 * 5.2 / ((distance + 0.16 * TRACK) / RADIUS / nominal * 1.035)
-    assert found.left.std / found.left.value == pytest.approx(share, rel=0.01)
+    halves = replace(cycles[0].device, position_counts_seconds=0.5)  # as of a counter with twice the ticks
+    fine = [
+        replace(c, device=halves, position=tuple(None if p is None else 2.0 * p for p in c.position))
+        for c in cycles
+    ]
+    for each in (cycles, fine):
+        found = calibrate_straight(unsure, each, -distance)
+        assert found.left.std / found.left.value == pytest.approx(share, rel=0.01)
 
 
 def test_the_gyro_is_read_at_the_scale_that_robot_toml_gives_it() -> None:
