@@ -20,6 +20,9 @@ from raccoon.robot.actions.limits import can_take
 from raccoon.robot.robot import Robot
 
 Mission = Callable[[Robot], Any]
+MODULE = "__program__"
+"""Name of the module in which a program runs. No file has it, so what the program imports never is that
+module."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +66,12 @@ class Program:
         """Run the program's text and return its `mission(robot)`, or a function that runs its action
         `mission`.
 
-        Errors of the text are passed on. Raises ConfigError if it defines no mission; the library's own
-        `mission`, which `from raccoon import *` imports, does not count.
+        The module in which it runs stays the one of its name until the next program, because dataclasses and
+        pickle look up there what it defines. Errors of the text are passed on. Raises ConfigError if it
+        defines no mission; the library's own `mission`, which `from raccoon import *` imports, does not
+        count.
         """
-        module = ModuleType(self.name.removesuffix(".py"))
+        module = sys.modules[MODULE] = ModuleType(MODULE)
         module.__file__ = self.file
         if self.folder not in sys.path:
             sys.path.insert(0, self.folder)

@@ -291,6 +291,23 @@ def test_a_program_opens_no_robot_of_its_own(text: str, tmp_path: Path) -> None:
         pass  # pragma: no cover - there is no controller here
 
 
+def test_python_finds_the_classes_that_a_program_defines() -> None:
+    """Dataclasses with annotations as text, and pickle, look for the module of a class by its name."""
+    text = """
+from __future__ import annotations
+import pickle
+from dataclasses import dataclass
+from raccoon import wait
+@dataclass
+class Stop:
+    seconds: float = 0.1
+def mission(robot):
+    robot.run(wait(pickle.loads(pickle.dumps(Stop())).seconds))
+"""
+    row = played(text)
+    assert (row["status"], row["reason"]) == ("ok", "")
+
+
 def test_an_action_that_a_mission_gives_back_is_done() -> None:
     row = played("from raccoon import *\ndef mission(robot): return straight(0.05)")
     assert row["status"] == "ok"
