@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING
 
 from raccoon.cli.shared_options import add_place_options, check_seed, check_start
@@ -74,8 +74,8 @@ def run(args: argparse.Namespace) -> int:
     substitute = Substitute(port, args.record, args.seed)
     status = 0
     try:
-        with substitute_robot(substitute), _as_main(program):
-            _run_program(program, substitute)
+        with substitute_robot(substitute), _as_main(program) as main:
+            _run_program(program, main, substitute)
     except Exception as error:
         step = _traceback_of_program(error, program)
         if error in refused or (step is None and isinstance(error, RaccoonError | OSError)):
@@ -89,7 +89,11 @@ def run(args: argparse.Namespace) -> int:
         for robot in substitute.robots:
             print(f"simulated {end_text(robot, start)}", flush=True)
     if not substitute.robots and not status:
-        print("raccoon simulate: the program opened no robot, and has no mission(robot)", file=sys.stderr)
+        calls = "; it defines main(), but does not call it" if callable(getattr(main, "main", None)) else ""
+        print(
+            f"raccoon simulate: the program opened no robot, and has no mission(robot){calls}",
+            file=sys.stderr,
+        )
         return 1
     return status
 
@@ -111,28 +115,33 @@ def _pose_text(x: float, y: float, heading: float) -> str:
     return f"x {x:.3f} m, y {y:.3f} m, heading {degrees:.1f} deg"
 
 
-def _run_program(program: Program, substitute: Substitute) -> None:
-    """Run the file as Python does; if that opens no robot, run its `mission` on one of robot.toml."""
-    import runpy
-
+def _run_program(program: Program, main: ModuleType, substitute: Substitute) -> None:
+    """Run the text of the program in the module `main`; if that opens no robot, run its `mission` on one of
+    robot.toml. The library's own `mission`, which a program may import, does not count."""
+    import raccoon
     from raccoon.robot.actions.functions import perform
     from raccoon.robot.opening import open_robot
 
-    names = runpy.run_path(program.file, run_name="__main__")
-    if not substitute.robots and "mission" in names:
+    exec(compile(program.text, program.file, "exec"), main.__dict__)
+    mission = getattr(main, "mission", None)
+    if not substitute.robots and mission not in (None, raccoon.mission):
         with open_robot("robot.toml") as robot:
-            perform(robot, names["mission"])
+            perform(robot, mission)
 
 
 @contextmanager
-def _as_main(program: Program) -> Iterator[None]:
-    """Context with sys.path and sys.argv as they are for `python PROGRAM`."""
-    path, argv = list(sys.path), list(sys.argv)
+def _as_main(program: Program) -> Iterator[ModuleType]:
+    """Context with the main module, sys.path and sys.argv as they are for `python PROGRAM`; yields that
+    module, which is empty."""
+    path, argv, before = list(sys.path), list(sys.argv), sys.modules["__main__"]
+    main = sys.modules["__main__"] = ModuleType("__main__")
+    main.__file__ = program.file
     sys.path.insert(0, program.folder)
     sys.argv[:] = [program.file]
     try:
-        yield
+        yield main
     finally:
+        sys.modules["__main__"] = before
         sys.path[:], sys.argv[:] = path, argv
 
 

@@ -56,16 +56,27 @@ def test_a_mission_without_a_robot_of_its_own_gets_one(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     program = folder / "mission.py"
-    program.write_text("from raccoon import straight\nmission = straight(0.02)\n")
+    program.write_text(
+        "import pickle\nfrom raccoon import straight\nclass Far(float): ...\n"
+        "def mission(robot):\n"
+        "    return straight(pickle.loads(pickle.dumps(Far(0.02))))\n"
+    )
     (folder / "robot.toml").rename("robot.toml")
+    before = sys.modules["__main__"]
     assert main(["simulate", str(program)]) == 0
     assert "it is at x 0.02" in capsys.readouterr().out
+    assert sys.modules["__main__"] is before
 
 
 @pytest.mark.parametrize(
     ("text", "status", "said"),
     [
         ("import strategy\n", 1, r"opened no robot, and has no mission\(robot\)"),
+        (
+            "from raccoon import mission\ndef main(): ...\n",
+            1,
+            r"has no mission\(robot\); it defines main\(\), but does not call it\n$",
+        ),
         ("1 +\n", 1, "SyntaxError"),
         (
             OPENS + "        1 / 0\n",
