@@ -193,6 +193,9 @@ def compiled_module(text: str) -> Any:
     cache folder can be written."""
     import numba
 
+    log = logging.getLogger("numba")
+    if log.level == logging.NOTSET:  # a program that logs at DEBUG would get thousands of lines
+        log.setLevel(logging.WARNING)
     module, cached = _module(text)
     functions = {name: each for name, each in vars(module).items() if isinstance(each, FunctionType)}
     for name, digest in _digests(functions).items():

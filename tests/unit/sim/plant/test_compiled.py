@@ -26,7 +26,8 @@ def said(caplog: pytest.LogCaptureFixture) -> list[str]:
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> Path:
     folder = tmp_path / "cache"
     monkeypatch.setenv("RACCOON_CACHE", str(folder))
-    caplog.set_level("INFO", "raccoon")
+    caplog.set_level("DEBUG")  # as a program may, which does not ask for what numba logs then
+    caplog.set_level("NOTSET", "numba")
     return folder
 
 
