@@ -24,7 +24,7 @@ from raccoon.robot.actions.limits import (
     check_turn_pace,
 )
 from raccoon.robot.parts.movable import exclusive_use, require_free, require_wombat
-from raccoon.robot.remarks import add_remark
+from raccoon.robot.remarks import EndlessRemark, add_remark
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.mechanism import Mechanism
@@ -96,8 +96,10 @@ def spin(name: str, speed: float) -> Action[None]:
         turned = robot.mechanism(name)
         with exclusive_use(turned, label):
             rate = math.copysign(_planned_speed(robot, turned, abs(speed)), speed)
+            endless = EndlessRemark(robot, label, f".until(blocked({name!r})) or .timeout(seconds)")
             try:
                 while True:
+                    endless.tell()
                     turned.goal = ProfileState(turned.angle, rate, 0.0)
                     yield
             finally:

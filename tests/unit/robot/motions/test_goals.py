@@ -27,6 +27,7 @@ from raccoon import (
     pivot,
     pressed,
     seq,
+    spin,
     straight,
     turn,
     turn_to,
@@ -34,7 +35,7 @@ from raccoon import (
     wait_for,
     when,
 )
-from raccoon.core.config import ControllerConfig
+from raccoon.core.config import ControllerConfig, MechanismConfig
 from raccoon.core.readings import STOP, Outputs
 from raccoon.robot import remarks
 from raccoon.robot.actions.steps import Steps
@@ -291,13 +292,14 @@ def test_a_result_and_a_pose_are_printed_for_people() -> None:
     assert str(Pose(0.4, -1e-9, deg(90))) == "x 0.400 m, y 0.000 m, heading 90.0 deg"
 
 
-@pytest.mark.parametrize("action", [drive(0.1), motors(0.3, 0.3), wait_for(pressed(0))])
+@pytest.mark.parametrize("action", [drive(0.1), motors(0.3, 0.3), spin("arm", 1.0), wait_for(pressed(0))])
 def test_a_motion_that_nothing_ends_is_said_once(
     action: Action[None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(remarks, "ENDLESS_AFTER_S", 0.3)
-    config = replace(CONFIG, controller=ControllerConfig(port="sim"))
-    with open_robot(config, port=simulated_port()) as robot:
+    arm = {"arm": MechanismConfig(motor=2)}
+    config = replace(CONFIG, controller=ControllerConfig(port="sim"), mechanisms=arm)
+    with open_robot(config, port=simulated_port(config=config)) as robot:
         robot.run(action.until(after_time(0.2)))
         assert not robot.drive.remarks
         robot.run(action.until(after_time(0.4)))
