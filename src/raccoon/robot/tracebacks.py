@@ -2,7 +2,8 @@
 
 How a motion got from `run` to the line that raises does not help who wrote the program, and hides what does.
 So frames of this package are left out of the printed traceback (not of the error) if the error was raised
-deliberately, by a `raise`. Any other error is a fault of the package, and all of it is printed.
+deliberately, by a `raise`, or by the system for a file that it names. Any other error is a fault of the
+package, and all of it is printed.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ def print_error(error: BaseException, how: str) -> None:
     them all."""
     add_hints(error)
     whole, suppressed = error.__traceback__, error.__suppress_context__
-    own, hidden = _own_frames(whole, isinstance(error, SyntaxError | KeyboardInterrupt))
+    of_a_file = isinstance(error, OSError) and error.filename is not None
+    own, hidden = _own_frames(whole, of_a_file or isinstance(error, SyntaxError | KeyboardInterrupt))
     if hidden:
         error.__suppress_context__ = True  # and what led the package to its words
     try:

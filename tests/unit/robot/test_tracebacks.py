@@ -9,7 +9,7 @@ from traceback import extract_tb
 import numpy as np
 import pytest
 
-from raccoon import do, straight
+from raccoon import do, load_robot, straight
 from raccoon.core.near_names import did_you_mean
 from raccoon.robot.robot import Robot
 from raccoon.robot.tracebacks import WHOLE, install_hook
@@ -29,6 +29,10 @@ def _called_by_another_library() -> None:
     np.apply_along_axis(lambda _: float("none"), 0, np.ones(2))
 
 
+def _unreadable() -> None:
+    load_robot(sys.prefix)
+
+
 def _broken_library() -> None:
     did_you_mean("name", [1])  # type: ignore[list-item]
 
@@ -39,6 +43,7 @@ def _broken_library() -> None:
         (_refused, ["program()", "straight(500.0)"], True),
         (_called_by_the_library, ["program()", "robot.run(do(", 'float("none")'], True),
         (_called_by_another_library, ["program()", "np.apply_along_axis(", 'float("none")'], True),
+        (_unreadable, ["program()", "load_robot(sys.prefix)", f"directory: '{sys.prefix}'"], True),
         (_broken_library, ["program()", "did_you_mean(", "nearest_name(", ".lower()"], False),
     ],
 )
@@ -52,7 +57,7 @@ def test_a_program_sees_its_own_lines_and_the_sentence(
     """But for an error that the package does not say in words: that is its own, and shown with all lines."""
     monkeypatch.setattr(sys, "excepthook", sys.__excepthook__)
     install_hook()
-    with pytest.raises((AttributeError, ValueError), match=r"500|float|lower") as caught:
+    with pytest.raises((AttributeError, ValueError, OSError), match=r"500|float|lower|Is a dir") as caught:
         program()
     error = caught.value
     whole = len(extract_tb(error.__traceback__))
