@@ -9,7 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from raccoon.cli.commands import build_parser
-from raccoon.core.config import is_model, load_robot, parse_toml
+from raccoon.core.config import is_model, load_robot
+from raccoon.core.toml_text import parse_toml
 from raccoon.sim.effects.model_file import load_model
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,10 +8,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from raccoon.core.config import is_model, parse_toml
+from raccoon.core.config import is_model
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import is_stream, write_atomically
+from raccoon.core.toml_text import parse_toml
 
 PROTECTED_SUFFIXES = (".csv", ".gz", ".jsonl", ".mat", ".mcap", ".py", ".toml")
 """Endings of recordings, programs and robot descriptions, hours of work that no result may overwrite."""

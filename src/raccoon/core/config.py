@@ -7,8 +7,6 @@ Every key is optional; unknown keys and impossible values are refused. The datac
 from __future__ import annotations
 
 import logging
-import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -42,6 +40,7 @@ from raccoon.core.sections import (
     ServoConfig,
     TophatConfig,
 )
+from raccoon.core.toml_text import parse_toml
 
 __all__ = [
     "REAL_CONTROLLERS",
@@ -66,20 +65,11 @@ __all__ = [
     "TophatConfig",
     "load_robot",
     "parse_robot",
-    "parse_toml",
     "template",
 ]
 
 
 _log = logging.getLogger("raccoon")
-BYTE_ORDER_MARK = "\ufeff"
-_TOML_SLIPS = (
-    (r"=\s*(True|False)\b", "; write true and false in small letters"),
-    (r"=\s*-?\d+,\d", "; write a number with a decimal point"),
-    (r"=\s*[^\W\d][\w-]*\s*(#|$)", "; put a text in quotes"),
-    (r"=\s*(#|$)", "; write a value, or leave the line out"),
-)
-"""Common mistakes that are not TOML, as patterns, with hints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,34 +140,6 @@ def load_robot(path: str | Path) -> RobotConfig:
 def is_model(table: Mapping[str, Any]) -> bool:
     """Whether these are the tables of a model.toml: it has tables that no robot.toml has."""
     return not table.keys().isdisjoint(("chain", "effect", "provenance"))
-
-
-def parse_toml(content: str | bytes) -> dict[str, Any]:
-    """The tables of a TOML file, with or without the byte order mark that Windows editors write.
-
-    Raises ConfigError if it is not TOML.
-    """
-    try:
-        text = content if isinstance(content, str) else content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        packed = isinstance(content, bytes) and content.startswith(b"\x1f\x8b")
-        hint = "it is compressed, like a recording" if packed else f"{error}; save it as UTF-8"
-        raise ConfigError(f"not a TOML file: {hint}") from None
-    text = text.removeprefix(BYTE_ORDER_MARK)
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # e.g. a number of thousands of digits, a thousand brackets
-        raise ConfigError(f"not a TOML file: {error}{_quoted_line(text, str(error))}") from None
-
-
-def _quoted_line(text: str, error: str) -> str:
-    """The line named in an error of the TOML reader, quoted with a hint."""
-    found = re.search(r"\(at line (\d+), ", error)
-    if found is None:
-        return ""
-    line = text.split(chr(10))[int(found[1]) - 1].strip()
-    hint = next((hint for pattern, hint in _TOML_SLIPS if re.search(pattern, line)), "")
-    return f": {format_value(line)}{hint}"
 
 
 _SINGLE: Mapping[str, type[Any]] = {

@@ -15,9 +15,10 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from raccoon.core.config import BYTE_ORDER_MARK, Measured, parse_robot, parse_toml
+from raccoon.core.config import Measured, parse_robot
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
+from raccoon.core.toml_text import BYTE_ORDER_MARK, parse_toml
 
 _HEADER = re.compile(r"^\s*\[(?!\[)\s*(?P<name>[^\]]+?)\s*\]\s*(#.*)?$")
 _ANY_HEADER = re.compile(r"^\s*\[")

@@ -18,10 +18,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
-from raccoon.core.config import BYTE_ORDER_MARK
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 from raccoon.core.schema import LONGEST, format_value
+from raccoon.core.toml_text import BYTE_ORDER_MARK
 
 Row = dict[str, Any]
 """One match: run, seed, status, reason, seconds, x, y, heading, position_error, heading_error, and the value

@@ -187,6 +187,17 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ),
         ("[controller]\nport = sim", r"'port = sim'; put a text in quotes$"),
         ("[controller]\nport = wombat-raccoon  # ours", r"; put a text in quotes$"),
+        ("[controller]\nport = “sim”", r"'port = “sim”'; write straight quotes, as on the keyboard$"),
+        (
+            "[servo.the claw]",
+            r"'\[servo.the claw\]'; put a name with spaces or letters beyond a to z in quotes",
+        ),
+        (
+            "[servo.Tür] # zu",
+            r"'\[servo.Tür\] # zu'; put a name with spaces or letters .* \[servo\.\"the claw\"\]$",
+        ),
+        ("[servo.a]\npositions_us = { zu = 700, öffnen = 900 }", r"; put a name with spaces or letters"),
+        ("[servo.a]\nport = 1 2 # für", r"'port = 1 2 # für'$"),
         (
             "[model.battery]\nopen_circuit_voltage = 2.0",
             r"model.battery.open_circuit_voltage = 2.0: allowed are numbers from 3.1 to 30",

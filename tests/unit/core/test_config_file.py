@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from raccoon.core.config import Measured, load_robot, parse_robot, parse_toml, template
+from raccoon.core.config import Measured, load_robot, parse_robot, template
 from raccoon.core.config_file import updated_text, write_measured
 from raccoon.core.errors import ConfigError
+from raccoon.core.toml_text import parse_toml
 
 DAY = date(2026, 3, 1)
 TEXT = """# our drum bot

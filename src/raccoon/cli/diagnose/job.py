@@ -190,7 +190,7 @@ def resolve_robot(run: Run, named: Path | None) -> ResolvedRobot:
 
 def _written_port(robot: Path | None) -> str | None:
     """controller.port if the robot.toml contains that line, None if it leaves the default."""
-    from raccoon.core.config import parse_toml
+    from raccoon.core.toml_text import parse_toml
 
     if robot is None:
         return None

@@ -18,10 +18,11 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from raccoon.core.config import RobotConfig, is_model, parse_robot, parse_toml
+from raccoon.core.config import RobotConfig, is_model, parse_robot
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 from raccoon.core.schema import Measured, refuse_unknown, section
+from raccoon.core.toml_text import parse_toml
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.provenance import UNKNOWN, Origin, Provenance

@@ -40,9 +40,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from raccoon.core.config import parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import finite_or_none, format_value, refuse_unknown
+from raccoon.core.toml_text import parse_toml
 from raccoon.sim.world.table import Box, Light, Line, Point, Ramp, Thing, Wall, World, walls_around
 
 ARC_STEPS = 48
