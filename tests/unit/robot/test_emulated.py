@@ -33,6 +33,7 @@ from raccoon.sim.world.table import Box, Line, Ramp, World
 from robots import InterceptingPort
 
 TOPHATS = RobotConfig(tophats={"left": TophatConfig(0, 0.10, 0.035), "right": TophatConfig(1, 0.10, -0.035)})
+LINE = World(lines=(Line(((0.3, -1.0), (0.3, 1.0)), 0.05),))
 
 
 def driven(
@@ -143,7 +144,7 @@ def test_an_offset_that_the_firmware_hides_at_rest_is_not_taken_for_none() -> No
     emulator = Emulator(plant, "stock", clock=clock)
     emulator.faults.bemf_offset = (30.0, 0.0, 0.0, 0.0)
     with open_robot(config, port=WombatPort(emulator, clock=clock)) as robot:
-        robot.run(seq(wait(1.0), straight(0.8), straight(-0.8)))
+        robot.run(seq(wait(1.0), straight(0.5), straight(-0.5)))
         here = robot.estimate
     x, y, _ = plant.pose
     assert here.status is Status.OK
@@ -153,14 +154,14 @@ def test_an_offset_that_the_firmware_hides_at_rest_is_not_taken_for_none() -> No
 def test_a_calibration_does_not_call_a_hidden_offset_none() -> None:
     """It took 30 counts for 0 +- 0.1 and put them into the scale: driven back, that is 3 % the wrong way."""
     calibrated = RobotConfig()
-    for step in (None, straight(-0.8)):
+    for step in (None, straight(-0.5)):
         clock = SteppedClock()
         plant = SimulatedPlant(Parameters.from_robot(RobotConfig()), World.empty())
         emulator = Emulator(plant, 21, clock=clock)
         emulator.faults.bemf_offset = (20.0, 0.0, 0.0, 0.0)
         with open_robot(calibrated, port=WombatPort(emulator, clock=clock)) as robot:
             if step is None:
-                calibrated = calibrate_drive(robot, partial(_taped, plant), distance=0.6)
+                calibrated = calibrate_drive(robot, partial(_taped, plant), distance=0.5)
             else:
                 robot.run(seq(wait(1.0), step))
             here = robot.estimate
@@ -182,7 +183,7 @@ def test_a_slow_bus_tears_nothing() -> None:
     plant = _plant(port)
     _emulator(port).faults.latency = 0.005
     with open_robot(RobotConfig(), port=port) as robot:
-        robot.run(seq(wait(1.0), straight(0.5), turn(math.radians(90.0)), straight(0.3)))
+        robot.run(seq(wait(0.5), straight(0.3), turn(math.radians(60.0)), straight(0.2)))
         here = robot.estimate
         assert port.fault_counts.keys() == {Fault.OVERRUN}
     x, y, heading = plant.pose
@@ -197,8 +198,8 @@ def test_power_on_one_wheel_and_then_the_other_teaches_no_scales(firmware: Firmw
     port = open_emulated(RobotConfig(), firmware, world=World.empty())
     plant = _plant(port)
     with open_robot(RobotConfig(), port=port) as robot:
-        robot.run(wait(1.0))
-        for _ in range(round(2.0 / period)):
+        robot.run(wait(0.5))
+        for _ in range(round(1.2 / period)):
             robot.run(motors(0.7, 0.2).until(after_time(period)))
             robot.run(motors(0.2, 0.7).until(after_time(period)))
         here = robot.estimate
@@ -228,7 +229,7 @@ def test_a_robot_that_goes_to_and_fro_along_a_line_knows_its_heading_less_well()
     port = open_emulated(TOPHATS, world=World(lines=(line,)))
     with open_robot(TOPHATS, port=port) as robot:
         robot.run(wait(0.5))
-        for _ in range(1200):
+        for _ in range(800):
             robot.drive.velocity(0.10, 0.9 if (robot.analog(0) or 0.0) > 2400.0 else -0.9)
             robot.tick()
         here = robot.estimate
@@ -276,10 +277,10 @@ class Restarted(InterceptingPort):
 
 def test_a_restart_in_the_middle_of_a_calibration_spoils_no_tophat() -> None:
     """The stock firmware's analog filter begins at 0 again: the floor was "one surface"."""
-    port = open_emulated(TOPHATS)
-    with open_robot(TOPHATS, port=Restarted(port, 2.0)) as robot:
-        robot.run(wait(1.0))
-        found = calibrate_tophats(robot, distance=1.15, speed=0.2)
+    port = open_emulated(TOPHATS, world=LINE)
+    with open_robot(TOPHATS, port=Restarted(port, 1.3)) as robot:
+        robot.run(wait(0.5))
+        found = calibrate_tophats(robot, distance=0.4, speed=0.2)
     assert port.fault_counts[Fault.RESET] == 1
     for each in found.values():
         white, black = each.surfaces()
@@ -290,12 +291,12 @@ def test_a_restart_in_the_middle_of_a_calibration_spoils_no_tophat() -> None:
 @pytest.mark.parametrize("firmware", ["stock", 21])
 def test_an_open_port_is_no_tophat_though_it_follows_its_neighbour(firmware: Firmware) -> None:
     """It showed the neighbour's white and black, and was calibrated with 18 deviations between them."""
-    port = open_emulated(TOPHATS, firmware)
+    port = open_emulated(TOPHATS, firmware, world=LINE)
     with open_robot(TOPHATS, port=port) as robot:
-        robot.run(wait(0.5))
+        robot.run(wait(0.3))
         _emulator(port).faults.floating = {0}
         with pytest.raises(CalibrationError, match=r"m: left: floating, .* into analog 0") as raised:
-            calibrate_tophats(robot, distance=1.15, speed=0.25)
+            calibrate_tophats(robot, distance=0.4, speed=0.25)
         assert "right" not in str(raised.value)
 
 

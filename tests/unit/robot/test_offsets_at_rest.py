@@ -57,7 +57,7 @@ def test_an_offset_that_robot_toml_excludes_is_said_where_the_robot_does_not_res
         assert OFFSET_REMARK in robot.drive.remarks.values()
 
 
-@pytest.mark.parametrize(("firmware", "counts"), [("stock", 55.0), (17, 55.0), (21, -90.0)])
+@pytest.mark.parametrize(("firmware", "counts"), [("stock", 55.0), (21, -90.0)])
 def test_an_offset_that_robot_toml_excludes_is_learnt_in_a_longer_rest(
     firmware: Firmware, counts: float
 ) -> None:

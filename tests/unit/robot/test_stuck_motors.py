@@ -75,9 +75,9 @@ def test_a_motor_that_comes_off_is_said(
 
 def test_what_holds_or_turns_is_not_said() -> None:
     def act(robot: Robot) -> None:
-        robot.run(move("arm", deg(60)))
-        robot.run(straight(0.2))
-        robot.run(wait(1.5))
+        robot.run(move("arm", deg(30)))
+        robot.run(straight(0.1))
+        robot.run(wait(1.2))
 
     assert not any("power but no" in each for each in unplugged("stock", 3, act).drive.remarks.values())
 

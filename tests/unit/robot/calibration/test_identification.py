@@ -1,6 +1,7 @@
 """Identifying the wheels of a whole robot, and refusing what cannot be identified."""
 
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -12,6 +13,12 @@ from raccoon.core.readings import SIMULATOR, Outputs
 from raccoon.robot.calibration.identification import Excitation, WheelFit, excite, fit_wheels, power_factors
 from raccoon.robot.parts.drive import Drive, dead_time
 from robots import CONFIG, InterceptingPort, simulated_port
+
+
+@cache
+def seen_on_nominal() -> Excitation:
+    """Of the robot as robot.toml has it."""
+    return seen_on(simulated_port())
 
 
 def seen_on(port: Port) -> Excitation:
@@ -41,7 +48,7 @@ def test_unequal_motors_are_found_and_their_factors_make_them_alike() -> None:
 
 
 def test_a_drive_tuned_so_takes_each_wheel_s_own_voltages() -> None:
-    fits = fit_wheels(seen_on(simulated_port()), CONFIG, SIMULATOR)
+    fits = fit_wheels(seen_on_nominal(), CONFIG, SIMULATOR)
     motors = dict(CONFIG.motors)
     for fit in fits:
         values = {key.rsplit(".", 1)[1]: value for key, value in fit.entries(6.8).items()}
@@ -106,7 +113,7 @@ def test_a_robot_that_spins_instead_is_not_measured() -> None:
 
 
 def test_a_motion_that_is_no_motor_s_is_refused() -> None:
-    seen = seen_on(simulated_port())
+    seen = seen_on_nominal()
     odd = [
         ((row[0], row[1], row[2]), volts + (1.0 if n % 2 else -1.0))
         for n, (row, volts) in enumerate(seen.left)
@@ -128,7 +135,7 @@ def test_levels_that_are_no_duties_are_refused() -> None:
 
 
 def test_entries_carry_the_battery() -> None:
-    left, _ = fit_wheels(seen_on(simulated_port()), CONFIG, SIMULATOR)
+    left, _ = fit_wheels(seen_on_nominal(), CONFIG, SIMULATOR)
     assert isinstance(left, WheelFit)
     assert isinstance(left.voltages, WheelVoltages)
     assert all(value.battery_voltage == 6.5 for value in left.entries(6.5).values())

@@ -72,7 +72,7 @@ def test_too_much_light_is_said_in_the_rehearsal() -> None:
         assert any("too bright" in said for said in robot.drive.remarks.values())
 
 
-@pytest.mark.parametrize("kind", ["sim", "emulator", "emulator-raccoon"])
+@pytest.mark.parametrize("kind", ["sim", "emulator"])
 def test_over_a_simulated_robot_somebody_switches_the_lamp_on(kind: str, tmp_path: Path) -> None:
     """Asked by a press of the button, as on the table; what is recorded of it is no other robot's."""
     config = replace(CONFIG, controller=ControllerConfig(port=kind))

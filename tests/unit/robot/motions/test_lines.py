@@ -45,14 +45,13 @@ def on_table(
     with open_robot(CONFIG, port=port) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(tophat_calibration())
-        robot.run(wait(0.5))
+        robot.run(wait(0.3))
         result = robot.run(action)
-        robot.run(wait(0.2))
+        robot.run(wait(0.1))
         return result, robot, port
 
 
-@pytest.mark.parametrize("askew_deg", [12.0, -20.0])
-@pytest.mark.parametrize("speed", [None, 0.15])
+@pytest.mark.parametrize(("askew_deg", "speed"), [(12.0, None), (-20.0, 0.15)])
 def test_the_robot_stands_square_to_a_line(askew_deg: float, speed: float | None) -> None:
     world = World(lines=(Line(((0.3, -0.5), (0.3, 0.5))),))
     result, robot, _ = on_table(world, (0.0, 0.0, deg(askew_deg)), align_on_line("left", "right", speed))
@@ -66,8 +65,8 @@ def test_the_time_and_the_tolerance_of_an_alignment_are_those_that_were_asked_fo
     world = World(lines=(Line(((0.3, -0.5), (0.3, 0.5))),))
     with pytest.raises(MotionTimeout, match=r"drive not done after 1.0 s: 0.0\d\d of 0.5 m"):
         on_table(world, (0.0, 0.0, 0.0), align_on_line("left", "right", timeout=1.0))
-    with pytest.raises(MotionTimeout, match=r"turn not done after 3.0 s"):
-        on_table(world, (0.0, 0.0, deg(20)), align_on_line("left", "right", 0.2, tolerance=1e-9, timeout=3.0))
+    with pytest.raises(MotionTimeout, match=r"turn not done after 2.0 s"):
+        on_table(world, (0.1, 0.0, deg(20)), align_on_line("left", "right", 0.2, tolerance=1e-9, timeout=2.0))
 
 
 @pytest.mark.parametrize("exchanged", [True, False])
@@ -95,13 +94,9 @@ def test_sensors_in_each_others_port_are_said_where_the_line_lies_oddly_by_them(
     ("askew_deg", "further"),
     [
         (0.0, 0.0),
-        (0.0, 0.02),
         (10.0, 0.02),
-        (-10.0, 0.0),
-        (20.0, 0.0),
         (-20.0, 0.02),
         (40.0, 0.0),
-        (40.0, 0.02),
     ],
 )
 def test_the_robot_stands_square_to_a_line_that_a_sensor_stands_on_already(
@@ -111,7 +106,7 @@ def test_the_robot_stands_square_to_a_line_that_a_sensor_stands_on_already(
     first = "right" if askew_deg > 0.0 else "left"
     to_the_line = seq(drive(0.15).until(on_black(first)), drive(0.05).until(after_distance(further)))
     align = seq(to_the_line, align_on_line("left", "right"))
-    results, robot, _ = on_table(world, (0.0, 0.0, deg(askew_deg)), align)
+    results, robot, _ = on_table(world, (0.1, 0.0, deg(askew_deg)), align)
     assert robot.inputs is not None
     assert robot.inputs.truth is not None
     assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=0.8)
@@ -127,14 +122,11 @@ def test_backwards_over_a_line_that_a_sensor_stands_on_already() -> None:
     assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=0.8)
 
 
-@pytest.mark.parametrize(("y", "heading_deg"), [(-0.01, 4.0), (-0.03, 8.0)])
-def test_the_edge_of_the_line_that_the_robot_came_along_is_not_that_of_the_crossing_one(
-    y: float, heading_deg: float
-) -> None:
+def test_the_edge_of_the_line_that_the_robot_came_along_is_not_that_of_the_crossing_one() -> None:
     """A sensor that crossed the stem of a T met another edge than the other one on its bar: 76 deg askew."""
     stem, bar = Line(((-0.5, 0.0), (0.5, 0.0)), width=0.05), Line(((0.5, -0.5), (0.5, 0.5)), width=0.05)
     align = seq(drive(0.15).until(on_black("left") | on_black("right")), align_on_line("left", "right"))
-    _, robot, _ = on_table(World(lines=(stem, bar)), (0.0, y, deg(heading_deg)), align)
+    _, robot, _ = on_table(World(lines=(stem, bar)), (0.0, -0.03, deg(8.0)), align)
     assert robot.inputs is not None
     assert robot.inputs.truth is not None
     assert robot.inputs.truth.x > 0.4
@@ -206,10 +198,10 @@ def test_a_robot_that_is_far_too_slow_gives_up_as_well() -> None:
     with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(wait(0.5))
         begin = robot.time
-        hindered = race(drive_until_stopped(0.15, 0.5), repeat(do(lambda each: each.drive.stop())))
-        with pytest.raises(MotionTimeout, match=r"drive not done after 9\.\d s: 0\.000 of 0\.5 m"):
+        hindered = race(drive_until_stopped(0.15, 0.15), repeat(do(lambda each: each.drive.stop())))
+        with pytest.raises(MotionTimeout, match=r"drive not done after 4\.\d s: 0\.000 of 0\.15 m"):
             robot.run(hindered)
-        assert robot.time - begin == pytest.approx(2.0 * (0.5 / 0.15 + 0.15 / 0.4) + 2.0, abs=0.1)
+        assert robot.time - begin == pytest.approx(2.0 * (0.15 / 0.15 + 0.15 / 0.4) + 2.0, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -227,12 +219,13 @@ def _wall(askew: float, distance: float) -> World:
     return World(walls=(Wall((x - along_x, y - along_y), (x + along_x, y + along_y)),))
 
 
-@pytest.mark.parametrize("speed", [0.06, -0.06, 0.15])
-@pytest.mark.parametrize("askew_deg", [8.0, -8.0, 20.0])
+@pytest.mark.parametrize(
+    ("askew_deg", "speed"), [(8.0, 0.06), (-8.0, -0.06), (-8.0, 0.15), (20.0, 0.06), (20.0, 0.15)]
+)
 def test_the_robot_squares_up_to_a_wall(askew_deg: float, speed: float) -> None:
-    port = simulated_port(world=_wall(deg(askew_deg), math.copysign(0.2, speed)))
+    port = simulated_port(world=_wall(deg(askew_deg), math.copysign(0.17, speed)))
     with open_robot(CONFIG, port=port) as robot:
-        robot.run(wait(0.5))
+        robot.run(wait(0.3))
         result = robot.run(align_on_wall(speed, heading=deg(askew_deg), heading_std=0.01))
         x, y, heading = port._robot.pose
         assert math.degrees(heading) == pytest.approx(askew_deg, abs=0.5)

@@ -30,23 +30,23 @@ def test_drive_to_where_it_is_only_turns() -> None:
 
 
 def test_a_path_is_followed_through_its_rounded_corners() -> None:
-    points = [(0.3, 0.0), (0.3, 0.3), (0.6, 0.3)]
+    points = [(0.15, 0.0), (0.15, 0.2), (0.3, 0.2)]
     result, end, robot = run(follow_path(points, rounding=0.1))
-    assert (end.x, end.y) == pytest.approx((0.6, 0.3), abs=0.004)
+    assert (end.x, end.y) == pytest.approx((0.3, 0.2), abs=0.004)
     assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.6)
-    assert robot.plan.x == pytest.approx(0.6)
+    assert robot.plan.x == pytest.approx(0.3)
     assert abs(result.across) < 0.002
 
 
 def test_a_path_is_followed_with_the_back_first() -> None:
-    points = [(-0.3, 0.0), (-0.3, -0.3), (-0.6, -0.3)]
+    points = [(-0.15, 0.0), (-0.15, -0.2), (-0.3, -0.2)]
     result, end, robot = run(seq(straight(0.05), follow_path(points, rounding=0.1, backwards=True)))
-    assert (end.x, end.y) == pytest.approx((-0.6, -0.3), abs=0.004)
+    assert (end.x, end.y) == pytest.approx((-0.3, -0.2), abs=0.004)
     assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.6)
     assert robot.plan.heading == pytest.approx(0.0, abs=1e-9)
     assert abs(result[1].across) < 0.002
-    _, end, robot = run(follow_path([(0.2, 0.0), (0.2, 0.2)], backwards=True))  # it turns around first
-    assert (end.x, end.y) == pytest.approx((0.2, 0.2), abs=0.006)
+    _, end, robot = run(follow_path([(0.1, 0.0), (0.1, 0.1)], backwards=True))  # it turns around first
+    assert (end.x, end.y) == pytest.approx((0.1, 0.1), abs=0.006)
     assert math.degrees(math.remainder(end.heading, math.tau)) == pytest.approx(-90.0, abs=1.0)
     assert math.hypot(robot.plan.x - robot.pose.x, robot.plan.y - robot.pose.y) < 0.002
 
@@ -80,13 +80,12 @@ def test_only_a_corner_is_driven_slowly_and_not_the_whole_path() -> None:
 
 
 def test_a_path_begins_with_the_first_point_at_which_the_robot_is_not() -> None:
-    near = [(0.3, 0.0), (0.301, 0.002)]
-    (_, there), end, _ = run(seq(straight(0.3), follow_path(near[:1])))
+    near = [(0.1, 0.0), (0.101, 0.002)]
+    parts = straight(0.1), follow_path(near[:1]), follow_path([*near, (0.25, 0.0)])
+    (_, there, onward), end, _ = run(seq(*parts))
     assert there.duration == 0.0
-    assert end.x == pytest.approx(0.3, abs=0.004)
-    _, end, robot = run(seq(straight(0.3), follow_path([*near, (0.5, 0.0)])))
-    assert (end.x, end.y, end.heading) == pytest.approx((0.5, 0.0, 0.0), abs=0.01)
-    assert robot.time < 7.5  # it did not turn to a point 2 mm away
+    assert (end.x, end.y, end.heading) == pytest.approx((0.25, 0.0, 0.0), abs=0.01)
+    assert onward.duration < 1.7  # it did not turn to a point 2 mm away
 
 
 def test_a_robot_that_comes_from_where_the_path_leads_stops_and_turns() -> None:

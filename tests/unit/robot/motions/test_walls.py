@@ -68,20 +68,20 @@ def ahead(distance: float) -> World:
 
 @pytest.mark.parametrize(
     ("firmware", "sign", "given"),
-    [("stock", 1.0, True), ("stock", -1.0, False), (21, 1.0, False), (21, -1.0, True)],
+    [("stock", -1.0, False), (21, 1.0, True)],
 )
 def test_a_robot_squares_up_to_a_wall_and_its_odometry_knows(
     firmware: Firmware, sign: float, given: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plants = remembered(monkeypatch)
     askew = math.radians(30.0)
-    middle = 0.2 * sign * math.cos(askew), 0.2 * sign * math.sin(askew)
+    middle = 0.18 * sign * math.cos(askew), 0.18 * sign * math.sin(askew)
     along = -math.sin(askew), math.cos(askew)
     start, end = ((middle[0] + k * along[0], middle[1] + k * along[1]) for k in (-1.0, 1.0))
     config = RobotConfig()
     port = open_emulated(config, firmware, world=World(walls=(Wall(start, end),)))
     with open_robot(config, port=port) as robot:
-        robot.run(wait(1.0))
+        robot.run(wait(0.5))
         result = robot.run(align_on_wall(0.08 * sign, heading=askew if given else None))
         robot.run(wait(0.2))
         (plant,) = plants
@@ -94,48 +94,46 @@ def test_a_robot_squares_up_to_a_wall_and_its_odometry_knows(
         assert robot.estimate.heading_std < math.radians(0.25)
 
 
-@pytest.mark.parametrize(("firmware", "speed"), [("stock", 0.15), ("stock", -0.15), (17, -0.15), (21, 0.15)])
+@pytest.mark.parametrize(("firmware", "speed"), [("stock", -0.15), (21, 0.15)])
 def test_a_robot_that_runs_into_a_wall_is_bumped(
     firmware: Firmware, speed: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plants = remembered(monkeypatch)
     config = RobotConfig()
-    reach = 0.2 + config.body.front
+    reach = 0.12 + config.body.front
     with open_robot(
         config, port=open_emulated(config, firmware, world=ahead(math.copysign(reach, speed)))
     ) as robot:
-        robot.run(wait(0.6))
-        robot.run(drive(speed).until(bumped()).timeout(0.2 / abs(speed) + 1.0))
-        assert abs(plants[0].pose[0]) == pytest.approx(0.2, abs=0.002)
-        assert abs(robot.estimate.x) < 0.2 + 0.3 * abs(speed)
+        robot.run(wait(0.4))
+        robot.run(drive(speed).until(bumped()).timeout(0.12 / abs(speed) + 1.0))
+        assert abs(plants[0].pose[0]) == pytest.approx(0.12, abs=0.002)
+        assert abs(robot.estimate.x) < 0.12 + 0.3 * abs(speed)
 
 
-@pytest.mark.parametrize("firmware", ["stock", None])
-def test_a_robot_whose_wheels_spin_at_a_wall_knows_how_little_it_knows(firmware: Firmware | None) -> None:
+def test_a_robot_whose_wheels_spin_at_a_wall_knows_how_little_it_knows() -> None:
     config = RobotConfig()
-    world = ahead(0.2 + config.body.front)
-    with open_robot(config, port=opened(config, firmware, world)) as robot:
-        robot.run(wait(0.6))
+    world = ahead(0.1 + config.body.front)
+    with open_robot(config, port=opened(config, None, world)) as robot:
+        robot.run(wait(0.4))
         with pytest.raises(MotionTimeout):
-            robot.run(drive(0.15).timeout(4.0))
+            robot.run(drive(0.15).timeout(2.5))
         here = robot.estimate
         assert HELD in here.reasons
         assert here.status is not Status.OK
-        assert 0.2 < here.x - 0.2 < 2.0 * here.x_std
+        assert 0.1 < here.x - 0.1 < 2.0 * here.x_std
         assert here.y_std < 0.005
         assert here.heading_std < math.radians(1.0)
-        robot.run(wait(0.5))
-        assert robot.odometry.observe_line((0.2, 0.0), 0.5 * math.pi, sensor=(0.0, 0.0), std=0.003).accepted
-        assert robot.estimate.x == pytest.approx(0.2, abs=0.005)
+        robot.run(wait(0.3))
+        assert robot.odometry.observe_line((0.1, 0.0), 0.5 * math.pi, sensor=(0.0, 0.0), std=0.003).accepted
+        assert robot.estimate.x == pytest.approx(0.1, abs=0.005)
 
 
 @pytest.mark.parametrize(
     ("firmware", "motion"),
     [
-        (None, straight(0.5)),
-        (None, drive_to(0.5, 0.0)),
-        ("stock", straight(-0.5)),
-        (21, follow_path([(0.5, 0.0)])),
+        (None, drive_to(0.3, 0.0)),
+        ("stock", straight(-0.3)),
+        (21, follow_path([(0.3, 0.0)])),
     ],
     ids=str,
 )
@@ -144,23 +142,23 @@ def test_a_motion_that_ends_at_a_wall_says_that_it_did_not_arrive(
 ) -> None:
     """Its wheels came to the goal: what tells is how much of the way they carried what tyres grip with."""
     config = RobotConfig()
-    reach = 0.2 + config.body.front
+    reach = 0.1 + config.body.front
     world = World(walls=(*ahead(reach).walls, *ahead(-reach).walls))
     with open_robot(config, port=opened(config, firmware, world)) as robot:
-        robot.run(wait(0.6))
+        robot.run(wait(0.4))
         result = robot.run(motion)
         assert not result.arrived
-        assert result.held == pytest.approx(0.3, abs=0.015)
+        assert result.held == pytest.approx(0.2, abs=0.015)
         assert "before its goal" in caplog.text
-        away = robot.run(straight(math.copysign(0.1, -robot.pose.x)))  # of what held before nothing counts
+        away = robot.run(straight(math.copysign(0.05, -robot.pose.x)))  # of what held before nothing counts
         assert away.arrived
 
 
 def test_a_light_robot_with_little_grip_did_not_arrive_either() -> None:
     config = RobotConfig(body=BodyConfig(mass=2.5, grip=0.65))
-    with open_robot(config, port=opened(config, None, ahead(0.2 + config.body.front))) as robot:
+    with open_robot(config, port=opened(config, None, ahead(0.1 + config.body.front))) as robot:
         robot.run(wait(0.6))
-        result = robot.run(straight(0.4))
+        result = robot.run(straight(0.3))
         assert result.held == pytest.approx(0.2, abs=0.015)
         assert robot.estimate.x_std > 0.15
 
@@ -176,23 +174,21 @@ def test_a_path_whose_corner_lies_behind_a_wall_is_given_up_at_the_wall() -> Non
         assert robot.time - begin < 6.0
 
 
-@pytest.mark.parametrize("firmware", [None, 21])
-def test_a_drive_over_lines_that_a_wall_holds_says_so(firmware: Firmware | None) -> None:
+def test_a_drive_over_lines_that_a_wall_holds_says_so() -> None:
     """The pose is 23 cm off by it, and that there is no line is no wonder."""
     config = RobotConfig(tophats={"left": TophatConfig(0, 0.1, 0.03), "right": TophatConfig(1, 0.1, -0.03)})
-    with open_robot(config, port=opened(config, firmware, ahead(0.25))) as robot:
+    with open_robot(config, port=opened(config, None, ahead(0.25))) as robot:
         robot.run(wait(0.5))
         with pytest.raises(CalibrationError, match=r"stood at a wall for 0\.2[2-4] m of it$"):
             calibrate_tophats(robot, 0.4)
         assert any("drive may have ended 0.2" in each for each in robot.drive.remarks.values())
 
 
-@pytest.mark.parametrize("firmware", [21, None])
-def test_a_motion_that_nothing_holds_arrived(firmware: Firmware | None) -> None:
+def test_a_motion_that_nothing_holds_arrived() -> None:
     config = RobotConfig()
-    with open_robot(config, port=opened(config, firmware, ahead(0.5 + config.body.front))) as robot:
-        robot.run(wait(0.6))
-        for motion in (straight(0.4), turn(math.radians(90.0)), straight(-0.1), straight(0.02)):
+    with open_robot(config, port=opened(config, 21, ahead(0.3 + config.body.front))) as robot:
+        robot.run(wait(0.4))
+        for motion in (straight(0.2), turn(math.radians(60.0)), straight(-0.05), straight(0.02)):
             result = robot.run(motion)
             assert result.arrived
             assert result.held == 0.0
@@ -201,14 +197,14 @@ def test_a_motion_that_nothing_holds_arrived(firmware: Firmware | None) -> None:
 def test_a_robot_that_is_bumped_at_once_backs_off_and_comes_again() -> None:
     config = RobotConfig()
     with open_robot(
-        config, port=open_emulated(config, "stock", world=ahead(0.1 + config.body.front))
+        config, port=open_emulated(config, "stock", world=ahead(0.05 + config.body.front))
     ) as robot:
-        robot.run(wait(0.6))
+        robot.run(wait(0.4))
         for _ in range(2):
-            robot.run(drive(0.1).until(bumped()).timeout(3.0))
-            robot.run(straight(-0.1))
+            robot.run(drive(0.1).until(bumped()).timeout(2.0))
+            robot.run(straight(-0.06))
             assert HELD not in robot.estimate.reasons
-        robot.run(turn(math.radians(180.0)))
+        robot.run(turn(math.radians(90.0)))
         assert HELD not in robot.estimate.reasons
 
 
@@ -232,22 +228,21 @@ def test_a_carpet_and_a_ramp_are_no_wall(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_the_ridge_of_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
     """At 0.2 m/s its accelerometer feels twice the slope within half a second: only the gyro tells why."""
     config = RobotConfig()
-    up, down = Box((0.3, -5.0), (0.7, 5.0)), Box((0.7, -5.0), (1.1, 5.0))
+    up, down = Box((0.2, -5.0), (0.5, 5.0)), Box((0.5, -5.0), (0.8, 5.0))
     world = World(ramps=(Ramp(up, -0.088), Ramp(down, 0.088)))  # 10 degrees
     with open_robot(config, port=opened(config, firmware, world)) as robot:
         robot.run(wait(0.6))
-        robot.run(drive(0.19).until(bumped() | after_distance(1.3)))
-        assert robot.estimate.x > 1.28
+        robot.run(drive(0.19).until(bumped() | after_distance(0.9)))
+        assert robot.estimate.x > 0.88
 
 
-@pytest.mark.parametrize("firmware", ["stock", None])
-def test_going_on_from_a_rest_on_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
+def test_going_on_from_a_rest_on_a_ramp_is_no_bump() -> None:
     """Its weight was learnt while it drove up, and not forgotten when it stood."""
     config = RobotConfig()
-    world = World(ramps=(Ramp(Box((0.2, -5.0), (5.0, 5.0)), -0.088),))  # 10 degrees
-    with open_robot(config, port=opened(config, firmware, world)) as robot:
-        robot.run(wait(2.5))
-        for pause, way in ((0.0, 0.5), (0.1, 0.1), (0.1, 0.1), (0.4, 0.1), (0.7, 0.1)):
+    world = World(ramps=(Ramp(Box((0.1, -5.0), (5.0, 5.0)), -0.088),))  # 10 degrees
+    with open_robot(config, port=opened(config, None, world)) as robot:
+        robot.run(wait(0.5))
+        for pause, way in ((0.0, 0.4), (0.1, 0.1), (0.4, 0.1), (0.7, 0.1)):
             robot.run(wait(pause))
             begin = robot.estimate.distance
             robot.run(drive(0.15).until(bumped() | after_distance(way)))
@@ -262,13 +257,11 @@ def test_wheels_that_spun_at_a_wall_calibrate_nothing(
     file, toml = tmp_path / "run.jsonl.gz", tmp_path / "robot.toml"
     toml.write_text("", encoding="utf-8")
     with (
-        open_robot(config, port=opened(config, None, ahead(0.45))) as robot,
+        open_robot(config, port=opened(config, None, ahead(0.3)), record=file) as robot,
         pytest.raises(CalibrationError, match="the wheels may have spun for"),
     ):
-        calibrate_drive(robot, lambda: 0.37)
-    with open_robot(config, port=opened(config, None, ahead(0.45)), record=file) as robot:
-        robot.run(seq(wait(1.0), straight(0.6), wait(1.0)))
-    assert main(["calibrate", "drive", str(file), "--robot", str(toml), "--straight", "0.37"]) != 0
+        calibrate_drive(robot, lambda: 0.22, distance=0.45)
+    assert main(["calibrate", "drive", str(file), "--robot", str(toml), "--straight", "0.22"]) != 0
     assert "the wheels may have spun for" in capsys.readouterr().err
 
 
@@ -295,16 +288,13 @@ AT_THE_BORDER: dict[str, Callable[[], Action[Any]]] = {
 }
 
 
-@pytest.mark.parametrize(
-    ("name", "seed"), [(name, 1 + number % 2) for number, name in enumerate(AT_THE_BORDER)]
-)
-def test_after_wheels_that_spun_at_the_border_the_next_motion_drives_its_distance(
-    name: str, seed: int
-) -> None:
-    config = RobotConfig()
-    port = SimPort(Parameters.from_robot(config), World.default(), seed=seed)
+@pytest.mark.parametrize("name", AT_THE_BORDER)
+def test_after_wheels_that_spun_at_the_border_the_next_motion_drives_its_distance(name: str) -> None:
+    config, begin = RobotConfig(), (0.5, 0.2, math.radians(90.0))
+    port = SimPort(Parameters.from_robot(config), World.default(), seed=1, start=begin)
     with open_robot(config, port=port) as robot:
-        robot.run(seq(wait(1.0), straight(0.5), turn(math.radians(90.0)), straight(0.3)))
+        robot.odometry.reset(*begin)
+        robot.run(seq(wait(0.5), straight(0.1)))
         with pytest.raises(MotionTimeout):
             robot.run(AT_THE_BORDER[name]())
         assert any("as at a wall: end the motion there" in each for each in robot.drive.remarks.values()) is (

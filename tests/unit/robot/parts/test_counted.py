@@ -71,11 +71,8 @@ def test_an_arm_arrives_across_a_restart_and_it_is_said(firmware: Firmware) -> N
     ("firmware", "offset", "rest"),
     [
         ("stock", -77.0, 0.005),
-        ("stock", 31.5, 0.5),
-        (17, -77.0, 0.5),
         (17, 31.5, 0.005),
-        (21, -77.0, 0.005),
-        (21, 31.5, 0.5),
+        (21, -77.0, 0.5),
     ],
 )
 def test_an_offset_that_nobody_calibrated_does_not_make_an_arm_creep(
@@ -101,7 +98,7 @@ def test_an_offset_that_a_dead_zone_hides_does_not_make_an_arm_creep() -> None:
         assert math.degrees(port.plant.free_motors[3].angle) == pytest.approx(45.0, abs=4.0)
 
 
-@pytest.mark.parametrize("firmware", ["stock", 17, 21])
+@pytest.mark.parametrize("firmware", ["stock", 21])
 def test_an_arm_that_comes_fast_stands_where_it_arrives(firmware: Firmware) -> None:
     """What it reads while it rolls out is no offset."""
     port = Emulated(firmware)
@@ -148,10 +145,9 @@ def test_steps_one_after_the_other_do_not_add_up_what_each_is_off() -> None:
         assert arm.angle == pytest.approx(deg(-40.0), abs=near)
 
 
-@pytest.mark.parametrize("firmware", [17, 21])
-def test_an_arm_is_no_faster_than_it_is_read_and_costs_the_wheels_nothing(firmware: Firmware) -> None:
+def test_an_arm_is_no_faster_than_it_is_read_and_costs_the_wheels_nothing() -> None:
     """On a battery that would turn it beyond the 2000 counts that RaccoonOS reads."""
-    port = Emulated(firmware)
+    port = Emulated(21)
     pack = replace(CONFIG.model.battery, open_circuit_voltage=Measured(7.4, 0.1))
     model = replace(CONFIG.model, battery=pack)
     port.plant.become(Parameters.from_robot(replace(CONFIG, model=model)))

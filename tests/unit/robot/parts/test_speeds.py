@@ -85,18 +85,18 @@ def test_motions_are_planned_below_it_and_end_on_their_mark(motion: Action[Motio
 
 
 @pytest.mark.parametrize(
-    ("firmware", "motion"), [("stock", straight(0.03, 0.001)), (21, follow_path([(0.03, 0.0)], 0.001))]
+    ("firmware", "motion"), [("stock", straight(0.02, 0.001)), (21, follow_path([(0.02, 0.0)], 0.001))]
 )
 def test_a_motion_is_no_slower_than_its_way_is_counted(
     firmware: Firmware, motion: Action[MotionResult]
 ) -> None:
-    """In the dead zone the robot would go on until it believes to be there: 7 cm instead of 3."""
+    """In the dead zone the robot would go on until it believes to be there: 6 cm instead of 2."""
     plant = SimulatedPlant(Parameters.from_robot(FRESH))
     clock = SteppedClock()
     port = WombatPort(Emulator(plant, firmware, clock=clock), clock=clock)
     with open_robot(FRESH, port=port) as robot:
-        result = robot.run(seq(wait(0.5), motion))[1]
-        assert plant.pose[0] == pytest.approx(0.03, abs=0.0015)
+        result = robot.run(seq(wait(0.3), motion))[1]
+        assert plant.pose[0] == pytest.approx(0.02, abs=0.0015)
         assert result.planned > 3.0
         (said,) = robot.drive.remarks.values()
         assert "m/s at least: wombat-" in said
