@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,7 +20,7 @@ Segment = tuple[float, float, float]
 """(seconds, velocity m/s, turn rate rad/s); reached with a limited acceleration."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Errors:
     """What is wrong with the robot. Left before right; scales are reading over truth."""
 
@@ -53,7 +54,7 @@ def commands(segments: Sequence[Segment], dt: float) -> Iterator[tuple[float, fl
 
 def drive(
     segments: Sequence[Segment],
-    errors: Errors = Errors(),  # noqa: B008
+    errors: Errors = Errors(),
     *,
     seed: int = 0,
     dt: float = 0.005,
@@ -63,6 +64,34 @@ def drive(
     gyro_every: int = 1,
 ) -> Iterator[tuple[Inputs, Outputs]]:
     """The cycles of a drive: inputs (with truth) and the command in force. gyro_every 0: no gyro."""
+    return iter(_recorded(tuple(segments), errors, seed, dt, device, counters, bemf, gyro_every))
+
+
+@lru_cache(maxsize=32)
+def _recorded(
+    segments: tuple[Segment, ...],
+    errors: Errors,
+    seed: int,
+    dt: float,
+    device: Device,
+    counters: bool,
+    bemf: bool,
+    gyro_every: int,
+) -> tuple[tuple[Inputs, Outputs], ...]:
+    """Many tests damage the same drives, each in its own way."""
+    return tuple(_cycles(segments, errors, seed, dt, device, counters, bemf, gyro_every))
+
+
+def _cycles(
+    segments: tuple[Segment, ...],
+    errors: Errors,
+    seed: int,
+    dt: float,
+    device: Device,
+    counters: bool,
+    bemf: bool,
+    gyro_every: int,
+) -> Iterator[tuple[Inputs, Outputs]]:
     noise = (
         np.random.default_rng(seed)
         .normal(size=(round(sum(each[0] for each in segments) / dt) + 8, 5))

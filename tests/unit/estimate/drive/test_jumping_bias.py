@@ -41,8 +41,9 @@ def driven(
     return estimate, abs(estimate.heading - truth.heading), place
 
 
-@pytest.mark.parametrize(("jump", "at"), [(0.02, 1.1), (0.02, 3.0), (-0.03, 2.0), (0.01, 3.0)])
-@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize(
+    ("jump", "at", "every"), [(0.02, 1.1, 1), (0.02, 1.1, 4), (0.02, 3.0, 4), (-0.03, 2.0, 4), (0.01, 3.0, 1)]
+)
 def test_what_another_bias_has_turned_is_in_doubt(jump: float, at: float, every: int) -> None:
     estimate, turned, moved = driven(jump, at, every=every)
     assert turned < 2.5 * estimate.heading_std

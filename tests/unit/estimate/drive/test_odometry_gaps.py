@@ -37,9 +37,16 @@ def sigmas(estimate: DriveEstimate, inputs: Inputs) -> tuple[float, float, float
     )
 
 
-@pytest.mark.parametrize("seconds", [0.15, 0.4, 1.0, 5.0])
 @pytest.mark.parametrize(
-    "motion", [(1.0, 0.0, 1.5), (1.0, 0.15, 0.0), (1.0, 0.12, 1.0)], ids=["turn", "straight", "arc"]
+    ("motion", "seconds"),
+    [
+        ((1.0, 0.0, 1.5), 0.15),
+        ((1.0, 0.0, 1.5), 1.0),
+        ((1.0, 0.15, 0.0), 0.4),
+        ((1.0, 0.15, 0.0), 5.0),
+        ((1.0, 0.12, 1.0), 0.4),
+        ((1.0, 0.12, 1.0), 5.0),
+    ],
 )
 def test_motion_that_ends_unseen_is_counted(motion: Segment, seconds: float) -> None:
     segments: list[Segment] = [(2.0, 0.0, 0.0), (1.0, 0.0, -1.0), (1.0, 0.0, 0.0), motion, (6.0, 0.0, 0.0)]
@@ -67,9 +74,19 @@ def test_a_gyro_that_is_late_tells_no_part_of_a_turn_twice_after_a_gap_in_it(sec
     assert abs(estimate.heading - inputs.truth.heading) < 0.006
 
 
-@pytest.mark.parametrize("seconds", [0.07, 0.12, 0.3, 1.0])
-@pytest.mark.parametrize("motion", [(1.0, 0.0, 1.5), (1.0, 0.15, 0.0)], ids=["turn", "straight"])
-@pytest.mark.parametrize("gyro_every", [1, 4])
+@pytest.mark.parametrize(
+    ("motion", "seconds", "gyro_every"),
+    [
+        ((1.0, 0.0, 1.5), 0.07, 1),
+        ((1.0, 0.0, 1.5), 0.12, 4),
+        ((1.0, 0.0, 1.5), 0.3, 1),
+        ((1.0, 0.0, 1.5), 1.0, 4),
+        ((1.0, 0.15, 0.0), 0.07, 4),
+        ((1.0, 0.15, 0.0), 0.12, 1),
+        ((1.0, 0.15, 0.0), 0.3, 4),
+        ((1.0, 0.15, 0.0), 1.0, 1),
+    ],
+)
 def test_a_silent_link_is_a_gap_though_cycles_come(motion: Segment, seconds: float, gyro_every: int) -> None:
     segments: list[Segment] = [(2.0, 0.0, 0.0), motion, (2.0, 0.0, 0.0)]
 
@@ -175,7 +192,7 @@ def later(cycles: Iterator[Cycle], after: float, seconds: float) -> Iterator[Cyc
         yield replace(inputs, time=inputs.time + seconds, position=(*counted, None, None)), command
 
 
-@pytest.mark.parametrize("seconds", [10.0, 100.0, 600.0, 1800.0, 3599.0, 3601.0, 36000.0])
+@pytest.mark.parametrize("seconds", [10.0, 600.0, 3599.0, 3601.0, 36000.0])
 def test_a_long_pause_neither_moves_the_robot_nor_makes_it_sure(seconds: float) -> None:
     segments: list[Segment] = [
         *((2.0, 0.0, 0.0), (1.0, 0.1, 0.8), (2.0, 0.0, 0.0)),

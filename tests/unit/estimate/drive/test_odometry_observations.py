@@ -118,7 +118,7 @@ def test_what_cannot_be_true_is_told_and_not_taken() -> None:
     assert odometry.estimate == before
 
 
-@pytest.mark.parametrize("delay", [0.1, 0.5, 1.5])
+@pytest.mark.parametrize("delay", [0.1, 1.5])
 def test_a_late_observation_counts_where_it_was_made(delay: float) -> None:
     """Seen at t and told at t + delay must give what it gives when told at once."""
     told: list[tuple[float, float, float]] = []

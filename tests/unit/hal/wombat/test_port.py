@@ -113,7 +113,7 @@ def test_no_rate_beats_with_the_updates_of_the_counters(rate_hz: float) -> None:
     """At 235 uneven updates a second and 240 looks, two updates were now and then taken for a faster one."""
     bench = Bench("stock", rate_hz=rate_hz)
     bench.run(FORWARD, round(rate_hz))
-    seen = [each.bemf[0] for each in bench.run(FORWARD, round(5.0 * rate_hz)) if each.bemf[0] is not None]
+    seen = [each.bemf[0] for each in bench.run(FORWARD, round(2.5 * rate_hz)) if each.bemf[0] is not None]
     assert max(seen) < 1.05 * min(seen)
 
 
@@ -199,7 +199,7 @@ def test_an_imu_that_freezes_after_a_pause_is_told_as_soon_as_before_it(bench: B
 def test_a_robot_at_rest_may_repeat_itself_for_ever(firmware: Firmware) -> None:
     bench = Bench(firmware, noise=False)
     bench.emulator.faults.imu_frozen = True
-    quiet = bench.run(STOP, 800)
+    quiet = bench.run(STOP, 500)
     assert Fault.STALE not in {fault for inputs in quiet for fault in inputs.faults}
     assert None not in quiet[-1].position
     driven = bench.run(FORWARD, 100)
