@@ -101,11 +101,11 @@ def endless_action(ended: list[str], name: str, error: Exception | None = None) 
 def run(
     action: Action[Any], port: Port | None = None, config: RobotConfig = CONFIG
 ) -> tuple[Any, Truth, Robot]:
-    """Result, true end pose and the robot, after half a second of standing still at first."""
+    """Result, true end pose and the robot, after 0.3 s of standing still at first."""
     with open_robot(config, port=port or simulated_port()) as robot:
-        robot.run(wait(0.5))
-        result = robot.run(action)
         robot.run(wait(0.3))
+        result = robot.run(action)
+        robot.run(wait(0.2))
         assert robot.inputs is not None
         assert robot.inputs.truth is not None
         return result, robot.inputs.truth, robot

@@ -91,7 +91,7 @@ def test_a_gyro_of_another_full_scale_is_named_and_no_motor(factor: float, confi
 def gives_up(port: Port, action: Action[Any], config: RobotConfig = CONFIG) -> str:
     """What a motion says that does not come to its end."""
     with open_robot(config, port=port) as robot:
-        robot.run(wait(1.0))
+        robot.run(wait(0.5))
         with pytest.raises(MotionTimeout) as found:
             robot.run(action)
         return str(found.value)
@@ -126,10 +126,10 @@ def test_a_wall_that_keeps_a_robot_from_turning_is_no_gyro() -> None:
     with open_robot(
         CONFIG, port=simulated_port(world=World(walls=(Wall((0.12, -1.0), (0.12, 1.0)),)))
     ) as robot:
-        robot.run(wait(1.0))
+        robot.run(wait(0.5))
         for turn_rate in (0.8, -0.8):
             with pytest.raises(MotionTimeout):
-                robot.run(drive(0.12, turn_rate).timeout(4.0))
+                robot.run(drive(0.12, turn_rate).timeout(3.0))
         assert robot.odometry.turn_share == 1.0
 
 
@@ -356,7 +356,7 @@ def test_what_scrubs_in_turns_makes_no_motor_odd() -> None:
 
 def test_a_motor_is_found_odd_between_turns_too() -> None:
     effects = {"motor.armature_resistance@left": {"factor": 1.6}}
-    parts = [part for _ in range(3) for part in (straight(0.4), turn(deg(90)))]
+    parts = [part for _ in range(3) for part in (straight(0.3), turn(deg(60)))]
     _, _, robot = run(seq(*parts), simulated_port(effects=effects))
     (said,) = robot.drive.find_oddities()
     assert said.startswith("the left motor (port 0) needs 1.")

@@ -56,7 +56,7 @@ def test_a_motion_ends_soon_and_says_what_is_wrong(
 ) -> None:
     """It went on for twice its time, and blamed the battery and slip."""
     with open_robot(RobotConfig(), port=wired(cables, behind)) as robot:
-        robot.run(wait(1.0))
+        robot.run(wait(0.5))
         begin = robot.time
         with pytest.raises(MotionTimeout) as error:
             robot.run(motion)
@@ -70,7 +70,7 @@ def test_straight_ahead_it_is_said_once_the_heading_is_corrected_the_wrong_way()
     """At first the gyro sees nothing of two motors that are both the other way round."""
     cables = RobotConfig(motors={0: TURNED, 1: TURNED})
     with open_robot(RobotConfig(), port=wired(cables, "simulator")) as robot:
-        robot.run(wait(1.0))
+        robot.run(wait(0.5))
         begin = robot.time
         with pytest.raises(MotionTimeout, match=OTHER_WAY):
             robot.run(straight(0.3))
@@ -83,7 +83,7 @@ def test_a_drive_without_a_goal_ends_as_soon(behind: str) -> None:
     The sign that is to be written is the other one than is written."""
     config = RobotConfig(motors={0: TURNED})
     with open_robot(config, port=wired(RobotConfig(), behind)) as robot:
-        robot.run(wait(1.0))
+        robot.run(wait(0.5))
         begin = robot.time
         with pytest.raises(MotionTimeout, match=r"^drive 0\.1 m/s: the robot turns as if") as error:
             robot.run(drive(0.1).until(after_time(5.0)))
@@ -100,7 +100,7 @@ def test_a_line_is_not_looked_for_with_motors_the_wrong_way_round() -> None:
             sensor.calibrate(
                 calibrate([400.0 + i % 5 for i in range(200)] + [2900.0 + i % 9 for i in range(200)])
             )
-        robot.run(wait(1.0))
+        robot.run(wait(0.5))
         begin = robot.time
         with pytest.raises(MotionTimeout, match="plugged in the other way round"):
             robot.run(follow_line("left"))
@@ -111,6 +111,6 @@ def test_a_line_is_not_looked_for_with_motors_the_wrong_way_round() -> None:
 def test_plain_duties_go_on_and_the_log_says_it(caplog: pytest.LogCaptureFixture) -> None:
     """They are under no control that could run away, and may be what finds out which motor is which."""
     with open_robot(RobotConfig(), port=wired(RobotConfig(motors={0: TURNED}), "simulator")) as robot:
-        robot.run(wait(1.0))
+        robot.run(wait(0.5))
         robot.run(motors(0.5, 0.5).until(after_time(1.5)))
     assert [record.message for record in caplog.records if LEFT + " true under [motor.0]" in record.message]

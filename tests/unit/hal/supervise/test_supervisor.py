@@ -26,9 +26,7 @@ def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Supervised
 @pytest.mark.parametrize(
     ("bench", "number"),
     [
-        ("stock", signal.SIGKILL),
         (17, signal.SIGKILL),
-        (21, signal.SIGKILL),
         ("stock", signal.SIGTERM),
         (17, signal.SIGHUP),
         (21, signal.SIGABRT),
@@ -94,7 +92,11 @@ os.wait()
         bench.close()
 
 
-@pytest.mark.parametrize("arguments", [("20",), ("20", "crash")])
+@pytest.mark.parametrize(
+    ("bench", "arguments"),
+    [("stock", ("20",)), (17, ("20", "crash")), (21, ("20",)), (21, ("20", "crash"))],
+    indirect=["bench"],
+)
 def test_a_program_that_ends_stops_its_motors_itself(
     bench: SupervisedBench, arguments: tuple[str, ...]
 ) -> None:

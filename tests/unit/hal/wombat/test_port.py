@@ -188,7 +188,7 @@ def test_repeated_imu_words_are_not_news(bench: Bench) -> None:
 def test_an_imu_that_freezes_after_a_pause_is_told_as_soon_as_before_it(bench: Bench) -> None:
     bench.run(STOP, 200)
     rate = bench.port.rates.imu
-    bench.clock.advance(60.0)  # somebody is asked to press Enter
+    bench.clock.advance(30.0)  # somebody is asked to press Enter
     assert Fault.IMU_FROZEN not in bench.run(STOP, 20)[-1].faults
     assert bench.port.rates.imu == pytest.approx(rate, rel=0.05)
     bench.emulator.faults.imu_frozen = True
@@ -212,7 +212,7 @@ def pause_that_stops(bench: Bench) -> None:
     guard = Watched()
     bench.port._guard = guard
     bench.port._hold(bench.port.dialect.hold(FORWARD))
-    bench.run(FORWARD, 200)
+    bench.run(FORWARD, 100)
     bench.clock.advance(0.5)
     bench.emulator.transfer(guard.held[-1])
     bench.clock.advance(1.0)
@@ -314,10 +314,10 @@ def test_offsets_at_rest_are_measured() -> None:
 def test_offsets_that_are_known_are_no_fault(firmware: Firmware) -> None:
     bench = Bench(firmware, resting_bemf=(31.5, -54.9, 0.0, 0.0))
     bench.emulator.faults.bemf_offset = (-31.5, 54.9, 0.0, 0.0) if firmware != "stock" else (0.0,) * 4
-    seen = bench.run(STOP, 300)
+    seen = bench.run(STOP, 200)
     assert not any(each.faults for each in seen)
     bench.emulator.faults.bemf_offset = (-31.5, 54.9, 90.0, 0.0)
-    assert Fault.BEMF_INVALID in bench.run(STOP, 300)[-1].faults
+    assert Fault.BEMF_INVALID in bench.run(STOP, 200)[-1].faults
 
 
 def test_two_controllers_with_one_frame_length_apart_are_told_apart_when_shifted() -> None:
@@ -347,7 +347,7 @@ def test_single_dead_frames_before_and_after_a_pause_are_no_lost_link(bench: Ben
     for _ in range(2):
         bench.emulator.faults.silent = 0
         assert Fault.LINK_DEAD in bench.port.read().faults
-        bench.clock.advance(5.0)
+        bench.clock.advance(3.0)
     bench.emulator.faults.silent = None
     assert bench.run(STOP, 3)[-1].faults == ()
 

@@ -59,12 +59,12 @@ def test_an_error_anywhere_stops_the_motors_and_the_rest(
     program: Callable[[BaseException], Action[object]], error: BaseException
 ) -> None:
     with open_robot(CONFIG, port=simulated_port()) as robot:
-        robot.run(wait(0.5))
+        robot.run(wait(0.2))
         with pytest.raises(type(error)):
             robot.run(program(error))
         assert robot.outputs.duty == (0.0, 0.0, 0.0, 0.0)
         begin = robot.estimate.distance
-        robot.run(wait(1.0))  # nothing runs on in the background
+        robot.run(wait(0.5))  # nothing runs on in the background
         assert robot.estimate.distance == pytest.approx(begin, abs=0.02)
         assert robot.run(straight(0.05)).along == pytest.approx(0.0, abs=0.002)
 
@@ -122,11 +122,15 @@ def test_what_follows_a_straight_that_was_ended_starts_where_that_came_to(reache
     assert end.x == pytest.approx(reached + 0.1, abs=0.005)
 
 
-@pytest.mark.parametrize("reached", [5.0, 15.0, 25.0])
 @pytest.mark.parametrize(
-    "motion",
-    [turn(deg(90)), arc(0.3, deg(90)), follow_path([(0.3, 0.0), (0.3, 0.6)], rounding=0.3)],
-    ids=["turn", "arc", "path"],
+    ("motion", "reached"),
+    [
+        (turn(deg(90)), 5.0),
+        (turn(deg(90)), 25.0),
+        (arc(0.3, deg(90)), 15.0),
+        (follow_path([(0.3, 0.0), (0.3, 0.6)], rounding=0.3), 5.0),
+        (follow_path([(0.3, 0.0), (0.3, 0.6)], rounding=0.3), 25.0),
+    ],
 )
 def test_what_follows_a_turn_that_was_ended_keeps_it(motion: Action[object], reached: float) -> None:
     _, end, _ = run(seq(motion.until(after_angle(deg(reached))), straight(0.1)))

@@ -70,7 +70,7 @@ def test_wheels_that_spin_at_a_wall_are_not_stalled() -> None:
     with open_robot(CONFIG, port=simulated_port(world=WALL)) as robot:
         robot.run(wait(0.5))
         with pytest.raises(MotionTimeout):
-            robot.run(drive(0.15).until(stalled()).timeout(4.0))
+            robot.run(drive(0.15).until(stalled()).timeout(3.0))
 
 
 def test_a_robot_backs_off_from_what_struck_it() -> None:

@@ -62,8 +62,8 @@ def test_the_pack_s_resistance_is_learnt_while_driving() -> None:
         "battery.open_circuit_voltage": {"voltage": 6.6},
     }
     with open_robot(CONFIG, port=simulated_port(effects=effects)) as robot:
-        robot.run(wait(1.0))
-        robot.run(repeat(seq(straight(0.2), wait(0.6), straight(-0.2), wait(0.6)), 2))
+        robot.run(wait(0.6))
+        robot.run(repeat(seq(straight(0.15), wait(0.5), straight(-0.15), wait(0.5)), 2))
         pack = robot.pack.estimate
     assert pack.internal_resistance == pytest.approx(0.12, abs=0.02)
     assert pack.open_circuit_voltage == pytest.approx(6.6, abs=0.01)

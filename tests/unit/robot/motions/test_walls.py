@@ -167,7 +167,7 @@ def test_a_path_whose_corner_lies_behind_a_wall_is_given_up_at_the_wall() -> Non
     """Not after twice the time of the whole path, spinning its wheels: 38 s of a match of 120."""
     config = RobotConfig()
     with open_robot(config, port=opened(config, None, ahead(0.1 + config.body.front))) as robot:
-        robot.run(wait(0.6))
+        robot.run(wait(0.4))
         begin = robot.time
         with pytest.raises(MotionTimeout, match="path not done"):
             robot.run(follow_path([(0.3, 0.0), (0.3, 0.6), (0.0, 0.6), (0.0, 1.2)]))
@@ -215,10 +215,10 @@ def test_a_carpet_and_a_ramp_are_no_wall(monkeypatch: pytest.MonkeyPatch) -> Non
     carpet = floor.with_effect("friction.coulomb", torque=2.0 * config.model.friction.coulomb.value)
     uphill = floor.with_effect("drive.slope", along_x=-0.088, along_y=0.0)  # 10 degrees
     with open_robot(config, port=open_emulated(config, 21)) as robot:
-        robot.run(wait(0.6))
+        robot.run(wait(0.3))
         for part in (floor, carpet, uphill, floor):
             plants[0].become(part)
-            robot.run(wait(0.5))  # it is set down on another slope, and feels its weight there
+            robot.run(wait(0.4))  # it is set down on another slope, and feels its weight there
             with pytest.raises(MotionTimeout):
                 robot.run(drive(0.15).until(bumped()).timeout(0.8))
             robot.run(straight(-0.05))

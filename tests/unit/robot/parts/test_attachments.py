@@ -317,7 +317,7 @@ def test_an_exception_in_the_program_stops_the_arm_and_lets_it_go(held: bool) ->
             robot.run(wait(0.05))
 
 
-@pytest.mark.parametrize("firmware", ["stock", 17, 21])
+@pytest.mark.parametrize("firmware", ["stock", 21])
 def test_an_arm_behind_every_firmware(firmware: Firmware) -> None:
     with open_robot(CONFIG, port=open_emulated(CONFIG, firmware)) as robot:
         robot.run(wait(0.5))
