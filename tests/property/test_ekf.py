@@ -16,7 +16,7 @@ from raccoon.estimate.ekf.filter import DriveFilter, covariance_of, mean_of
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.drive import DriveGeometry
 
-STEPS = int(os.environ.get("RACCOON_EKF_STEPS", "20000"))
+STEPS = int(os.environ.get("RACCOON_EKF_STEPS", "10000"))
 
 
 def fresh() -> DriveFilter:

@@ -186,26 +186,26 @@ class DamagedLink:
     def _good(self) -> bytes:
         """A frame of a robot that drives: counters advance as its back-EMF says, sensors are noisy."""
         self._clock += 2500
-        noise = self.random.randrange
+        noise = [byte % 9 for byte in self.random.randbytes(16)]
         travelled = int(self._time.now() * self._rate) * self._step
         counters = [start + travelled & 0xFFFF_FFFF for start in self._start]
         if self._stock:
             reply = bytearray(stock.MAGIC.ljust(stock.LENGTH, b"\x02"))
-            struct.pack_into(">3h", reply, stock.ACCEL, noise(50), noise(50), -8192 + noise(50))
-            struct.pack_into(">3h", reply, stock.GYRO, noise(9), noise(9), noise(9))
+            struct.pack_into(">3h", reply, stock.ACCEL, *noise[:2], -8192 + noise[2])
+            struct.pack_into(">3h", reply, stock.GYRO, *noise[3:6])
             struct.pack_into(">4I", reply, stock.MOT_POS, *counters)
-            struct.pack_into(">H", reply, stock.BATTERY, 750 + noise(4))
+            struct.pack_into(">H", reply, stock.BATTERY, 750 + noise[6] // 2)
             if self._sent[:1] == b"J":
                 for address, value in zip(self._sent[4:44:2], self._sent[5:45:2], strict=True):
                     reply[address] = value
             return bytes(reply)
         reply = bytearray(self._length)
         struct.pack_into("<BI", reply, 0, self._version, self._clock & 0xFFFF_FFFF)
-        struct.pack_into("<4i", reply, 5, *(-900 + noise(9) for _ in range(4)))
+        struct.pack_into("<4i", reply, 5, *(-900 + each for each in noise[:4]))
         struct.pack_into("<4I", reply, 21, *counters)
-        struct.pack_into("<7h", reply, 38, *(1000 + noise(3) for _ in range(6)), 750 + noise(4))
-        struct.pack_into("<3f", reply, 54, *(0.01 * noise(9) for _ in range(3)))
-        struct.pack_into("<3f", reply, 67, 0.001 * noise(9), 0.0, 9.8)
+        struct.pack_into("<7h", reply, 38, *(1000 + each // 3 for each in noise[4:10]), 750 + noise[10] // 2)
+        struct.pack_into("<3f", reply, 54, *(0.01 * each for each in noise[11:14]))
+        struct.pack_into("<3f", reply, 67, 0.001 * noise[14], 0.0, 9.8)
         struct.pack_into("<f", reply, 119, 1.0)
         return bytes(reply)
 
@@ -216,7 +216,7 @@ class DamagedLink:
         if kind < 0.85:
             damaged = bytearray(reply)
             for _ in range(self.random.randrange(1, 8)):
-                damaged[self.random.randrange(len(damaged))] = self.random.randrange(256)
+                damaged[int(self.random.random() * len(damaged))] = self.random.getrandbits(8)
             return bytes(damaged)
         if kind < 0.90:
             return reply[:3] + self.random.randbytes(len(reply) - 3)

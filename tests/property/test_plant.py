@@ -63,7 +63,7 @@ def kinetic_energy(plant: Plant, state: State) -> float:
     return 0.5 * plant.inertia_own * (left * left + right * right) + plant.inertia_other * left * right
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(robots(), DUTIES)
 def test_kinetic_energy_comes_out_of_the_battery(
     parameters: Parameters, duties: list[tuple[float, float]]
@@ -74,7 +74,7 @@ def test_kinetic_energy_comes_out_of_the_battery(
         assert kinetic_energy(plant, state) <= drawn + 1e-12
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(robots(), st.floats(-8.0, 8.0), st.floats(-8.0, 8.0), st.sampled_from([0.0, 1.0]))
 def test_without_power_a_robot_only_slows_down(
     parameters: Parameters, left: float, right: float, closed: float
@@ -93,7 +93,7 @@ def test_without_power_a_robot_only_slows_down(
         energy = kinetic_energy(plant, state)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(robots(), DUTIES)
 def test_the_mirrored_robot_drives_the_mirrored_path(
     parameters: Parameters, duties: list[tuple[float, float]]
@@ -113,7 +113,7 @@ FRICTIONS = st.tuples(*4 * [st.floats(0.0, 1.0)])
 Numbers = tuple[float, ...]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(INERTIAS, st.floats(-0.95, 0.95), TORQUES, FRICTIONS)
 def test_two_wheels_under_dry_friction_move_as_the_one_case_that_holds(
     own: Numbers, coupled: float, push: Numbers, dry: Numbers
