@@ -3,19 +3,16 @@
 import gc
 import os
 import signal
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from raccoon.core.errors import ConfigError
-from raccoon.sweep.results import read_results
-from raccoon.sweep.runs import sweep
+from raccoon.sweep.execute import run_all
 from raccoon.sweep.workers import dask_crew
-from sweep_work import tiny_match
-
-RUNS = 16
+from sweep_calls import kills_its_worker_once
 
 
 def test_a_killed_worker_loses_nothing_and_nothing_counts_twice(tmp_path: Path) -> None:
@@ -24,24 +21,12 @@ def test_a_killed_worker_loses_nothing_and_nothing_counts_twice(tmp_path: Path) 
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
-        workers = list(client.run(os.getpid).values())
+        workers = set(client.run(os.getpid).values())
         assert len({*workers, os.getpid()}) == 3
-        played = []
-
-        def kill_one(count: int, _total: int, _failed: int) -> None:
-            played.append(count)
-            if count == 3:
-                os.kill(workers[0], signal.SIGKILL)
-
-        crew = dask_crew(cluster.scheduler_address)
-        rows = sweep(tiny_match(), RUNS, seed=4, executor=crew, out=tmp_path / "r.csv", progress=kill_one)
-        assert workers[0] not in client.run(os.getpid).values()
-    assert played == list(range(1, RUNS + 1))
-    with ThreadPoolExecutor(1) as threads:
-        others = sweep(tiny_match(), RUNS, seed=4, executor=threads, out=tmp_path / "other.csv")
-    assert repr(rows) == repr(others)  # NaN is as NaN
-    assert [row["run"] for row in read_results(tmp_path / "r.csv")] == list(range(RUNS))
-    assert (tmp_path / "r.csv").read_bytes() == (tmp_path / "other.csv").read_bytes()
+        with dask_crew(cluster.scheduler_address) as crew:
+            found = list(run_all(partial(kills_its_worker_once, str(tmp_path)), range(8), crew, int))
+        assert len(workers & set(client.run(os.getpid).values())) == 1
+    assert sorted(found) == [(number, number**2) for number in range(8)]
 
 
 def test_workers_that_are_started_here_hear_no_interruption() -> None:

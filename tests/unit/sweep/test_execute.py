@@ -14,7 +14,7 @@ import pytest
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.execute import Crew, run_all
 from raccoon.sweep.workers import process_crew
-from sweep_work import (
+from sweep_calls import (
     always_kills_its_worker,
     kills_its_worker_once,
     leaves_a_thread,
