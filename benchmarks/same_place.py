@@ -18,7 +18,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from contract.test_same_place import FIRMWARES, Mission, end_of, long_mission
+from contract.test_same_place import FIRMWARES, Mission, end_of
 from raccoon.robot.motions.goals import straight, turn
 from raccoon.robot.robot import Robot
 
@@ -30,6 +30,15 @@ def short_mission(robot: Robot) -> None:
     """Without a rest before it: the gyro's bias is not known."""
     robot.run(straight(0.5))
     robot.run(turn(math.pi / 2))
+
+
+def long_mission(robot: Robot) -> None:
+    """Two sides of a rectangle, after a rest that tells the gyro's bias."""
+    for _ in range(400):
+        robot.tick()
+    for length in (0.4, 0.3):
+        robot.run(straight(length))
+        robot.run(turn(math.pi / 2))
 
 
 def square(robot: Robot) -> None:
