@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -29,10 +29,13 @@ import diagnosis_cases  # puts tests/blind on the path
 from blind.generator import Noise, make
 from blind.hidden import Hidden, draw, draw_unknown
 from diagnosis_trial import diagnosed_columns
+from raccoon import open_robot, seq, straight, wait
 from raccoon.cli import main as raccoon
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import ControllerConfig, RobotConfig
+from raccoon.core.readings import SIMULATOR
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.result import Diagnosis
+from raccoon.diagnose.rollout.firmware import Firmware, firmware_of
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.model_file import save_model
 from raccoon.sim.effects.parameters import Parameters
@@ -48,7 +51,8 @@ ROBOT = RobotConfig()
 class Held:
     """One recording. causes: exactly those must be named, or be in the class of one that is; by_chance: and
     those may be. Beside causes, one that is reported as not mattering may be named too. unknown: on what
-    something unknown must depend, or nothing. notes: words that some note must have."""
+    something unknown must depend, or nothing. notes: words that some note must have. firmware: of the
+    controller, if the recording names it."""
 
     name: str
     columns: Callable[[], Columns]
@@ -56,6 +60,7 @@ class Held:
     unknown: str = ""
     notes: tuple[str, ...] = ()
     by_chance: frozenset[str] = frozenset()
+    firmware: Firmware | None = None
 
     def faults(self, said: Diagnosis) -> Iterator[str]:
         """What is not as it must be."""
@@ -88,7 +93,7 @@ def main() -> None:
     failed = 0
     for row in rows:
         columns, begin = row.columns(), time.process_time()
-        faults = list(row.faults(diagnose(columns, ROBOT)))
+        faults = list(row.faults(diagnose(columns, ROBOT, firmware=row.firmware)))
         failed += bool(faults)
         print(f"{row.name:44s} {time.process_time() - begin:5.0f} s  {'; '.join(faults) or 'ok'}", flush=True)
     print(f"ok: {len(rows) - failed} of {len(rows)}")
@@ -167,6 +172,21 @@ def _simulated(
 ) -> Held:
     """The package's own robot, in a drive that shows everything."""
     return Held(name, lambda: record_simulated_drive(robot, seconds, seed), frozenset(causes), notes=notes)
+
+
+def _legs_at_one_speed(name: str) -> Held:
+    """A sound robot under its speed loop, which answers what a reading was off by within 20 ms."""
+
+    def columns() -> Columns:
+        with tempfile.TemporaryDirectory() as folder:
+            run = Path(folder) / "run.jsonl.gz"
+            with open_robot(
+                replace(ROBOT, controller=ControllerConfig(port="sim")), record=run, seed=0
+            ) as robot:
+                robot.run(seq(wait(1.0), straight(1.5, 0.3), straight(-1.5, 0.3), wait(1.0)))
+            return dict(load_run(run).recording.columns)
+
+    return Held(name, columns, frozenset(), firmware=firmware_of(SIMULATOR))
 
 
 def _checked_up(name: str, faults: Faults) -> Held:
@@ -278,6 +298,7 @@ ROWS = (
     ),
     _written_late("commands of the row before/clean"),
     _written_late("commands of the row before/inertia", "drive.inertia"),
+    _legs_at_one_speed("speed loop/legs at one speed"),
     _checked_up(
         "checkup/three faults",
         {

@@ -30,6 +30,20 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture
+def few_causes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recorded drive may have few causes, where a test is not about which it has: a short diagnosis spends
+    half of its time on the others."""
+    from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+
+    ids = {
+        "actuation.latency", "battery.discharge", "battery.internal_resistance", "bemf.filter_lag",
+        "bemf.scale", "drive.track_width", "imu.gyro_scale", "motor.back_emf_constant",
+    }  # fmt: skip
+    few = [each for each in drive_causes() if each.id in ids]
+    monkeypatch.setattr("raccoon.diagnose.recordings.drive.drive_causes", lambda: few)
+
+
+@pytest.fixture
 def without_numba(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """As where numba is not installed: the plant's equations run as plain Python."""
     for module in (compiled, running):

@@ -68,6 +68,7 @@ def test_workers_that_one_recording_leaves_idle_are_told_of(
     assert told == (said if asked else "")
 
 
+@pytest.mark.usefixtures("few_causes")
 def test_the_model_says_what_it_was_made_from(
     drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -252,6 +253,7 @@ def test_a_recording_is_not_its_own_judge(tmp_path: Path, capsys: pytest.Capture
         assert f"--holdout {link}: it is also diagnosed" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("few_causes")
 def test_an_error_of_the_recording_to_judge_on_names_that(
     drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -450,6 +452,7 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize("broken", [False, True])
+@pytest.mark.usefixtures("few_causes")
 def test_whoever_waits_at_a_terminal_is_told_what_it_is_doing(
     broken: bool, drive: Columns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -51,9 +51,16 @@ def test_the_advice_names_the_nearest_rival(
     assert said.endswith(f"\nnothing was driven: --record FILE drives '{best}' and records it\n")
 
 
+@pytest.mark.usefixtures("few_causes")
 def test_a_fault_that_was_rehearsed_is_found(
-    robot_toml: Path, excite: Excite, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    robot_toml: Path,
+    excite: Excite,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    short = manoeuvre("steps")[:1200]
+    monkeypatch.setitem(MANOEUVRES, "steps", lambda: short)
     model, run = tmp_path / "model.toml", tmp_path / "run.jsonl.gz"
     late = Parameters(RobotConfig(), {("actuation.latency", None): {"seconds": 0.03}})
     save_model(late, model)
@@ -64,8 +71,11 @@ def test_a_fault_that_was_rehearsed_is_found(
     assert "30 ms late" in said
 
 
-def test_another_seed_is_another_drive_of_the_same_robot(excite: Excite, tmp_path: Path) -> None:
-    columns = []
+def test_another_seed_is_another_drive_of_the_same_robot(
+    excite: Excite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    columns, short = [], manoeuvre("steps")[:300]
+    monkeypatch.setitem(MANOEUVRES, "steps", lambda: short)
     for name, seed in (("a", "0"), ("b", "0"), ("c", "5")):
         run = tmp_path / f"{name}.jsonl.gz"
         command = ["--manoeuvre", "steps", "--simulate"]
@@ -100,8 +110,10 @@ def test_the_file_that_was_written_is_named_and_not_another_that_is_there(
 
 
 def test_a_robot_with_tophats_drives_a_model_that_names_none(
-    robot_toml: Path, excite: Excite, tmp_path: Path
+    robot_toml: Path, excite: Excite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    short = manoeuvre("steps")[:100]
+    monkeypatch.setitem(MANOEUVRES, "steps", lambda: short)
     robot_toml.write_text(ROBOT_TOML + "[tophat.front]\nanalog = 0\n")
     model, run = tmp_path / "model.toml", tmp_path / "run.jsonl.gz"
     model.write_text('[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.2 }\n')

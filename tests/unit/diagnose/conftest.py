@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,16 +11,20 @@ from numpy.typing import NDArray
 
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.base_coordinates import base_coordinates
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
+from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
+from unit.diagnose.searches import BLIND_CONTROLLER
 
 Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +44,16 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     monkeypatch.setattr(Problem, "predictions", counted)
     return numbers
+
+
+@pytest.fixture
+def known_controller(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the controller of a blind drive does is known, so that no habits are searched for."""
+
+    def diagnose_known(columns: Columns, robot: RobotConfig, **more: Any) -> Diagnosis:
+        return diagnose(columns, robot, **{**more, "firmware": BLIND_CONTROLLER})
+
+    monkeypatch.setattr("raccoon.diagnose.recordings.drive.diagnose", diagnose_known)
 
 
 @pytest.fixture(scope="module")

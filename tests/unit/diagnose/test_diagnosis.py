@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,9 @@ from raccoon.diagnose.diagnosis import SAME_ROBOT, Diagnoser, _other_robot_notes
 from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.findings import validation
+from raccoon.diagnose.findings.cause_results import fitted_parameters
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
+from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.habits.problems import drive_problem
@@ -31,13 +34,14 @@ from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.simulated_robot import to_parameters
 from raccoon.diagnose.search_outcome import SearchOutcome, _verdict
+from raccoon.diagnose.select.state import linearise_search
 from raccoon.diagnose.unknown.probes import FRICTION_OVER_TIME
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
-from simulated_drives import record_simulated_drive
+from unit.diagnose.searches import BLIND_CONTROLLER, searched
 
 ROBOT = RobotConfig()
 
@@ -45,8 +49,9 @@ ROBOT = RobotConfig()
 @pytest.fixture(scope="module")
 def sagging() -> Diagnosis:
     hidden = draw("battery.internal_resistance", np.random.default_rng(8))
-    columns = dict(make(8, [hidden], seconds=16.0).columns)
-    return diagnose(columns, ROBOT)
+    columns = dict(make(8, [hidden], seconds=10.0).columns)
+    causes = [each for each in drive_causes() if each.id.startswith(("battery.", "motor."))]
+    return diagnose(columns, ROBOT, causes=causes, firmware=BLIND_CONTROLLER)
 
 
 def test_what_is_judged_on_has_bins_as_long_as_what_was_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,6 +175,7 @@ def test_the_json_has_the_contract_keys(sagging: Diagnosis, tmp_path: Path) -> N
     read = json.loads((tmp_path / "out.json").read_text())
     assert list(read) == [
         "verdict", "channels", "causes", "rejected", "unexplained", "suggested_manoeuvres", "seconds",
+        "notes",
     ]  # fmt: skip
     assert set(read["causes"][0]) == {
         "id", "where", "rank", "parameters", "gain", "probability", "confounded_with", "explanation",
@@ -222,26 +228,34 @@ def test_a_gap_that_no_sample_tells_from_a_wider_one_is_not_as_unsure_as_before(
     noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.005, "battery.voltage": 0.01}
     for name, sd in noise.items():
         columns[name] = out[name][0] + sd * rng.standard_normal(len(time))
-    (cause,) = diagnose(columns, ROBOT).causes
+    play = [each for each in drive_causes() if each.id == "drive.backlash"]
+    (cause,) = diagnose(columns, ROBOT, causes=play).causes
     angle = cause.parameters["angle"]
-    assert cause.id == "drive.backlash"
     assert angle.std < 0.025  # the prior's is 0.1
     assert abs(angle.value - 0.06) < 2.0 * angle.std
 
 
-def test_what_both_wheels_have_unlike_is_said_of_each() -> None:
+def test_what_both_wheels_have_unlike_is_said_of_each(problem: Problem) -> None:
     """Said of both and of the left one beside it, both had the left one's number, the right one's none."""
-    names = {"left": 0.25, "right": 0.12}
-    robot = Parameters.from_robot(ROBOT)
-    for side, torque in names.items():
-        robot = robot.with_effect("friction.coulomb", side, torque=torque)
-    found = diagnose(record_simulated_drive(robot, 10.0, seed=9), ROBOT)
-    assert {each.where: each.id for each in found.causes} == dict.fromkeys(names, "friction.coulomb")
-    for each in found.causes:
-        assert each.where is not None
-        number = each.parameters["torque"]
-        assert abs(number.value - names[each.where]) < 2.0 * number.std
-        assert not each.confounded_with
+    friction = {name: each for name, each in problem.causes.items() if each.id == "friction.coulomb"}
+    asked, truth, torques = replace(problem, causes=friction), problem.nominal(), {}
+    for side, size in (("left", 0.6), ("right", -0.7)):
+        name, settings = f"friction.coulomb@{side}", dict(problem.neutral)
+        truth = truth.with_cause(name, np.array([size]))
+        friction[name].apply(settings, [size])
+        torques[name] = settings["friction.coulomb", side, "torque"]
+    named = problem.nominal()
+    for name in ("friction.coulomb", "friction.coulomb@left"):
+        named = named.with_cause(name, np.zeros(1))
+    begun = searched(asked, truth, named)
+    fit = fit_point(begun.problem, begun.whitener, named)
+    stood = linearise_search(begun.problem, begun.probes, fit.point, begun.whitener)
+    found, _ = validation.validate_causes(stood, None)
+    assert set(found.fit.point.active) == set(torques)
+    uncertainty = FitUncertainty.of(found)
+    for name, torque in torques.items():
+        number = fitted_parameters(found, friction[name], uncertainty)["torque"]
+        assert abs(number.value - torque) < 2.0 * number.std
 
 
 def test_every_drive_effect_is_a_cause_with_a_sentence_and_a_manoeuvre() -> None:

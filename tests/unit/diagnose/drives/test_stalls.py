@@ -108,14 +108,15 @@ def faults() -> list[Hidden]:
     return [*(draw(each, rng, 1.5) for each in CAUSES), *(draw_unknown(each, rng) for each in UNKNOWN)]
 
 
-@pytest.mark.parametrize("kind", ["exciting", "contest"])
-def test_no_fault_of_a_robot_makes_a_wheel_stand(kind: str) -> None:
+def test_no_fault_of_a_robot_makes_a_wheel_stand() -> None:
     for number, each in enumerate(faults()):
+        kind = ("exciting", "contest")[number % 2]
         seen = log(dict(make(number, [each], drive=kind, seconds=15.0).columns))
         assert find_stalls(seen, ROBOT) == (), each
         assert leave_out_stalls(seen, ROBOT) is seen
 
 
+@pytest.mark.usefixtures("few_causes", "known_controller")
 def test_a_plug_that_falls_out_is_what_is_said_first_of_a_sound_robot() -> None:
     """It was "a way that no known cause describes", and nothing said when."""
     rng = np.random.default_rng(8)

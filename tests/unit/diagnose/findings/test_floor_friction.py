@@ -38,7 +38,7 @@ def test_without_speeds_the_mean_of_what_the_floor_did_is_left_out() -> None:
 
 
 def test_the_line_through_a_floor_varies_as_drawn_lines_do() -> None:
-    rng, draws = np.random.default_rng(5), 4000
+    rng, draws = np.random.default_rng(5), 2000
     speed = 10.0 * np.sin(0.5 * TIME) * np.sin(3.1 * TIME)
     moves = np.abs(speed) >= 0.03 * np.abs(speed).max()
     keep = np.exp(-0.02 / 4.0)
@@ -53,44 +53,34 @@ def test_the_line_through_a_floor_varies_as_drawn_lines_do() -> None:
 
 
 def test_a_number_is_expected_as_a_regression_on_what_is_found_says(problem: Problem) -> None:
-    """Robots are drawn from robot.toml, floors from `friction_line_covariance`; what is left of a fit that
-    finds the sum of both is, in the mean over robots, the robot's."""
-    rng, draws, wander = np.random.default_rng(6), 1500, 0.05
-    motor = RobotConfig().model
-    counts = {
-        side: problem.features.measured[:, problem.features.roles.index(f"bemf_{side}")]
-        for side in ("left", "right")
-    }
-    floors = []
-    for side in ("left", "right"):
-        speed = counts[side] * BEMF_VOLTS_PER_COUNT / getattr(motor, side).back_emf_constant.value
-        covariance = (wander * FRICTION.coulomb.value) ** 2 * friction_line_covariance(
-            problem.features.time, speed
-        )
-        floors.append(rng.multivariate_normal(np.zeros(2), covariance, draws))
+    """Of robots as in robot.toml on floors of `friction_line_covariance` a fit finds the sum of both. What is
+    left of it is the best estimate of the robot's: its error is independent of it."""
+    wander, model = 0.05, RobotConfig().model
     places = {
         (each.settings[0][0], each.settings[0][1] if len(each.settings) == 1 else None): index
         for index, each in enumerate(problem.base)
         if each.settings[0][0] in (COULOMB, VISCOUS)
     }
-    left, robots = [], []
-    for draw in range(draws):
-        robot = rng.standard_normal(len(places))
+    lines, left, floor = [], [], np.zeros((len(places), len(places)))
+    for at in places.values():  # what is left is linear in what is found
         base = np.zeros(len(problem.base))
-        base[list(places.values())] = robot
-        for side, floor in zip(("left", "right"), floors, strict=True):
-            base[places[(COULOMB, side)]] += floor[draw, 0] / (WHEEL_STD_SHARE * FRICTION.coulomb.std)
-            base[places[(VISCOUS, side)]] += floor[draw, 1] / (WHEEL_STD_SHARE * FRICTION.viscous.std)
+        base[at] = 1.0
+        lines.append(_lines(base, places))
         left.append(_lines(without_floor_friction(problem, Point(base), wander).base, places))
-        base = np.zeros(len(problem.base))
-        base[list(places.values())] = robot
-        robots.append(_lines(base, places))
-    expected, true = np.array(left), np.array(robots)
-    # the best estimate is one on which the rest does not depend: cov(true - expected, expected) = 0
-    cross = (true - expected).T @ expected / draws
-    size = np.sqrt((true**2).mean(axis=0))
-    assert np.abs(cross / np.outer(size, size)).max() < 0.05
-    assert ((true - expected) ** 2).sum() < 0.9 * (true**2).sum()
+    for side in ("left", "right"):
+        counts = problem.features.measured[:, problem.features.roles.index(f"bemf_{side}")]
+        speed = counts * BEMF_VOLTS_PER_COUNT / getattr(model, side).back_emf_constant.value
+        stds = WHEEL_STD_SHARE * np.array([FRICTION.coulomb.std, FRICTION.viscous.std])
+        rows = [list(places).index((id_, side)) for id_ in (COULOMB, VISCOUS)]
+        line = (wander * FRICTION.coulomb.value) ** 2 * friction_line_covariance(problem.features.time, speed)
+        floor[np.ix_(rows, rows)] = line / np.outer(stds, stds)
+    true, expected = np.array(lines).T, np.array(left).T
+    found = np.eye(len(places)) + floor  # its covariance; the robot's own is one
+    cross = true @ expected.T - expected @ found @ expected.T
+    size = np.sqrt(np.diag(true @ true.T))
+    assert np.abs(cross / np.outer(size, size)).max() < 1e-4
+    error = true @ true.T - expected @ found @ expected.T
+    assert np.trace(error) < 0.9 * np.trace(true @ true.T)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.2))

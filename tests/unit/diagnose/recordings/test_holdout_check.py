@@ -45,6 +45,7 @@ def test_one_that_lacks_a_channel_is_refused_by_its_name(
         diagnose_recording(drive, ROBOT, holdout=less)
 
 
+@pytest.mark.usefixtures("few_causes", "known_controller")
 def test_what_only_the_other_one_has_is_not_looked_at(drive: Columns, other: Columns) -> None:
     less = {name: each for name, each in drive.items() if "gyro" not in name}
     found = diagnose_recording(less, ROBOT, holdout=other)
@@ -97,6 +98,7 @@ def test_a_motor_is_not_judged_on_one_without_its_current() -> None:
         diagnose_recording(motor(6, 0.008), ROBOT, holdout=less)
 
 
+@pytest.mark.usefixtures("few_causes", "known_controller")
 def test_another_robot_is_asked_after_where_nothing_was_found(drive: Columns) -> None:
     """The verdict was that the simulation is wrong in an unknown way, and no word of the other recording."""
     other = dict(make(5, seconds=6.0).columns)

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blind.generator import make
+from blind.generator import Blind, make
 from blind.hidden import draw
+from blind.plant import NEUTRAL
+from diagnoses import make_cause, make_diagnosis
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import SI_WORDS
@@ -26,16 +28,15 @@ Columns = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def weak_right() -> Columns:
+def drive() -> Blind:
     """A drive whose right motor has another K_E."""
     hidden = draw("motor.back_emf_constant", np.random.default_rng(8))
-    return dict(make(8, [hidden], seconds=4.0).columns)
+    return make(8, [hidden], seconds=4.0)
 
 
-@pytest.fixture(scope="module")
-def read(weak_right: Columns) -> Diagnosis:
-    """What its whole recording says."""
-    return diagnose_recording(weak_right, ROBOT)
+@pytest.fixture
+def weak_right(drive: Blind) -> Columns:
+    return dict(drive.columns)
 
 
 def without(columns: Columns, *words: str) -> Columns:
@@ -48,6 +49,7 @@ def test_columns_of_different_lengths_are_refused_by_name() -> None:
         diagnose_recording(columns, ROBOT)
 
 
+@pytest.mark.usefixtures("known_controller")
 def test_volts_instead_of_duty_hide_the_battery_and_nothing_else(weak_right: Columns) -> None:
     known = np.isfinite(weak_right["battery.voltage"])
     battery = np.interp(weak_right["t"], weak_right["t"][known], weak_right["battery.voltage"][known])
@@ -61,6 +63,7 @@ def test_volts_instead_of_duty_hide_the_battery_and_nothing_else(weak_right: Col
     assert "motor.N.voltage is recorded instead" in reasons["battery.internal_resistance"]
 
 
+@pytest.mark.usefixtures("few_causes", "known_controller")
 def test_without_gyro_and_battery_the_rest_is_named_and_the_columns_too(weak_right: Columns) -> None:
     found = diagnose_recording(without(weak_right, "gyro", "battery"), ROBOT)
     assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
@@ -70,12 +73,12 @@ def test_without_gyro_and_battery_the_rest_is_named_and_the_columns_too(weak_rig
     assert any(each.startswith("not checked, since imu.gyro.z is missing: ") for each in found.notes)
 
 
-def test_counters_stand_in_for_the_reading_that_they_sum(weak_right: Columns, read: Diagnosis) -> None:
-    found = diagnose_recording(without(weak_right, "bemf"), ROBOT)
+@pytest.mark.usefixtures("known_controller")
+def test_counters_stand_in_for_the_reading_that_they_sum(drive: Blind) -> None:
+    found = diagnose_recording(without(dict(drive.columns), "bemf"), ROBOT)
     assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
-    factor = read.causes[0].parameters["factor"]
     counted = found.causes[0].parameters["factor"]
-    assert counted.value == pytest.approx(factor.value, abs=0.01)
+    assert counted.value == pytest.approx(drive.robot["ke_r"] / NEUTRAL["ke_r"], abs=0.01)
     said = "motor.0.bemf and motor.1.bemf are missing: derived from motor.0.position and motor.1.position"
     assert any(each.startswith(said) for each in found.notes)
 
@@ -118,19 +121,16 @@ def test_a_counter_that_is_read_less_often_tells_the_same_and_nothing_of_a_gap(f
         assert known == pytest.approx(1000.0 * SI_WORDS.position_counts_seconds)
 
 
-def test_a_zone_as_narrow_as_a_tick_is_the_counters(read: Diagnosis) -> None:
-    named = read.causes[0]
-
+def test_a_zone_as_narrow_as_a_tick_is_the_counters() -> None:
     def zone(counts: float) -> CauseResult:
-        number = ParameterResult(counts, 1.0, "counts", 0.0)
-        return replace(named, id="bemf.dead_zone", where=None, parameters={"counts": number})
+        return make_cause("bemf.dead_zone", {"counts": ParameterResult(counts, 1.0, "counts", 0.0)})
 
     counted = CounterBemf({}, ("motor.0.position",), 10.0)
-    narrow = counted.annotate(replace(read, causes=(zone(12.0),), verdict=Verdict.EXPLAINED))
+    narrow = counted.annotate(make_diagnosis(zone(12.0)))
     assert narrow.causes == ()
     assert narrow.verdict is Verdict.ADEQUATE
     assert any("whole ticks of motor.0.position" in each.reason for each in narrow.rejected)
-    wide = counted.annotate(replace(read, causes=(zone(25.0),), verdict=Verdict.EXPLAINED))
+    wide = counted.annotate(make_diagnosis(zone(25.0)))
     assert [each.id for each in wide.causes] == ["bemf.dead_zone"]
 
 
@@ -148,6 +148,7 @@ def test_without_any_wheel_it_is_said_what_to_record(weak_right: Columns) -> Non
     assert {"imu.*", "battery.*"} <= {each.id for each in found.rejected}
 
 
+@pytest.mark.usefixtures("few_causes", "known_controller")
 def test_the_reading_of_one_side_is_not_known_where_only_the_other_is_recorded(weak_right: Columns) -> None:
     found = diagnose_recording(without(weak_right, "motor.0.bemf", "motor.0.position"), ROBOT)
     reasons = {each.id: each.reason for each in found.rejected}
@@ -172,14 +173,14 @@ def test_numbers_without_std_are_as_well_known_as_by_default() -> None:
 
 
 def test_numbers_without_std_are_said_in_one_note(
-    weak_right: Columns, read: Diagnosis, monkeypatch: pytest.MonkeyPatch
+    weak_right: Columns, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot = parse_robot({"model": {"motor": {"armature_resistance": 1.8}, "imu": {"gyro_scale": 1}}})
     asked: list[RobotConfig] = []
 
     def said(_: Columns, robot: RobotConfig, **__: object) -> Diagnosis:
         asked.append(robot)
-        return read
+        return make_diagnosis()
 
     monkeypatch.setattr(drive_diagnosis, "diagnose", said)
     found = diagnose_recording(weak_right, robot)

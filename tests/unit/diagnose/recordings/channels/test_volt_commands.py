@@ -57,10 +57,11 @@ def test_without_a_reading_of_their_battery_volts_are_no_duties(change: dict[str
     assert duties_by_battery_reading(drive, ROBOT) is None
 
 
+@pytest.mark.usefixtures("known_controller")
 def test_a_driver_that_reads_its_battery_does_not_hide_it() -> None:
     """It was said that the driver hides the battery, and what it lacks was friction, a limit and lags."""
     hidden = draw("battery.open_circuit_voltage", np.random.default_rng(2))
-    drive = dict(make(14, [hidden], seconds=8.0).columns)
+    drive = dict(make(14, [hidden], seconds=6.0).columns)
     found = diagnose_recording(in_volts(drive, read_last(drive)), ROBOT)
     assert [each.name for each in found.causes] == ["battery.open_circuit_voltage"]
     number = found.causes[0].parameters["voltage"]

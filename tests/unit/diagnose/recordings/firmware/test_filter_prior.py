@@ -44,6 +44,7 @@ def of_stock_firmware() -> dict[str, np.ndarray]:
     return {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1], **columns}
 
 
+@pytest.mark.usefixtures("few_causes")
 def test_the_devices_lag_is_the_prior(of_stock_firmware: dict[str, np.ndarray]) -> None:
     assert [each.id for each in diagnose_recording(of_stock_firmware, ROBOT).causes] == ["bemf.filter_lag"]
     said = diagnose_recording(of_stock_firmware, ROBOT, device=STOCK)

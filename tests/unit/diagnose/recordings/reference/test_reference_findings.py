@@ -474,6 +474,7 @@ def drive_of(model: Parameters) -> Columns:
     ("id_", "factor", "within"),
     [("imu.gyro_scale", 1.05, 0.005), ("drive.track_width", 0.5, 0.005)],
 )
+@pytest.mark.usefixtures("few_causes")
 def test_one_of_the_twins_is_named_alone_where_there_is_a_reference(
     id_: str, factor: float, within: float
 ) -> None:
