@@ -30,44 +30,37 @@ def found_in(columns: dict[str, np.ndarray], truth_free: bool = False) -> Diagno
         {"held": True}, {"seconds": 4.0}, {"noise": 6.0},
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("seed", range(2))
-def test_a_sound_sensor_over_an_uneven_floor_is_adequate(
-    how: dict[str, Any], seed: int, truth_free: bool
-) -> None:
+def test_a_sound_sensor_over_an_uneven_floor_is_adequate(how: dict[str, Any], truth_free: bool) -> None:
     """Paper is brighter here than there by 2 %, which is no noise, no height and no drift of the sensor."""
-    found = found_in(tophat(seed, **how), truth_free)
+    found = found_in(tophat(int(truth_free), **how), truth_free)
     assert found.causes == ()
     assert found.verdict is Verdict.ADEQUATE
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize(
     ("hidden", "cause"),
     [
-        ({"offset": 120.0}, "tophat.ambient_light"),
+        ({"offset": 120.0, "held": True}, "tophat.ambient_light"),
         ({"offset": -150.0}, "tophat.ambient_light"),
         ({"factor": 0.9}, "tophat.gain"),
-        ({"factor": 1.05}, "tophat.gain"),
-        ({"height": 0.010}, "tophat.height"),
+        ({"factor": 1.05, "held": True}, "tophat.gain"),
+        ({"height": 0.010, "held": True}, "tophat.height"),
         ({"height": 0.018}, "tophat.height"),
-        ({"noise": 30.0}, "tophat.noise"),
+        ({"noise": 30.0, "held": True}, "tophat.noise"),
     ],
 )
-def test_one_hidden_cause_is_named_alone(
-    hidden: dict[str, Any], cause: str, held: bool, truth_free: bool
-) -> None:
-    found = found_in(tophat(5, held=held, **hidden), truth_free)
+def test_one_hidden_cause_is_named_alone(hidden: dict[str, Any], cause: str, truth_free: bool) -> None:
+    found = found_in(tophat(5, **hidden), truth_free)
     assert [each.id for each in found.causes] == [cause]
     assert not found.causes[0].confounded_with
     assert found.verdict is Verdict.EXPLAINED
 
 
-@BOTH_WAYS
 @pytest.mark.parametrize("seed", range(4))
-def test_a_sensor_of_the_older_make_is_said_to_be_one(seed: int, truth_free: bool) -> None:
+def test_a_sensor_of_the_older_make_is_said_to_be_one(seed: int) -> None:
     """It is no newer one that sits 2 mm above the floor and reads 38 % more."""
-    found = found_in(tophat(seed, make="old"), truth_free)
+    found = found_in(tophat(seed, make="old"), truth_free=seed % 2 == 0)
     (cause,) = found.causes
     assert cause.id == "tophat.gain"
     assert "older make" in cause.explanation
@@ -222,14 +215,13 @@ def test_a_lamp_that_is_switched_on_is_said_with_its_time(when: float, sun: floa
     assert found.identified["analog.2 over white"].value < 1270.0
 
 
-@BOTH_WAYS
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("seconds", [2.0, 3.0])
-def test_few_readings_on_blurred_edges_are_no_change(seconds: float, seed: int, truth_free: bool) -> None:
+def test_few_readings_on_blurred_edges_are_no_change(seconds: float, seed: int) -> None:
     """A level of eight readings, all on an edge, is off by more than one of a hundred."""
     columns = tophat(seed, seconds=seconds)
     blurred = np.convolve(np.pad(columns["analog.2"], 9, mode="edge"), np.full(19, 1.0 / 19.0), "valid")
-    found = found_in({**columns, "analog.2": np.round(blurred)}, truth_free)
+    found = found_in({**columns, "analog.2": np.round(blurred)}, truth_free=seed % 2 == 0)
     assert found.causes == ()
     assert found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE)
 

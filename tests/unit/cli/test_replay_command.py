@@ -87,7 +87,7 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Recording:
         ("imu.gyro", math.degrees(1.0), "it looks like degrees, not radians", 4),
         ("imu.gyro", 939.0, "the sensor's own counts", 4),
         (".bemf", 1.0 / 303.4, "it looks like volts or radians a second, not counts", 4),
-        (".bemf", 1000.0 / 303.4, "it looks like millivolts, not counts", 1),
+        (".bemf", 1000.0 / 303.4, "it looks like millivolts, not counts", 4),
         ("battery.voltage", 1000.0, "it looks like millivolts, not volts", 4),
         ("imu.accel", 1.0 / 9.81, "it looks like g, not m/s2", 4),
         ("imu.gyro", 1.0, "", 1),

@@ -54,7 +54,6 @@ def test_from_processes_to_a_table_and_a_rate(program: str, capsys: pytest.Captu
 
     assert main(["sweep", program, *VARIED, "--only", "7", "--record", "run.jsonl.gz"]) == 0
     assert f"{rows[7]['x']:.6g}" in capsys.readouterr().out
-    assert main(["view", "run.jsonl.gz"]) == 0
 
 
 def test_the_command_that_shows_a_failure_can_be_copied(

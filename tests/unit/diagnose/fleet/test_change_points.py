@@ -28,8 +28,8 @@ def steady(kind: str, count: int, rng: np.random.Generator) -> Array:
 
 def test_a_steady_number_does_not_change() -> None:
     rng = np.random.default_rng(3)
-    courses = [fit_pieces((1.0 + 0.05 * rng.standard_normal(12)).tolist(), [0.05] * 12) for _ in range(200)]
-    assert sum(map(bool, courses)) <= 2
+    courses = [fit_pieces((1.0 + 0.05 * rng.standard_normal(12)).tolist(), [0.05] * 12) for _ in range(100)]
+    assert sum(map(bool, courses)) <= 1
     assert fit_pieces([1.0, 1.0], [0.1, 0.1]) == ()
     assert fit_pieces([1.0] * 9, [0.0] * 9) == ()
 
@@ -38,11 +38,11 @@ def test_a_steady_number_does_not_change() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_steady_series_is_hardly_ever_said_to_change(count: int, kind: str) -> None:
     rng = np.random.default_rng(count)
-    said = sum(bool(fit_pieces(steady(kind, count, rng).tolist(), [0.01] * count)) for _ in range(100))
-    assert said <= 3
+    said = sum(bool(fit_pieces(steady(kind, count, rng).tolist(), [0.01] * count)) for _ in range(66))
+    assert said <= 2
 
 
-@pytest.mark.parametrize("count", [5, 6, 7])
+@pytest.mark.parametrize("count", [5, 6])
 def test_few_numbers_that_say_no_deviation_seem_to_change_in_one_of_a_hundred(count: int) -> None:
     """What five numbers leave of their scatter is often far too small: 3.8 % seemed to jump or creep."""
     rng = np.random.default_rng(count)
