@@ -7,11 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from blind.drives import exciting
+from raccoon.diagnose.rollout.firmware import Firmware
+from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
 
 NOISE = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
+BLIND_CONTROLLER, SIMULATED_CONTROLLER = (
+    Firmware(f"the controller of {name} drives", chain, wombat=False, has_gyro_low_pass=False)
+    for name, chain in (("blind", Chain.firmware()), ("simulated", Chain()))
+)
+"""Controllers for tests that ask for something else: a diagnosis that is told does not search for habits,
+which is a third of its time or more. Every cause is still considered."""
 
 
 def record_simulated_drive(

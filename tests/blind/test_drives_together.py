@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,9 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
+from simulated_drives import BLIND_CONTROLLER
 
+known = partial(diagnose, firmware=BLIND_CONTROLLER)
 VOLTS = (6.8, 6.6, 6.95, 6.5)
 HOT = Hidden("motor.heating", None, {"gain": 1.0}, {"heat_gain": 1.0, "heat_tau": 14.0})
 WEAK = Hidden("motor.back_emf_constant", "left", {"factor": 0.9}, {"ke_l": 0.9 * NEUTRAL["ke_l"]})
@@ -34,8 +37,8 @@ def test_motors_that_heat_show_in_three_drives_of_seven_seconds_and_not_in_one()
     kinds = ("motor.", "battery.", "friction.", "drive.slope", "drive.inertia", "imu.gyro_bias")
     asked = [each for each in drive_causes() if each.id.startswith(kinds)]
     first, *others = (each.columns for each in drives(HOT, 3, 7.0))
-    assert diagnose(first, RobotConfig(), causes=asked).verdict is Verdict.ADEQUATE
-    found = diagnose(first, RobotConfig(), more=others, causes=asked)
+    assert known(first, RobotConfig(), causes=asked).verdict is Verdict.ADEQUATE
+    found = known(first, RobotConfig(), more=others, causes=asked)
     (heating,) = found.causes
     assert heating.name == "motor.heating"
     gain = heating.parameters["gain"]
@@ -49,7 +52,7 @@ def test_two_batteries_are_no_cause_of_both_drives() -> None:
     """One of 0.05 ohm and one of 0.16 were one of 0.13 ohm, with a probability of 1."""
     days = [Hidden("day", None, {}, {"rint": ohm}) for ohm in (0.05, 0.16)]
     first, other = (make(9000 + day, [each], seconds=7.0, robot=4).columns for day, each in enumerate(days))
-    found = diagnose(first, RobotConfig(), more=[other])
+    found = known(first, RobotConfig(), more=[other])
     assert found.causes == ()
     (told,) = (each for each in found.notes if each.startswith("the recordings do not share a battery"))
     low, high = (float(each) for each in re.findall(r"(\d\.\d+) ohm", told))
