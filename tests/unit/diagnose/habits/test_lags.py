@@ -32,6 +32,9 @@ from unit.diagnose.searches import standing
 FIRMWARE = Habits(Chain.firmware(), False)
 CHIP = {"gyro_smooth": 0.0039}
 STRENGTH = "motor.back_emf_constant"
+OTHERS = ("friction.viscous", "battery.internal_resistance")
+AMONG = (STRENGTH, *OTHERS, "actuation.latency", SLIP, GYRO_LATENCY)
+"""All that is hidden here, and all lags but the filter's."""
 
 
 def gone_on(
@@ -41,8 +44,9 @@ def gone_on(
     is a stronger or weaker one."""
     motor = draw(STRENGTH, np.random.default_rng(seed))
     columns = make(seed, [Hidden("unknown", None, {}, others), *hidden, motor], seconds=6.0).columns
-    search, trials = standing(columns, FIRMWARE, {motor.name: np.sign(motor.values["factor"] - 1.0), **named})
-    assert set(search.fit.point.active) == {motor.name, *named}
+    named = {motor.name: np.sign(motor.values["factor"] - 1.0), **named}
+    search, trials = standing(columns, FIRMWARE, named, AMONG)
+    assert search.fit.point.active.keys() == named.keys()
     return try_lagging_readings(search, FIRMWARE, trials)
 
 
@@ -78,7 +82,6 @@ def test_a_slip_a_little_larger_than_a_chip_s_lag_is_left_out_beside_a_late_gyro
 
 
 SLIPS = Hidden(SLIP, None, {"time": 0.005}, {"slip": 0.005})
-OTHERS = ("friction.viscous", "battery.internal_resistance")
 
 
 def smoothed(first: Hidden, chain: Chain, others: tuple[str, ...]) -> tuple[Search, Habits, HabitTrials]:
@@ -89,7 +92,7 @@ def smoothed(first: Hidden, chain: Chain, others: tuple[str, ...]) -> tuple[Sear
     columns = make(8, [first, *hidden], seconds=10.0).columns
     habits = Habits(chain, brake=False, low_pass=True)
     named = {motor.name: np.sign(motor.values["factor"] - 1.0), **{each.name: 1.0 for each in more}}
-    search, trials = standing(columns, habits, named)
+    search, trials = standing(columns, habits, named, AMONG)
     return search, habits, trials
 
 
@@ -143,7 +146,7 @@ def test_a_lag_that_a_chip_is_clearly_ahead_of_is_the_chip_s() -> None:
     chip = Hidden("unknown", None, {}, CHIP)
     named = {motor.name: np.sign(motor.values["factor"] - 1.0), **{each.name: 1.0 for each in more}}
     columns = make(8, [chip, motor, *more], seconds=16.0).columns
-    search, trials = standing(columns, FIRMWARE, {**named, SLIP: 0.1})
+    search, trials = standing(columns, FIRMWARE, {**named, SLIP: 0.1}, AMONG)
     found, habits = try_low_pass_for_gyro_lag(search, FIRMWARE, trials)
     assert habits == replace(FIRMWARE, low_pass=True)
     assert found.fit.point.active.keys() == named.keys()
@@ -151,7 +154,7 @@ def test_a_lag_that_a_chip_is_clearly_ahead_of_is_the_chip_s() -> None:
 
 def test_a_lag_that_is_no_chip_s_stays_and_has_it_as_a_rival() -> None:
     slip = Hidden(SLIP, None, {"time": 0.012}, {"slip": 0.012})
-    search, trials = standing(make(8, [slip], seconds=10.0).columns, FIRMWARE, {SLIP: 0.5})
+    search, trials = standing(make(8, [slip], seconds=10.0).columns, FIRMWARE, {SLIP: 0.5}, AMONG)
     assert try_low_pass_for_gyro_lag(search, FIRMWARE, trials) == (search, FIRMWARE)
     (rival,) = search.rivals[SLIP]
     assert rival.name == "imu.low_pass"
@@ -161,7 +164,7 @@ def test_a_lag_that_is_no_chip_s_stays_and_has_it_as_a_rival() -> None:
 def test_a_lag_is_fitted_on_before_a_chip_is_ahead_of_it() -> None:
     """A chip was 14 ahead of a slip whose fit had not arrived, which then led by 1."""
     slip = Hidden(SLIP, None, {"time": 0.006}, {"slip": 0.006})
-    search, trials = standing(make(8, [slip], seconds=6.0).columns, FIRMWARE, {SLIP: 0.3})
+    search, trials = standing(make(8, [slip], seconds=6.0).columns, FIRMWARE, {SLIP: 0.3}, AMONG)
     there = search.fit.point.with_cause(SLIP, 0.7 * search.fit.point.active[SLIP])
     early = replace(search, fit=evaluate_fit(search.problem, search.whitener, there))
     assert try_low_pass_for_gyro_lag(early, FIRMWARE, trials) == (early, FIRMWARE)

@@ -21,6 +21,7 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
+from simulated_drives import SIMULATED_CONTROLLER
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
@@ -153,7 +154,9 @@ def test_a_recording_with_lost_changes_is_as_good_as_one_without() -> None:
         name: columns[name] + each * rng.standard_normal(len(columns["t"])) for name, each in noise.items()
     }
     lost = [each * EVERY for each in range(2, 19, 3)]
-    whole, part = (diagnose(each, ROBOT) for each in (noisy, without(noisy, lost)))
+    whole, part = (
+        diagnose(each, ROBOT, firmware=SIMULATED_CONTROLLER) for each in (noisy, without(noisy, lost))
+    )
     assert whole.causes == part.causes == ()
     assert any("lost rows in which commands changed" in each for each in part.notes)
     for one, other in zip(whole.channels, part.channels, strict=True):

@@ -32,7 +32,8 @@ def test_what_the_battery_carries_is_asked_for_where_something_is_named(whole: b
     """Half the sag of a slow drive was taken for another resistance, beside six other causes."""
     chain = replace(Chain.firmware(), whole=whole)
     columns = record_simulated_drive(Parameters(ROBOT, GIVING, chain), 6.0)
-    search, trials = standing(columns, USUAL, {"battery.internal_resistance": 0.3})
+    among = ("battery.", "motor.", "friction.coulomb")
+    search, trials = standing(columns, USUAL, {"battery.internal_resistance": 0.3}, among)
     search, habits = try_whole_currents(search, USUAL, trials.running(start_selection))
     assert habits == replace(USUAL, chain=chain)
     assert bool(search.fit.point.active) is not whole
@@ -43,7 +44,7 @@ def test_how_a_deadband_ends_is_asked_for_beside_what_is_like_one(end: str) -> N
     """One of 0.1 that ends at once was one of 0.015, beside three frictions."""
     chain = replace(Chain.firmware(), threshold=end == "threshold", cut=end == "cut")
     robot = Parameters(ROBOT, GIVING | {("actuation.deadband", None): {"duty": 0.14}}, chain)
-    search, trials = standing(record_simulated_drive(robot, 8.0), USUAL, {"friction.coulomb": 0.3})
+    search, trials = standing(record_simulated_drive(robot, 5.0), USUAL, {"friction.coulomb": 0.3})
     search, habits = try_deadband_shapes(search, USUAL, trials.running(start_selection))
     assert habits == replace(USUAL, chain=chain)
     assert list(search.fit.point.active) == ["actuation.deadband"]

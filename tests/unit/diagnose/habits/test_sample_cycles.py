@@ -38,12 +38,14 @@ ROBOT = RobotConfig()
 DEADBAND = "actuation.deadband"
 NOTHING_FITTED = FitUncertainty(neutral_settings(ROBOT), (), np.zeros((0, 0)))
 PLAIN = Habits(Chain(), False, sliding=WheelSliding.RIGID)
+LATE = ("actuation.latency", "imu.latency", "bemf.filter_lag", "drive.")
+"""What else is late."""
 
 
 def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
     """As whoever writes dy/dt = (x - y) / T has it: 2 ms later than T of the firmware's samples."""
     columns = record_simulated_drive(Parameters(ROBOT, {}, Chain(cycle=0.001)), 3.0)
-    search, trials = standing(columns, PLAIN, {"actuation.latency": 0.08})
+    search, trials = standing(columns, PLAIN, {"actuation.latency": 0.08}, LATE)
     search, habits = try_continuous_filter(search, PLAIN, trials.running(start_selection))
     assert found_nothing(search)
     assert habits.chain.cycle == CONTINUOUS_CYCLE_S
@@ -53,7 +55,7 @@ def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
 def test_a_later_command_is_no_filter_that_runs_all_the_time() -> None:
     """Gyro and battery are late as well."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.002}}, Chain())
-    search, trials = standing(record_simulated_drive(late, 3.0), PLAIN, {"actuation.latency": 0.08})
+    search, trials = standing(record_simulated_drive(late, 3.0), PLAIN, {"actuation.latency": 0.08}, LATE)
     search, habits = try_continuous_filter(search, PLAIN, trials.running(start_selection))
     assert habits == PLAIN
     assert not found_nothing(search)
@@ -77,8 +79,8 @@ def test_what_led_with_the_same_causes_leads(
     robot was unknown over the speed, since what led by 75 as fitted there lacked 46 as it was."""
     columns = record_simulated_drive(Parameters(ROBOT, {}, Chain()), 3.0)
     fine = with_sample_cycle(PLAIN, CONTINUOUS_CYCLE_S)
-    search, trials = standing(columns, PLAIN, {})
-    trials.started[fine], _ = standing(columns, fine, causes)
+    search, trials = standing(columns, PLAIN, {}, ["drive.inertia"])
+    trials.started[fine], _ = standing(columns, fine, causes, ["drive.inertia"])
     monkeypatch.setattr(
         "raccoon.diagnose.habits.alternatives.net_lead", lambda *_: MIN_LOG_EVIDENCE_LEAD + 1.0
     )
@@ -91,12 +93,14 @@ def test_what_led_with_the_same_causes_leads(
 
 BEHIND = Habits(Chain.firmware(), False, sliding=WheelSliding.RIGID)
 PAUSED = replace(BEHIND, chain=replace(Chain.firmware(), pause=0.0005))
+SLOW = (DEADBAND, "friction.", "bemf.")
+"""What else makes wheels slower where they are read."""
 
 
 def test_wheels_that_a_pause_slows_down_have_no_deadband() -> None:
     """A motor that coasts before its sample is a count slower then, whichever way it turns."""
     search, trials = standing(
-        record_simulated_drive(Parameters(ROBOT, {}, PAUSED.chain), 3.0), BEHIND, {DEADBAND: 0.05}
+        record_simulated_drive(Parameters(ROBOT, {}, PAUSED.chain), 3.0), BEHIND, {DEADBAND: 0.05}, SLOW
     )
     search, habits = try_pause_slowdown(search, BEHIND, trials.running(start_selection))
     assert found_nothing(search)
@@ -106,7 +110,7 @@ def test_wheels_that_a_pause_slows_down_have_no_deadband() -> None:
 
 def test_a_deadband_is_no_wheel_that_a_pause_slows_down() -> None:
     narrow = Parameters(ROBOT, {(DEADBAND, None): {"duty": 0.01}}, Chain.firmware())
-    search, trials = standing(record_simulated_drive(narrow, 3.0), BEHIND, {DEADBAND: 0.1})
+    search, trials = standing(record_simulated_drive(narrow, 3.0), BEHIND, {DEADBAND: 0.1}, SLOW)
     search, habits = try_pause_slowdown(search, BEHIND, trials.running(start_selection))
     assert habits == BEHIND
     assert not found_nothing(search)
@@ -114,7 +118,7 @@ def test_a_deadband_is_no_wheel_that_a_pause_slows_down() -> None:
 
 def test_motors_that_never_coast_are_slowed_down_by_no_pause() -> None:
     search, trials = standing(
-        record_simulated_drive(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05}
+        record_simulated_drive(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05}, SLOW
     )
     assert try_pause_slowdown(search, PLAIN, trials.running(start_selection)) == (search, PLAIN)
 
