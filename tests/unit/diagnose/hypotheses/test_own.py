@@ -31,6 +31,7 @@ from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import Parameter
+from simulated_drives import BLIND_CONTROLLER
 
 EXAMPLE = Path(__file__).resolve().parents[4] / "examples" / "own_causes.py"
 ROBOT = RobotConfig()
@@ -84,16 +85,18 @@ def test_what_reaches_the_motors_can_be_an_idea_as_well() -> None:
     others = [
         each for each in drive_causes() if each.id.startswith(("actuation.", "bemf.", "imu.", "motor."))
     ]
-    (cause,) = diagnose(columns, ROBOT, causes=[*others, *map(own_cause, load_own_effects(EXAMPLE))]).causes
+    causes = [*others, *map(own_cause, load_own_effects(EXAMPLE))]
+    (cause,) = diagnose(columns, ROBOT, causes=causes, firmware=BLIND_CONTROLLER).causes
     assert cause.id == "team.slow_driver"
     assert cause.parameters["seconds"].value == pytest.approx(lag, rel=0.1)
 
 
 def test_where_a_reading_that_it_needs_is_missing_it_is_not_identifiable_and_the_rest_goes_on() -> None:
-    columns = dict(make(3, [draw("bemf.offset", np.random.default_rng(3))], seconds=8.0).columns)
+    columns = dict(make(3, [draw("bemf.offset", np.random.default_rng(3))], seconds=5.0).columns)
     del columns["imu.gyro.z"]
     causes = [each for each in drive_causes() if each.id == "bemf.offset"]
-    said = diagnose(columns, ROBOT, causes=[*causes, *map(own_cause, load_own_effects(EXAMPLE))])
+    causes += map(own_cause, load_own_effects(EXAMPLE))
+    said = diagnose(columns, ROBOT, causes=causes, firmware=BLIND_CONTROLLER)
     reasons = {each.id: each.reason for each in said.rejected}
     assert reasons["team.motor_hum"] == "not identifiable: there is no gyro reading in this recording"
     assert [each.id for each in said.causes] == ["bemf.offset"]

@@ -25,6 +25,7 @@ from raccoon.diagnose.rollout.dead_zone_evidence import (
     find_gap,
     without_ruled_out_zones,
 )
+from simulated_drives import BLIND_CONTROLLER
 
 ROBOT = RobotConfig()
 
@@ -87,7 +88,7 @@ def test_a_small_dead_zone_is_found_and_nothing_beside_it() -> None:
     named with it where there is twice the noise."""
     hidden = draw("bemf.dead_zone", np.random.default_rng(7), size=0.2)
     made = make(7, [hidden], seconds=12.0, noise=Noise().times(2.0))
-    (cause,) = diagnose(made.columns, ROBOT).causes
+    (cause,) = diagnose(made.columns, ROBOT, firmware=BLIND_CONTROLLER).causes
     assert cause.name == hidden.name
     zone = cause.parameters["counts"]
     assert abs(zone.value - hidden.values["counts"]) < 2.0 * zone.std

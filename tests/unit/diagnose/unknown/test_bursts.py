@@ -16,6 +16,7 @@ from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
+from simulated_drives import BLIND_CONTROLLER
 
 Array = NDArray[np.float64]
 ROLES = ("bemf_left", "gyro", "battery")
@@ -131,7 +132,7 @@ def test_a_robot_that_jerks_at_random_where_it_speeds_up_is_not_adequate(size: f
     for step in steps:
         columns["imu.gyro.z"][step + 6 : step + 18] += size * random.choice([-1.0, 1.0])
     columns |= {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
-    said = diagnose(columns, RobotConfig())
+    said = diagnose(columns, RobotConfig(), firmware=BLIND_CONTROLLER)
     jerks = size > 0.0
     assert said.causes == ()
     assert (DEPENDS_ON in said.unexplained.depends_on) is jerks

@@ -15,6 +15,7 @@ from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
+from simulated_drives import BLIND_CONTROLLER
 
 Array = NDArray[np.float64]
 ROLES = ("bemf_left", "bemf_right", "gyro")
@@ -78,7 +79,7 @@ def test_a_motor_that_loses_contact_at_random_is_not_adequate() -> None:
     )
     columns = {name: np.array(run[name][0]) for name in run.channels if not name.startswith("truth.")}
     columns |= {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
-    said = diagnose(columns, RobotConfig())
+    said = diagnose(columns, RobotConfig(), firmware=BLIND_CONTROLLER)
     assert said.verdict is Verdict.UNKNOWN
     assert said.unexplained.depends_on == ("left wheel alone",)
     assert [note for note in said.notes if note.startswith("the remaining error of the left wheel is ")]

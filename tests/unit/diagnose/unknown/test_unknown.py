@@ -163,7 +163,7 @@ def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong() 
     """An offset, or K_E, that is off as robot.toml allows shifted its waves on the way, and it was taken for
     noise."""
     hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
-    columns = make(10, [hidden], seconds=40.0).columns
+    columns = make(10, [hidden], seconds=25.0).columns
     real = make_problem(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = find_best_probe(start_search(real, make_probe_function(real)))
     assert found.name == "unknown: wheel angle left"

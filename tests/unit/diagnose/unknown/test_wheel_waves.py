@@ -128,7 +128,7 @@ def _quiet(hidden: Hidden) -> tuple[Problem, np.ndarray]:
 
 def test_how_much_a_motor_cogs_is_said_with_its_size() -> None:
     size = 0.06
-    columns = make(21, [Hidden("unknown", None, {}, {"cogging_r": size})], seconds=20.0).columns
+    columns = make(21, [Hidden("unknown", None, {}, {"cogging_r": size})], seconds=12.0).columns
     real = make_problem(log_from_columns(columns, ROBOT), ROBOT, drive_causes())
     start = start_search(real, make_probe_function(real))
     (shape,) = fit_shapes(refit_with_final_noise(_restart_beside_probe(start, find_best_probe(start))))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from drive_traces import Errors, drive
+from drive_traces import drive
 from raccoon import blocked, open_robot, spin
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.readings import SIMULATOR, Fault, Inputs, Outputs, Status
@@ -15,8 +15,6 @@ from raccoon.robot.emulated import open_emulated
 
 AT, NOTICED = 2.5, 2.52
 ARM_DUTY = 0.5
-OFFSETS = (60.0, -60.0)
-"""Back-EMF counts that the wheels read at rest, which the odometry learns before they turn."""
 
 
 def driven(
@@ -24,16 +22,14 @@ def driven(
 ) -> tuple[DriveEstimate, Inputs]:
     """The end of a drive in which, from `AT` on, the port tells of a motor at fault.
 
-    dead: the motor ports that read as at rest from then on, while their wheels turn. arm: duty of a third
-    motor.
+    dead: the motor ports that read nothing from then on, while their wheels turn. arm: duty of a third motor.
     """
     odometry, kept = Odometry(RobotConfig()), [0.0, 0.0]
-    segments = [(1.5, 0.0, 0.0), (2.5, velocity, turn_rate), (1.0, 0.0, 0.0)]
-    for inputs, given in drive(segments, Errors(offset_counts=OFFSETS)):
+    for inputs, given in drive([(1.5, 0.0, 0.0), (2.5, velocity, turn_rate), (1.0, 0.0, 0.0)]):
         bemf, position = list(inputs.bemf), list(inputs.position)
         for port in dead:
             if inputs.time >= AT:
-                bemf[port], position[port] = OFFSETS[port], kept[port] + 0.005 * OFFSETS[port]
+                bemf[port], position[port] = 0.0, kept[port]
             kept[port] = position[port] or 0.0
         inputs = replace(inputs, bemf=tuple(bemf), position=tuple(position))
         if faulty and inputs.time >= NOTICED and any(given.duty):
