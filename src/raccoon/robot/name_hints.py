@@ -6,7 +6,7 @@ import inspect
 import re
 from dataclasses import is_dataclass
 from importlib import import_module
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, NoReturn
 
 from raccoon.core.near_names import did_you_mean, nearest_name
@@ -45,6 +45,14 @@ NAMES_ELSEWHERE = {
     **{name: f"robot.pose.{name}" for name in ("x", "y", "heading")},
     **{name: f"robot.estimate.{name}" for name in ("distance", "velocity", "turn_rate", "status")},
     "name": "robot.config.name",
+    **dict.fromkeys(("reset", "reset_pose", "set_pose"), "robot.odometry.reset(x, y, heading)"),
+    "position": "robot.pose",
+    "angle": "robot.pose.heading",
+    "voltage": "robot.battery_voltage",
+    **dict.fromkeys(("elapsed", "match_time"), "robot.time, less the time at which it began"),
+    **dict.fromkeys(("stop_motors", "brake"), KIPR_NAMES["ao"]),
+    **dict.fromkeys(("forward", "backward"), "robot.run(straight(m)), negative backwards"),
+    "log": "robot.note(text)",
 }
 """Where to find what other libraries, or habit, call by these names."""
 _UNKNOWN_KEYWORD = re.compile(r"(?P<function>\w+)\(\) got an unexpected keyword argument '(?P<name>\w+)'")
@@ -99,7 +107,7 @@ def _kipr_hint(name: str) -> str:
 
 def add_hints(error: BaseException | None) -> None:
     """Add to a program's error what to write instead, if that is known; once."""
-    for add in (_add_value_hint, _add_names_hint, _add_missing_name_hint, _add_keyword_hint):
+    for add in (_add_value_hint, _add_index_hint, _add_names_hint, _add_missing_name_hint, _add_keyword_hint):
         add(error)
 
 
@@ -108,15 +116,21 @@ def _add_note(error: BaseException, note: str) -> None:
         error.add_note(note)
 
 
+def _failing_step(error: BaseException) -> TracebackType | None:
+    """Where the program or library was that raised the error."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return trace
+
+
 def _add_value_hint(error: BaseException | None) -> None:
     """Add a hint to the error of `robot.pose()`, which calls a value like a function."""
     if not (isinstance(error, TypeError) and str(error).endswith("object is not callable")):
         return
     from dis import get_instructions
 
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
+    trace = _failing_step(error)
     if trace is None:
         return
     called = ""
@@ -127,6 +141,22 @@ def _add_value_hint(error: BaseException | None) -> None:
             _add_note(error, f"{called} is a value, not a function: write .{called} without ()")
         elif each.opname not in ("PRECALL", "PUSH_NULL", "CACHE"):
             called = ""
+
+
+def _add_index_hint(error: BaseException | None) -> None:
+    """Add a hint to the error of `robot.analog[0]`, which takes a function for a list."""
+    trace = _failing_step(error) if isinstance(error, TypeError) else None
+    if trace is None or str(error) != "'method' object is not subscriptable":
+        return
+    from dis import get_instructions
+
+    asked = ""
+    for each in get_instructions(trace.tb_frame.f_code):
+        on_line = each.positions is not None and each.positions.lineno == trace.tb_lineno
+        if on_line and each.offset < trace.tb_lasti and each.argval in ("analog", "digital", *PARTS):
+            asked = each.argval
+    if asked and error is not None:
+        _add_note(error, f"{asked} is a function: write .{asked}(...)")
 
 
 def _add_names_hint(error: BaseException | None) -> None:
@@ -143,11 +173,9 @@ def _add_names_hint(error: BaseException | None) -> None:
 def _add_missing_name_hint(error: BaseException | None) -> None:
     """Add to the error of `straght(0.5)` the name that is meant, if the program did not import it; otherwise
     Python suggests it itself."""
-    trace = error.__traceback__ if isinstance(error, NameError) else None
+    trace = _failing_step(error) if isinstance(error, NameError) else None
     if not isinstance(error, NameError) or trace is None:
         return
-    while trace.tb_next is not None:
-        trace = trace.tb_next
     public = import_module("raccoon").__all__
     near = nearest_name(error.name, public)
     if error.name in KIPR_NAMES:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sys import _getframe
-from typing import TYPE_CHECKING, Never, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Never, NoReturn, Protocol, TypeVar, runtime_checkable
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError
@@ -136,6 +136,14 @@ class RobotState:
         self._count_asked()
         here = self.odometry.estimate
         return Pose(here.x, here.y, here.heading)
+
+    if not TYPE_CHECKING:  # a type checker knows that it is not set
+
+        @pose.setter
+        def pose(self, pose: object) -> NoReturn:
+            raise AttributeError(
+                f"a pose cannot be set directly to {pose}: write robot.odometry.reset(x, y, heading)"
+            )
 
     @property
     def plan(self) -> Pose:

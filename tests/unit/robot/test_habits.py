@@ -6,6 +6,7 @@ import pytest
 
 import raccoon
 from raccoon import (
+    Pose,
     Robot,
     after_time,
     do,
@@ -50,6 +51,13 @@ CONFIG = RobotConfig(
         ("robot.deg(90)", "a robot has no deg$"),
         ("robot.open_robot()", "a robot has no open_robot$"),
         ("robot.ao()", r"a robot has no ao: write robot.stop\(\), from a thread"),
+        ("robot.reset()", r"a robot has no reset: write robot.odometry.reset\(x, y, heading\)"),
+        ("robot.stop_motors()", r"a robot has no stop_motors: write robot.stop\(\), from a thread"),
+        ("robot.angle", "a robot has no angle: write robot.pose.heading"),
+        (
+            "setattr(robot, 'pose', Pose(0, 0))",
+            r"be set directly to x 0.000 m, .*: write robot.odometry.reset\(x, y, heading\)",
+        ),
         ("straight(0.1).run(robot)", r"action 'straight 0.1 m' has no run: run it with robot.run"),
         ("raccoon.msleep(500)", r"raccoon has no msleep: write robot.run\(wait\(seconds\)\)"),
         (
@@ -67,7 +75,7 @@ CONFIG = RobotConfig(
 def test_what_is_meant_is_said(asked: str, said: str) -> None:
     with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
         robot.tick()
-        names = {"robot": robot, "raccoon": raccoon, "straight": straight, "Robot": Robot}
+        names = {"robot": robot, "raccoon": raccoon, "straight": straight, "Robot": Robot, "Pose": Pose}
         with pytest.raises((TypeError, AttributeError), match=said):
             eval(asked, names)
 
@@ -96,6 +104,18 @@ def noted(call: str) -> list[str]:
 )
 def test_a_value_that_is_called_is_said_to_be_one(call: str, value: str) -> None:
     assert noted(call) == [f"{value} is a value, not a function: write .{value} without ()"]
+
+
+@pytest.mark.parametrize(
+    ("call", "reader"),
+    [
+        ("robot.analog[0] > 5", "analog"),
+        ("one + robot.digital[robot.drive.asked]", "digital"),
+        ("(robot.analog(0),\nrobot.run[0])", ""),
+    ],
+)
+def test_a_function_that_is_taken_for_a_list_is_said_to_be_one(call: str, reader: str) -> None:
+    assert noted(call) == ([f"{reader} is a function: write .{reader}(...)"] if reader else [])
 
 
 @pytest.mark.parametrize("call", ["robot.time(robot.dt)", "robot.time + one()", "straight()"])
