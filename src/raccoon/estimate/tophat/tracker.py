@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raccoon.core.readings import ANALOG_BOTTOM, Status
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Status
 from raccoon.estimate.tophat.calibration import MIN_SD, Surface
 from raccoon.estimate.tophat.hypotheses import (
     Belief,
@@ -158,8 +158,10 @@ class LightTracker(Levels):
             self._start_bank()
             return
         is_level = change * change <= LEVEL_SDS * LEVEL_SDS * (noise + MIN_SD)
-        # At the converter's bottom a reading holds no information on light: half a count is all of it.
-        if is_level and (on_black or self.white > ANALOG_BOTTOM):
+        # At an end of the converter's range a reading holds no information on light: the noise of some counts
+        # is all of it. At the top the light of both surfaces would go to 0.
+        level = self.black if on_black else self.white
+        if is_level and level < ANALOG_TOP and (on_black or level > ANALOG_BOTTOM):
             self._learn(counts, on_black, residual, noise)
             self._refresh()
         if on_black:

@@ -85,6 +85,18 @@ def test_long_stay_on_one_surface_teaches_nothing_wrong() -> None:
         assert set(states[2:]) == {bool(level)}
 
 
+def test_an_abyss_or_an_open_port_teaches_nothing() -> None:
+    """Black near the top of the converter, then its top for a quarter of a minute: the light over both
+    surfaces went to 0, and the program ended with a division by it."""
+    white, black = Surface(1350.0, 20.0, 400), Surface(4066.0, 6.0, 400)
+    tophat = Tophat(TophatCalibration.of_surfaces(Verdict.OK, "", white, black, 0.5))
+    counts = [1350.0] * 100 + [4095.0] * 3300 + [1350.0] * 100
+    read = [tophat.update(index / RATE, each, way=0.0005) for index, each in enumerate(counts)]
+    assert not any(each.black for each in read[:100] + read[3420:])
+    assert all(each.black for each in read[150:3400])
+    assert tophat.levels.white == pytest.approx(1350.0, rel=0.15)
+
+
 def test_switched_off_it_stays_what_it_was() -> None:
     rng = np.random.default_rng(1)
     tophat = Tophat(calibrate(read(surface(2.5, rng), 0.0, rng)), adapt=False)
