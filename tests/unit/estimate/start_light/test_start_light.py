@@ -209,7 +209,7 @@ def test_slow_cloud_is_no_lamp(rate: int, calibrated: bool) -> None:
             2.0,
             10.0 if rate < 200 else 3.0,
         ):  # a cloud leaves; the sun is as bright as the lamp, or less
-            for share in (0.3, 0.6, 1.0) if calibrated else (0.1,):
+            for share in (0.3, 1.0) if calibrated else (0.1,):
                 time = times(rate, seconds=LAMP_ON + seconds + 1.5)
                 sun = share * np.clip((time - LAMP_ON) / seconds, 0, 1)
                 light = StartLight(StartLightCalibration(off, on) if calibrated else None)
@@ -219,7 +219,7 @@ def test_slow_cloud_is_no_lamp(rate: int, calibrated: bool) -> None:
 @pytest.mark.parametrize("rate", [10, 25, 50, 200, 1000])
 @pytest.mark.parametrize("calibrated", [True, False])
 def test_hand_that_passes_is_no_lamp(rate: int, calibrated: bool) -> None:
-    for off, on in LEVELS if rate < 200 else LEVELS[3:]:
+    for off, on in LEVELS if rate < 200 else LEVELS[3:4]:
         for edge in (0.03, 0.1, 0.3):
             for depth in (0.9, -0.4):  # its shadow; a white sleeve that sends light back
                 time = times(rate)

@@ -83,8 +83,8 @@ def test_an_inertia_says_how_unsure_it_is_for_a_delay_that_nobody_knows(seconds:
 def test_the_inertia_is_found_through_either_firmware(port: str) -> None:
     config = replace(RobotConfig(), controller=replace(RobotConfig().controller, port=port))
     with open_robot(config, seed=1) as robot:
-        robot.run(wait(0.5))
-        seen = robot.run(excite())
+        robot.run(wait(0.3))
+        seen = robot.run(excite((0.3, 0.7)))
         assert robot.inputs is not None
         fits = fit_wheels(seen, config, robot.inputs.device)
     for fit in fits:

@@ -235,8 +235,7 @@ def test_a_robot_beside_the_line_that_steers_away_from_it_finds_it(
     ("side", "angle", "speed"),
     [
         ("left", 135, 0.2),
-        ("right", -60, 0.2),
-        ("left", -135, 0.05),
+        ("left", -135, 0.1),
         ("right", 110, 0.1),
     ],
 )

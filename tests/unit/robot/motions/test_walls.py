@@ -224,13 +224,12 @@ def test_a_carpet_and_a_ramp_are_no_wall(monkeypatch: pytest.MonkeyPatch) -> Non
             robot.run(straight(-0.05))
 
 
-@pytest.mark.parametrize("firmware", [21, None])
-def test_the_ridge_of_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
+def test_the_ridge_of_a_ramp_is_no_bump() -> None:
     """At 0.2 m/s its accelerometer feels twice the slope within half a second: only the gyro tells why."""
     config = RobotConfig()
     up, down = Box((0.2, -5.0), (0.5, 5.0)), Box((0.5, -5.0), (0.8, 5.0))
     world = World(ramps=(Ramp(up, -0.088), Ramp(down, 0.088)))  # 10 degrees
-    with open_robot(config, port=opened(config, firmware, world)) as robot:
+    with open_robot(config, port=opened(config, 21, world)) as robot:
         robot.run(wait(0.6))
         robot.run(drive(0.19).until(bumped() | after_distance(0.9)))
         assert robot.estimate.x > 0.88

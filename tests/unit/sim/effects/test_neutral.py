@@ -3,6 +3,8 @@
 import re
 import sys
 from collections.abc import Callable
+from functools import cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -65,6 +67,12 @@ def run(advance: Callable[..., Any], parameters: Parameters) -> list[State]:
     return [State._make(column.tolist()) for column in out.T]
 
 
+@cache
+def without_term(effect: str) -> ModuleType:
+    """The plant whose text has no term of this effect."""
+    return python_module(source(Kind((effect,))))
+
+
 def test_the_terms_are_those_of_the_catalogue() -> None:
     assert set(TERMS) <= set(CATALOGUE)
     assert len(TERMS) >= 14
@@ -73,8 +81,7 @@ def test_the_terms_are_those_of_the_catalogue() -> None:
 @pytest.mark.parametrize("effect", TERMS)
 def test_without_its_term_the_plant_gives_the_same_bits(effect: str) -> None:
     parameters = everything_but(effect, seed=len(effect))
-    without = python_module(source(Kind((effect,)))).advance
-    assert run(driver.advance, parameters) == run(without, parameters)
+    assert run(driver.advance, parameters) == run(without_term(effect).advance, parameters)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -106,8 +113,7 @@ def test_away_from_neutral_its_term_does_something(effect: str) -> None:
     parameters = everything_but("none", seed=len(effect))
     # Wide enough that the readings of this run fall into it.
     parameters = parameters.with_effect("bemf.dead_zone", counts=80.0)
-    without = python_module(source(Kind((effect,)))).advance
-    assert run(driver.advance, parameters) != run(without, parameters)
+    assert run(driver.advance, parameters) != run(without_term(effect).advance, parameters)
 
 
 @pytest.mark.parametrize("entry", CATALOGUE.values(), ids=lambda entry: entry.id)
