@@ -1,12 +1,13 @@
 """The bias of a gyro, from what it reads while the robot stands: right to what is said."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.readings import SIMULATOR, STOP, Inputs
 from raccoon.estimate.drive.odometry import Odometry
 from shared_data import data_path
@@ -56,3 +57,16 @@ def test_readings_that_a_chip_has_smoothed_are_no_surer_for_being_many(hertz: fl
     off = surprises(white[:: round(fine / hertz)], hertz, 50)
     assert np.sqrt(np.mean(off**2)) < 1.1
     assert np.abs(off).max() < 3.0
+
+
+def test_wheels_in_a_dead_zone_stand_though_robot_toml_has_an_offset_that_it_hides() -> None:
+    """A board that reads 0 below 40 counts: 0 is no motion of -30 counts, and the gyro reads its bias."""
+    board = replace(SIMULATOR, bemf_dead_zone=40.0)
+    known = MotorConfig(bemf_offset=Measured(30.0, 1.0))
+    odometry, bias = Odometry(replace(RobotConfig(), motors={0: known, 1: known})), 0.01
+    rates = np.random.default_rng(1).normal(bias, RECORDED, 160)
+    for cycle, rate in enumerate(rates.tolist()):
+        gyro = (0.0, 0.0, rate / board.gyro_rad_s)
+        learnt = odometry.update(Inputs(0.005 * cycle, board, bemf=STILL, position=STILL, gyro=gyro), STOP)
+    assert learnt.gyro_bias == pytest.approx(bias, abs=4.0 * learnt.gyro_bias_std)
+    assert learnt.gyro_bias_std < 0.001
