@@ -61,7 +61,8 @@ def test_a_way_is_taken_from_the_mark() -> None:
 
 
 def test_what_is_seen_late_is_worth_what_it_was_when_it_was_seen() -> None:
-    """The robot stands: what standing still tells is taken again, too."""
+    """The robot stands: what standing still tells is taken again, too. A late one that is rejected before it
+    changes nothing."""
     at_once, later = Odometry(RobotConfig()), Odometry(RobotConfig())
     seen_at = 3.4
     for inputs, command in drive([(1.0, 0.0, 0.0), (2.0, 0.2, 0.3), (1.2, 0.0, 0.0)], WRONG):
@@ -69,6 +70,7 @@ def test_what_is_seen_late_is_worth_what_it_was_when_it_was_seen() -> None:
             each.update(inputs, command)
         if inputs.time == pytest.approx(seen_at):
             assert at_once.observe_heading(0.61, std=0.01).accepted
+    assert not later.observe_heading(2.0, std=0.01, time=seen_at - 0.3).accepted
     assert later.observe_heading(0.61, std=0.01, time=seen_at).accepted
     late, prompt = later.estimate, at_once.estimate
     for name in ("x", "y", "heading", "gyro_bias", "x_std", "heading_std", "turn_rate_std", "gyro_bias_std"):
