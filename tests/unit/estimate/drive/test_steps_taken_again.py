@@ -28,6 +28,17 @@ def test_what_is_seen_late_makes_no_scales_that_none_has() -> None:
     assert odometry.wheel_scales == pytest.approx(before, abs=0.01)
 
 
+def test_what_is_seen_late_does_not_forget_that_a_scale_may_be_wrong() -> None:
+    """The doubt about the way came within the steps that are taken again."""
+    odometry = Odometry(RobotConfig())
+    for inputs, command in drive([(0.6, 0.0, 0.0), (1.6, 0.2, 0.0)], Errors(scale=(1.0, 1.3))):
+        odometry.update(inputs, command)
+    before = odometry.estimate.x_std
+    assert before > 0.01
+    assert odometry.observe_heading(odometry.estimate.heading, std=1.0, time=0.7).accepted
+    assert odometry.estimate.x_std == pytest.approx(before, rel=0.05)
+
+
 @pytest.mark.parametrize("cycle", [0.002, 0.005, 0.0176, 0.02])
 def test_what_was_seen_in_the_last_two_seconds_counts_at_every_rate(cycle: float) -> None:
     odometry = Odometry(RobotConfig())
