@@ -80,7 +80,7 @@ def test_what_a_simulated_robot_read_is_told_to_be_that(
 ) -> None:
     """`raccoon tune` said it, and a calibration of the simulator's recording went into robot.toml without."""
     robot = folder / "robot.toml"
-    robot.write_text('[controller]\nport = "sim"\n[tophat.left]\nanalog = 0\n', encoding="utf-8")
+    robot.write_text('[controller]\nport = "sim"\nrate_hz = 50.0\n[tophat.left]\nanalog = 0\n', "utf-8")
     with open_robot(robot, record=folder / "drive") as simulated:
         simulated.run(seq(wait(0.5), straight(0.9), wait(0.5)))
     for kind in (["tophats", "--store", str(folder / "t.json")], ["drive", "--straight", "0.9"]):

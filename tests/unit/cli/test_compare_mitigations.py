@@ -41,15 +41,17 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 
 CONFIG = RobotConfig()
+COMPARED = ("voltage scaling, 100 %", "voltage scaling, 80 %", "back-EMF + IMU fusion")
 
 
 @pytest.fixture(scope="module")
 def ends() -> dict[str, Ends]:
-    """One robot on another battery, under every mitigation; only without any it drives squares, too."""
+    """One robot on another battery, without a mitigation and with three; only without any it drives squares,
+    too."""
     squares = measure_robot(BATTERY, 0, 1, ["none"])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("raccoon.cli.compare_mitigations.measure.MANOEUVRES", ("1 m", "turn 90"))
-        return measure_robot(BATTERY, 0, 1) | squares
+        return measure_robot(BATTERY, 0, 1, COMPARED) | squares
 
 
 def test_on_another_battery_the_paper_s_ranking_comes_out(ends: dict[str, Ends]) -> None:
@@ -168,7 +170,7 @@ def test_the_command_prints_and_writes_one_column(
         logging.getLogger("raccoon").warning(
             "was a motor changed?"
         )  # of a simulated robot: nobody's business
-        return {method: ends["none"] | its for method, its in ends.items()}
+        return {method: ends["none"] | ends.get(method, {}) for method in METHODS}
 
     monkeypatch.setattr("raccoon.cli.compare_mitigations.measure.measure_robot", known)
     out = tmp_path / "table.md"
@@ -220,12 +222,18 @@ def test_a_part_of_the_work_is_a_part_of_every_column() -> None:
 
 
 INTERRUPTED = """
-from functools import partial
+import time
 
 from raccoon.cli.compare_mitigations import measure
 
+
+def measured(*_, **__):
+    time.sleep(0.1)
+    return {}
+
+
 # In every process, each of which reads this.
-measure.measure_robot = partial(measure.measure_robot, methods=["none"])
+measure.measure_robot = measured
 
 if __name__ == "__main__":
     measure.measure_all(

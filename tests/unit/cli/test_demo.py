@@ -28,9 +28,8 @@ def test_driving_by_time_works_only_where_it_was_tuned() -> None:
     assert abs(math.degrees(open_loop(Trial(6.1, 0, 2, seed=10), times).heading)) > 5.0
 
 
-@pytest.mark.parametrize("trial", [Trial(6.1, 0, 2, 11), Trial(7.0, 2, 1, 12)], ids=str)
-def test_the_library_keeps_its_promise_on_unequal_motors(trial: Trial) -> None:
-    outcome = closed_loop(trial)
+def test_the_library_keeps_its_promise_on_unequal_motors() -> None:
+    outcome = closed_loop(Trial(7.0, 0, 2, seed=11))
     assert outcome.end < 0.01 * DISTANCE
     assert abs(math.degrees(outcome.heading)) < 1.0
 

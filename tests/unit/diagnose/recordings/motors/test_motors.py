@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from diagnoses import make_diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis.diagnosis import AxisName, _diagnosis
@@ -15,7 +16,7 @@ from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.recordings.motors import diagnosis as motors
 from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.diagnose.recordings.motors.supply import judge_supply
-from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.trace.loading import load_run
 from shared_data import data_path
 from unit.diagnose.axes import Columns, bench, motor
@@ -57,11 +58,20 @@ def test_friction_is_named_for_the_motor_that_has_it_and_the_battery_for_itself(
     assert [each.rank for each in found.causes] == [1, 2]
 
 
-def test_a_speed_in_another_unit_than_the_other_motors_is_suspected(found: Diagnosis) -> None:
-    columns = pair(5, (0.008, 0.0))
+def test_a_speed_in_another_unit_than_the_other_motors_is_suspected(
+    found: Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a speed in turns a minute a K_E is 9.55 times smaller."""
     assert not any("in another unit" in note for note in found.notes)
-    turns = {**columns, "motor.1.speed": 60.0 / (2.0 * np.pi) * columns["motor.1.speed"]}
-    (told,) = (note for note in diagnose_motors(turns, ROBOT).notes if "in another unit" in note)
+
+    def judged(_columns: Columns, port: int, *_: object) -> Diagnosis:
+        k_e = 0.09 if port == 0 else 0.09 * 2.0 * np.pi / 60.0
+        return make_diagnosis(identified={"back_emf": ParameterResult(k_e, 1e-3 * k_e, "V s/rad", 0.0)})
+
+    monkeypatch.setattr(motors, "diagnose_axis", judged)
+    (told,) = (
+        note for note in diagnose_motors(pair(5, (0.008, 0.0)), ROBOT).notes if "in another unit" in note
+    )
     assert told.startswith("motor.0.back_emf is 9.")
     assert "if the motors are alike, motor.1.speed is in another unit than rad/s" in told
 
@@ -132,19 +142,14 @@ def test_a_current_of_something_else_is_not_used() -> None:
     assert [each.fault for each in found.sensor_faults] == ["implausible"]
 
 
-def test_swapped_wires_are_said_and_taken_away() -> None:
-    found = diagnose_recording(motor(11, 0.008, backwards=True), ROBOT)
-    assert any("wires are swapped" in each for each in found.notes)
-    assert [each.id for each in found.causes] == ["friction.coulomb"]
-
-
 @pytest.mark.parametrize("as_commanded", [True, False], ids=["of the driver", "of the motion"])
-def test_the_current_of_a_motor_with_swapped_wires_is_its_own(as_commanded: bool) -> None:
-    columns = motor(11, 0.008)
-    columns["motor.0.voltage"] = -columns["motor.0.voltage"]
+def test_swapped_wires_are_said_and_taken_away(as_commanded: bool) -> None:
+    columns = motor(11, 0.008, backwards=True)
     if as_commanded:  # which is what a driver measures
         columns["motor.0.current"] = -columns["motor.0.current"]
     found = diagnose_recording(columns, ROBOT)
+    assert any("wires are swapped" in each for each in found.notes)
+    assert [each.id for each in found.causes] == ["friction.coulomb"]
     assert found.sensor_faults == ()
     assert found.identified["resistance"].value == pytest.approx(4.0, rel=0.03)
     assert found.identified["back_emf"].value == pytest.approx(0.09, rel=0.02)

@@ -69,7 +69,7 @@ def test_one_cause_is_named_with_its_number(
     assert found.verdict is Verdict.EXPLAINED
 
 
-@pytest.mark.parametrize("changes", [{"offset": 150.0}, {"factor": 0.85}, {"height": 0.023}])
+@pytest.mark.parametrize("changes", [{"factor": 0.85}, {"height": 0.023}])
 def test_with_the_better_model_the_same_tophat_is_as_assumed(changes: dict[str, float]) -> None:
     found = diagnose_recording(lines(3, **changes), ROBOT)
     assert found.model is not None
@@ -84,7 +84,7 @@ def test_a_tophat_that_robot_toml_does_not_name_gives_no_model() -> None:
     assert diagnose_recording(lines(3, offset=150.0), RobotConfig()).model is None
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_tophat_as_assumed_is_adequate(seed: int) -> None:
     found = diagnose_recording(lines(seed), ROBOT)
     assert found.verdict is Verdict.ADEQUATE
@@ -116,8 +116,10 @@ def test_one_surface_alone_cannot_tell() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("truth_free", [False, True])
-@pytest.mark.parametrize("changes", [{"offset": 300.0}, {"offset": 800.0}, {"factor": 3.0}])
+@pytest.mark.parametrize(
+    ("changes", "truth_free"),
+    [({"offset": 300.0}, True), ({"offset": 800.0}, False), ({"factor": 3.0}, True)],
+)
 def test_a_level_that_is_cut_off_is_said_and_leaves_one_number(
     changes: dict[str, float], truth_free: bool
 ) -> None:
@@ -214,8 +216,7 @@ def test_a_port_that_robot_toml_does_not_name_is_said() -> None:
     assert diagnose_recording(lines(3), ROBOT).notes == ()
 
 
-@pytest.mark.parametrize("truth_free", [False, True])
-@pytest.mark.parametrize("noise", [20.0, 60.0, 120.0])
+@pytest.mark.parametrize(("noise", "truth_free"), [(20.0, True), (60.0, False), (120.0, True)])
 def test_edges_are_no_noise(noise: float, truth_free: bool) -> None:
     columns = lines(3)
     black = np.convolve(np.pad(columns["truth.surface.2"], 2, mode="edge"), np.full(5, 0.2), "valid")
@@ -245,7 +246,7 @@ def between(height: float, seed: int) -> Columns:
     return read(columns, np.where(columns["truth.surface.2"] > 0.5, found[True], found[False]), seed)
 
 
-@pytest.mark.parametrize("height", [0.010, 0.013, 0.018])
+@pytest.mark.parametrize("height", [0.010, 0.018])
 def test_a_height_between_the_measured_ones_is_as_sure_as_the_law_between_them(height: float) -> None:
     """12 mm by another law were said to be 10.13 +- 0.09 mm, and a gain of 0.994 beside."""
     found = diagnose_recording(between(height, 3), ROBOT)
