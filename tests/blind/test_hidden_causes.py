@@ -86,7 +86,7 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
     rng = np.random.default_rng(12)
     hidden = [draw(each, rng) for each in ("actuation.latency", "motor.armature_resistance")]
     log = log_from_columns(make(12, hidden, seconds=8.0).columns, RobotConfig())
-    problem = make_problem(log, RobotConfig(), drive_causes())
+    problem = make_problem(log, RobotConfig(), causes_of("actuation.", "motor.", "bemf.", "drive.inertia"))
     start = start_search(problem, make_probe_function(problem))
     wrong = start.fit.point.with_cause("bemf.filter_lag", np.array([0.5]))
     wrong = wrong.with_cause("drive.inertia", np.array([0.3]))

@@ -216,7 +216,7 @@ def test_a_fit_of_play_does_not_stop_on_a_stair(problem: Problem) -> None:
     def white(signals: Array) -> Array:
         return np.asarray((signals / size).reshape(*signals.shape[:-2], -1), float)
 
-    starts = [(0.54, -0.05), (0.58, 0.3), (0.16, 0.0), (0.7, -0.8), (0.32, 0.6)]
+    starts = [(0.54, -0.05), (0.16, 0.0), (0.7, -0.8)]
     points = [noisy.nominal().with_cause("drive.backlash", np.array(each)) for each in starts]
     plain = [fit_point(noisy, white, each).cost for each in points]
     scanned = [fit_with_backlash_scan(noisy, white, each).cost for each in points]

@@ -8,9 +8,11 @@ import sys
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[3]
-WHOLE, GROWTH = 512, 200
-"""MB: of a whole process, and of what 40 s take beside a drive of 4."""
-PROGRAM = """
+WHOLE, GROWTH = 512, 5.5
+"""MB of a whole process in which 40 s are diagnosed, and MB of each second of a drive."""
+SHORT, LONG = 4.0, 20.0
+"""s of two drives: what is remembered of each row grows with their number."""
+PROGRAM = f"""
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.sim.effects.parameters import Parameters
@@ -22,7 +24,7 @@ def peak():
         return next(int(line.split()[1]) // 1024 for line in file if line.startswith("VmHWM"))
 
 robot = RobotConfig()
-for seconds in (4.0, 40.0):
+for seconds in ({SHORT}, {LONG}):
     found = diagnose(record_simulated_drive(Parameters.from_robot(robot), seconds), robot)
     print(peak(), found.verdict.value)
 """
@@ -39,7 +41,7 @@ def measured() -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_diagnosis_of_40_s_takes_half_of_a_small_controllers_memory() -> None:
+def test_a_diagnosis_of_40_s_would_take_half_of_a_small_controllers_memory() -> None:
     """The first drive loads what it needs; what is left between the two is the longer one's."""
     ran = measured()
     if "compiling" in ran.stderr:  # the first time only; the compiler alone takes 350 MB
@@ -47,5 +49,6 @@ def test_a_diagnosis_of_40_s_takes_half_of_a_small_controllers_memory() -> None:
     assert ran.returncode == 0, ran.stderr
     short, long = (line.split() for line in ran.stdout.splitlines())
     assert long[1] == "adequate"
-    assert int(long[0]) - int(short[0]) < GROWTH
-    assert int(long[0]) < WHOLE
+    growth = (int(long[0]) - int(short[0])) / (LONG - SHORT)
+    assert growth < GROWTH
+    assert int(long[0]) + (40.0 - LONG) * growth < WHOLE

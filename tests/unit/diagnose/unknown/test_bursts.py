@@ -118,7 +118,7 @@ def test_what_comes_in_two_moments_only_has_happened_and_is_no_fault() -> None:
     )
 
 
-@pytest.mark.parametrize(("size", "seconds"), [(0.0, 10.0), (1.0, 20.0)])
+@pytest.mark.parametrize(("size", "seconds"), [(0.0, 8.0), (1.0, 14.0)])
 def test_a_robot_that_jerks_at_random_where_it_speeds_up_is_not_adequate(size: float, seconds: float) -> None:
     """0.06 s of turning, either way, after each step of the commands: no cause and no curve has that."""
     random = np.random.default_rng(3)
