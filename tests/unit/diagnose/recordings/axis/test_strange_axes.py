@@ -22,7 +22,7 @@ FORCE = "motor.0.force"
 
 @pytest.fixture(scope="module")
 def good() -> dict[str, np.ndarray]:
-    return carriage(Axis(), 1)
+    return carriage(Axis(), 1, seconds=6.0)
 
 
 def test_a_time_in_milliseconds_is_said(good: dict[str, np.ndarray]) -> None:

@@ -135,10 +135,11 @@ def test_a_dead_current_is_a_sensor_fault_and_its_motor_is_judged_in_volts() -> 
     assert reasons["battery.internal_resistance"] == "not identifiable: motor.1.current is missing"
 
 
-def test_a_current_of_something_else_is_not_used() -> None:
-    columns = motor(9, 0.008)
+def test_a_current_of_something_else_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motors, "diagnose_axis", not_asked)
+    columns = pair(9, (0.008, 0.0))
     columns["motor.0.current"] = np.random.default_rng(1).standard_normal(len(columns["t"]))
-    found = diagnose_recording(columns, ROBOT)
+    found = diagnose_motors(columns, ROBOT)
     assert [each.fault for each in found.sensor_faults] == ["implausible"]
 
 
