@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.battery_loads import load_notes
 from raccoon.diagnose.drives.disturbances import disturbance_note
 from raccoon.diagnose.drives.log import Log, StepChange
+from raccoon.diagnose.drives.time_column import rows_drift
 from raccoon.diagnose.findings.cause_results import make_cause_results
 from raccoon.diagnose.findings.deviations import deviation_notes
 from raccoon.diagnose.findings.fitted_model import make_fitted_model
@@ -70,7 +71,8 @@ def stall_faults(log: Log) -> tuple[SensorFault, ...]:
 def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> SearchOutcome:
     """The outcome of a search, validated on data that it did not fit. begin: start of the diagnosis, s."""
     uncertainty = FitUncertainty.of(search)
-    causes = with_habit_uncertainty(make_cause_results(search, judged, uncertainty), habits)
+    causes = make_cause_results(search, judged, uncertainty)
+    causes = with_habit_uncertainty(causes, habits, rows_drift(log.time))
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, active_backlash(search.fit.point)
     bursts = find_bursts(

@@ -14,6 +14,9 @@ MAX_STEP_S = 0.2
 """Longest time between samples, s; a wheel settles in less."""
 MAX_GAP_S = 1e5
 """Longest pause of a drive, s; a longer one is an error of the time."""
+MIN_DRIFT_S = 0.00125
+"""Standard deviation in s of row times from an even clock, from which rows drift: a quarter of a firmware's
+cycle of 5 ms. Rows that are woken by a timer stay within some tenths of a millisecond of it."""
 MIN_STILL_SHARE = 0.1
 """Share of rows without an advance of the time above which the time is rounded."""
 
@@ -47,6 +50,20 @@ def check_step(time: Array, slowest: float = MAX_STEP_S) -> None:
             or f"t advances by {step:.3g} s a sample, as if it were in hundredths of a second"
         )
         raise TraceError(f"{told}; at most {slowest:g} s are allowed")
+
+
+def rows_drift(time: Array) -> bool:
+    """Whether no clock with an even step is behind the rows (s), as in a program that sleeps between them:
+    then each shows a sample that is up to a cycle of the controller old, whatever that cycle is. Lost rows
+    do not count."""
+    usual = median_step(time)
+    if not usual > 0.0:
+        return False
+    steps = np.diff(time)
+    late = np.cumsum(steps - usual * np.round(steps / usual))
+    rows = np.arange(len(late))
+    even = np.polynomial.Polynomial.fit(rows, late, 1)(rows) if len(late) > 1 else late
+    return float(np.std(late - even)) > MIN_DRIFT_S
 
 
 def _describe_rounding(steps: Array) -> str:

@@ -53,17 +53,24 @@ def habit_notes(
     )
 
 
-def with_habit_uncertainty(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
+def with_habit_uncertainty(
+    causes: Sequence[CauseResult], habits: Habits, drifting: bool = False
+) -> tuple[CauseResult, ...]:
     """Causes with increased standard deviations of the battery's resistance, of the latencies and of lags
     that may be latencies, since it is not known exactly when readings are taken. Their probability is limited
     to what the increased deviation allows, and if it may be the whole number the explanation says so:
-    `validate_causes` named it from the drive alone."""
+    `validate_causes` named it from the drive alone.
+
+    drifting: whether rows drift through the controller's cycles (`rows_drift`). A sample is then half a cycle
+    old on average, not at a fixed age that may be 0; a clock of the controller's own has that age already.
+    """
     firmware = habits.firmware if habits.knows_battery else None
     share = RESISTANCE_SHARE_BY_READ_TIME if firmware is None else firmware.unread_resistance_share
     unknown = {BATTERY_RESISTANCE[0]: (share, 0.0)}
     if habits.firmware is None:
         chip = 0.0 if habits.low_pass else 0.5 * LOW_PASS
-        unknown |= {LATENCY: (0.0, SAMPLE_PHASE_STD), GYRO_LATENCY: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
+        age = (2.0 if drifting and not habits.chain.free_running else 1.0) * SAMPLE_PHASE_STD
+        unknown |= {LATENCY: (0.0, age), GYRO_LATENCY: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
     sources = [_reading_time_source(each) for each in causes]
     return tuple(
         _with_wider_std(each, *unknown[source]) if source in unknown else each
