@@ -28,6 +28,7 @@ from raccoon.diagnose.fit.backlash_scan import active_backlash
 from raccoon.diagnose.fit.noise_model import whiteness_p_values
 from raccoon.diagnose.habits.notes import habit_notes, with_habit_uncertainty
 from raccoon.diagnose.hypotheses.per_recording import BATTERY_RESISTANCE
+from raccoon.diagnose.reports.numbers import parameter_text
 from raccoon.diagnose.result import (
     MAX_UNEXPLAINED_SHARE,
     STOOD,
@@ -35,6 +36,7 @@ from raccoon.diagnose.result import (
     Curve,
     Diagnosis,
     SensorFault,
+    Shape,
     Unexplained,
     Verdict,
 )
@@ -43,9 +45,9 @@ from raccoon.diagnose.select.state import Search
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, find_bursts
 from raccoon.diagnose.unknown.friction_change import is_clearly_heating
 from raccoon.diagnose.unknown.one_sided_error import find_one_sided_error
-from raccoon.diagnose.unknown.probes import find_change
+from raccoon.diagnose.unknown.probes import SPEED, find_change
 from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX
-from raccoon.diagnose.unknown.shapes import fit_shapes
+from raccoon.diagnose.unknown.shapes import fit_shapes, is_small_friction
 from raccoon.trace.recording import median_step
 
 Array = NDArray[np.float64]
@@ -84,7 +86,7 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
         play=bool(play),
         age_std=_age_std(log, habits),
     )
-    depends_on, unknown_notes = _unknown_dependence(search, bursts)
+    depends_on, unknown_notes, shapes = _unknown_effects(search, bursts)
     left = judged.left if judged.is_model_wrong or depends_on else 0.0  # 0 if it may be chance
     verdict = _verdict(
         not all(each.is_negligible for each in causes), bool(depends_on), left, judged.is_model_wrong
@@ -113,7 +115,7 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
         ),
         sensor_faults=stall_faults(log),
         curves=_held_out_curves(log, judged),
-        shapes=fit_shapes(search),
+        shapes=shapes,
     )
     change = None if log.runs else find_change(search.problem, search.linear)
     return SearchOutcome(diagnosis, bursts.moments, change, partial(is_clearly_heating, search))
@@ -127,17 +129,31 @@ def _age_std(log: Log, habits: Habits) -> float:
     return math.hypot(median_step(log.time), cycle) / math.sqrt(12.0)
 
 
-def _unknown_dependence(search: Search, bursts: Bursts) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Quantities on which the unexplained error depends, and notes on those of which no curve is drawn."""
+def _unknown_effects(
+    search: Search, bursts: Bursts
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[Shape, ...]]:
+    """Quantities on which the unexplained error depends, notes on those of which no curve is drawn, and the
+    curves. Friction over the speed that varies too little to matter is only noted."""
+    fitted, coulomb = fit_shapes(search), search.problem.robot.model.friction.coulomb.value
+    shapes = tuple(each for each in fitted if not is_small_friction(each, coulomb))
+    notes = tuple(_small_friction_note(each, coulomb) for each in fitted if is_small_friction(each, coulomb))
     over = tuple(each.removeprefix(UNKNOWN_PREFIX) for each in search.unknown)
+    over = tuple(each for each in over if not (notes and each == SPEED))
     if bursts.told:
-        return (*over, DEPENDS_ON), bursts.told
+        return (*over, DEPENDS_ON), (*notes, *bursts.told), shapes
     features = search.problem.features
     alone = find_one_sided_error(features.roles, features.measured, search.linear.residual, features.event)
     if over or alone is None:
-        return over, ()
+        return over, notes, shapes
     wheel, said = alone
-    return (wheel,), (said,)
+    return (wheel,), (*notes, said), shapes
+
+
+def _small_friction_note(shape: Shape, coulomb: float) -> str:
+    """Note on friction that varies over the speed by too little to matter."""
+    share = f"{100.0 * shape.size.value / coulomb:.1f} % of robot.toml's dry friction"
+    varies = f"{shape.quantity} varies by {parameter_text(shape.size)} over the speed"
+    return f"{varies}, which is {share}: too little to matter"
 
 
 def _own_effect_notes(search: Search) -> tuple[str, ...]:

@@ -44,7 +44,7 @@ from raccoon.sim.effects.physical import wiring_signs
 
 Array = NDArray[np.float64]
 
-POSITION = "position"
+POSITION, SPEED = "position", "speed"
 INERTIA = "drive.inertia"
 INERTIA_GROWTH = "growth of inertia"
 USUAL_TORQUE = 0.03
@@ -157,7 +157,7 @@ def make_probe_function(problem: Problem) -> Callable[[LinearModel], Sequence[Pr
                 "[motor.N] inverted and [model] those of the robot that was recorded?"
             )
         speed = np.abs(wheels).mean(axis=1)
-        over_speed = _TorqueCurve("speed", True, hat_functions(speed, 6), speed, WHEEL_SPEED_UNIT)
+        over_speed = _TorqueCurve(SPEED, True, hat_functions(speed, 6), speed, WHEEL_SPEED_UNIT)
         over_time = [_friction_over_time(motion.time)] if problem.friction_may_change else []
         torques = [*_torque_curves(motion), *over_time, over_speed]
         return [

@@ -14,7 +14,7 @@ from raccoon.diagnose.fit.noise_estimation import estimate_whitener
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.result import Shape
 from raccoon.diagnose.select.state import Search
-from raccoon.diagnose.unknown.probes import INERTIA, INERTIA_GROWTH
+from raccoon.diagnose.unknown.probes import INERTIA, INERTIA_GROWTH, SPEED
 from raccoon.diagnose.unknown.sensor_probes import UNKNOWN_PREFIX, Probe
 
 Array = NDArray[np.float64]
@@ -25,6 +25,18 @@ WAVE_PRIOR_FACTOR = 10.0
 """Factor on the prior standard deviation of waves once they are known to be present."""
 MAX_WAVE_CORRECTION = 2.0
 """Upper bound of the factor by which a wave may be larger than its constant part; beyond, it is chance."""
+
+FLOOR_SHARE_OVER_SPEED = 0.05
+"""Share of robot.toml's Coulomb friction by which friction must vary over the speed to matter; a floor varies
+a torque over a wheel's angle by as much. Of robots without such a fault it varied by 0.014 to 0.028: where
+friction gives before it slides in another way than the simulated one's, and where a battery sags by more than
+its reading, taken in a motor's pause, shows."""
+
+
+def is_small_friction(shape: Shape, coulomb: float) -> bool:
+    """Whether a curve is friction over the speed that varies too little to matter. coulomb: robot.toml's
+    friction, N m."""
+    return shape.depends_on == SPEED and shape.size.value < FLOOR_SHARE_OVER_SPEED * coulomb
 
 
 def fit_shapes(search: Search) -> tuple[Shape, ...]:
