@@ -213,6 +213,7 @@ def test_a_long_pause_neither_moves_the_robot_nor_makes_it_sure(seconds: float) 
     assert at_end.truth is not None
     assert end.distance - begin.distance == pytest.approx(0.4, abs=0.03)
     if after.status is Status.INVALID:
+        assert after.distance == pytest.approx(before.distance, abs=0.005)
         turned = (end.heading - begin.heading) - (at_end.truth.heading - at_begin.truth.heading)
         assert abs(turned) < math.radians(1.5)
 
