@@ -354,7 +354,7 @@ def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Prob
 def test_of_more_starts_no_more_is_kept_than_their_columns(problem: Problem) -> None:
     """A search fits some sixty starts of twenty coordinates at once: their simulations beside each other took
     a controller's whole memory, ten times their columns. So short a drive has settings as large."""
-    whitener, peaks, counts = plain_whitener(problem), [], (2, 6, 18)
+    whitener, peaks, counts = plain_whitener(problem), [], (2, 12, 24)
     near = problem.nominal().vector()
     for count in counts:  # the first loads the simulator
         fresh = replace(problem)  # nothing is remembered

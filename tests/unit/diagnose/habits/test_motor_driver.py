@@ -44,7 +44,8 @@ def test_how_a_deadband_ends_is_asked_for_beside_what_is_like_one(end: str) -> N
     """One of 0.1 that ends at once was one of 0.015, beside three frictions."""
     chain = replace(Chain.firmware(), threshold=end == "threshold", cut=end == "cut")
     robot = Parameters(ROBOT, GIVING | {("actuation.deadband", None): {"duty": 0.14}}, chain)
-    search, trials = standing(record_simulated_drive(robot, 5.0), USUAL, {"friction.coulomb": 0.3})
+    among = ("actuation.", "friction.", "motor.", "drive.")
+    search, trials = standing(record_simulated_drive(robot, 5.0), USUAL, {"friction.coulomb": 0.3}, among)
     search, habits = try_deadband_shapes(search, USUAL, trials.running(start_selection))
     assert habits == replace(USUAL, chain=chain)
     assert list(search.fit.point.active) == ["actuation.deadband"]
