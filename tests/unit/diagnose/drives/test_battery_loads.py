@@ -29,6 +29,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
 from raccoon.trace.loading import load_run
+from unit.diagnose.searches import BLIND_CONTROLLER
 
 Array = NDArray[np.float64]
 Spans = tuple[tuple[float, float], ...]
@@ -246,7 +247,7 @@ def test_they_are_told_with_what_moved() -> None:
 def test_the_battery_s_resistance_beside_servos() -> None:
     hidden = [draw("battery.internal_resistance", np.random.default_rng(0), 0.6)]
     columns = driven(8, rests(8, 16.0), sag=0.3, seconds=16.0, hidden=hidden)
-    found = diagnose(columns, ROBOT, causes=CAUSES_OF_A_SAG)
+    found = diagnose(columns, ROBOT, causes=CAUSES_OF_A_SAG, firmware=BLIND_CONTROLLER)
     assert [each.id for each in found.causes] == ["battery.internal_resistance"]
     number = found.causes[0].parameters["resistance"]
     true = make(8, hidden, np.zeros((int(16.0 * drives.RATE), 2)), 16.0).robot["rint"]
@@ -256,6 +257,8 @@ def test_the_battery_s_resistance_beside_servos() -> None:
 
 
 def test_a_servo_that_jams_is_no_discharge() -> None:
-    found = diagnose(driven(4, ((13.0, 30.0),), sag=0.13), ROBOT, causes=CAUSES_OF_A_SAG)
+    found = diagnose(
+        driven(4, ((13.0, 30.0),), sag=0.13), ROBOT, causes=CAUSES_OF_A_SAG, firmware=BLIND_CONTROLLER
+    )
     assert found.verdict is Verdict.ADEQUATE
     assert found.causes == ()
