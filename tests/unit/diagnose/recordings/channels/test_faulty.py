@@ -136,6 +136,20 @@ def test_nothing_is_named_where_motion_does_not_follow_commands() -> None:
     assert with_channel_faults(found(12.0, 0.9), GOOD, sound, ROBOT).causes
 
 
+@pytest.mark.parametrize(
+    ("share", "verdict", "told"), [(0.03, Verdict.EXPLAINED, 0), (0.06, Verdict.PARTLY, 1)]
+)
+def test_a_drive_is_explained_in_part_where_the_wheels_stay_off(
+    share: float, verdict: Verdict, told: int
+) -> None:
+    """Readings that had 4 % of the other motor's in them were 5 % off with a scale of both, which was said to
+    explain everything."""
+    named = replace(found(share * np.std(GOOD["motor.0.bemf"]), 0.9), verdict=Verdict.EXPLAINED)
+    again = with_channel_faults(named, GOOD, without_faulty_channels(GOOD, ROBOT), ROBOT)
+    assert (again.verdict, again.causes) == (verdict, named.causes)
+    assert sum("6 % of motor.0.bemf's spread" in each for each in again.notes) == told
+
+
 def test_steps_of_an_encoder_are_not_what_does_not_follow() -> None:
     """One of 0.87 rad/s a tick was 0.17 of what it said off, of a robot with more friction."""
     turned = np.cumsum(2.2 * 0.01 * np.sin(3.0 * TIME))
