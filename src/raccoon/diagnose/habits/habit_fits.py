@@ -17,7 +17,11 @@ from raccoon.diagnose.fit.noise_model import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem, transfer_columns, transfer_point
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.base_coordinates import MAX_BASE_STDS, WheelSliding, base_coordinates
-from raccoon.diagnose.hypotheses.coordinates import additive_coordinate, multiplicative_coordinate
+from raccoon.diagnose.hypotheses.coordinates import (
+    Coordinate,
+    additive_coordinate,
+    multiplicative_coordinate,
+)
 from raccoon.diagnose.rollout.encoder_window import WINDOW
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.sample_ages import SAMPLE_AGE
@@ -27,6 +31,9 @@ Array = NDArray[np.float64]
 BEMF_FILTER_LAG, LATENCY = "bemf.filter_lag", "actuation.latency"
 BASE_RANGE_STDS = 60.0
 """Range of base numbers in these fits, in standard deviations."""
+COMPLIANCE, MAX_COMPLIANCE_STDS = ("friction.presliding", None, "compliance"), 1.7
+"""The wheels' compliance has a usual size in these fits: with soft tyres, and no prior for any number, a ramp
+of 8 per second came near to one of 6."""
 CAUSE_STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
 """Coordinates of causes, of which the best is chosen for the start of a fit; the first has nearly no
 effect."""
@@ -88,7 +95,7 @@ def with_all_base_free(problem: Problem, wheels: WheelSliding) -> Problem:
     wheels, and no loop's delay is free: with it the firmware's slots could not be distinguished.
     `MASKING_COORDINATES` are free as well."""
     base = [
-        each.beside(problem.neutral)
+        _with_usual_compliance(each).beside(problem.neutral)
         for each in base_coordinates(problem.robot, inside=BASE_RANGE_STDS, sliding=wheels)
         if each.settings[0][0] not in (BEMF_FILTER_LAG, LATENCY)
     ]
@@ -102,6 +109,13 @@ def with_all_base_free(problem: Problem, wheels: WheelSliding) -> Problem:
             )
         )
     return replace(problem, base=(*base, *MASKING_COORDINATES))
+
+
+def _with_usual_compliance(coordinate: Coordinate) -> Coordinate:
+    """A base number that is at most `MAX_COMPLIANCE_STDS` if it is the wheels' compliance."""
+    if coordinate.settings != (COMPLIANCE,):
+        return coordinate
+    return replace(coordinate, high=MAX_COMPLIANCE_STDS)
 
 
 def choose_start(problem: Problem) -> Point:

@@ -35,9 +35,11 @@ PRESLIDING = {"compliance": 0.001, "damping": 0.3}
 contain it, and it is no cause: every gear is slightly compliant, and how a robot stops shows by how much."""
 PRESLIDING_WIDTH = 0.7
 """Standard deviation of the logarithm of both: a factor of two."""
-PRESLIDING_MAX_STDS = 1.7
-"""Bound of both in standard deviations: from three tenths to three times. Stiffer wheels need steps shorter
-than a millisecond, and differ from rigid ones by less than a reading's noise."""
+PRESLIDING_BOUNDS = {"compliance": (-1.7, 4.9), "damping": (-1.7, 1.7)}
+"""Bounds of both in standard deviations: from three tenths to thirty times the compliance and three times the
+damping. Stiffer wheels need steps shorter than a millisecond, and differ from rigid ones by less than a
+reading's noise. Rubber is more compliant than gears, and compliance that the bounds exclude is made up for by
+less resistance with more inertia and friction: along that scale only the compliance changes."""
 CREEP_SPEED, CREEP_TAIL = 0.05, 0.5
 """Speed in rad/s at which creeping friction is near its level, known to a factor of two as well, and the
 standard deviation of a number from 0 to 1 for how gradually it reaches that level."""
@@ -204,10 +206,11 @@ def _for_place(number: Measured, place: str | None) -> Measured:
 
 
 def _presliding(wheels: WheelSliding, inside: float) -> Iterator[Coordinate]:
-    id_, width, bound = "friction.presliding", PRESLIDING_WIDTH, PRESLIDING_MAX_STDS
+    id_, width = "friction.presliding", PRESLIDING_WIDTH
     if wheels is WheelSliding.COMPLIANT:
         for parameter, usual in PRESLIDING.items():
-            yield multiplicative_coordinate(id_, None, width, -bound, bound, parameter, usual)
+            low, high = PRESLIDING_BOUNDS[parameter]
+            yield multiplicative_coordinate(id_, None, width, low, high, parameter, usual)
     if wheels is WheelSliding.CREEPING:
         yield multiplicative_coordinate(id_, None, width, -inside, inside, "creep", CREEP_SPEED)
         yield additive_coordinate(id_, None, "creep_tail", CREEP_TAIL, 0.0, 1.0 / CREEP_TAIL)

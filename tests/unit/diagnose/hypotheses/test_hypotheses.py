@@ -9,9 +9,11 @@ import pytest
 
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.problems import drive_problem, starting_settings
+from raccoon.diagnose.habits.trials import start_afresh
 from raccoon.diagnose.hypotheses.base_coordinates import LOOP_LATENCY, MAX_BASE_STDS, base_coordinates
 from raccoon.diagnose.hypotheses.cause_catalogue import causes_from, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, cause_name, neutral_settings
@@ -21,6 +23,7 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import SIDES, Parameters
 from raccoon.sim.effects.physical import plant_numbers
+from simulated_drives import record_simulated_drive
 
 ROBOT = RobotConfig()
 CAUSES = {each.name: each for each in drive_causes()}
@@ -133,3 +136,19 @@ def test_friction_by_direction_does_not_change_with_the_friction(problem: Proble
         parts.append(asymmetry * settings[("friction.viscous", "left", "coefficient")])
     assert parts[0] == pytest.approx(parts[1])
     assert parts[0] > 0.0
+
+
+def test_a_robot_on_soft_tyres_has_the_motors_of_robot_toml() -> None:
+    """With three times the usual compliance as the most, a robot with nine times had a third of its
+    resistance and three times its inertia and friction: along that scale only the compliance changes."""
+    gives = {"compliance": 0.009, "damping": 0.3}
+    soft = Parameters(ROBOT, {("friction.presliding", None): gives}, Chain.firmware())
+    columns = record_simulated_drive(soft, 8.0, noise={"motor.0.bemf": 3.0, "motor.1.bemf": 3.0})
+    log = log_from_columns(columns, ROBOT)
+    problem = drive_problem(log, ROBOT, [CAUSES["drive.inertia"]], Habits(Chain.firmware(), False), None)
+    point = start_afresh(problem).fit.point
+    compliance = problem.settings(point)[("friction.presliding", None, "compliance")]
+    assert compliance == pytest.approx(0.009, rel=0.15)
+    off = {each.name: u for each, u in zip(problem.base, point.base, strict=True)}
+    assert abs(off["motor.armature_resistance.factor"]) < 0.3
+    assert abs(off["drive.inertia_straight"]) < 0.3
