@@ -122,7 +122,7 @@ def _run_program(program: Program, main: ModuleType, substitute: Substitute) -> 
     from raccoon.robot.actions.functions import perform
     from raccoon.robot.opening import open_robot
 
-    exec(compile(program.text, program.file, "exec"), main.__dict__)
+    exec(compile(program.text, program.file, "exec", dont_inherit=True), main.__dict__)
     mission = getattr(main, "mission", None)
     if not substitute.robots and mission not in (None, raccoon.mission):
         with open_robot("robot.toml") as robot:

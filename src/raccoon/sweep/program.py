@@ -75,7 +75,7 @@ class Program:
         module.__file__ = self.file
         if self.folder not in sys.path:
             sys.path.insert(0, self.folder)
-        exec(compile(self.text, self.file, "exec"), module.__dict__)
+        exec(compile(self.text, self.file, "exec", dont_inherit=True), module.__dict__)
         mission = getattr(module, "mission", None)
         if isinstance(mission, Action):
             return lambda robot: robot.run(mission)

@@ -57,7 +57,8 @@ def test_a_mission_without_a_robot_of_its_own_gets_one(
 ) -> None:
     program = folder / "mission.py"
     program.write_text(
-        "import pickle\nfrom raccoon import straight\nclass Far(float): ...\n"
+        "import pickle\nfrom raccoon import straight\nclass Far(float):\n    unit: str\n"
+        "assert Far.__annotations__ == {'unit': str}\n"
         "def mission(robot):\n"
         "    return straight(pickle.loads(pickle.dumps(Far(0.02))))\n"
     )

@@ -308,6 +308,13 @@ def mission(robot):
     assert (row["status"], row["reason"]) == ("ok", "")
 
 
+def test_annotations_of_a_program_are_text_only_if_it_says_so() -> None:
+    """The library's own modules have `from __future__ import annotations`, which `compile` passes on."""
+    text = "class Stop:\n    seconds: float = 0.1\nassert Stop.__annotations__ == {'seconds': float}\n"
+    row = played(text + "def mission(robot): robot.tick()")
+    assert (row["status"], row["reason"]) == ("ok", "")
+
+
 def test_an_action_that_a_mission_gives_back_is_done() -> None:
     row = played("from raccoon import *\ndef mission(robot): return straight(0.05)")
     assert row["status"] == "ok"
