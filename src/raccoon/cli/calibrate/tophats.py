@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,8 +17,8 @@ from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.sections import SIMULATED_ONE, TophatConfig
 from raccoon.estimate.drive_calibration.columns import manoeuvre_from_columns
 from raccoon.estimate.drive_calibration.paths import integrate_path
-from raccoon.estimate.tophat import Verdict, calibrate
-from raccoon.estimate.tophat.sensor import explain_levels
+from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
+from raccoon.estimate.tophat.sensor import Explanation, explain_levels
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 from raccoon.trace.loading import Run, load_runs
 
@@ -90,7 +90,7 @@ def calibrate_recordings(
     voltage = _mean_voltage(runs)
     for name, sensor in robot.tophats.items():
         found = calibrate(*_counts_and_ways(runs, robot, sensor))
-        entry = StoredCalibration(name, set_name, now, found, whose, voltage)
+        entry = _entry(name, set_name, now, found, whose, voltage)
         print(_row(entry, layout))
         failed += not found.usable
         if found.usable:
@@ -104,6 +104,15 @@ def calibrate_recordings(
         if simulated:
             print(SIMULATED_NOTE)
     return 1 if failed else 0
+
+
+def _entry(
+    name: str, set_name: str, now: str, found: TophatCalibration, robot: str, voltage: float | None
+) -> StoredCalibration:
+    known = list(_known(found))
+    ambient = known[0].ambient if len(known) == 1 else None
+    generation = known[0].generation if len(known) == 1 else None
+    return StoredCalibration(name, set_name, now, found, robot, ambient, voltage, generation)
 
 
 def _counts_and_ways(
@@ -147,6 +156,12 @@ def _mean_voltage(runs: Sequence[Run]) -> float | None:
     columns = [run.recording.columns.get("battery.voltage") for run in runs]
     voltages = [float(np.nanmean(each)) for each in columns if each is not None and np.isfinite(each).any()]
     return sum(voltages) / len(voltages) if voltages else None
+
+
+def _known(found: TophatCalibration) -> Iterator[Explanation]:
+    if found.usable:
+        white, black = found.surfaces()
+        yield from explain_levels(white.mean, black.mean)
 
 
 def _row(entry: StoredCalibration, layout: Layout) -> str:

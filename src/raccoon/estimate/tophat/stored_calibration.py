@@ -10,23 +10,21 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds, finite_or_none, format_value, refuse_unknown
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.flicker import FLICKER_HZ
-from raccoon.model.reflectance import FULL_SCALE
+from raccoon.model.reflectance import FULL_SCALE, GENERATIONS
 
 COUNTS_BOUNDS = Bounds(0.0, FULL_SCALE)
 SPREAD_BOUNDS = Bounds(positive=True, high=FULL_SCALE)
 SHARE_BOUNDS = Bounds(0.0, 1.0)
 FROM_ZERO_BOUNDS = Bounds(0.0)
 VOLTAGE_BOUNDS = Bounds(0.0, 30.0)
-IGNORED_KEYS = ("ambient", "generation")
-"""Keys of older files: they were computed from the levels, as `explain_levels` still does for the table."""
 
 
 @dataclass(frozen=True, slots=True)
 class StoredCalibration:
     """One calibration with its origin.
 
-    set_name: the floor or table that it is for. time: ISO 8601, given by the caller. robot: its name, "" if
-    unknown. battery_voltage: V; None if unknown.
+    set_name: the floor or table that it is for. time: ISO 8601, given by the caller. ambient: light level (0
+    normal, 1 direct sun). battery_voltage: V. generation: "old" or "new". None: unknown.
     """
 
     sensor: str
@@ -34,7 +32,9 @@ class StoredCalibration:
     time: str
     calibration: TophatCalibration
     robot: str = ""
+    ambient: float | None = None
     battery_voltage: float | None = None
+    generation: str | None = None
 
 
 def parse_entry(table: object, where: str) -> StoredCalibration:
@@ -42,18 +42,21 @@ def parse_entry(table: object, where: str) -> StoredCalibration:
 
     Raises ConfigError naming the entry, its sensor, the key, the value and what is allowed.
     """
-    if isinstance(table, Mapping):
-        table = {key: value for key, value in table.items() if key not in IGNORED_KEYS}
     values = _check_table(StoredCalibration, table, where)
     sensor = _check_text(values["sensor"], f"{where}.sensor")
     here = f"{where} (sensor {sensor})"
+    generation = values.get("generation")
+    if generation is not None and generation not in GENERATIONS:
+        raise ConfigError(f"{here}.generation = {format_value(generation)}: allowed are null, old and new")
     return StoredCalibration(
         sensor,
         _check_text(values["set_name"], f"{here}.set_name"),
         _check_text(values["time"], f"{here}.time"),
         _parse_calibration(values["calibration"], f"{here}.calibration"),
         _check_text(values.get("robot", ""), f"{here}.robot"),
+        _optional_number(values.get("ambient"), FROM_ZERO_BOUNDS, f"{here}.ambient"),
         _optional_number(values.get("battery_voltage"), VOLTAGE_BOUNDS, f"{here}.battery_voltage"),
+        generation,
     )
 
 

@@ -118,13 +118,21 @@ def _store_calibrations(
 ) -> None:
     from datetime import UTC, datetime
 
+    from raccoon.estimate.tophat.sensor import explain_levels
     from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    own, voltage = robot_name(robot), robot.battery_voltage
-    TophatStore(store).add(
-        *(StoredCalibration(name, set_name, now, each, own, voltage) for name, each in found.items())
-    )
+    entries = []
+    for name, each in found.items():
+        white, black = each.surfaces()
+        known = explain_levels(white.mean, black.mean)
+        ambient, generation = (known[0].ambient, known[0].generation) if len(known) == 1 else (None, None)
+        entries.append(
+            StoredCalibration(
+                name, set_name, now, each, robot_name(robot), ambient, robot.battery_voltage, generation
+            )
+        )
+    TophatStore(store).add(*entries)
 
 
 def port_counts(readings: Sequence[Inputs], port: int) -> list[float]:

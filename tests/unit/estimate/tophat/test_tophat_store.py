@@ -21,7 +21,7 @@ def made(white: float, black: float, seed: int = 0) -> TophatCalibration:
 def entry(
     sensor: str = "left", time: str = "2026-03-01T10:00:00", white: float = 1270.0
 ) -> StoredCalibration:
-    return StoredCalibration(sensor, "table", time, made(white, 3800.0), "drumbot", 6.7)
+    return StoredCalibration(sensor, "table", time, made(white, 3800.0), "drumbot", 0.0, 6.7, "new")
 
 
 def test_what_is_stored_comes_back(tmp_path: Path) -> None:
@@ -103,6 +103,7 @@ def test_damaged_file_is_named(tmp_path: Path, text: str) -> None:
         ("calibration.flickers", 60, r"flickers = 60: allowed are 0, 100, 120 and 250"),
         ("calibration.treshold", 1.0, r"treshold: there is no such key \(did you mean threshold\?\)"),
         ("battery_voltage", 67.0, r"battery_voltage = 67\.0: allowed are numbers from 0 to 30"),
+        ("generation", "newest", r"generation = 'newest': allowed are null, old and new"),
         ("time", 5, r"time = 5: it must be a text"),
     ],
 )
@@ -139,14 +140,10 @@ def test_a_recording_is_named_and_not_shown(tmp_path: Path) -> None:
     assert len(str(caught.value)) < len(str(path)) + 150
 
 
-def test_file_is_plain_json_and_older_ones_with_light_and_generation_are_read(tmp_path: Path) -> None:
+def test_file_is_plain_json(tmp_path: Path) -> None:
     store = TophatStore(tmp_path / "tophats.json")
     store.add(entry())
-    table = json.loads(store.path.read_text(encoding="utf-8"))
-    assert table["calibrations"][0]["battery_voltage"] == 6.7
-    table["calibrations"][0] |= {"ambient": 0.0, "generation": "new"}
-    store.path.write_text(json.dumps(table), encoding="utf-8")
-    assert store.history() == [entry()]
+    assert json.loads(store.path.read_text(encoding="utf-8"))["calibrations"][0]["battery_voltage"] == 6.7
 
 
 @pytest.mark.parametrize(
