@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,12 @@ def test_stores_what_it_believes_and_shows_it(folder: Path, capsys: pytest.Captu
     assert "left" in shown
     assert "right" not in shown
     assert "6.70 V" in shown
-    assert "new at 7 mm" in shown
+    assert "new at 7 mm\n" in shown
+    store = TophatStore(folder / "tophats.json")
+    (entry,) = store.history()
+    store.add(replace(entry, ambient=0.26))  # as where only one sensor reads such levels
+    assert command(folder, "--show") == 0
+    assert "new at 7 mm, in 0.26 of direct sunlight\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("other", ["drive.csv", "--write"])

@@ -177,7 +177,8 @@ def _row(entry: StoredCalibration, layout: Layout) -> str:
     known = " or ".join(
         f"{each.generation} at {1000 * each.height:.0f} mm" for each in explain_levels(white.mean, black.mean)
     )
+    light = "" if entry.ambient is None else f", in {entry.ambient:.2f} of direct sunlight"
     return (
         f"{start}{white.mean:7.0f}{black.mean:7.0f}{found.threshold:7.0f}{found.separation:7.1f}"
-        f"{100 * (found.error_rate or 0.0):8.3f}%  {battery}  {known or 'not one of the two'}"
+        f"{100 * (found.error_rate or 0.0):8.3f}%  {battery}  {known or 'not one of the two'}{light}"
     )
