@@ -78,20 +78,8 @@ def _recorded(
     bemf: bool,
     gyro_every: int,
 ) -> tuple[tuple[Inputs, Outputs], ...]:
-    """Many tests damage the same drives, each in its own way."""
-    return tuple(_cycles(segments, errors, seed, dt, device, counters, bemf, gyro_every))
-
-
-def _cycles(
-    segments: tuple[Segment, ...],
-    errors: Errors,
-    seed: int,
-    dt: float,
-    device: Device,
-    counters: bool,
-    bemf: bool,
-    gyro_every: int,
-) -> Iterator[tuple[Inputs, Outputs]]:
+    """The cycles of a drive. Many tests damage the same drives, each in its own way."""
+    cycles: list[tuple[Inputs, Outputs]] = []
     noise = (
         np.random.default_rng(seed)
         .normal(size=(round(sum(each[0] for each in segments) / dt) + 8, 5))
@@ -125,16 +113,15 @@ def _cycles(
         word = round(rate / device.gyro_rad_s)
         has_gyro = gyro_every > 0 and cycle % gyro_every == 0
         duty = 0.5 if driven else 0.0
-        yield (
-            Inputs(
-                time=time,
-                device=device,
-                bemf=(*(float(round(each)) for each in filtered), None, None) if bemf else (None,) * 4,
-                position=(*(float(math.floor(each)) for each in counter), None, None)
-                if counters
-                else (None,) * 4,
-                gyro=(0.0, 0.0, float(word)) if has_gyro else None,
-                truth=Truth(x, y, heading),
-            ),
-            Outputs(duty=(duty, duty, 0.0, 0.0)),
+        inputs = Inputs(
+            time=time,
+            device=device,
+            bemf=(*(float(round(each)) for each in filtered), None, None) if bemf else (None,) * 4,
+            position=(*(float(math.floor(each)) for each in counter), None, None)
+            if counters
+            else (None,) * 4,
+            gyro=(0.0, 0.0, float(word)) if has_gyro else None,
+            truth=Truth(x, y, heading),
         )
+        cycles.append((inputs, Outputs(duty=(duty, duty, 0.0, 0.0))))
+    return tuple(cycles)

@@ -89,13 +89,15 @@ def run(args: argparse.Namespace) -> int:
         for robot in substitute.robots:
             print(f"simulated {end_text(robot, start)}", flush=True)
     if not substitute.robots and not status:
-        calls = "; it defines main(), but does not call it" if callable(getattr(main, "main", None)) else ""
-        print(
-            f"raccoon simulate: the program opened no robot, and has no mission(robot){calls}",
-            file=sys.stderr,
-        )
+        _print_that_nothing_ran(main)
         return 1
     return status
+
+
+def _print_that_nothing_ran(main: ModuleType) -> None:
+    calls = "; it defines main(), but does not call it" if callable(getattr(main, "main", None)) else ""
+    said = f"the program opened no robot, and has no mission(robot){calls}"
+    print(f"raccoon simulate: {said}", file=sys.stderr)
 
 
 def end_text(robot: Robot, start: tuple[float, float, float]) -> str:

@@ -34,8 +34,7 @@ USUAL_HEIGHT_M = 0.012  # m, of a sensor of neither generation
 MAX_UNEXPLAINED, MAX_OUTSIDE = 120, 6  # most readings that neither surface explains, and most beyond both
 MAX_OUTSIDE_AT_START = 2  # the same where the robot was put down
 MAX_CAUGHT_UP_PER_TICK = 3  # logged readings that a bank takes in one tick
-# least probabilities to adopt levels, and to stop the bank
-FOLLOWED_IN_CALM, FOLLOWED_ALWAYS, DECIDED = 0.6, 0.9, 0.99
+FOLLOWED_IN_CALM, FOLLOWED_ALWAYS, DECIDED = 0.6, 0.9, 0.99  # least to adopt levels, to stop the bank
 CALM_PROBABILITY = 0.95  # least probability of steady light in a calm reading
 CALM_READINGS, STEADY_READINGS = 4, 8
 WIDEST_LINE_M = 0.15  # m of black above which it may be white in less light
@@ -158,8 +157,7 @@ class LightTracker(Levels):
             self._start_bank()
             return
         is_level = change * change <= LEVEL_SDS * LEVEL_SDS * (noise + MIN_SD)
-        # At an end of the converter's range a reading holds no information on light: the noise of some counts
-        # is all of it. At the top the light of both surfaces would go to 0.
+        # At an end of the converter's range a reading holds no light: at the top, that of both would go to 0.
         level = self.black if on_black else self.white
         if is_level and level < ANALOG_TOP and (on_black or level > ANALOG_BOTTOM):
             self._learn(counts, on_black, residual, noise)
