@@ -42,21 +42,22 @@ def add(
 
 
 @pytest.mark.parametrize(
-    ("found", "remarks"),
+    ("levels", "remarks"),
     [
-        (both(LOW, HIGH), []),
-        (both(HIGH, HIGH), [MOVED]),
-        (both(HIGH, LOW), [EXCHANGED]),
-        ({"left": made(HIGH)}, [MOVED]),
+        ({"left": LOW, "right": HIGH}, []),
+        ({"left": HIGH, "right": HIGH}, [MOVED]),
+        ({"left": HIGH, "right": LOW}, [EXCHANGED]),
+        ({"left": HIGH}, [MOVED]),
     ],
 )
 def test_what_changed_since_the_robot_s_last_calibration_of_this_set_is_said(
-    tmp_path: Path, found: dict[str, TophatCalibration], remarks: list[str]
+    tmp_path: Path, levels: dict[str, tuple[float, float]], remarks: list[str]
 ) -> None:
     """Newer ones of another robot and of another set do not count."""
+    found = {name: made(each) for name, each in levels.items()}
     store = TophatStore(tmp_path / "tophats.json")
-    for levels in ((HIGH, LOW), (LOW, HIGH)):  # the newer one counts
-        add(store, both(*levels))
+    for pair in ((HIGH, LOW), (LOW, HIGH)):  # the newer one counts
+        add(store, both(*pair))
     add(store, both(HIGH, LOW), robot="another")
     add(store, both(HIGH, LOW), set_name="home")
     robot = Robot(StandingPort(), CONFIG)
