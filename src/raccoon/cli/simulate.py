@@ -124,7 +124,7 @@ def _run_program(program: Program, main: ModuleType, substitute: Substitute) -> 
     from raccoon.robot.actions.functions import perform
     from raccoon.robot.opening import open_robot
 
-    exec(compile(program.text, program.file, "exec", dont_inherit=True), main.__dict__)
+    program.run_in(main)
     mission = getattr(main, "mission", None)
     if not substitute.robots and mission not in (None, raccoon.mission):
         with open_robot("robot.toml") as robot:
@@ -137,7 +137,6 @@ def _as_main(program: Program) -> Iterator[ModuleType]:
     module, which is empty."""
     path, argv, before = list(sys.path), list(sys.argv), sys.modules["__main__"]
     main = sys.modules["__main__"] = ModuleType("__main__")
-    main.__file__ = program.file
     sys.path.insert(0, program.folder)
     sys.argv[:] = [program.file]
     try:

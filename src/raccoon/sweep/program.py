@@ -62,6 +62,12 @@ class Program:
         lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == self.file]
         return lines[-1] if lines else None
 
+    def run_in(self, module: ModuleType) -> None:
+        """Run the program's text in a module, as Python would run its file. Errors of the text are passed
+        on."""
+        module.__file__ = self.file
+        exec(compile(self.text, self.file, "exec", dont_inherit=True), module.__dict__)
+
     def mission(self) -> Mission:
         """Run the program's text and return its `mission(robot)`, or a function that runs its action
         `mission`.
@@ -72,10 +78,9 @@ class Program:
         count.
         """
         module = sys.modules[MODULE] = ModuleType(MODULE)
-        module.__file__ = self.file
         if self.folder not in sys.path:
             sys.path.insert(0, self.folder)
-        exec(compile(self.text, self.file, "exec", dont_inherit=True), module.__dict__)
+        self.run_in(module)
         mission = getattr(module, "mission", None)
         if isinstance(mission, Action):
             return lambda robot: robot.run(mission)

@@ -21,7 +21,7 @@ from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout.plant_rollout import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
-from unit.diagnose.searches import BLIND_CONTROLLER
+from simulated_drives import BLIND_CONTROLLER
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

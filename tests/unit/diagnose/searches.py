@@ -17,16 +17,9 @@ from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.trials import HabitTrials, start_afresh
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
-from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.state import Search, linearise_search, start_search
 from raccoon.diagnose.unknown.probes import make_probe_function
-from raccoon.sim.effects.chain import Chain
-
-BLIND_CONTROLLER = Firmware(
-    "the controller of blind drives", Chain.firmware(), wombat=False, has_gyro_low_pass=False
-)
-"""A diagnosis that is told it does not search for a controller's habits, which is a third of the time."""
 
 
 def searched(problem: Problem, truth: Point, named: Point, seed: int = 2) -> Search:

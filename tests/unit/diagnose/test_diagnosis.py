@@ -41,7 +41,8 @@ from raccoon.sim.effects.effect import all_effects, effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
-from unit.diagnose.searches import BLIND_CONTROLLER, searched
+from simulated_drives import BLIND_CONTROLLER
+from unit.diagnose.searches import searched
 
 ROBOT = RobotConfig()
 

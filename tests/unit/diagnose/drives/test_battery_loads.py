@@ -29,7 +29,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
 from raccoon.trace.loading import load_run
-from unit.diagnose.searches import BLIND_CONTROLLER
+from simulated_drives import BLIND_CONTROLLER
 
 Array = NDArray[np.float64]
 Spans = tuple[tuple[float, float], ...]
