@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, NoReturn
@@ -14,6 +14,7 @@ from raccoon.core.near_names import did_you_mean, nearest_name
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
     from raccoon.core.readings import Inputs
+    from raccoon.robot.robot_state import RobotState
 
 _DUTIES = "robot.run(motors(left, right).until(...)) or, for a known distance, robot.run(straight(m))"
 _MOVE, _SERVO = "robot.run(move(name, rad))", "robot.run(servo(name, place))"
@@ -85,6 +86,23 @@ def _hint_elsewhere(name: str, config: RobotConfig | None) -> str:
         if config is not None and name in getattr(config, f"{part}s"):
             return f": write robot.{part}({name!r})"
     return f": write {NAMES_ELSEWHERE[name]}" if name in NAMES_ELSEWHERE else ""
+
+
+def refuse_setting(name: str, robot: RobotState) -> NoReturn:
+    """Raise an error that a program has set `name`, which a robot does not have. A misspelt name looks the
+    same as one of the program's own, so neither is accepted."""
+    from raccoon.core.sections import MotionConfig
+
+    keys = [each.name for each in fields(MotionConfig)]
+    key = nearest_name(name, keys) or next((each for each in keys if each in name.split("_")), "")
+    known = [each for each in dir(robot) if not each.startswith("_") and each != name]
+    if hasattr(type(robot), name):
+        said = "it is a function"
+    elif key:
+        said = f"write {key} under [motion] of robot.toml; motions also take speeds as arguments"
+    else:
+        said = f"keep a value of your own in a variable{did_you_mean(name, known)}"
+    raise AttributeError(f"robot.{name} cannot be set: {said}")
 
 
 def refuse_name(name: str, asking: FrameType) -> NoReturn:

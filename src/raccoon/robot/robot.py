@@ -31,8 +31,7 @@ T = TypeVar("T")
 
 PAUSE_S = 0.1  # s from a reading to the next, longer than anything that delays a tick; two cycles at least
 LATE_CYCLES, MAX_LATE_CYCLES = 5.0, 20
-"""Length of a cycle, in nominal cycles, from which the wheels' speed loop rings; it is reported after so many
-of them."""
+"""Length of a cycle, in nominal ones, at which the wheels' speed loop rings; how many are reported."""
 
 
 class Robot(RobotState):
@@ -74,6 +73,7 @@ class Robot(RobotState):
         self._thread = 0  # in which it runs, or ran last
         self._turn = RLock()  # held while something begins, ends or is stopped, never during a cycle
         self._stopping = False  # as `stop` has asked
+        self._names = dict(self.__dict__) if type(self) is Robot else None  # a subclass may have more
 
     def __repr__(self) -> str:
         return f"<Robot {self.config.name}: {self.pose}, {self.estimate.status}>"
@@ -140,6 +140,7 @@ class Robot(RobotState):
         """Mark `asked` as running, unless something runs already (instead: what to write then)."""
         with self._turn:
             self.require(asked, instead)
+            self._check_names()
             self._thread = get_ident()
             if self._stopping:
                 self._obey_stop(asked)
@@ -232,8 +233,7 @@ class Robot(RobotState):
             self.switch_off()
 
     def switch_off(self) -> None:
-        """Command every motor off now; servos hold. Inside a cycle this is for whoever ends the cycle: see
-        `stop`."""
+        """Command every motor off now; servos hold. Inside a cycle only whoever ends it may: see `stop`."""
         if not self._closed:
             self.drive.stop()
             self._outputs = self.attachments.stop_motors()

@@ -80,6 +80,23 @@ def test_what_is_meant_is_said(asked: str, said: str) -> None:
             eval(asked, names)
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("max_speed", r"robot.max_speed cannot be set: write speed under \[motion\]"),
+        ("acceleraton", r"cannot be set: write acceleration under \[motion\]"),
+        ("plam", r"value of your own in a variable \(did you mean plan\?\)"),
+        ("stop", "robot.stop cannot be set: it is a function"),
+    ],
+)
+def test_what_a_robot_does_not_have_cannot_be_set(name: str, said: str) -> None:
+    with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
+        setattr(robot, name, 1.0)
+        with pytest.raises(AttributeError, match=said):
+            robot.run(straight(0.1))
+        assert robot.ticks == 0
+
+
 def noted(call: str) -> list[str]:
     """What a program that does `call` is told beside Python's own error."""
     names = {"wait_for": wait_for, "when": when, "straight": straight, "one": 1}
