@@ -39,9 +39,9 @@ def test_an_offset_that_was_learnt_at_rest_is_no_doubt(firmware: Firmware) -> No
         assert robot.pose.heading == pytest.approx(plant.pose[2], abs=math.radians(0.2))
 
 
-def wrong() -> RobotConfig:
-    """A robot.toml of another controller, whose motors had no offsets."""
-    known = MotorConfig(bemf_offset=Measured(0.0, 1.0))
+def wrong(counts: float = 0.0) -> RobotConfig:
+    """A robot.toml of another controller, whose motors had other offsets."""
+    known = MotorConfig(bemf_offset=Measured(counts, 1.0))
     return replace(RobotConfig(), motors={0: known, 1: known})
 
 
@@ -57,15 +57,20 @@ def test_an_offset_that_robot_toml_excludes_is_said_where_the_robot_does_not_res
         assert OFFSET_REMARK in robot.drive.remarks.values()
 
 
-@pytest.mark.parametrize(("firmware", "counts"), [("stock", 55.0), (21, -90.0)])
+@pytest.mark.parametrize(
+    ("firmware", "counts", "known"), [("stock", 55.0, 0.0), (21, -90.0, 0.0), ("stock", 75.0, -75.0)]
+)
 def test_an_offset_that_robot_toml_excludes_is_learnt_in_a_longer_rest(
-    firmware: Firmware, counts: float
+    firmware: Firmware, counts: float, known: float
 ) -> None:
-    """The heading was 10 to 20 degrees off after the first motion, and further after each."""
-    robot, plant = emulated(firmware, wrong(), counts)
+    """The heading was 10 to 20 degrees off after the first motion, and further after each. Where robot.toml
+    has the wrong sign, the robot crept on, sure of its place."""
+    robot, plant = emulated(firmware, wrong(known), counts)
     with robot:
         for _ in range(300):
             robot.tick()
+            resting = robot.estimate
+            assert abs(resting.x - plant.pose[0]) < 3.0 * resting.x_std
         robot.run(straight(0.1))
         here = robot.estimate
         assert here.status is Status.OK

@@ -66,14 +66,26 @@ class CreepDetector:
     """Detects wheels and a gyro that read a constant slow motion of a robot without power. That is an offset
     or a bias, whatever robot.toml holds: of another controller, or learnt while the robot was pushed.
 
-    mean_rate: rad/s by the gyro during the last creep.
+    known_left, known_right: rad/s, offsets of robot.toml, already taken off the readings; perhaps wrongly.
+    mean_rate: rad/s by the gyro during the last creep. may_rest: whether all are as slow as in a robot at
+    rest. is_even: whether they also keep their speed.
     """
 
-    __slots__ = ("_rate", "_seconds", "_speeds", "_turned", "mean_rate")
+    __slots__ = (
+        "_known_offsets",
+        "_rate",
+        "_seconds",
+        "_speeds",
+        "_turned",
+        "is_even",
+        "may_rest",
+        "mean_rate",
+    )
 
-    def __init__(self) -> None:
+    def __init__(self, known_left: float = 0.0, known_right: float = 0.0) -> None:
         self._seconds = self._rate = self._turned = self.mean_rate = 0.0
-        self._speeds = (0.0, 0.0)
+        self.may_rest = self.is_even = False
+        self._speeds, self._known_offsets = (0.0, 0.0), (known_left, known_right)
 
     def update(self, dt: float, driven: bool, left: float, right: float, rate: float | None) -> bool:
         """Take a step of dt s with the readings of wheels and gyro, rad/s (rate: None without a gyro).
@@ -81,12 +93,15 @@ class CreepDetector:
         True if all have kept their speed for CREEP_TIME_S; then the time starts again.
         """
         kept = max(abs(left - self._speeds[0]), abs(right - self._speeds[1])) < MAX_CREEP_CHANGE
-        slow = max(left, right, -left, -right) < LARGEST_OFFSET
+        known_left, known_right = self._known_offsets
+        slow = _may_be_offset(left, known_left) and _may_be_offset(right, known_right)
+        self.may_rest = not driven and rate is not None and slow and abs(rate) < LARGEST_BIAS
+        self.is_even = False
         if driven or rate is None:
             self._seconds = self._turned = 0.0
             return False
-        even = abs(rate - self._rate) < MAX_TURN_CHANGE and abs(rate) < LARGEST_BIAS
-        if not (kept and slow and even):
+        self.is_even = self.may_rest and kept and abs(rate - self._rate) < MAX_TURN_CHANGE
+        if not self.is_even:
             self._seconds, self._speeds, self._rate, self._turned = 0.0, (left, right), rate, 0.0
             return False
         self._seconds += dt
@@ -96,3 +111,8 @@ class CreepDetector:
             self.mean_rate = self._turned / self._seconds
             self._seconds = self._turned = 0.0
         return found
+
+
+def _may_be_offset(speed: float, known: float) -> bool:
+    """Whether a resting wheel may read this speed beyond its known offset (rad/s), which may be wrong."""
+    return abs(speed) < LARGEST_OFFSET or abs(speed + known) < LARGEST_OFFSET

@@ -23,7 +23,7 @@ from raccoon.estimate.drive.standstill import (
 from raccoon.estimate.drive.timing import GYRO_SHAKING_SHARE, Shaking, TurnAcceleration
 from raccoon.estimate.drive.turn_share import TurnShare
 from raccoon.estimate.drive.wheel_track import HOLD_S
-from raccoon.estimate.drive.wheels import lag_seconds
+from raccoon.estimate.drive.wheels import known_offset_speeds, lag_seconds
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.bemf import counts_scale
@@ -66,11 +66,10 @@ class FilterStepper:
         self._left, self._right = readings.left, readings.right
         self._gyro, self._reasons = readings.gyro, readings.reasons
         self._turn_acceleration, self._shaking = TurnAcceleration(), Shaking()
-        self._standstill, self._creeping = StandstillDetector(), CreepDetector()
-        self._motion_start: tuple[float, float] | None = (
-            None  # time (s) and distance (m); None: no motion since rest
-        )
-        self._was_still = False
+        self._standstill = StandstillDetector()
+        self._motion_start: tuple[float, float] | None = None  # time (s), distance (m); None: none since rest
+        self._was_still = self._is_creep_unexplained = False
+        self._crept = 0.0  # m, without power, by what offsets do not explain
         self._bias_before_rest = (0.0, 0.0)  # the gyro's bias and its standard deviation, rad/s
         self.contact, self.turn_share = ContactMonitor(robot, readings), TurnShare()
         self.fusion = self._new_fusion(device)
@@ -86,6 +85,7 @@ class FilterStepper:
     def place(self, x: float, y: float, heading: float) -> None:
         """Set the pose (m, m, rad) as known exactly: what a wrong bias turned before no longer counts."""
         self.fusion.place(x, y, heading)
+        self._crept = 0.0
         if self._motion_start is not None:
             self._motion_start = self._readings.time, self.fusion.distance
 
@@ -93,13 +93,12 @@ class FilterStepper:
         """A filter without readings, with the scale of this device's words."""
         self._left.lag = self._right.lag = lag_seconds(self._robot, device)
         self._noise = WheelNoise(self._robot, self._settings, device)
+        self._creeping = CreepDetector(*known_offset_speeds(self._robot, device))
         self.contact.configure(device)
         per_count = counts_scale(self._robot, "left", device)
         mean, covariance = prior(self._robot, self._settings, device)
-        drive = DriveFilter(
-            mean, covariance, self._geometry, process_noise(self._robot, self._settings, per_count)
-        )
-        return Fusion(drive, self._settings)
+        process = process_noise(self._robot, self._settings, per_count)
+        return Fusion(DriveFilter(mean, covariance, self._geometry, process), self._settings)
 
     def advance(self, command: Outputs | None) -> None:
         """Move the filter on by all that was read since it last moved."""
@@ -133,7 +132,7 @@ class FilterStepper:
             if self._gyro.repeats < SUSPICIOUS_REPEATS:
                 self._check_signs(span, *values)
         turn = None if len(values) < 3 else (values[2] - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
-        along_variance = self.contact.along_variance(span, *speeds, turn)
+        along_variance = self.contact.along_variance(span, *speeds, turn) + self._creep_variance(span)
         if turn is not None:
             unseen_turn_std = self.contact.unseen_turn_std(span, pending.gyro_span / pending.gyro_count)
             turn_timing_std = hypot(turn_timing_std, unseen_turn_std)
@@ -255,16 +254,25 @@ class FilterStepper:
         if not still:
             self._bias_before_rest = flat[State.GYRO_BIAS], sqrt(flat[_VB])
         self._was_still = still
+        self._is_creep_unexplained = gyro is not None and not does_offset_explain(wheel_excess, sigma)
         rest_doubt = None
         if creeps and gyro is not None:
             bias_change = abs(self._creeping.mean_rate - self._bias_before_rest[0])
             bias_jumped = bias_change > OTHER_BIAS_MARGIN + 4.0 * self._bias_before_rest[1]
             self._bias_before_rest = self._creeping.mean_rate, gyro[1]
-            if bias_jumped or not does_offset_explain(wheel_excess, sigma):
+            if bias_jumped or self._is_creep_unexplained:
                 start = self._motion_start if bias_jumped else None
                 rest_doubt = self._rest_doubt(wheel_excess, sigma, bias_change, start)
             self._motion_start = None
         return still, rest_doubt
+
+    def _creep_variance(self, span: float) -> float:
+        """m^2 to add to the position along the heading, of a robot that may stand: all that it has crept."""
+        creeping, before, rested = self._creeping, self._crept, self._motion_start is None
+        crawls = creeping.is_even or (creeping.may_rest and rested)
+        way = span * self.fusion.drive.flat[State.VELOCITY]
+        self._crept = before + way if crawls and self._is_creep_unexplained else 0.0
+        return max(self._crept**2 - before**2, 0.0)
 
     def _rest_doubt(
         self, wheel_excess: float, sigma: float, bias_change: float, motion_start: tuple[float, float] | None
@@ -282,11 +290,11 @@ class FilterStepper:
         offsets = max(wheel_excess, hidden_speed) if sigma > 0.0 else 0.0
         is_wheel_explained = does_offset_explain(wheel_excess, sigma)
         heading = REST_TIMING_S * bias_change if is_wheel_explained else CREEP_TIME_S * flat[State.TURN_RATE]
-        seconds, place = CREEP_TIME_S, CREEP_TIME_S * flat[State.VELOCITY]
+        seconds, place = CREEP_TIME_S, 0.0  # `_creep_variance` has added what the wheels crept
         if motion_start is not None:
             since = self._readings.time - motion_start[0]
             seconds = max(0.5 * since, CREEP_TIME_S)
             heading = max(BIAS_HEADING_SHARE * bias_change * since, abs(heading))
             way = abs(self.fusion.distance - motion_start[1])
-            place = max(BIAS_PLACE_SHARE * bias_change * since * way, abs(place))
+            place = BIAS_PLACE_SHARE * bias_change * since * way
         return RestDoubt(offsets, max(bias_change, self._settings.gyro_bias), seconds, heading, place)

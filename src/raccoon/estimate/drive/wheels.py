@@ -78,6 +78,17 @@ def all_resting_counts(robot: RobotConfig) -> list[float]:
     return [resting_counts(robot, port) for port in range(MOTOR_PORTS)]
 
 
+def known_offset_speeds(robot: RobotConfig, device: Device) -> tuple[float, float]:
+    """rad/s that robot.toml's resting counts of the left and right wheel stand for."""
+    left, right = (
+        (-1.0 if robot.wheel_motor(side).inverted else 1.0)
+        * resting_counts(robot, getattr(robot.drive, side))
+        * counts_scale(robot, side, device)
+        for side in ("left", "right")
+    )
+    return left, right
+
+
 class _WheelPort:
     """Conversion of one motor port's words to SI units."""
 
