@@ -50,7 +50,7 @@ def build_estimate(fusion: Fusion, readings: DriveReadings, settings: OdometrySe
     x, y, heading = flat[State.X], flat[State.Y], flat[State.HEADING]
     way, velocity_read = flat[State.WAY], flat[State.VELOCITY]
     velocity, turn_rate, distance = way * velocity_read, flat[State.TURN_RATE], fusion.distance
-    span = readings.pending.span + readings.waiting[0]
+    span = readings.pending.span
     if span > 0.0:
         velocity, turn_rate = geometry.body_motion(left_speed, right_speed)
         turn_rate /= way * flat[State.WHEEL_TURN]
@@ -112,10 +112,9 @@ def motion_since_step(
 ) -> tuple[float, float, float | None]:
     """Travel (m) and turn (rad) since the filter's last step, and the gyro's turn rate in it (rad/s; None
     without a reading)."""
-    pending, ahead = readings.pending, readings.waiting
-    span = pending.span + ahead[0]
-    left = (pending.left + ahead[1] - flat[State.LEFT_OFFSET] * span) / scales[0]
-    right = (pending.right + ahead[2] - flat[State.RIGHT_OFFSET] * span) / scales[1]
+    pending, span = readings.pending, readings.pending.span
+    left = (pending.left - flat[State.LEFT_OFFSET] * span) / scales[0]
+    right = (pending.right - flat[State.RIGHT_OFFSET] * span) / scales[1]
     travel, turn = geometry.body_motion(left, right)
     turn /= flat[State.WAY] * flat[State.WHEEL_TURN]
     known = pending.gyro_span

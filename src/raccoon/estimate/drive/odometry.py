@@ -59,7 +59,7 @@ class Odometry:
         settings: OdometrySettings = DEFAULTS,
     ) -> None:
         self._settings = settings
-        self._readings = DriveReadings(robot, settings.imu_latency)
+        self._readings = DriveReadings(robot)
         self._device = SIMULATOR
         self._stepper = FilterStepper(robot, settings, self._readings, self._device)
         self.resets = 0
@@ -235,7 +235,7 @@ class Odometry:
         flat = self._stepper.fusion.drive.flat
         here = self._estimate
         shift = np.array([here.x - flat[State.X], here.y - flat[State.Y], here.heading - flat[State.HEADING]])
-        since = self._readings.pending.span + self._readings.waiting[0]
+        since = self._readings.pending.span
         found = self._stepper.fusion.observe(seen, shift, since, None if time == now else time)
         self._estimate = self._build_estimate()
         return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 
 from raccoon.core.config import RobotConfig
@@ -62,14 +61,12 @@ class Pending:
 class DriveReadings:
     """Wheels and gyro of a robot, cycle by cycle.
 
-    imu_latency: s by which the gyro is later than the wheels.
     pending: what the filter has not used yet.
-    waiting: s and wheel angles (rad, nominal scale) that wait for a gyro reading of their time.
     time: s, of the last cycle. gyro_rate: rad/s, the gyro's last reading.
     at_fault: whether a motor fault that the port reports may be a wheel's; set in a cycle with faults.
     """
 
-    def __init__(self, robot: RobotConfig, imu_latency: float) -> None:
+    def __init__(self, robot: RobotConfig) -> None:
         lag = robot.model.bemf.filter_time_constant.value
         self.left, self.right = WheelTrack(lag), WheelTrack(lag)
         self.gyro, self.reasons, self.wiring = GyroWatch(), Reasons(), Wiring()
@@ -78,7 +75,6 @@ class DriveReadings:
         self._has_time = False  # whether a cycle had a valid time
         self.at_fault = False
         self._decoder = WheelDecoder(robot)
-        self._imu_latency = imu_latency
         self._unseen_seconds = 0.0
         self._moves_at_rest = False  # reported by the port
         self._is_rest_motion_explained = False  # by a learnt offset
@@ -87,8 +83,6 @@ class DriveReadings:
     def clear(self) -> None:
         """Drop what is pending."""
         self.pending = Pending()
-        self.waiting = [0.0, 0.0, 0.0]
-        self._waiting_cycles: deque[tuple[float, float, float]] = deque()
 
     def take(self, inputs: Inputs) -> bool:
         """Take a cycle. True if the filter may move: a gyro reading came, or none is to be expected."""
@@ -142,30 +136,11 @@ class DriveReadings:
         else:
             left.update(dt, reading.left_speed, reading.left_angle, self._unseen_seconds)
             right.update(dt, reading.right_speed, reading.right_angle, self._unseen_seconds)
-        if self._imu_latency > 0.0:
-            self._take_late(dt, 0.0 if gap else self._imu_latency)
-            self.pending.gap = self.pending.gap or gap
-            return
         pending = self.pending
         pending.span += dt
         pending.gap = pending.gap or gap
         pending.left += left.increment
         pending.right += right.increment
-
-    def _take_late(self, dt: float, latency: float) -> None:
-        """Keep the wheels' increments waiting until the gyro, which is late, reads the same time."""
-        late, ahead, pending = self._waiting_cycles, self.waiting, self.pending
-        late.append((dt, self.left.increment, self.right.increment))
-        for place, value in enumerate(late[-1]):
-            ahead[place] += value
-        while late and ahead[0] - 0.5 * late[0][0] > latency:
-            span, left, right = late.popleft()
-            pending.span += span
-            pending.left += left
-            pending.right += right
-            ahead[0] -= span
-            ahead[1] -= left
-            ahead[2] -= right
 
     def _take_gyro(self, dt: float, inputs: Inputs) -> bool:
         """Integrate the gyro by the trapezoidal rule. True if there is a new reading."""

@@ -137,7 +137,7 @@ class FilterStepper:
             unseen_turn_std = self.contact.unseen_turn_std(span, pending.gyro_span / pending.gyro_count)
             turn_timing_std = hypot(turn_timing_std, unseen_turn_std)
         reading = StepReading(
-            self._readings.time - self._readings.waiting[0],
+            self._readings.time,
             span,
             values,
             variances,
@@ -194,7 +194,7 @@ class FilterStepper:
         self._standstill.restart()
         self.contact.restart(velocity, turn_rate)
         reading = StepReading(
-            self._readings.time - self._readings.waiting[0],
+            self._readings.time,
             span,
             (pending.left / span, pending.right / span),
             variances,

@@ -77,8 +77,8 @@ class OdometrySettings:
     %, and a controller tilted by 5 degrees turns 0.4 % less about its upright axis.
     runout: variation of a wheel's radius over a revolution, relative.
     timing: s by which readings may be early or late in any case.
-    imu_latency: s from a turn to its reading, relative to the wheels' (a delay, not a standard deviation).
-    gyro_delay: of this delay at the start; the filter learns it in turns.
+    gyro_delay: s, of the delay from a turn to its reading, relative to the wheels', at the start; the filter
+    learns it in turns.
     """
 
     bemf_noise_counts: float = 7.0
@@ -96,7 +96,6 @@ class OdometrySettings:
     standstill_velocity: float = 2e-4
     standstill_turn_rate: float = 2e-4
     timing: float = 0.005
-    imu_latency: float = 0.0
     gyro_delay: float = 0.015
     runout: float = 0.005
     uncalibrated_track: float = 0.02
@@ -107,8 +106,6 @@ class OdometrySettings:
             value = getattr(self, each.name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ConfigError(f"{each.name} is {value}: allowed are numbers from 0")
-        if self.imu_latency > 0.5:
-            raise ConfigError(f"imu_latency is {self.imu_latency} s: allowed are 0 to 0.5 s")
         if min(self.bemf_noise_counts, self.gyro_noise, self.acceleration, self.turn_acceleration) <= 0.0:
             raise ConfigError(
                 "bemf_noise_counts, gyro_noise, acceleration, turn_acceleration: must be above 0"

@@ -85,7 +85,7 @@ def test_a_turn_that_ends_as_soon_as_it_has_begun_shakes_nobody() -> None:
 
 
 def test_a_coarse_gyro_sees_no_peak_between_two_readings_and_all_of_an_even_rise() -> None:
-    readings, doubts = DriveReadings(RobotConfig(), 0.0), []
+    readings, doubts = DriveReadings(RobotConfig()), []
     for step, rate in enumerate((0.0, 0.0, 0.1, 0.2, 0.3, 0.25)):
         counts = rate / SIMULATOR.gyro_rad_s
         position, gyro = (0.0, 0.0, None, None), (0.0, 0.0, counts)

@@ -47,7 +47,7 @@ def test_a_turn_on_a_free_floor_is_as_sure_as_ever() -> None:
 
 def sharp(every: int, jump: float) -> float:
     """rad that are in doubt by a turn rate which jumps by rad/s from one reading to the next, ms apart."""
-    readings = DriveReadings(RobotConfig(), 0.0)
+    readings = DriveReadings(RobotConfig())
     for cycle in range(9):
         rate = jump / SIMULATOR.gyro_rad_s if cycle > 4 else 0.0
         readings.take(Inputs(0.001 * every * cycle, SIMULATOR, gyro=(0.0, float(cycle % 2), rate)))

@@ -244,7 +244,7 @@ def said(delay: float, held: bool = False) -> tuple[Array, float, float, float, 
     mean[State.HEADING], mean[State.GYRO_DELAY] = 0.0, delay
     fusion = Fusion(DriveFilter(mean, A @ A.T, GEOMETRY, STILL), OdometrySettings())
     fusion.may_be_held = held
-    found = build_estimate(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
+    found = build_estimate(fusion, DriveReadings(RobotConfig()), OdometrySettings())
     return A @ A.T, found.x, found.y, found.heading, found.velocity_std
 
 
@@ -256,7 +256,7 @@ def test_a_place_is_unsure_the_way_it_moves() -> None:
         mean[State.HEADING], mean[State.VELOCITY] = heading, 0.3
         mean[State.TURN_RATE] = mean[State.GYRO_DELAY] = 0.0
         fusion = Fusion(DriveFilter(mean, 1e-8 * np.eye(SIZE), GEOMETRY, STILL), OdometrySettings())
-        found = build_estimate(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
+        found = build_estimate(fusion, DriveReadings(RobotConfig()), OdometrySettings())
         stds.append((found.x_std, found.y_std))
     along, across = stds[0]
     assert across == pytest.approx(1e-4)
