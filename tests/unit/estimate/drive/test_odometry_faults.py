@@ -227,6 +227,20 @@ def test_a_slipping_wheel_is_named_within_a_fifth_of_a_second(side: str, velocit
     assert place < 0.02
 
 
+@pytest.mark.parametrize("turn_rate", [1.5, -1.5])
+def test_either_wheel_may_slip_in_a_turn_on_the_spot(turn_rate: float) -> None:
+    """Whichever does, the robot turns less than its wheels: its place is halfway between what both say, and
+    no surer than that."""
+    spin: list[Segment] = [(1.0, 0.0, 0.0), (1.2, 0.0, turn_rate), (0.5, 0.0, 0.0)]
+    off = {}
+    for side in ("left", "right"):
+        found = run(drive(spin, Errors(slip=(1.5, 2.0, side, 0.5))))
+        off[side], heading = errors(found)
+        assert math.degrees(heading) < 0.3
+        assert off[side] < 1.5 * math.hypot(found[-1][0].x_std, found[-1][0].y_std)
+    assert off["left"] == pytest.approx(off["right"], rel=0.1)
+
+
 @pytest.mark.parametrize("ahead", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("left", "right"), [(9.0, 9.0), (9.0, 4.0), (4.0, 9.0), (-5.0, 5.0), (5.0, -5.0), (0.0, 8.0), (8.0, 0.0)]
