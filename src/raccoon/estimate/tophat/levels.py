@@ -139,6 +139,11 @@ class Levels:
             self._dark_anchor = self.dark
             self._light_noise = noise + learnt
 
+    @property
+    def difference_variance(self) -> float:
+        """Counts^2, by noise, of the difference of a reading of white and one of black."""
+        return self._light_noise + self._dark_noise
+
     def is_beyond(self, counts: float, light: float) -> bool:
         """Whether a reading is explained neither by noise nor by a part of an edge, but by a surface in a
         light that differs by `OTHER_LIGHT_SHARE`. light: that of `counts`. A smaller difference moves an edge

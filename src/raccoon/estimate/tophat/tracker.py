@@ -24,12 +24,12 @@ from raccoon.estimate.tophat.hypotheses import (
 )
 from raccoon.estimate.tophat.levels import CONVERTER_VARIANCE, FLOOR_SPREAD, GATE_SDS, Levels, max_edge_share
 from raccoon.estimate.tophat.reading_log import ReadingLog
+from raccoon.estimate.tophat.resting_place import RestingPlace
 from raccoon.estimate.tophat.sensor import DARKEST_WHITE_SHARE, explain_levels
 
 # bound in standard deviations on the change of readings that are learnt; on an edge it is larger
 LEVEL_SDS = 2.0
 USUAL_WAY_M = 0.0012  # m per reading if unknown: 0.24 m/s at 200 Hz
-STANDING_WAY_M = 2e-5  # m per reading below which a sensor stands
 USUAL_HEIGHT_M = 0.012  # m, of a sensor of neither generation
 MAX_UNEXPLAINED, MAX_OUTSIDE = 120, 6  # most readings that neither surface explains, and most beyond both
 MAX_OUTSIDE_AT_START = 2  # the same where the robot was put down
@@ -60,7 +60,6 @@ class LightTracker(Levels):
         "_first_unexplained_way",
         "_former",
         "_has_fitted",
-        "_last_informative",
         "_log",
         "_mean_residual",
         "_next_start",
@@ -68,6 +67,7 @@ class LightTracker(Levels):
         "_others_lost",
         "_outside_readings",
         "_recent",
+        "_resting",
         "_same_readings",
         "_sensor",
         "_start",
@@ -96,7 +96,7 @@ class LightTracker(Levels):
         self._start = self._next_start = self._belief()
         self._former: Belief | None = None  # levels before a change of floor or light, which may come back
         self._way_known = True  # whether the distance is known
-        self._last_informative = -1e9  # last unexplained reading with information
+        self._resting = RestingPlace()
         self.unread_way = self._first_unexplained_way = self._unexplained_way = 0.0
         self._mean_residual = self._black_way = 0.0
         self.unexplained = self.late_changes = 0
@@ -123,8 +123,10 @@ class LightTracker(Levels):
         """
         way_known = self._way_known = way is not None
         way = self._way_since_reading(USUAL_WAY_M if way is None else way)
+        if self._resting.before is not None:
+            self._find_resting_place(counts, way)
         if self._bank is not None:
-            if not self._bank.on_edge or self._is_informative(counts, way):
+            if not self._bank.on_edge or self._resting.is_informative(counts, way, self):
                 self._log.add(counts, way)
             self._others_lost, self.is_bank_due = others_lost, bool(self._log.entries)
             return
@@ -132,7 +134,7 @@ class LightTracker(Levels):
         residual = counts - (self.black if on_black else self.white)
         spread = self.sd_black if on_black else self.sd_white
         if not -GATE_SDS * spread <= residual <= GATE_SDS * spread:
-            if self._is_informative(counts, way):
+            if self._resting.is_informative(counts, way, self):
                 self._log.add(counts, way)
                 self._take_unexplained(counts, way)
             return
@@ -140,7 +142,7 @@ class LightTracker(Levels):
         self._has_fitted = True
         if on_black is not self._on_black:
             if self._on_black is not None and not self._has_crossed_edge(way, way_known):
-                self._start_bank()
+                self._start_bank(way)
                 return
             self._on_black = on_black
             self._same_readings = 0
@@ -154,7 +156,7 @@ class LightTracker(Levels):
         mean, scaled = self._mean_residual, residual / spread
         mean = self._mean_residual = mean + RESIDUAL_SMOOTHING * (scaled - mean) if same_readings > 1 else 0.0
         if same_readings > MIN_RESIDUAL_READINGS and not -MAX_MEAN_RESIDUAL <= mean <= MAX_MEAN_RESIDUAL:
-            self._start_bank()
+            self._start_bank(way)
             return
         is_level = change * change <= LEVEL_SDS * LEVEL_SDS * (noise + MIN_SD)
         # At an end of the converter's range a reading holds no light: at the top, that of both would go to 0.
@@ -171,6 +173,14 @@ class LightTracker(Levels):
         if self._log.trim():
             self._start, self._next_start = self._next_start, self._belief()
 
+    def _find_resting_place(self, counts: float, way: float) -> None:
+        """End the doubt if the sensor stands and has been put on a surface of before."""
+        before = self._resting.find_surface(counts, way)
+        if before is not None:
+            self._adopt(before, counts)
+            self.restart()
+            self.late_changes += 1
+
     def _has_crossed_edge(self, way: float, way_known: bool) -> bool:
         """Whether the sensor has just crossed an edge, with `way` m since the reading before."""
         unexplained = self._unexplained_way if self.unexplained else 0.0
@@ -184,17 +194,6 @@ class LightTracker(Levels):
             self.restart()
             return 0.0
         return way
-
-    def _is_informative(self, counts: float, way: float) -> bool:
-        """Whether an unexplained reading holds information: another one of a sensor at rest does not.
-
-        A sensor half on a line reads a value of neither surface for as long as it stands there.
-        """
-        apart, variance = counts - self._last_informative, self._light_noise + self._dark_noise
-        if way < STANDING_WAY_M and apart * apart < GATE_SDS * GATE_SDS * variance:
-            return False
-        self._last_informative = counts
-        return True
 
     def _take_unexplained(self, counts: float, way: float) -> None:
         """Process a reading that fits no surface: an edge, until it takes too long or is beyond both
@@ -213,7 +212,7 @@ class LightTracker(Levels):
         too_far = self._unexplained_way - self._first_unexplained_way > longest
         beyond = self._outside_readings >= (MAX_OUTSIDE_AT_START if self._on_black is None else MAX_OUTSIDE)
         if too_far or beyond or self.unexplained >= MAX_UNEXPLAINED:
-            self._start_bank()
+            self._start_bank(way)
 
     def _belief(self) -> Belief:
         unseen_light, unseen_dark = self._unseen_light_sd(), self._unseen_dark_sd()
@@ -221,8 +220,9 @@ class LightTracker(Levels):
         dark_var = self._dark_var + unseen_dark * unseen_dark
         return Belief(self.light, self.dark, light_var, self._cross, dark_var, self._on_black)
 
-    def _start_bank(self) -> None:
+    def _start_bank(self, way: float) -> None:
         sensor = self._sensor
+        self._resting.begin(way, self._start, self, self._least_light)
         if not self._has_fitted:  # the sensor may be higher than at its calibration
             sensor = sensor.with_least_light(self._least_light_far)
         self._bank = HypothesisBank(sensor, self._start, self._former)

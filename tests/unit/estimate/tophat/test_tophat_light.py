@@ -220,6 +220,28 @@ def test_a_standing_sensor_knows_that_only_the_light_can_have_changed() -> None:
     assert not any(black[260:])
 
 
+@pytest.mark.parametrize("condition", SENSORS, ids=name)
+@pytest.mark.parametrize("way", [[1.0, 0.0], [1.0, "air", 0.0], [0.0, "air", 1.0]], ids=str)
+def test_a_robot_that_is_put_down_elsewhere_stands_on_what_it_reads(
+    condition: TophatReading, way: list[float | str]
+) -> None:
+    """It took white for black in more light. Indoors no white is as dark as black."""
+    rng = np.random.default_rng(4)
+    model = reflectance.fit(condition.generation)
+    optics, air = model.at(condition.height), model.at(0.06)
+    tophat = Tophat(calibrate(reflectance.read(rng, over_lines(2.5, rng, condition), optics)))
+    counts = np.concatenate(
+        [
+            reflectance.read(rng, np.zeros(100), air)
+            if each == "air"
+            else reflectance.read(rng, np.full(100, each), optics)
+            for each in way
+        ]
+    )
+    reading = [tophat.update(i / RATE, float(each), None, 0.0) for i, each in enumerate(counts)][-1]
+    assert (reading.black, reading.status) == (way[-1] == 1.0, Status.OK)
+
+
 @pytest.mark.parametrize(
     ("condition", "ambient", "tape"),
     [
