@@ -14,7 +14,7 @@ from raccoon.core.near_names import did_you_mean, nearest_name
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
     from raccoon.core.readings import Inputs
-    from raccoon.robot.robot_state import RobotState
+    from raccoon.robot.robot import Robot
 
 _DUTIES = "robot.run(motors(left, right).until(...)) or, for a known distance, robot.run(straight(m))"
 _MOVE, _SERVO = "robot.run(move(name, rad))", "robot.run(servo(name, place))"
@@ -88,21 +88,20 @@ def _hint_elsewhere(name: str, config: RobotConfig | None) -> str:
     return f": write {NAMES_ELSEWHERE[name]}" if name in NAMES_ELSEWHERE else ""
 
 
-def refuse_setting(name: str, robot: RobotState) -> NoReturn:
-    """Raise an error that a program has set `name`, which a robot does not have. A misspelt name looks the
-    same as one of the program's own, so neither is accepted."""
+def hint_for_setting(name: str, robot: Robot) -> str:
+    """What to write instead of setting `name`, which a robot does not have; "" for a name that resembles
+    nothing: it is the program's own."""
     from raccoon.core.sections import MotionConfig
 
-    keys = [each.name for each in fields(MotionConfig)]
-    key = nearest_name(name, keys) or next((each for each in keys if each in name.split("_")), "")
-    known = [each for each in dir(robot) if not each.startswith("_") and each != name]
+    setting = re.sub("^(max|top|drive)_", "", name)
+    key = nearest_name(setting, [each.name for each in fields(MotionConfig)])
     if hasattr(type(robot), name):
-        said = "it is a function"
-    elif key:
-        said = f"write {key} under [motion] of robot.toml; motions also take speeds as arguments"
-    else:
-        said = f"keep a value of your own in a variable{did_you_mean(name, known)}"
-    raise AttributeError(f"robot.{name} cannot be set: {said}")
+        return "it is a function"
+    if key and abs(len(key) - len(setting)) <= 1:
+        return f"write {key} under [motion] of robot.toml; motions also take speeds as arguments"
+    known = [each for each in dir(robot) if not each.startswith("_") and each != name]
+    similar = did_you_mean(name, known)
+    return f"a robot has none{similar}; keep a value of your own in a variable" if similar else ""
 
 
 def refuse_name(name: str, asking: FrameType) -> NoReturn:

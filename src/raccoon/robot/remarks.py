@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import Fault
 from raccoon.estimate.drive.estimate import AT_REST, HELD, SLIPS
+from raccoon.robot.name_hints import hint_for_setting
 
 if TYPE_CHECKING:
     from raccoon.core.readings import Inputs
@@ -246,6 +247,21 @@ class EndlessRemark:
             )
             lasts = f"{self._label} has run for {ENDLESS_AFTER_S:g} s and nothing has ended it"
             add_remark(self._robot, f"{lasts}: append {self._append}{waits}")
+
+
+def remark_settings(robot: Robot, names: set[str]) -> None:
+    """Tell a program that has set an attribute which resembles one of a robot, or a setting: before the first
+    cycle by an AttributeError, later by a remark. names: the robot's own attributes, to which others are
+    added; empty if any may be set."""
+    if len(robot.__dict__) == len(names) or not names:
+        return
+    for name in [each for each in robot.__dict__ if each not in names]:
+        names.add(name)
+        hint = hint_for_setting(name, robot)
+        if hint and not robot.ticks:
+            raise AttributeError(f"robot.{name} cannot be set: {hint}")
+        if hint:
+            add_remark(robot, f"robot.{name} was set, which changes nothing: {hint}")
 
 
 def add_remark(robot: RobotState, said: str, kind: str | None = None) -> None:

@@ -21,7 +21,7 @@ from raccoon.robot.actions.sequences import start_in_steps
 from raccoon.robot.actions.steps import Steps, advance, close
 from raccoon.robot.deadline import MatchOver, end_match
 from raccoon.robot.parts.tophat_array import TophatArray
-from raccoon.robot.remarks import add_remark, remark_cycle, remark_undriven
+from raccoon.robot.remarks import add_remark, remark_cycle, remark_settings, remark_undriven
 from raccoon.robot.robot_state import RobotState, replayed_numbers
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class Robot(RobotState):
         self._thread = 0  # in which it runs, or ran last
         self._turn = RLock()  # held while something begins, ends or is stopped, never during a cycle
         self._stopping = False  # as `stop` has asked
-        self._names = dict(self.__dict__) if type(self) is Robot else None  # a subclass may have more
+        self._names = {*self.__dict__, "_names"} if type(self) is Robot else set()  # of a subclass any
 
     def __repr__(self) -> str:
         return f"<Robot {self.config.name}: {self.pose}, {self.estimate.status}>"
@@ -140,7 +140,7 @@ class Robot(RobotState):
         """Mark `asked` as running, unless something runs already (instead: what to write then)."""
         with self._turn:
             self.require(asked, instead)
-            self._check_names()
+            remark_settings(self, self._names)
             self._thread = get_ident()
             if self._stopping:
                 self._obey_stop(asked)

@@ -25,7 +25,7 @@ from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.limits import check_kind, check_port
 from raccoon.robot.motions.goals import PLAN_REACH, PLAN_REACH_HEADING
-from raccoon.robot.name_hints import hint_for_name, refuse_setting
+from raccoon.robot.name_hints import hint_for_name
 from raccoon.robot.parts.attachments import Attachments, find_named
 from raccoon.robot.parts.drive import Drive
 from raccoon.robot.parts.tophats import TophatSensor
@@ -94,12 +94,6 @@ class RobotState:
         self._annotated_port: Annotated | None = port if isinstance(port, Annotated) else None
         self._standing_readings = 0  # readings in a row whose time was none later
         self._asked_times = 0  # times that the program asked for readings of this cycle
-        self._names: dict[str, object] | None = None  # what it has where a program may set no more
-
-    def _check_names(self) -> None:
-        """Raise AttributeError if the program has set a new attribute. It costs too much at each setting."""
-        if self._names is not None and len(self.__dict__) != len(self._names):
-            refuse_setting(next(name for name in self.__dict__ if name not in self._names), self)
 
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else
 

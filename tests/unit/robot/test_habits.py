@@ -85,16 +85,27 @@ def test_what_is_meant_is_said(asked: str, said: str) -> None:
     [
         ("max_speed", r"robot.max_speed cannot be set: write speed under \[motion\]"),
         ("acceleraton", r"cannot be set: write acceleration under \[motion\]"),
-        ("plam", r"value of your own in a variable \(did you mean plan\?\)"),
+        ("plam", r"a robot has none \(did you mean plan\?\); keep a value of your own in a variable"),
         ("stop", "robot.stop cannot be set: it is a function"),
     ],
 )
-def test_what_a_robot_does_not_have_cannot_be_set(name: str, said: str) -> None:
+def test_what_looks_like_a_robots_own_cannot_be_set(name: str, said: str) -> None:
     with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
         setattr(robot, name, 1.0)
         with pytest.raises(AttributeError, match=said):
             robot.run(straight(0.1))
         assert robot.ticks == 0
+
+
+def test_while_it_drives_a_robot_goes_on_and_says_so_and_a_programs_own_names_are_its_own() -> None:
+    with open_robot(CONFIG, port=simulated_port(config=CONFIG)) as robot:
+        robot.lap, robot.arm_speed = 1, 0.5  # type: ignore[attr-defined]
+        robot.tick()
+        assert robot.drive.remarks == {}
+        robot.max_speed = 0.3  # type: ignore[attr-defined]
+        robot.tick()
+        (said,) = robot.drive.remarks.values()
+        assert said.startswith("robot.max_speed was set, which changes nothing: write speed under [motion]")
 
 
 def noted(call: str) -> list[str]:
