@@ -313,17 +313,25 @@ def test_an_estimate_that_no_float_holds_ends_the_recording_and_is_said(tmp_path
     assert "too large" in str(read_trace(port.path).damage)
 
 
-def test_a_full_disk_ends_the_recording_not_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(_descriptor: int, _data: bytes) -> None:
-        raise OSError(28, "No space left on device")
+def full(_descriptor: int, _data: bytes) -> None:
+    raise OSError(28, "No space left on device")
 
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("_write_all", full, "No space left"), ("WAITING_LIMIT", 0, "did not keep up: 0 cycles were waiting")],
+    ids=["full", "stalled"],
+)
+def test_a_disk_that_is_full_or_stalls_ends_the_recording_not_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: object, said: str
+) -> None:
     inner = ScriptedPort([cycle(0), cycle(1)])
     port = RecordingPort(inner, tmp_path / "run")
-    monkeypatch.setattr("raccoon.trace.writer._write_all", full)
+    monkeypatch.setattr(f"raccoon.trace.writer.{name}", value)
     for number in range(2):
         port.read()
         port.write(command(number))
-    with pytest.warns(RuntimeWarning, match="No space left"):
+    with pytest.warns(RuntimeWarning, match=f"ends early: .*{said}"):
         port.close()
     assert len(inner.commands) == 2
     assert inner.closed == 1
