@@ -87,6 +87,7 @@ def fail_after(ticks: int) -> Action[None]:
         for _ in range(ticks):
             robot.drive.velocity(0.1)
             yield
+        robot.drive.velocity(0.1)
         raise RuntimeError("a bug in the program")
 
     return Action("fail", steps)
@@ -99,7 +100,8 @@ def test_an_error_in_an_action_stops_the_motors_before_it_is_seen() -> None:
             robot.run(fail_after(20))
         assert any(command.duty[0] > 0.0 for command in port.commands)
         assert port.commands[-1] == STOP
-        robot.run(do(lambda _: None))  # the robot is still usable
+        robot.tick()  # the robot is still usable, and what was asked before the error is not done now
+        assert port.commands[-1].duty == STOP.duty
     assert port.closed
 
 
@@ -129,9 +131,10 @@ def test_running_inside_a_run_is_a_mistake_that_is_said() -> None:
 
 def test_a_port_that_dies_is_closed_and_its_own_error_is_seen() -> None:
     port = Bench(dies_at=10)
-    with open_robot(RobotConfig(), port=port) as robot, pytest.raises(HardwareError, match="cable fell out"):
-        robot.run(drive(0.1))
-    assert port.closed
+    with open_robot(RobotConfig(), port=port) as robot:
+        with pytest.raises(HardwareError, match="cable fell out"):
+            robot.run(drive(0.1))
+        assert port.closed
 
 
 @pytest.mark.parametrize("in_a_match", [False, True], ids=["run", "match"])
