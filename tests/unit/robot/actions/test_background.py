@@ -96,13 +96,15 @@ def raise_interrupt(_robot: Robot) -> None:
 
 def test_the_background_ends_with_the_program() -> None:
     counts: list[float] = []
+    ended: list[str] = []
     with open_robot(CONFIG, port=simulated_port()) as robot:
         robot.run(background(counting(counts)))
         with pytest.raises(KeyboardInterrupt):
             robot.run(seq(wait(0.2), do(raise_interrupt)))
         caught = len(counts)
-        robot.run(wait(0.5))
+        robot.run(seq(background(endless_action(ended, "by its end")), wait(0.2)))
         assert len(counts) == caught
+    assert ended == ["by its end"]
 
 
 @pytest.mark.parametrize("program", [wait(0.2), wait(5.0), do(bug)], ids=["ends", "late", "bug"])
