@@ -12,12 +12,14 @@ from raccoon import (
     after_angle,
     after_distance,
     after_time,
+    align_on_wall,
     arc,
     background,
     deg,
     do,
     drive,
     follow_path,
+    motors,
     open_robot,
     parallel,
     race,
@@ -116,7 +118,16 @@ def test_what_was_started_is_ended_also_where_ending_one_of_them_fails() -> None
         ended.clear()
 
 
-@pytest.mark.parametrize("reached", [0.02, 0.04, 0.08])
+def test_what_follows_a_motion_that_lost_a_race_drives_in_the_same_tick() -> None:
+    """The motion has asked for its speed in the tick in which the other action ended."""
+    motions = drive(0.1), motors(0.3, 0.3), straight(0.5), turn(1.0), arc(0.3, 1.0), align_on_wall(0.1)
+    with open_robot(CONFIG, port=simulated_port()) as robot:
+        for motion in motions:
+            robot.run(seq(race(motion, wait(0.05)), drive(0.1).until(after_time(0.02))))
+            assert robot.outputs.duty == (0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("reached", [0.02, 0.08])
 def test_what_follows_a_straight_that_was_ended_starts_where_that_came_to(reached: float) -> None:
     _, end, _ = run(seq(straight(0.6).until(after_distance(reached)), straight(0.1)))
     assert end.x == pytest.approx(reached + 0.1, abs=0.005)
