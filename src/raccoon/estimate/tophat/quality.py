@@ -9,7 +9,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.flicker import detect_flicker_hz
-from raccoon.estimate.tophat.sequence import longest_above
+from raccoon.estimate.tophat.sequence import longest_above, noise_sd
 from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
@@ -25,6 +25,9 @@ NO_LIGHT_COUNTS, DROWNED_COUNTS = 3900.0, 30.0
 """Counts: white at a height of 23 mm reads less than the first, and in the sun more than the second."""
 NARROWEST = 0.010  # m; tapes are 12 mm and wider, and any seam appears at most 9 mm wide
 WANDERING_COUNTS = 250.0  # counts between successive readings; no floor changes so much
+PIECE_READINGS = 20  # readings: 0.1 s at 200 Hz, whole periods of lamps on mains of 50 and of 60 Hz
+MOVED_LIGHT_SHARE = 0.15  # change of light, as a share, of a sensor that is held or shaded by a hand
+NOISE_SDS = 6.0  # in standard deviations of the mean of a piece
 
 
 def check_counts(samples: ArrayLike) -> Array:
@@ -116,3 +119,21 @@ def is_restless(standing: ArrayLike) -> bool:
         else RESTLESS_COUNTS
     )
     return float(np.median(np.abs(bends))) > limit
+
+
+def was_moved(standing: ArrayLike) -> bool:
+    """Whether a sensor read more than one place or light: it was moved, held or shaded meanwhile.
+
+    standing: counts, in order of time. False for too few readings.
+    """
+    counts = np.asarray(standing, dtype=float)
+    pieces = len(counts) // PIECE_READINGS
+    if pieces < 2:
+        return False
+    means = counts[: pieces * PIECE_READINGS].reshape(pieces, PIECE_READINGS).mean(axis=1)
+    least, most = float(means.min()), float(means.max())
+    light = FULL_SCALE / max(least, 1.0) - FULL_SCALE / max(most, 1.0)
+    noise = noise_sd(counts) / PIECE_READINGS**0.5
+    return (
+        light > MOVED_LIGHT_SHARE * (FULL_SCALE / max(least, 1.0) - 1.0) and most - least > NOISE_SDS * noise
+    )

@@ -1,5 +1,4 @@
-"""Calibration of a tophat that stands on one place of white and one of black, and the check that it stood
-still."""
+"""Calibration of a tophat that stands on one place of white and one of black."""
 
 from __future__ import annotations
 
@@ -11,34 +10,11 @@ from numpy.typing import ArrayLike
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.cluster import SURE_SEPARATION, calibrate_two_phase
 from raccoon.estimate.tophat.levels import PATTERN_SHARE
-from raccoon.estimate.tophat.quality import check_counts
-from raccoon.estimate.tophat.sequence import noise_sd
 from raccoon.model.reflectance import FULL_SCALE, light_of
 
-PIECE_READINGS = 20  # readings: 0.1 s at 200 Hz, whole periods of lamps on mains of 50 and of 60 Hz
 DOUBTFUL_BLACK_SHARE = 0.42
 """Share of white's light above which black is in nothing but the sun, or the sensor is half beside the
 line."""
-MOVED_LIGHT_SHARE = 0.15  # change of light, as a share, of a sensor that is held or shaded by a hand
-NOISE_SDS = 6.0  # in standard deviations of the mean of a piece
-
-
-def was_moved(standing: ArrayLike) -> bool:
-    """Whether a sensor read more than one place or light: it was moved, held or shaded meanwhile.
-
-    standing: counts, in order of time. False for too few readings.
-    """
-    counts = check_counts(standing)
-    pieces = len(counts) // PIECE_READINGS
-    if pieces < 2:
-        return False
-    means = counts[: pieces * PIECE_READINGS].reshape(pieces, PIECE_READINGS).mean(axis=1)
-    least, most = float(means.min()), float(means.max())
-    light = FULL_SCALE / max(least, 1.0) - FULL_SCALE / max(most, 1.0)
-    noise = noise_sd(counts) / PIECE_READINGS**0.5
-    return (
-        light > MOVED_LIGHT_SHARE * (FULL_SCALE / max(least, 1.0) - 1.0) and most - least > NOISE_SDS * noise
-    )
 
 
 def calibrate_standing(white: ArrayLike, black: ArrayLike) -> TophatCalibration:

@@ -120,8 +120,7 @@ class _Asking:
 
 def _describe_disturbance(name: str, port: int, counts: Sequence[float]) -> str:
     """Why the readings do not belong to one place; "" if they do."""
-    from raccoon.estimate.tophat.quality import MIN_READINGS, is_restless
-    from raccoon.estimate.tophat.standing_calibration import was_moved
+    from raccoon.estimate.tophat.quality import MIN_READINGS, is_restless, was_moved
 
     if len(counts) < MIN_READINGS:
         return f"tophat {name} is not read: its port, analog {port}, gave {len(counts)} readings"

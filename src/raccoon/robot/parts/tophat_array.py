@@ -33,12 +33,14 @@ class TophatArray:
         speed, turn = estimate.velocity, estimate.turn_rate
         lost = sum(each.lost for each in sensors)
         alone = len(sensors) == 1
-        shaken = any(robot.outputs.duty) or robot.attachments.servo_moves
+        duty, drive = robot.outputs.duty, robot.config.drive
+        driven = duty[drive.left] != 0.0 or duty[drive.right] != 0.0
+        shaken = any(duty) or robot.attachments.servo_moves
         ways, doubtful = [], []
         for each in sensors:
             at = each.config
             way = math.hypot(speed - turn * at.left, turn * at.forward) * dt
-            found = each.take(inputs, way, None if alone else lost > each.lost, shaken=shaken)
+            found = each.take(inputs, way, None if alone else lost > each.lost, shaken=shaken, driven=driven)
             ways.append(way)
             if found is not None:
                 doubtful.append(found)

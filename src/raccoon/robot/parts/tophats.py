@@ -43,6 +43,8 @@ class TophatSensor(Part):
         """Whether the calibration fits the readings of the last second; None while that is unknown."""
         self._classifier: Tophat | None = None
         self._watch: CalibrationWatch | None = None
+        self._has_driven = False  # under power, with its calibration
+        self._is_put_down = False  # and has been judged there, if it has not driven yet
         self._reading: TophatReading | None = None
         self._edge: Edge | None = None
         self._driven_s = 0.0  # s, for which it has read floors by this calibration
@@ -76,8 +78,8 @@ class TophatSensor(Part):
                 f"tophat {self.name}: verdict {calibration.verdict}: the calibration has no threshold"
             )
         self.calibration = calibration
-        self._classifier = Tophat(calibration)
-        self._watch = CalibrationWatch(calibration)
+        self._classifier, self._watch = Tophat(calibration), CalibrationWatch(calibration)
+        self._has_driven = self._is_put_down = False
         self._reading = self.fit = None
         self._driven_s = 0.0
 
@@ -88,12 +90,15 @@ class TophatSensor(Part):
         others_lost: bool | None = None,
         *,
         shaken: bool = False,
+        driven: bool = True,
     ) -> LightTracker | None:
         """Take the reading of this cycle. Returns the tracker if it is in doubt and has a bank to run.
 
         way, others_lost: see `raccoon.estimate.tophat.Tophat.update`. shaken: whether something moves on the
-        robot: a sensor half on a line may wander then although the robot stands.
+        robot: a sensor half on a line may wander then although the robot stands. driven: whether the drive
+        has power.
         """
+        self._has_driven = self._has_driven or driven
         counts, classifier = inputs.analog[self.config.analog], self._classifier
         if classifier is not None:  # it goes on without a reading, too
             classifier.take(inputs.time, counts, others_lost, way)
@@ -107,7 +112,30 @@ class TophatSensor(Part):
             self._standing.append(counts)
         elif self._standing:
             self._standing.clear()
+            self._is_put_down = False
         return classifier.levels if classifier is not None and classifier.levels.is_bank_due else None
+
+    def _find_put_down(self) -> None:
+        """Judge anew a sensor that has come to rest after it was moved by hand."""
+        from raccoon.estimate.tophat.quality import was_moved
+
+        was_put_down = self._is_put_down
+        self._is_put_down = not was_moved(self._standing)
+        if self._is_put_down and not was_put_down:
+            self._judge_anew()
+
+    def _judge_anew(self) -> None:
+        """Judge by its calibration what it stands on, unless that is surely white: the robot was carried
+        there, and what the sensor read in the air says nothing."""
+        from raccoon.estimate.tophat import Tophat
+        from raccoon.estimate.tophat.calibration_watch import CalibrationWatch
+
+        if self.calibration is None or self._classifier is None:
+            return
+        if self.black is not False or self.status is not Status.OK:
+            adapt = self._classifier.adapt
+            self._classifier = Tophat(self.calibration, adapt=adapt)
+        self._watch, self.fit, self._driven_s = CalibrationWatch(self.calibration), None, 0.0
 
     def classify(self, inputs: Inputs, way: float | None = None) -> None:
         """Classify the reading that was taken, once the banks of all sensors have run."""
@@ -137,6 +165,8 @@ class TophatSensor(Part):
             self._wandered = min(max(self._wandered + (1 if wanders else -1), 0), MIN_WANDERED)
             if self._wandered in (0, MIN_WANDERED):
                 self.floating = self._wandered == MIN_WANDERED
+        if wanders is False and not self._has_driven:
+            self._find_put_down()
         if self._watch is not None:
             fit = self._watch.fit
             began_well = self._driven_s > PROVING_S and self.fit is not Fit.CHANGED

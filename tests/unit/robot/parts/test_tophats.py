@@ -1,5 +1,6 @@
 """The robot's tophats in lights that change, with stored sets, and with sensors that are not as they were."""
 
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,7 +32,10 @@ from raccoon.core.config import MechanismConfig, ServoConfig
 from raccoon.core.readings import Inputs, Status
 from raccoon.estimate.tophat import calibrate
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
+from raccoon.estimate.tophat.standing_calibration import calibrate_standing
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
+from raccoon.model import reflectance
+from raccoon.model.reflectance import FULL_SCALE
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
 from robots import CONFIG, InterceptingPort, simulated_port, tophat_calibration
@@ -372,6 +376,41 @@ def test_an_open_port_sees_no_line_and_is_said_while_the_robot_stands() -> None:
         is_open = False
         robot.run(wait(1.5))
         assert not robot.blind
+
+
+@pytest.mark.parametrize(("turned", "light"), [(0.0, 0.01), (1.0, 0.02)])
+def test_a_robot_that_is_carried_from_black_to_its_start_on_white_sees_white(
+    turned: float, light: float
+) -> None:
+    """As after a calibration by hand. What its sensors read in the air was taken for other light, and white
+    for black in that, until the first line or for ever. turned: rad/s meanwhile. light: at the start."""
+    noise, model = Random(1), reflectance.fit("new")
+    at_table, in_the_air = model.at(0.007), model.at(0.06)
+    white, black = (FULL_SCALE / (1.0 + float(at_table.light(dark, 0.02))) for dark in (0.0, 1.0))
+    place = "black"
+
+    def carried(inputs: Inputs) -> Inputs:
+        time, gyro = inputs.time, inputs.gyro
+        seen = float(at_table.light(0.0, light)) if place == "white" else FULL_SCALE / black - 1.0
+        if place == "air":
+            seen = float(in_the_air.light(0.0, 0.02 + 0.01 * math.sin(5.0 * time)))
+            assert gyro is not None
+            gyro = (0.0, 0.0, turned * math.sin(2.0 * time) / inputs.device.gyro_rad_s)
+        counts = round(FULL_SCALE / (1.0 + seen) + noise.gauss(0.0, 3.0))
+        return replace(inputs, analog=(counts,) * len(inputs.analog), gyro=gyro)
+
+    with open_robot(CONFIG, port=InterceptingPort(simulated_port(), seen=carried)) as robot:
+        robot.run(wait(0.1))
+        for sensor in robot.tophats.values():
+            levels = ([level + i % 5 - 2.0 for i in range(200)] for level in (white, black))
+            sensor.calibrate(calibrate_standing(*levels))
+        for now, seconds in (("black", 0.3), ("air", 1.7), ("white", 1.0)):
+            place = now
+            robot.run(wait(seconds))
+        resting = [(each.black, each.status) for each in robot.tophats.values()]
+        robot.run(drive(0.15).until(after_distance(0.05)))
+        driving = [(each.black, each.status) for each in robot.tophats.values()]
+        assert resting == driving == [(False, Status.OK)] * 2
 
 
 def test_a_sensor_that_an_arm_shakes_over_an_edge_is_plugged_in() -> None:
