@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.habits.alternatives import (
     LATENCY,
     MIN_LOG_EVIDENCE_LEAD,
@@ -28,6 +29,7 @@ from raccoon.diagnose.habits.trials import HabitTrials, SearchAndHabits
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES
 from raccoon.diagnose.select.state import Search
+from raccoon.diagnose.select.symmetry import exact_twins
 from raccoon.sim.effects.chain import Chain
 
 LOOKS_LIKE_FILTER = (LATENCY, "bemf.filter_lag")
@@ -72,14 +74,28 @@ def try_sensor_chains(search: Search, habits: Habits, trials: HabitTrials) -> Se
         min_fit_lead = -MAX_FIRMWARE_DEFICIT if imitated else MIN_LOG_EVIDENCE_LEAD
         min_search_lead = -MIN_LOG_EVIDENCE_LEAD if firmware else MIN_LOG_EVIDENCE_LEAD
         if pausing or (firmware and not back_emf):
-            scaled = [name for name in named if name.startswith(SHARED_SCALE_CAUSES)]
-            starts.append(without_causes(search.fit.point, scaled))
+            starts += _starts_with_pause(search)
             min_fit_lead = min_search_lead = 0.0
         problem = trials.problem_of(other)
         search, habits = adopt_if_ahead(
             search, habits, trials, other, problem, starts, min_fit_lead, min_search_lead
         )
     return _try_median_with_low_pass(search, habits, trials) if back_emf else (search, habits)
+
+
+def _starts_with_pause(search: Search) -> list[Point]:
+    """Starts of fits under a chain with pauses: the fitted point and its exact twins, each without the causes
+    that a pause imitates.
+
+    The twins are needed since without the pause, the scale that it changes decides which of them agrees best
+    with robot.toml: of a gyro that read 5 % too much, K_E of both motors then was the likeliest.
+    """
+    point = search.fit.point
+    drives = [point, *(twin for _, twin in exact_twins(search.problem, point))]
+    return [
+        without_causes(each, [name for name in each.active if name.startswith(SHARED_SCALE_CAUSES)])
+        for each in drives
+    ]
 
 
 def _try_median_with_low_pass(search: Search, habits: Habits, trials: HabitTrials) -> SearchAndHabits:

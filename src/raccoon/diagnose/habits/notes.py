@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from raccoon.core.readings import RACCOON_COASTS
 from raccoon.diagnose.drives.ramp import Ramp
 from raccoon.diagnose.findings.uncertainty import LATENCY, FitUncertainty
 from raccoon.diagnose.findings.validation import MIN_DEVIATIONS
@@ -194,8 +195,8 @@ def _motor_driver_notes(chain: Chain, causes: Sequence[CauseResult]) -> tuple[st
 
 
 def _pause_notes(chain: Chain, causes: Sequence[CauseResult], told: bool) -> tuple[str, ...]:
-    """Notes on pauses in which motors coast to be sampled. told: whether to include the wheels' slowdown in
-    them."""
+    """Notes on pauses in which motors coast to be sampled, or on what such pauses would change. told: whether
+    to include what was found out of them, as without a known firmware."""
     notes = []
     if chain.pause and told:
         notes.append(
@@ -215,6 +216,14 @@ def _pause_notes(chain: Chain, causes: Sequence[CauseResult], told: bool) -> tup
             f"a resistance of {unpaused:g} times robot.toml's may also mean that the controller does not "
             "pause for its samples, or that robot.toml's value includes the pause already"
         )
+    if not chain.coast_share and told:
+        notes += [
+            "motors are simulated as driven all of the time; if the controller lets them coast for "
+            f"{100.0 * RACCOON_COASTS:.0f} % of it to read them, as a Wombat does, the drive is the same "
+            f"with a resistance of {each.value * (1.0 - RACCOON_COASTS):.3g} times robot.toml's"
+            for each in factors
+            if each.value > 1.0
+        ]
     return tuple(notes)
 
 

@@ -9,6 +9,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from blind.drives import exciting
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.experiment.advice import planned_log
+from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.alternatives import MIN_LOG_EVIDENCE_LEAD
 from raccoon.diagnose.habits.chain_trials import try_sensor_chains
@@ -19,8 +23,12 @@ from raccoon.diagnose.habits.chains import (
     pauses_at_cycle_end,
 )
 from raccoon.diagnose.habits.habit_fits import choose_start
+from raccoon.diagnose.habits.notes import habit_notes
+from raccoon.diagnose.habits.problems import drive_problem
 from raccoon.diagnose.habits.trials import HabitTrials
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.chain import Chain
@@ -46,7 +54,7 @@ def asked(
 
     monkeypatch.setattr("raccoon.diagnose.habits.chain_trials.adopt_if_ahead", note)
     point = Point(np.zeros(1), {name: np.ones(1) for name in named})
-    problem = SimpleNamespace(causes=CAUSES, features=SimpleNamespace(roles=roles))
+    problem = SimpleNamespace(causes=CAUSES, base=(), features=SimpleNamespace(roles=roles))
     search = SimpleNamespace(fit=SimpleNamespace(point=point), unknown=(), problem=problem)
     trials = HabitTrials(lambda _: cast(Any, problem))
     try_sensor_chains(cast(Search, search), Habits(chain, False), trials)
@@ -67,6 +75,42 @@ def test_encoders_are_asked_for_the_pause_of_the_firmware_alone(monkeypatch: pyt
     assert found[Chain.firmware()] == (0.0, 0.0, [NAMED, NAMED[1:]], False)
     assert [each.coast_share for each in found if each != Chain.firmware()] == [0.0, 0.0]
     assert replace(FREE_RUNNING, coast_share=0.0) in found
+
+
+def test_a_pause_is_asked_for_with_the_twins_of_what_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a gyro that read 5 % too much, K_E of both motors was the likeliest twin without the pause, and the
+    gyro with it. With K_E kept the pause was 2 behind, and K_E was named with a probability of 1."""
+    starts: list[Point] = []
+
+    def note(search: Search, habits: Habits, *rest: Any) -> tuple[Search, Habits]:
+        if pauses_at_cycle_end(rest[1].chain):
+            starts.extend(rest[3])
+        return search, habits
+
+    monkeypatch.setattr("raccoon.diagnose.habits.chain_trials.adopt_if_ahead", note)
+    habits = Habits(MEDIAN_AT_CYCLE_END, False)
+    log = planned_log(exciting(np.random.default_rng(1), 2.0))
+    problem = drive_problem(log, RobotConfig(), drive_causes(), habits, None)
+    point = problem.nominal().with_cause("motor.back_emf_constant", np.array([-0.7]))
+    search = SimpleNamespace(fit=SimpleNamespace(point=point), unknown=(), problem=problem)
+    try_sensor_chains(cast(Search, search), habits, HabitTrials(lambda _: problem))
+    twins = [each for each in starts if "motor.back_emf_constant" not in each.active]
+    assert [[*each.active] for each in twins] == [["drive.track_width"]]
+    gyro = problem.features.roles.index("gyro")
+    nominal, named, twin = problem.predict([problem.nominal(), point, *twins])[:, -1, gyro]
+    assert twin == pytest.approx(named, rel=0.001)  # at a steady speed: more inertia is left to the pause
+    assert nominal != pytest.approx(named, rel=0.03)
+
+
+def test_what_a_pause_would_change_is_said_where_a_resistance_is_named() -> None:
+    """A motor that is driven nine tenths of the time has the current of one with a ninth more resistance."""
+    number = ParameterResult(1.3, 0.03, "", 1.0)
+    cause: Any = SimpleNamespace(name="motor.armature_resistance", parameters={"factor": number})
+    nothing = FitUncertainty(neutral_settings(RobotConfig()), (), np.zeros((0, 0)))
+    (said,) = habit_notes(Habits(MEDIAN_AT_CYCLE_END, False), (cause,), nothing)
+    assert "with a resistance of 1.17 times" in said
+    (paused,) = habit_notes(Habits(PAUSING_AT_CYCLE_END, False), (cause,), nothing)
+    assert "with a resistance of" not in paused
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.1])
