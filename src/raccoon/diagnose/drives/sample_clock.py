@@ -32,6 +32,12 @@ PHASE_WINDOW_S = 0.4
 MIN_UNUSUAL_ROWS, MIN_ROWS_NEAR = 30, 3.0
 """Least number of rows with an unusual number of samples: in all, and (weighted by the window) near a knot of
 the phase."""
+MAX_MEAN_DEVIATION = 0.15
+"""Largest difference between the mean count of samples a row and that of a rate. Rows of 10 ms have the same
+phases at 235 and at 265 samples per second, but other counts."""
+MIN_BEATS = 2.0
+"""Least number of times in the recording that the phase of a rate returns with respect to the rows. At a
+whole number of samples a row all rows have one phase, whatever the clock is."""
 MAX_SAMPLE_GAP_CYCLES = 2.5
 """Cycles between two samples beyond which nothing is interpolated between them."""
 CLOSE = 1e-6
@@ -144,7 +150,9 @@ def find_sample_clock(
     if len(unusual) < MIN_UNUSUAL_ROWS:
         return None
     middles = 0.5 * (time[unusual] + time[unusual - 1])
-    found = _best_rate(middles, rates, RATE_STEP_CYCLES / float(np.ptp(time)))
+    found = _best_rate(middles, time, float(rows.samples[rows.known].mean()), rates)
+    if found is None:
+        return None
     turns = _phasors(middles, found)
     knots = np.arange(time[0], time[-1] + PHASE_WINDOW_S, 0.5 * PHASE_WINDOW_S)
     weights = np.exp(-0.5 * ((knots[:, None] - middles) / PHASE_WINDOW_S) ** 2)
@@ -159,15 +167,22 @@ def find_sample_clock(
     return SampleClock(1.0 / found, knots[known], phases, waits, lead)
 
 
-def _best_rate(moments: Array, rates: tuple[float, float], step: float) -> float:
-    """The rate (1/s) within these bounds at which the phases of the moments are most concentrated."""
-    tried = np.arange(*rates, step)
-    turns, further = _phasors(moments, rates[0]), _phasors(moments, step)
+def _best_rate(moments: Array, time: Array, mean: float, rates: tuple[float, float]) -> float | None:
+    """The rate (1/s) within these bounds at which the phases of the moments are most concentrated, of those
+    that give about this mean number of samples a row and whose phase moves with respect to the rows."""
+    span, row = float(np.ptp(time)), median_step(time)
+    low, high = ((mean + sign * MAX_MEAN_DEVIATION) / row for sign in (-1.0, 1.0))
+    step = RATE_STEP_CYCLES / span
+    tried = np.arange(max(rates[0], low), min(rates[1], high), step)
+    possible = np.abs(row * tried - np.rint(row * tried)) * span > MIN_BEATS * row
+    if not possible.any():
+        return None
+    turns, further = _phasors(moments, tried[0]), _phasors(moments, step)
     agreed = np.empty(len(tried))
     for index in range(len(tried)):
         agreed[index] = abs(turns.sum())
         turns *= further  # a product costs a tenth of an exponential
-    return float(tried[int(np.argmax(agreed))])
+    return float(tried[int(np.argmax(np.where(possible, agreed, 0.0)))])
 
 
 def _phasors(moments: Array, rate: float) -> NDArray[np.complex128]:

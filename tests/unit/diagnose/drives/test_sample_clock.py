@@ -45,14 +45,15 @@ class Made:
     position: Array
 
 
-def made(rate: float, drift: float = 0.0, jitter: float = 0.0, seed: int = 1) -> Made:
-    """Samples that come by a rate that swings by a part, each a little off."""
+def made(rate: float, drift: float = 0.0, jitter: float = 0.0, seed: int = 1, rows: Array = TIME) -> Made:
+    """Samples that come by a rate that swings by a part, each a little off, as rows at those times show
+    them."""
     even = np.arange(-0.1, SECONDS, 1.0 / rate) + 0.0013
     moments = even + drift / 1.5 * np.sin(1.5 * even)
     moments = np.sort(moments + jitter * np.random.default_rng(seed).standard_normal(len(even)))
     values = speed(moments)
     sums = np.concatenate([[0.0], np.cumsum(values)])
-    latest = np.searchsorted(moments, TIME, side="right")
+    latest = np.searchsorted(moments, rows, side="right")
     before = np.concatenate([[latest[0] - 1], latest[:-1]])
     several = np.maximum(latest - before, 1)
     mean = (sums[latest] - sums[latest - several]) / several
@@ -83,6 +84,17 @@ def test_rows_without_a_sample_or_with_two_tell_when_all_were_taken(
 
     summed = resample_wheel_to_one_age(clock, TIME, seen.mean, seen.position, TICK, sums=True)
     assert np.std((summed - wanted)[loud]) < (0.6 if jitter else 0.4) * size
+
+
+@pytest.mark.parametrize("row", [0.01, 0.02])
+def test_rows_of_several_cycles_are_no_clock(row: float) -> None:
+    """Rows of 20 ms have one phase at 250 samples a second, whatever the clock is."""
+    time = np.arange(0.0, SECONDS, row)
+    seen = made(235.0, rows=time)
+    whole_ticks = np.trunc(seen.position)
+    clock = find_sample_clock(time, count_by_ticks(time, seen.bemf, whole_ticks, TICK), (225.0, 275.0))
+    assert clock is not None
+    assert 1.0 / clock.period == pytest.approx(235.0, abs=0.05)
 
 
 def test_a_channel_that_says_when_it_has_a_new_sample_has_a_clock_too() -> None:
