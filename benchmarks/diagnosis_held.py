@@ -265,6 +265,7 @@ ROWS = (
     _blind("rigid friction/battery", 6, "battery.internal_resistance", robot=RIGID),
     _blind("rigid friction/scrub", 6, "drive.turn_scrub", robot=RIGID),
     _blind("smooth friction/clean", 8, robot=SMOOTH),
+    _blind("smooth friction/Coulomb", 8, "friction.coulomb", robot=SMOOTH),
     _simulated("rigid friction/simulated", Parameters(ROBOT, {}, Chain.firmware()), 20.0),
     _simulated("creeping friction/simulated", Parameters(ROBOT, CREEPS, Chain.firmware()), 20.0),
     _blind("chip/late gyro", 8, "imu.latency", robot=CHIP),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from types import MappingProxyType
 from typing import Any
 
 from raccoon import Action, Robot, RobotConfig, open_robot, wait
-from raccoon.core.config import Measured, MotorConfig, TophatConfig
+from raccoon.core.config import ControllerConfig, Measured, MotorConfig, TophatConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Inputs, Outputs, Truth
 from raccoon.estimate.tophat import TophatCalibration, calibrate
@@ -20,10 +21,13 @@ from raccoon.sim.world.table import World
 
 # Both motors are calibrated, as before a match: motions are tested here, not the learning of scales.
 SCALE = Measured(SIMULATOR.bemf_volts / RobotConfig().model.left.back_emf_constant.value, 1e-6)
-CONFIG = RobotConfig(
+FULL_RATE = RobotConfig(
     motors={port: MotorConfig(radians_per_tick=SCALE) for port in (0, 1)},
     tophats={"left": TophatConfig(0, 0.11, 0.03), "right": TophatConfig(1, 0.11, -0.03)},
 )
+"""200 Hz, for what depends on how many readings there are."""
+CONFIG = replace(FULL_RATE, controller=ControllerConfig(rate_hz=100.0))
+"""In half of the time."""
 
 
 def simulated_port(
@@ -41,7 +45,8 @@ def simulated_port(
     for name, values in effects.items():
         effect, _, side = name.partition("@")
         parameters = parameters.with_effect(effect, side or None, **values)
-    return SimPort(parameters, world or World.empty(), robot=config, seed=seed, start=start)
+    rate = config.controller.rate_hz
+    return SimPort(parameters, world or World.empty(), robot=config, seed=seed, rate_hz=rate, start=start)
 
 
 @cache

@@ -15,7 +15,7 @@ from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.fit.fitting import fit_point
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.select.probe_scores import find_best_probe
 from raccoon.diagnose.select.refits import SHARED_SCALE_CAUSES
 from raccoon.diagnose.select.replacements import replace_by_better_sets
@@ -60,25 +60,13 @@ def causes_of(*ids: str) -> list[Cause]:
     return [each for each in drive_causes() if each.id.startswith(ids)]
 
 
-def names_of(said: Diagnosis) -> set[str]:
-    return {name for each in said.causes for name in (each.name, *each.confounded_with)}
-
-
-def test_two_hidden_causes_are_both_named_and_nothing_else() -> None:
-    """Both bend what a curve of the gyro over speed frees."""
+def test_three_hidden_causes_are_all_named_and_nothing_else() -> None:
+    """Two of them bend what a curve of the gyro over speed frees."""
     rng = np.random.default_rng(6)
-    hidden = [draw(each, rng) for each in ("bemf.offset", "imu.gyro_drift")]
+    hidden = [draw(each, rng) for each in ("bemf.offset", "imu.gyro_drift", "battery.discharge")]
     said = diagnose(make(6, hidden, seconds=8.0).columns, RobotConfig(), firmware=BLIND_CONTROLLER)
     assert {each.name for each in said.causes} == {each.name for each in hidden}
     assert not said.unexplained.depends_on
-
-
-def test_of_four_hidden_causes_all_that_matter_are_named() -> None:
-    rng = np.random.default_rng(6)
-    causes = ("battery.discharge", "actuation.latency", "drive.turn_scrub", "imu.gyro_bias")
-    hidden = [draw(each, rng) for each in causes]
-    said = diagnose(make(6, hidden, seconds=8.0).columns, RobotConfig(), firmware=BLIND_CONTROLLER)
-    assert {each.name for each in hidden} <= names_of(said)
 
 
 def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
@@ -133,20 +121,11 @@ def test_a_clean_recording_is_adequate_short_or_long(seed: int, seconds: float) 
     assert said.causes == ()
 
 
-@pytest.mark.parametrize(
-    ("friction", "cause", "seed"),
-    [
-        ({"bristle": 30000.0, "bristle_damping": 12.0}, "drive.inertia", 6),
-        ({"smooth": 0.08}, "friction.coulomb", 8),
-    ],
-    ids=["gives next to nothing", "smooth curve"],
-)
-def test_a_robot_of_another_friction_has_nothing_wrong_for_that(
-    friction: dict[str, float], cause: str, seed: int
-) -> None:
-    hidden = draw(cause, np.random.default_rng(seed))
-    robot = [Hidden("unknown", None, {}, friction), hidden]
-    said = diagnose(make(seed, robot, seconds=9.0).columns, RobotConfig())
+def test_a_robot_of_another_friction_has_nothing_wrong_for_that() -> None:
+    """Its wheels give next to nothing before they slide."""
+    hidden = draw("drive.inertia", np.random.default_rng(6))
+    rigid = Hidden("unknown", None, {}, {"bristle": 30000.0, "bristle_damping": 12.0})
+    said = diagnose(make(6, [rigid, hidden], seconds=9.0).columns, RobotConfig())
     assert [each.name for each in said.causes] == [hidden.name]
     assert said.verdict is Verdict.EXPLAINED
 
@@ -166,20 +145,6 @@ def test_motors_that_are_read_by_encoders_need_not_coast() -> None:
     said = diagnose(columns, RobotConfig(), causes=causes_of("motor.", "drive.", "actuation."))
     assert [each.name for each in said.causes] == [hidden.name]
     assert not any("pause" in each or "standard deviations off" in each for each in said.notes)
-
-
-FREE_RUNNING = Hidden(
-    "unknown", None, {}, {"own_cycle": 0.0053, "gyro_smooth": 0.0039, "imu_latency": 0.0025}
-)
-
-
-def test_a_controller_whose_cycle_is_not_the_rows_has_nothing_wrong_for_that() -> None:
-    hidden = draw("drive.turn_scrub", np.random.default_rng(8))
-    said = diagnose(make(8, [FREE_RUNNING, hidden], seconds=9.0).columns, RobotConfig())
-    assert [each.name for each in said.causes] == [hidden.name]
-    assert said.model is not None
-    assert said.model.chain.free_running
-    assert any("clock of its own" in each for each in said.notes)
 
 
 def test_structural_twins_are_reported_as_a_class() -> None:

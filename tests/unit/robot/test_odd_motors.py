@@ -40,7 +40,7 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Line, Wall, World
-from robots import CONFIG, InterceptingPort, run, simulated_port
+from robots import CONFIG, FULL_RATE, InterceptingPort, run, simulated_port
 
 BARE = replace(CONFIG, motors={})
 
@@ -67,8 +67,9 @@ def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
     load, and alike on both sides."""
     told: list[str] = []
     for seed in (1, 2, 3):
-        port = simulated_port(seed=seed, effects={"motor.armature_resistance@left": {"factor": 1.5}})
-        _, end, robot = run(straight(1.0), port)
+        effects = {"motor.armature_resistance@left": {"factor": 1.5}}
+        port = simulated_port(seed=seed, effects=effects, config=FULL_RATE)
+        _, end, robot = run(straight(1.0), port, FULL_RATE)
         assert end.x == pytest.approx(1.0, abs=0.004)
         assert end.y == pytest.approx(0.0, abs=0.005)
         told += robot.drive.find_oddities()
@@ -84,7 +85,7 @@ def test_a_gyro_of_another_full_scale_is_named_and_no_motor(factor: float, confi
         robot.run(wait(0.5))
         robot.run(turns)
         said = tuple(robot.drive.remarks.values())
-    assert any(f"the gyro reads {factor:.2f} times" in each for each in said)
+    assert any(f"the gyro reads {factor:.1f}" in each for each in said)
     assert not any("motor" in each for each in said)
 
 

@@ -56,20 +56,6 @@ def test_beside_one_other_cause_a_gyro_that_smooths_is_no_late_one() -> None:
     assert habits.low_pass
 
 
-def test_beside_another_cause_wheels_that_slip_more_than_a_chip_smooths_are_named() -> None:
-    slip = Hidden(SLIP, None, {"time": 0.012}, {"slip": 0.012})
-    search, _ = gone_on(8, CHIP, {SLIP: 0.5}, slip)
-    assert set(search.fit.point.active) == {f"{STRENGTH}@right", SLIP}
-
-
-def test_beside_another_cause_a_program_s_speed_loop_is_no_latency() -> None:
-    """Commands answer what pushes the robot, before a reading shows it: a latency, by a clock in step."""
-    loop = {**CHIP, "own_cycle": 0.0053, "imu_latency": 0.0025, "speed_loop": 0.0006}
-    search, habits = gone_on(13, loop, {"actuation.latency": 0.3})
-    assert set(search.fit.point.active) == {f"{STRENGTH}@right"}
-    assert habits.chain.free_running
-
-
 def test_a_slip_a_little_larger_than_a_chip_s_lag_is_left_out_beside_a_late_gyro(problem: Problem) -> None:
     """Of 11.3 ms and a chip, 4.5 ms of slip were named: the chip paid a gate for 0.6 ms that were left."""
     slip, late = (problem.causes[each].coordinates[0] for each in (SLIP, GYRO_LATENCY))

@@ -15,6 +15,7 @@ from raccoon import (
     ConfigError,
     MotionTimeout,
     Robot,
+    RobotConfig,
     after_distance,
     after_time,
     at_crossing,
@@ -35,7 +36,7 @@ from raccoon.robot.motions.line_search import SEARCH_TIME, LineSearch
 from raccoon.robot.motions.line_sight import OneEdge
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Box, Light, Line, World
-from robots import CONFIG, InterceptingPort, simulated_port
+from robots import CONFIG, FULL_RATE, InterceptingPort, simulated_port
 
 HALF = 0.025
 """m, half of the width of a line."""
@@ -60,11 +61,12 @@ def follow(
     way: float = 0.45,
     ambient: float = 0.0,
     speed: float = 0.1,
+    config: RobotConfig = CONFIG,
 ) -> tuple[Robot, SimPort]:
     """Follow with the left tophat, 3 cm left of the middle, that starts `beside` m left of the edge."""
     edge = HALF if side == "left" else -HALF
-    port = simulated_port(world=world, start=(0.0, edge - 0.03 + beside, heading))
-    with open_robot(CONFIG, port=port) as robot:
+    port = simulated_port(world=world, start=(0.0, edge - 0.03 + beside, heading), config=config)
+    with open_robot(config, port=port) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(calibration(ambient))
         robot.run(wait(0.2))
@@ -244,7 +246,7 @@ def test_a_line_is_followed_around_a_sharp_corner(angle: float, side: str, speed
     less far to the right than to the left, because the sensor sits to the left."""
     cosine, sine = math.cos(deg(angle)), math.sin(deg(angle))
     world = World(lines=(Line(((-0.5, 0.0), (0.15, 0.0), (0.15 + 2.0 * cosine, 2.0 * sine))),))
-    _, port = follow(world, side, way=0.55, speed=speed)
+    _, port = follow(world, side, way=0.55, speed=speed, config=FULL_RATE)
     x, y = sensor_at(port)
     across = cosine * y - sine * (x - 0.15)
     # A probe of whether it is on an edge moves it by 3 mm.

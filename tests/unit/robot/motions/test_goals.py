@@ -259,10 +259,10 @@ def test_after_a_loop_of_its_own_a_motion_starts_from_where_that_came_to() -> No
     port = simulated_port()
     with open_robot(CONFIG, port=port) as robot:
         robot.run(seq(wait(0.5), straight(0.1)))
-        for _ in range(60):
+        for _ in range(30):
             robot.drive.velocity(0.1)
             robot.tick()
-        for _ in range(40):
+        for _ in range(20):
             robot.tick()
         assert robot.inputs is not None
         assert robot.inputs.truth is not None

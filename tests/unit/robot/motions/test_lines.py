@@ -35,7 +35,7 @@ from raccoon.robot.motions.walls import align_on_wall
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Line, Wall, World
-from robots import CONFIG, InterceptingPort, simulated_port, tophat_calibration
+from robots import CONFIG, FULL_RATE, InterceptingPort, simulated_port, tophat_calibration
 
 
 def on_table(
@@ -223,8 +223,8 @@ def _wall(askew: float, distance: float) -> World:
     ("askew_deg", "speed"), [(8.0, 0.06), (-8.0, -0.06), (-8.0, 0.15), (20.0, 0.06), (20.0, 0.15)]
 )
 def test_the_robot_squares_up_to_a_wall(askew_deg: float, speed: float) -> None:
-    port = simulated_port(world=_wall(deg(askew_deg), math.copysign(0.17, speed)))
-    with open_robot(CONFIG, port=port) as robot:
+    port = simulated_port(world=_wall(deg(askew_deg), math.copysign(0.17, speed)), config=FULL_RATE)
+    with open_robot(FULL_RATE, port=port) as robot:
         robot.run(wait(0.3))
         result = robot.run(align_on_wall(speed, heading=deg(askew_deg), heading_std=0.01))
         x, y, heading = port._robot.pose

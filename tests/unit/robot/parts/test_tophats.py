@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -38,8 +39,12 @@ from raccoon.model import reflectance
 from raccoon.model.reflectance import FULL_SCALE
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
-from robots import CONFIG, InterceptingPort, simulated_port, tophat_calibration
+from robots import FULL_RATE as CONFIG
+from robots import InterceptingPort, tophat_calibration
+from robots import simulated_port as simulated_port_of
 from standing_port import StandingPort
+
+simulated_port = partial(simulated_port_of, config=CONFIG)
 
 LINES = "".join(
     f"[[line]]\npoints = [[{0.3 + 0.37 * i:.2f}, -1.0], [{0.3 + 0.37 * i:.2f}, 1.0]]\nwidth = 0.02\n"
