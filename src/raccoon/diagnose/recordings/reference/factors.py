@@ -92,7 +92,8 @@ def factors_of_reference(columns: Columns, robot: RobotConfig, device: Device) -
 
 
 def _gyro_factor(stretches: PoseStretches, robot: RobotConfig) -> Factor | None:
-    if stretches.gyro is None or float(np.abs(stretches.turn).sum()) < MIN_TURN:
+    # From a quarter turn on the reference's unit is checked; the standard deviation decides on the rest.
+    if stretches.gyro is None or float(np.abs(stretches.turn).sum()) < MIN_TURN / 2.0:
         return None
     turned, rise = stretches.gyro
     fitted = _fit_robustly(np.column_stack([stretches.turn, rise, stretches.seconds]), turned)
