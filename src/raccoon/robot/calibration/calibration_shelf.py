@@ -41,7 +41,9 @@ class CalibrationShelf:
         if not robot.tophats:
             raise ConfigError("there is no tophat in robot.toml to calibrate: [tophat.NAME] makes one")
         self._robot, self._set_name = robot, set_name
-        self._before = {name: each.calibration for name, each in robot.tophats.items()}
+        self._before = {
+            name: None if each.is_borrowed else each.calibration for name, each in robot.tophats.items()
+        }
         self._kept = None if store is None else kept_file(store)
         if self._kept is not None:
             stored = _stored_calibrations(self._kept, set_name, robot_name(robot))

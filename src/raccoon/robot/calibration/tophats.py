@@ -168,9 +168,10 @@ def load_tophats(
     found = {name: entry.calibration for name, entry in entries.items() if entry is not None}
     for name, entry in entries.items():
         if entry is not None:
-            robot.tophat(name).calibrate(entry.calibration)
+            borrowed = entry.robot not in ("", own, robot.config.name)
+            robot.tophat(name).calibrate(entry.calibration, borrowed=borrowed)
             robot.note(f"tophat {name}: calibration {set_name!r} of {entry.time}")
-            if entry.robot not in ("", own, robot.config.name):
+            if borrowed:
                 add_remark(
                     robot,
                     f"tophat {name}: its calibration {set_name!r} is from the robot {entry.robot!r}, but "

@@ -39,6 +39,8 @@ class TophatSensor(Part):
         self.counts: float | None = None
         """The last ADC reading, None before the first."""
         self.calibration: TophatCalibration | None = None
+        self.is_borrowed = False
+        """Whether its calibration is another robot's: it says nothing about this sensor."""
         self.fit: Fit | None = None
         """Whether the calibration fits the readings of the last second; None while that is unknown."""
         self._classifier: Tophat | None = None
@@ -68,8 +70,9 @@ class TophatSensor(Part):
         seen = {True: "black", False: "white", None: "not calibrated or not known"}[self.black]
         return f"<tophat {self.name}: {self.counts} counts, {seen}, {self.status}>"
 
-    def calibrate(self, calibration: TophatCalibration) -> None:
-        """Use a calibration from now on. Raises CalibrationError if it has no threshold."""
+    def calibrate(self, calibration: TophatCalibration, *, borrowed: bool = False) -> None:
+        """Use a calibration from now on. borrowed: it is another robot's. Raises CalibrationError without a
+        threshold."""
         from raccoon.estimate.tophat import Tophat
         from raccoon.estimate.tophat.calibration_watch import CalibrationWatch
 
@@ -77,7 +80,7 @@ class TophatSensor(Part):
             raise CalibrationError(
                 f"tophat {self.name}: verdict {calibration.verdict}: the calibration has no threshold"
             )
-        self.calibration = calibration
+        self.calibration, self.is_borrowed = calibration, borrowed
         self._classifier, self._watch = Tophat(calibration), CalibrationWatch(calibration)
         self._has_driven = self._is_put_down = False
         self._reading = self.fit = None

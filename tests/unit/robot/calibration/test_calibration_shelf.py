@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from raccoon import Robot
+from raccoon import Robot, load_tophats
 from raccoon.estimate.tophat import TophatCalibration, calibrate
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 from raccoon.robot.calibration.calibration_shelf import CalibrationShelf
@@ -67,6 +67,17 @@ def test_what_changed_since_the_robot_s_last_calibration_of_this_set_is_said(
     newest = store.history()[-len(found) :]
     assert {each.sensor: each.calibration for each in newest} == found
     assert {(each.robot, each.set_name) for each in newest} == {(CONFIG.name, "hall")}
+
+
+def test_another_robot_s_calibration_in_use_is_no_last_one(tmp_path: Path) -> None:
+    store = TophatStore(tmp_path / "tophats.json")
+    add(store, both(HIGH, HIGH), robot="another")
+    robot = Robot(StandingPort(), CONFIG)
+    load_tophats(robot, store.path, "hall")
+    said = len(robot.drive.remarks)
+    for again, remarks in ((both(LOW, LOW), []), (both(HIGH, LOW), [MOVED])):  # then its own one counts
+        CalibrationShelf(robot, store.path, "hall").take(again)
+        assert list(robot.drive.remarks.values())[said:] == remarks
 
 
 def test_a_calibration_in_use_counts_before_a_stored_one(tmp_path: Path) -> None:
