@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from raccoon.core.config import REAL_CONTROLLERS
-from raccoon.core.readings import Fault
+from raccoon.core.readings import GRAVITY, Fault
 from raccoon.estimate.drive.estimate import AT_REST, HELD, SLIPS
 from raccoon.robot.name_hints import hint_for_setting
 
@@ -127,11 +127,7 @@ def describe_miswiring(robot: Robot) -> str:
             "robot is stuck, or it does not stand on its wheels"
         )
     if len(wiring.turned) == 2:
-        return (
-            "the robot turns in the opposite direction to its wheels: left and right are exchanged "
-            "(drive.left and drive.right in robot.toml), both motors are plugged in the other way round, "
-            "or the gyro is upside down; raccoon doctor says how to find out which"
-        )
+        return f"the robot turns in the opposite direction to its wheels: {_describe_opposite_turn(robot)}"
     side = wiring.turned[0]
     port = robot.config.drive.left if side == "left" else robot.config.drive.right
     other = "false" if robot.config.motor(port).inverted else "true"
@@ -139,6 +135,25 @@ def describe_miswiring(robot: Robot) -> str:
         f"the robot turns as if the {side} motor (port {port}) were plugged in the other way round: turn "
         f"its plug round, or write inverted = {other} under [motor.{port}] in robot.toml"
     )
+
+
+def _describe_opposite_turn(robot: Robot) -> str:
+    """What turns a robot against both wheels. Which way up the gyro is shows the accelerometer beside it."""
+    accel = None if robot.inputs is None else robot.inputs.accel
+    up = 0.0 if robot.inputs is None or accel is None else accel[2] * robot.inputs.device.accel_m_s2
+    if up < -0.5 * GRAVITY:
+        return (
+            "the gyro is upside down, as the accelerometer beside it shows: mount the controller the right "
+            "way up, or correct the axes of an added IMU"
+        )
+    wheels = (
+        "left and right are exchanged (drive.left and drive.right in robot.toml){} both motors are plugged "
+        "in the other way round"
+    )
+    which = "; raccoon doctor says how to find out which"
+    if up > 0.5 * GRAVITY:
+        return wheels.format(", or") + which
+    return wheels.format(",") + ", or the gyro is upside down" + which
 
 
 def remark_oddities(robot: Robot) -> tuple[str, ...]:

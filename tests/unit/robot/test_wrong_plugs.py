@@ -1,5 +1,7 @@
 """A robot that is wired otherwise than robot.toml says stops soon, and says what is wrong."""
 
+from dataclasses import replace
+
 import pytest
 
 from raccoon import (
@@ -18,12 +20,12 @@ from raccoon import (
 )
 from raccoon.core.config import DriveConfig, MotorConfig
 from raccoon.core.port import Port
-from raccoon.core.readings import Status
+from raccoon.core.readings import Inputs, Status
 from raccoon.estimate.tophat import calibrate
 from raccoon.robot.emulated import open_emulated
 from raccoon.robot.motions.goals import MotionResult
 from raccoon.sim.world.table import World
-from robots import CONFIG, simulated_port
+from robots import CONFIG, InterceptingPort, simulated_port
 
 TURNED = MotorConfig(inverted=True)
 LEFT = (
@@ -64,6 +66,24 @@ def test_a_motion_ends_soon_and_says_what_is_wrong(
         assert "battery" not in str(error.value)
         assert robot.time - begin < 1.0
         assert robot.outputs.duty == (0.0,) * 4
+
+
+def test_a_gyro_that_is_upside_down_is_told_from_wheels_that_are_exchanged() -> None:
+    def turned(inputs: Inputs) -> Inputs:
+        (gyro_x, gyro_y, gyro_z), (x, y, z) = inputs.gyro or (0.0, 0.0, 0.0), inputs.accel or (0.0, 0.0, 0.0)
+        return replace(inputs, gyro=(gyro_x, -gyro_y, -gyro_z), accel=(x, -y, -z))
+
+    upside_down = InterceptingPort(wired(RobotConfig(), "simulator"), seen=turned)
+    exchanged = wired(RobotConfig(drive=DriveConfig(left=1, right=0)), "simulator")
+    for port, said, unsaid in (
+        (upside_down, "upside down", "exchanged"),
+        (exchanged, "exchanged", "upside down"),
+    ):
+        with open_robot(RobotConfig(), port=port) as robot:
+            robot.run(wait(0.5))
+            with pytest.raises(MotionTimeout, match=said) as error:
+                robot.run(turn(deg(90)))
+            assert unsaid not in str(error.value)
 
 
 def test_straight_ahead_it_is_said_once_the_heading_is_corrected_the_wrong_way() -> None:
