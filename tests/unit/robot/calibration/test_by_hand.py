@@ -100,8 +100,12 @@ A_HAND_LEAVES: Where = lambda time: dict.fromkeys(("left", "right"), 400.0 if ti
             [{"left": WHITE, "right": BLACK}, {"left": BLACK, "right": WHITE}, *RIGHTLY],
             "right read 2930 counts over white and 180 over black, the opposite of the other tophats",
         ),
+        (
+            [EVERYWHERE_WHITE, {"left": BLACK, "right": 1000.0}, *RIGHTLY],
+            "1000 counts over black, and left 2930, though both read white alike: was right partly",
+        ),
     ],
-    ids=["held", "shaded", "not moved", "one beside the line", "one on the line"],
+    ids=["held", "shaded", "not moved", "one beside the line", "one on the line", "one over its edge"],
 )
 def test_what_went_wrong_is_said_and_asked_for_again(places: Sequence[Where], said: str) -> None:
     port = Hands(*places)
@@ -109,6 +113,12 @@ def test_what_went_wrong_is_said_and_asked_for_again(places: Sequence[Where], sa
     assert len(port.asked) == len(places)
     assert any(said in each for each in port.asked)
     assert all(each.calibration is not None for each in robot.tophats.values())
+
+
+def test_a_tophat_that_stays_unlike_its_neighbour_is_used_with_care() -> None:
+    unlike = EVERYWHERE_WHITE, {"left": BLACK, "right": 1000.0}
+    robot = by_hand(Hands(*unlike * 3))
+    assert any("all the same: tophat right" in each for each in robot.drive.remarks.values())
 
 
 @pytest.mark.parametrize(
