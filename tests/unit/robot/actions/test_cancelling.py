@@ -137,7 +137,7 @@ def test_what_follows_a_straight_that_was_ended_starts_where_that_came_to(reache
     ("motion", "reached"),
     [
         (turn(deg(90)), 5.0),
-        (turn(deg(90)), 25.0),
+        (drive(0.1, 1.0), 5.0),
         (arc(0.3, deg(90)), 15.0),
         (follow_path([(0.3, 0.0), (0.3, 0.6)], rounding=0.3), 5.0),
         (follow_path([(0.3, 0.0), (0.3, 0.6)], rounding=0.3), 25.0),
