@@ -126,5 +126,7 @@ def test_the_screen_and_strangers_do_not_matter(tmp_path: Path) -> None:
     process(tmp_path, os.getpid(), "python", "/dev/spidev0.0")
     process(tmp_path, 325, "")
     (tmp_path / "325" / "comm").write_bytes("Überwachung_\N{WORLD MAP}".encode()[:15] + b"\n")
+    process(tmp_path, 327, "of_root")
+    (tmp_path / "327" / "fd").rmdir()  # its open files are not shown to others
     (tmp_path / "uptime").write_text("1")
     refuse_other_owners("/dev/spidev0.0", tmp_path)
