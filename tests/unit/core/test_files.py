@@ -23,12 +23,26 @@ def test_a_report_may_name_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
     assert (tmp_path / "a.html").read_text() == "b\\udce4d.csv"
 
 
-def test_others_may_read_a_new_file_and_an_old_one_keeps_its_permissions(tmp_path: Path) -> None:
+def test_others_may_read_a_new_file_and_an_old_one_keeps_its_permissions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has them when it gets its name. By then the whole of it is on the disk, in the same folder."""
     new, old = tmp_path / "new", tmp_path / "old"
+    synced: list[bytes] = []
     old.write_text("before")
     old.chmod(0o640)
+    renamed: dict[Path, tuple[Path, int, bytes]] = {}
+    replace = os.replace
+
+    def rename(temporary: str, target: Path) -> None:
+        renamed[target] = Path(temporary).parent, os.stat(temporary).st_mode & 0o777, synced.pop()
+        replace(temporary, target)
+
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(os.pread(descriptor, 99, 0)))
+    monkeypatch.setattr(os, "replace", rename)
     for path in (new, old):
         write_atomically(path, "after")
+    assert renamed == {new: (tmp_path, 0o644, b"after"), old: (tmp_path, 0o640, b"after")}
     assert new.stat().st_mode & 0o777 == 0o644
     assert old.stat().st_mode & 0o777 == 0o640
 
