@@ -425,7 +425,9 @@ def test_a_failed_port_repeats_its_reason(bench: Bench) -> None:
 
 
 def test_a_closed_port_says_so_and_moves_nothing(bench: Bench) -> None:
+    """Also where a transfer of another length has shifted all frames: the stop finds its way."""
     bench.run(FORWARD, 5)
+    bench.emulator.transfer(bytes(7))
     bench.port.close()
     for use in (bench.port.read, lambda: bench.port.write(FORWARD)):
         with pytest.raises(HardwareError, match="the port is closed"):
