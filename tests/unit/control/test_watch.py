@@ -44,6 +44,13 @@ def test_the_voltages_of_a_motor_are_found() -> None:
     assert found.speed == pytest.approx(1.0 / NOMINAL.gain, rel=0.02)
     assert found.acceleration == pytest.approx(NOMINAL.acceleration_voltage, rel=0.06)
     assert found.speed_std < 0.02
+    # In units of which a reading has 10 and 1000 times as many, two of the three are so much smaller.
+    other = fit_voltages(
+        [((sign, 10.0 * speed, 1e3 * change), volts) for (sign, speed, change), volts in rows]
+    )
+    assert (other.static, other.static_std) == pytest.approx((found.static, found.static_std))
+    assert (10.0 * other.speed, 10.0 * other.speed_std) == pytest.approx((found.speed, found.speed_std))
+    assert 1e3 * other.acceleration_std == pytest.approx(found.acceleration_std)
 
 
 def pushing(volts: float) -> WheelWatch:

@@ -96,15 +96,16 @@ def test_a_wheel_that_friction_holds_where_it_is_to_stand_is_not_stalled() -> No
         loop.step(WheelTarget(1.0, 4.0), 0.0, 4.0, 0.005, 6.8)
     assert loop.standing == ()
     assert loop.stalled == ("left",)
-    mirrored = make_loop()
-    mirrored.step(WheelTarget(4.0, 0.1), 4.0, 0.0, 0.005, 6.8)
-    assert mirrored.standing == ("right",)
+    for target, stands in ((WheelTarget(-4.0, 0.1), "right"), (WheelTarget(0.1, -4.0), "left")):
+        backwards = make_loop()
+        backwards.step(target, target.left, target.right, 0.005, 6.8)
+        assert backwards.standing == (stands,)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_wheels_that_do_not_turn_are_stalled_until_they_rest(sign: float) -> None:
+@pytest.mark.parametrize(("left", "right"), [(12.0, -12.0), (-12.0, -12.0)])
+def test_wheels_that_do_not_turn_are_stalled_until_they_rest(left: float, right: float) -> None:
     loop, told = make_loop(), []
-    for wanted in (*[WheelTarget(12.0 * sign, 12.0 * sign)] * 100, REST):
+    for wanted in (*[WheelTarget(left, right)] * 100, REST):
         loop.step(wanted, 0.0, 0.0, 0.005, 6.8)
         assert loop.standing == ()
         told.append((loop.stalled, loop.saturated, loop.missing_speed > 0.0))
