@@ -356,7 +356,8 @@ def test_wheels_that_nobody_sees_are_no_bump(seconds: float, unseen_wheels: int)
             felt, bemf=missing + felt.bemf[unseen_wheels:], position=missing + felt.position[unseen_wheels:]
         )
 
-    assert not any("bumped" in reason for e, _ in run(drive(STRAIGHT), unseen) for reason in e.reasons)
+    fast: list[Segment] = [(1.5, 0.0, 0.0), (2.0, 0.3, 0.0), (1.0, 0.0, 0.0)]
+    assert not any("bumped" in reason for e, _ in run(drive(fast), unseen) for reason in e.reasons)
 
 
 def test_a_ramp_is_no_bump() -> None:
