@@ -49,7 +49,7 @@ def test_a_profile_waits_for_a_robot_that_stays_and_gives_up_some_time_after_it_
 
         with suppress(MotionTimeout):
             for state in pace.states(progress, lambda _: Pose(0.0, 0.0, 0.0)):
-                assert sign * (state.position - progress()) < LAG_LIMIT + 0.004  # it goes 1 mm a tick
+                assert sign * (state.position - progress()) < LAG_LIMIT + 0.004  # it goes 2 mm a tick
                 robot.tick()
         assert robot.time - pace.begin == pytest.approx(moves_at + catch_up + patience, abs=0.02)
 
