@@ -26,6 +26,7 @@ QUESTIONS = {
     "gyro over speed": "does the controller shake: is it screwed down?",
     "gyro over turn rate": "does the gyro read the same for a full turn to the left and one to the right?",
     "gyro over time": "does the gyro warm up: is it calibrated at rest just before a run?",
+    "back-EMF over speed": "does the wheel turn as fast as its reading says, at half and at full power?",
     "battery over time": "is a plug loose, or does something else draw from the battery?",
 }
 """Questions by the covariate of a curve, without parentheses and without the side."""

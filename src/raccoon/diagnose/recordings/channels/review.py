@@ -15,6 +15,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import column_names, has_readings
 from raccoon.diagnose.findings.deviations import without_deviation_notes
 from raccoon.diagnose.fleet.other_robots import ROBOT_CONSTANTS, ROBOT_TOML_QUESTION, is_far_off
+from raccoon.diagnose.recordings.channels.curved_readings import with_curved_readings
 from raccoon.diagnose.recordings.channels.faulty import CheckedColumns
 from raccoon.diagnose.recordings.channels.missing import describe_absence
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
@@ -52,7 +53,7 @@ def with_channel_faults(
         each.name for each in found.channels if _is_unfollowed(each.name, each.rmse_after, columns, robot)
     ]
     if not unfollowed:
-        found = _doubted_for_large_errors(found, columns, robot)
+        found = with_curved_readings(_doubted_for_large_errors(found, columns, robot))
         robot_causes = [each for each in found.causes if each.id in ROBOT_CONSTANTS and each.where is None]
         return replace(found, notes=(*found.notes, *unchecked_notes, *wrong_robot_notes(robot_causes)))
     reason = f"the recorded motion does not follow the commands ({', '.join(unfollowed)}): no cause is named"
