@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +18,7 @@ Array = NDArray[np.float64]
 TIME = np.asarray(0.02 * np.arange(600), float)
 SPEED = np.asarray(1500.0 * np.sin(1.7 * TIME) * np.sin(0.6 * TIME + 1.0), float)
 NOISE = 2.0 * np.random.default_rng(3).standard_normal(len(TIME))
-WAVES = 12.0 * np.sin(SPEED / 250.0)
+WAVES = 24.0 * np.sin(SPEED / 250.0)
 
 
 def diagnosis(error: Array, verdict: Verdict, name: str = "motor.0.bemf") -> Diagnosis:
@@ -37,12 +39,14 @@ def test_a_reading_that_bends_over_the_speed_is_unknown(before: Verdict, after: 
     found = with_curved_readings(diagnosis(WAVES, before))
     assert found.verdict is after
     assert found.unexplained.depends_on == (BEMF_OVER_SPEED,)
-    assert "by 8 counts (motor.0.bemf)" in found.notes[-1]  # 12 counts over the root of 2
+    size = re.search(r"by (\d+) counts \(motor.0.bemf\)", found.notes[-1])
+    assert size is not None
+    assert float(size[1]) == pytest.approx(24.0 / math.sqrt(2.0), rel=0.15)
 
 
 @pytest.mark.parametrize(
     "error",
-    [0.0 * TIME, 0.2 * WAVES, 12.0 * np.sin(9.0 * TIME), 0.02 * np.gradient(SPEED, TIME)],
+    [0.0 * TIME, 0.4 * WAVES, 24.0 * np.sin(9.0 * TIME), 0.02 * np.gradient(SPEED, TIME)],
     ids=["noise", "small", "over time", "lag"],
 )
 def test_other_errors_do_not_depend_on_the_speed(error: Array) -> None:
