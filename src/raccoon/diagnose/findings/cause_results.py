@@ -24,6 +24,7 @@ from raccoon.diagnose.select.rivals import (
 )
 from raccoon.diagnose.select.state import Search
 from raccoon.sim.effects.effect import Effect
+from raccoon.sim.effects.parameters import SIDES
 
 TURN_CLASSES = (frozenset(TURN_SCALE_CAUSES),)
 """Causes of turning that no sensor of the robot distinguishes."""
@@ -140,7 +141,9 @@ def confounded_causes(search: Search, cause: Cause) -> tuple[str, ...]:
     close = [
         each.name for each in search.rivals.get(cause.name, []) if each.lead < MAX_CLASS_LEAD or each.beside
     ]
-    close = [each for each in close if each not in search.fit.point.active]
+    close = [
+        each for each in close if each not in search.fit.point.active and not _lacks_reading(search, each)
+    ]
     asked = frozenset(search.problem.causes)  # without those that a reference decided
     for twins in (each & asked for each in TURN_CLASSES):
         if cause.name in twins:
@@ -150,6 +153,16 @@ def confounded_causes(search: Search, cause: Cause) -> tuple[str, ...]:
     if cause.name == "motor.armature_resistance":
         close.extend(each for each in SHARED_SCALE_CAUSES if each not in (cause.id, *search.fit.point.active))
     return tuple(dict.fromkeys(close))
+
+
+def _lacks_reading(search: Search, name: str) -> bool:
+    """Whether a cause changes only readings of back-EMF that were not recorded. It explains nothing, so it is
+    close to any cause that explains little."""
+    cause = search.problem.causes.get(name)
+    if cause is None or not cause.id.startswith("bemf."):
+        return False
+    sides = SIDES if cause.where is None else (cause.where,)
+    return not any(f"bemf_{side}" in search.problem.features.roles for side in sides)
 
 
 def cause_probability(

@@ -264,6 +264,20 @@ def asking_for_twins(search: Search) -> Search:
     return replace(search, problem=replace(search.problem, causes={**search.problem.causes, **asked}))
 
 
+def test_what_only_an_unrecorded_reading_shows_is_no_rival() -> None:
+    """Of encoders the offset of back-EMF changes nothing, and was in the class of a resistance that led by 8."""
+    asked = {each.name: each for each in drive_causes()}
+    close = [Rival(name, 1.0) for name in ("bemf.offset", "bemf.offset@left", "bemf.offset@right")]
+    for roles, found in (((), []), (("bemf_left",), close[:2]), (("bemf_left", "bemf_right"), close)):
+        search = SimpleNamespace(
+            rivals={"friction.coulomb": close},
+            fit=SimpleNamespace(point=SimpleNamespace(active={})),
+            problem=SimpleNamespace(causes=asked, features=SimpleNamespace(roles=roles)),
+        )
+        said = confounded_causes(cast(Search, search), asked["friction.coulomb"])
+        assert said == tuple(each.name for each in found)
+
+
 def test_a_rival_brings_no_twin_that_a_reference_has_decided(problem: Problem) -> None:
     late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
     search = searched(problem, late, late)
