@@ -33,9 +33,12 @@ def searched(problem: Problem, truth: Point, named: Point, seed: int = 2) -> Sea
 
 
 def standing(
-    columns: Mapping[str, np.ndarray], habits: Habits, named: Mapping[str, float], among: Sequence[str] = ()
+    columns: Mapping[str, np.ndarray],
+    habits: Habits,
+    named: Mapping[str, float | Sequence[float]],
+    among: Sequence[str] = (),
 ) -> tuple[Search, HabitTrials]:
-    """A search of a recording that has named these causes under these habits, fitted from their first
+    """A search of a recording that has named these causes under these habits, fitted from these
     coordinates, and what asks for the recording under others. among: beginnings of the ids that are
     considered, by default all: a third of them take half of the time."""
     robot = RobotConfig()
@@ -45,7 +48,7 @@ def standing(
     start = start_afresh(trials.problem_of(habits))
     point = start.fit.point
     for name, size in named.items():
-        point = point.with_cause(name, np.array([size]))
+        point = point.with_cause(name, np.atleast_1d(size))
     fit = fit_point(start.problem, start.whitener, point)
     return linearise_search(start.problem, start.probes, fit.point, start.whitener), trials
 

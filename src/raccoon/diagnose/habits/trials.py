@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
-from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.select.search import run_search, start_selection
-from raccoon.diagnose.select.state import Search, start_search
+from raccoon.diagnose.select.state import Search, linearise_search, start_search
 from raccoon.diagnose.select.transitions import refit_beside_unknown
 from raccoon.diagnose.unknown.probes import make_probe_function
 from raccoon.diagnose.unknown.step_change import KNOWN_CHANGE_LOG_EVIDENCE, change_name
@@ -77,6 +78,13 @@ class HabitTrials:
 
 def _trial(search: Search, habits: Habits, other: Habits) -> Trial:
     return frozenset(search.fit.point.active), frozenset(search.unknown), habits, other
+
+
+def start_at(problem: Problem, point: Point, whitener: Whitener) -> Search:
+    """A search from a fitted point, with the noise of an earlier search; a known change is part of its
+    noise."""
+    known = {change_name(problem.change): KNOWN_CHANGE_LOG_EVIDENCE} if problem.change else None
+    return linearise_search(problem, make_probe_function(problem), point, whitener, known)
 
 
 def start_afresh(problem: Problem) -> Search:

@@ -110,12 +110,14 @@ _FRICTION = (
     Effect(
         "friction.presliding",
         "Friction gives a little before it slides, like the bristles of a brush: a wheel that stops swings "
-        "a few times, by some counts of its back-EMF. Or it creeps: friction is a curve over the speed.",
+        "a few times, by some counts of its back-EMF. Or it creeps: friction is a curve over the speed. Up "
+        "to the part `break_away` of its level it is elastic, and does not creep at all.",
         (
             Parameter("compliance", "rad/(N m)", 0.0, Bounds(0.0, 0.05), 0.001),
             Parameter("damping", "N m s/rad", None, Bounds(0.0, 20.0), 0.3, initial=0.3),
             Parameter("creep", "rad/s", 0.0, Bounds(0.0, 1.0), 0.05),
             Parameter("creep_tail", "", None, Bounds(0.0, 1.0), 0.5, initial=0.0),
+            Parameter("break_away", "", 0.0, Bounds(0.0, 0.98), 0.85),
         ),
     ),
 )

@@ -89,6 +89,7 @@ def _presliding_numbers(parameters: Parameters) -> Numbers:
         parameters.value("friction.presliding", "damping"),
         creep if creep >= MIN_CREEP else 0.0,
         parameters.value("friction.presliding", "creep_tail"),
+        parameters.value("friction.presliding", "break_away"),
     )
 
 

@@ -7,7 +7,7 @@ else b`), no division by what can be 0, and no function that a vector unit does 
 A statement that ends with `# effect: ID` is the term of that effect. At the neutral value it changes nothing,
 not even the last bit: without the statement the plant gives the same numbers. A statement with `# world:
 contact` is omitted for robots in lanes, which have no table; one with `# creeping` for robots with presliding
-friction that do not creep. docs/simulator.md derives the equations.
+friction that let go at |w|. docs/simulator.md derives the equations.
 """
 
 from __future__ import annotations

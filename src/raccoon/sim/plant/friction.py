@@ -104,8 +104,26 @@ def bristles(
     held = p.compliance * level
     sliding = abs(middle)
     sliding = let_go(sliding, p.creep, p.creep_tail) if p.creep > 0.0 else sliding  # creeping
+    sliding *= plastic_share(p, level, grip, middle, h) if p.break_away > 0.0 else 1.0  # creeping
     least = 1e-12  # not 0 for a rigid wheel at rest either, whose speeds are not taken from here
     return held + h * sliding + least, level, held * grip + 0.5 * h * level * speed
+
+
+def plastic_share(p: Plant, level: float, grip: float, speed: float, h: float) -> float:
+    """Share of the rate |w| at which bristles let go, if up to the part `break_away` of their level they are
+    elastic (Dupont, Hayward, Armstrong, Altpeter 2002). 1 is that of bristles that creep at any torque.
+
+    Of a torque x in levels, x - break_away of 1 - break_away lets go, that is (x - break_away) / ((1 -
+    break_away) x) of what creeps. It is that of the torque that the bristles would have at the end of the
+    step if they were elastic: with the torque before a step that slides by far more than they give, they
+    would wind up beyond their level.
+    """
+    way = 1.0 if speed > 0.0 else -1.0
+    part = way * (p.compliance * grip + h * speed) / (p.compliance * level + 1e-12)
+    beyond = part if part > p.break_away else p.break_away
+    share = (beyond - p.break_away) / ((1.0 - p.break_away) * beyond + 1e-12)
+    share = share if part < 1.0 else 1.0
+    return share if part > 0.0 else 1.0 - p.break_away
 
 
 def let_go(speed: float, creep: float, tail: float) -> float:

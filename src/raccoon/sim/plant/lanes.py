@@ -52,6 +52,9 @@ LOOSE = ("drive.backlash", "drive.wheel_slip", "drive.wheel_eccentricity")
 GIVING: Mapping[str, float] = {"compliance": 0.0, "creep": 0.0}
 """Fields of `Plant` for presliding friction (`friction.presliding`), with their values for rigid friction.
 Every robot of a diagnosis has presliding friction, and no other robot does."""
+CREEPING: Mapping[str, float] = {"creep": 0.0, "break_away": 0.0}
+"""Fields of `Plant` for how presliding friction lets go, with their values for bristles that let go at |w|:
+the lines with `# creeping`."""
 NO_READING = (
     "time", "x", "y", "wheel_cos_left", "wheel_sin_left", "wheel_cos_right", "wheel_sin_right", "play_left",
     "play_right", "wheel_left", "wheel_right", "rolling_left", "rolling_right", "heat_left", "heat_right",
@@ -64,7 +67,7 @@ _HEAT = ("heat_left", "heat_right")
 class Kind:
     """A kind of robots for which a text is made: effects that none of them has (without), effects that all of
     them have (always), fields of the state that are not needed (unfollowed), and whether presliding wheels
-    may creep."""
+    may let go in another way than at |w| (CREEPING)."""
 
     without: tuple[str, ...] = ()
     always: tuple[str, ...] = ()
@@ -75,7 +78,7 @@ class Kind:
 SELDOM_KIND = "robots with rare effects"
 GIVING_KIND = "robots with presliding friction"
 READ_KIND = "readings of robots with presliding friction"
-ROLLING_KIND = "readings of robots with rare motors or friction, or creeping wheels"
+ROLLING_KIND = "readings of robots with rare motors or friction, or other bristles"
 GIVING_SELDOM_KIND = "robots with presliding friction and rare effects"
 PLAIN_KIND = "plain robots"
 KINDS: Mapping[str, Kind] = {

@@ -93,6 +93,7 @@ class Plant(NamedTuple):
     grip_damping: float  # N m s/rad
     creep: float  # rad/s
     creep_tail: float
+    break_away: float  # part of dry friction up to which bristles are elastic
     half_play_left: float
     half_play_right: float
     coasting_left: float  # s

@@ -14,6 +14,7 @@ from raccoon.core.cpu_count import usable_cores
 from raccoon.sim.plant.compiled import advance_lanes, advance_one, given, has_numba, vector
 from raccoon.sim.plant.lanes import (
     BLOCK,
+    CREEPING,
     GIVING,
     GIVING_KIND,
     GIVING_SELDOM_KIND,
@@ -162,7 +163,7 @@ def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]
         loose = _differ(plants, _LOOSE) | whole
         kinds = [
             (GIVING_SELDOM_KIND, loose & giving, giving),
-            (ROLLING_KIND, (seldom | _differ(plants, {"creep": 0.0})) & giving, giving),
+            (ROLLING_KIND, (seldom | _differ(plants, CREEPING)) & giving, giving),
             (READ_KIND, giving, giving),
         ]
     else:

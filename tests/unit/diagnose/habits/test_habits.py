@@ -353,6 +353,25 @@ def test_how_wheels_slide_is_asked_again_once_a_cause_is_known() -> None:
     assert set(search.fit.point.active) == {"drive.inertia"}
 
 
+@pytest.mark.parametrize("torque", [0.0, 0.08])
+def test_friction_that_is_elastic_until_it_breaks_away_is_no_stiction(torque: float) -> None:
+    """Taken for bristles that creep, it had a stiction of 0.04 N m; real stiction stays."""
+    gives = {"compliance": 0.015, "damping": 0.3, "break_away": 0.9}
+    sticks: Effects = {
+        ("friction.stiction", side): {"torque": torque, "speed": 0.5} for side in ("left", "right")
+    }
+    robot = Parameters(ROBOT, sticks | {("friction.presliding", None): gives}, Chain.firmware())
+    quiet = dict.fromkeys(("motor.0.bemf", "motor.1.bemf"), 1.5)
+    columns = record_simulated_drive(robot, 6.0, softened=80, noise=quiet)
+    search, trials = standing(columns, FIRMWARE, {"friction.stiction": (0.5, 0.0)}, ["friction.stiction"])
+    search, habits = try_friction_forms(search, FIRMWARE, trials.running(start_selection))
+    assert habits == replace(FIRMWARE, sliding=WheelSliding.ELASTO_PLASTIC)
+    settings = search.problem.settings(search.fit.point)
+    for name, size in gives.items():
+        assert settings[("friction.presliding", None, name)] == pytest.approx(size, rel=0.2), name
+    assert settings[("friction.stiction", "left", "torque")] == pytest.approx(torque, abs=0.01)
+
+
 def test_a_beginning_is_searched_once_and_handed_out_as_it_was(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -265,7 +265,7 @@ def asking_for_twins(search: Search) -> Search:
 
 
 def test_what_only_an_unrecorded_reading_shows_is_no_rival() -> None:
-    """Of encoders the offset of back-EMF changes nothing, and was in the class of a resistance that led by 8."""
+    """With encoders an offset of back-EMF changes nothing, and was in the class of a resistance."""
     asked = {each.name: each for each in drive_causes()}
     close = [Rival(name, 1.0) for name in ("bemf.offset", "bemf.offset@left", "bemf.offset@right")]
     for roles, found in (((), []), (("bemf_left",), close[:2]), (("bemf_left", "bemf_right"), close)):

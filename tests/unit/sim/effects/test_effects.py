@@ -110,15 +110,19 @@ def test_stiction_holds_at_rest_and_vanishes_at_speed() -> None:
     assert end(robot, 0.8) == pytest.approx(steady_speed(0.8 * VOLTAGE, R, K, COULOMB, VISCOUS), rel=1e-6)
 
 
-def test_a_wheel_gives_before_it_slides_as_far_as_bristles_do() -> None:
+@pytest.mark.parametrize("break_away", [0.0, 0.7, 0.95])
+def test_a_wheel_gives_before_it_slides_as_far_as_bristles_do(break_away: float) -> None:
     """Loaded slowly up to `part` of the friction, it has turned by -compliance level ln(1 - part), whatever
-    the speed: compliance dT = (1 - T / level) dx."""
+    the speed: compliance dT = (1 - T / level) dx. Below the part at which it breaks away it gives as a spring
+    does, compliance dT = dx, and then (1 - break_away) compliance dT = (1 - T / level) dx."""
     part, compliance = 0.9, 0.001
     smoothly = 0.5 - 0.5 * np.cos(np.pi * np.minimum(TIME / 2.8, 1.0))  # no corner: it would swing on
     duty = part * COULOMB * R / (K * VOLTAGE) * smoothly
-    ended = run(with_effect("friction.presliding", compliance=compliance), duty, duty)
+    ended = run(with_effect("friction.presliding", compliance=compliance, break_away=break_away), duty, duty)
     turned = ended["truth.x"][0, -1] / MODEL.drive.wheel_radius.value
-    assert turned == pytest.approx(-compliance * COULOMB * math.log(1.0 - part), rel=3e-3)
+    spring, beyond = min(part, break_away), max(part - break_away, 0.0) / (1.0 - break_away)
+    parts = spring - (1.0 - break_away) * math.log(1.0 - beyond)
+    assert turned == pytest.approx(compliance * COULOMB * parts, rel=3e-3)
 
 
 def test_a_wheel_that_sticks_swings_on_its_bristles() -> None:

@@ -90,7 +90,9 @@ def test_a_robot_without_seldom_effects_does_the_same_in_the_text_without_them(k
     assert set(without) < set(TERMS)
     parameters = everything_but(*without, seed=17)
     if not KINDS[kind].creeping:
-        parameters = parameters.with_effect("friction.presliding", compliance=0.001, creep=0.0)
+        parameters = parameters.with_effect(
+            "friction.presliding", compliance=0.001, creep=0.0, break_away=0.0
+        )
     assert run(driver.advance, parameters) == run(python_module(source(KINDS[kind])).advance, parameters)
 
 

@@ -200,8 +200,9 @@ def test_each_robot_runs_once_and_where_least_is_computed_for_it() -> None:
     whole = Lanes.of([each.with_chain(Chain(whole=True)) for each in giving]).plant
     for readings_only in (True, False):
         assert kinds_of(whole, readings_only) == [GIVING_SELDOM_KIND] * 8
-    creeping = Lanes.of([giving[0].with_effect("friction.presliding", creep=0.1)] * 8).plant
-    assert kinds_of(creeping, readings_only=True) == [ROLLING_KIND] * 8
+    for other in ({"creep": 0.1}, {"break_away": 0.9}):
+        bristles = Lanes.of([giving[0].with_effect("friction.presliding", None, **other)] * 8).plant
+        assert kinds_of(bristles, readings_only=True) == [ROLLING_KIND] * 8
 
 
 def test_what_is_no_reading_cannot_be_asked_for_with_readings_only() -> None:
