@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from raccoon.core.readings import RACCOON_COASTS
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.habits.alternatives import (
     LATENCY,
@@ -50,22 +49,21 @@ def try_sensor_chains(search: Search, habits: Habits, trials: HabitTrials) -> Se
     * A late gyro may really be late commands under a filter whose delay is shorter by as much, and a latency
       of one sample a late gyro under a median.
     * Motors that coast while they are sampled are the same drive as a resistance that is lower by their share
-      of the time, so that chain is adopted if it is as likely. With encoders, which no filter delays, a pause
-      is also tested beside all other habits: the firmware's filter of the battery's reading was 72 behind.
+      of the time, so that chain is adopted if it is as likely. With encoders the firmware's chain differs in
+      that only.
     """
     if found_nothing(search):
         return search, habits
     roles = search.problem.features.roles
-    back_emf = has_back_emf(roles)  # with encoders only a pause matters
-    paused = habits.chain if back_emf else replace(habits.chain, coast_share=RACCOON_COASTS)
-    others = (without_unneeded_pause(each, habits.chain, roles) for each in alternative_chains(habits.chain))
-    chains = [each for each in (*others, paused) if each != habits.chain]
+    back_emf = has_back_emf(roles)  # with encoders only the firmware's chain is tested, for its pause
+    chains = (without_unneeded_pause(each, habits.chain, roles) for each in alternative_chains(habits.chain))
+    chains = (each for each in chains if each != habits.chain)
     for other in trials.untried(search, habits, (replace(habits, chain=each) for each in chains)):
         pausing = pauses_at_cycle_end(other.chain)
         if pausing and not (back_emf and known_chain_of(habits.chain) == MEDIAN_AT_CYCLE_END):
             continue
         named = search.fit.point.active
-        firmware = other.chain == paused or known_chain_of(other.chain) == Chain.firmware()
+        firmware = known_chain_of(other.chain) == Chain.firmware()
         like = LOOKS_LIKE_FILTER if habits.chain.coast_share else (*LOOKS_LIKE_FILTER, *SHARED_SCALE_CAUSES)
         imitated = firmware and any(name.startswith(like) for name in named)
         starts = [

@@ -11,7 +11,6 @@ import pytest
 
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import RACCOON_COASTS
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.problem import Point, Problem
@@ -70,16 +69,12 @@ def test_a_pause_is_asked_for_where_all_motors_are_sampled_at_once(monkeypatch: 
         assert PAUSING_AT_CYCLE_END not in asked(chain, BACK_EMF, monkeypatch)
 
 
-def test_encoders_are_asked_for_a_pause_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clock of the controller's own brought its pause along, and a resistance 10 % low with that. With the
-    firmware's filter of the battery a pause was 72 behind on a robot without it, and alone 9 ahead."""
-    own = replace(Chain(), battery_time_constant=0.1)
-    for chain in (Chain(), own, replace(FREE_RUNNING, coast_share=0.0)):
-        found = asked(chain, ENCODERS, monkeypatch)
-        assert found[replace(chain, coast_share=RACCOON_COASTS)] == (0.0, 0.0, [NAMED, NAMED[1:]], False)
-        assert sum(each.coast_share > 0.0 for each in found) == 2  # and the firmware's chain
-    assert replace(FREE_RUNNING, coast_share=0.0) in asked(Chain(), ENCODERS, monkeypatch)
-    assert own not in asked(replace(own, coast_share=RACCOON_COASTS), BACK_EMF, monkeypatch)
+def test_encoders_are_asked_for_the_pause_of_the_firmware_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock of the controller's own brought its pause along, and a resistance 10 % low with that."""
+    found = asked(Chain(), ENCODERS, monkeypatch)
+    assert found[Chain.firmware()] == (0.0, 0.0, [NAMED, NAMED[1:]], False)
+    assert [each.coast_share for each in found if each != Chain.firmware()] == [0.0, 0.0]
+    assert replace(FREE_RUNNING, coast_share=0.0) in found
 
 
 def test_a_pause_is_asked_for_with_the_twins_of_what_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
