@@ -207,7 +207,7 @@ def _try_elasto_plastic_friction(search: Search, habits: Habits, trials: HabitTr
     """Test elasto-plastic friction in the place of stiction; the search under it if it leads.
 
     Friction that holds completely until it slides breaks loose as if it stuck: on fault-free robots with soft
-    tyres stiction of 0.04 to 0.07 N m was named, with a speed at its lower bound. Both together are further
+    tyres stiction of 0.04 to 0.08 N m was named, with a speed at its lower bound. Both together are further
     from the readings than each, so a fit begins without stiction too. The search begins at this fit: from
     robot.toml's compliance it would end at a tenth of the true one.
     """
