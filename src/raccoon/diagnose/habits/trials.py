@@ -83,15 +83,18 @@ def _trial(search: Search, habits: Habits, other: Habits) -> Trial:
 def start_at(problem: Problem, point: Point, whitener: Whitener) -> Search:
     """A search from a fitted point, with the noise of an earlier search; a known change is part of its
     noise."""
-    known = {change_name(problem.change): KNOWN_CHANGE_LOG_EVIDENCE} if problem.change else None
-    return linearise_search(problem, make_probe_function(problem), point, whitener, known)
+    return linearise_search(problem, make_probe_function(problem), point, whitener, _known_change(problem))
 
 
 def start_afresh(problem: Problem) -> Search:
     """A search from the base numbers alone; a known change is part of its noise."""
     search = start_search(problem, make_probe_function(problem))
+    known = _known_change(problem)
+    return refit_beside_unknown(search, known, search.fit.point) if known else search
+
+
+def _known_change(problem: Problem) -> dict[str, float]:
+    """The problem's known change as a part of the noise, with its log evidence; empty without one."""
     if problem.change is None:
-        return search
-    return refit_beside_unknown(
-        search, {change_name(problem.change): KNOWN_CHANGE_LOG_EVIDENCE}, search.fit.point
-    )
+        return {}
+    return {change_name(problem.change): KNOWN_CHANGE_LOG_EVIDENCE}

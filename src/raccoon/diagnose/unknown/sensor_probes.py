@@ -39,7 +39,7 @@ def hat_functions(values: Array, count: int) -> Array:
     return np.maximum(0.0, 1.0 - np.abs(np.clip(values, low, high)[None] - knots[:, None]) / width)
 
 
-def _without_straight_line(curves: Array, values: Array) -> Array:
+def without_straight_line(curves: Array, values: Array) -> Array:
     """The curves without their linear part: a bias and a drift are in the catalogue."""
     straight = np.stack([np.ones_like(values), values - values.mean()])
     straight /= np.linalg.norm(straight, axis=1)[:, None]
@@ -69,7 +69,7 @@ def gyro_speed_probes(features: Features, wheels: Array) -> list[Probe]:
 
 def sensor_time_probes(features: Features, time: Array) -> list[Probe]:
     """Probes of the error of a gyro and of a battery's reading over time, beyond a bias and a drift."""
-    over_time = _without_straight_line(hat_functions(time, 8), time)
+    over_time = without_straight_line(hat_functions(time, 8), time)
     return [
         *sensor_probe(features, "gyro", "gyro over time", USUAL_GYRO_ERROR * over_time, time, "s"),
         *sensor_probe(features, "battery", "battery over time", USUAL_BATTERY_ERROR * over_time, time, "s"),

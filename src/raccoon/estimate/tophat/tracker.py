@@ -131,8 +131,8 @@ class LightTracker(Levels):
             self._others_lost, self.is_bank_due = others_lost, bool(self._log.entries)
             return
         on_black = counts >= self.threshold
-        residual = counts - (self.black if on_black else self.white)
-        spread = self.sd_black if on_black else self.sd_white
+        level, spread = (self.black, self.sd_black) if on_black else (self.white, self.sd_white)
+        residual = counts - level
         if not -GATE_SDS * spread <= residual <= GATE_SDS * spread:
             if self._resting.is_informative(counts, way, self):
                 self._log.add(counts, way)
@@ -160,7 +160,6 @@ class LightTracker(Levels):
             return
         is_level = change * change <= LEVEL_SDS * LEVEL_SDS * (noise + MIN_SD)
         # At an end of the converter's range a reading holds no light: at the top, that of both would go to 0.
-        level = self.black if on_black else self.white
         if is_level and level < ANALOG_TOP and (on_black or level > ANALOG_BOTTOM):
             self._learn(counts, on_black, residual, noise)
             self._refresh()

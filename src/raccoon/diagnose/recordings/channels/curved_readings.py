@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.result import Curve, Diagnosis, Unexplained, Verdict
-from raccoon.diagnose.unknown.sensor_probes import hat_functions
+from raccoon.diagnose.unknown.sensor_probes import hat_functions, without_straight_line
 
 Array = NDArray[np.float64]
 
@@ -55,9 +55,8 @@ def _curve_size(curve: Curve) -> float:
     known = np.isfinite(curve.measured) & np.isfinite(curve.after)
     if not curve.name.endswith(".bemf") or known.sum() < MIN_BINS:
         return 0.0
-    measured, error = curve.measured[known], (curve.measured - curve.after)[known]
-    line = np.column_stack([np.ones_like(measured), measured])
-    error -= line @ np.linalg.lstsq(line, error, rcond=None)[0]
+    measured = curve.measured[known]
+    (error,) = without_straight_line((measured - curve.after[known])[None], measured)
     hats = hat_functions(measured, KNOTS)
     block = np.floor(curve.time[known] / BLOCK_S) % 2.0
     predicted = np.empty_like(error)
