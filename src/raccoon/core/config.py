@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.files import near_program
+from raccoon.core.files import near_program, read_bounded
 from raccoon.core.nominal import (
     MODEL_SECTIONS,
     BatteryModel,
@@ -116,8 +116,9 @@ def load_robot(path: str | Path) -> RobotConfig:
     key, value and what is allowed; FileNotFoundError if there is no file.
     """
     path = near_program(path)
+    content = read_bounded(path)
     try:
-        table = parse_toml(path.read_bytes())
+        table = parse_toml(content)
         if is_model(table):
             raise ConfigError(
                 "it is a model.toml, which --model of diagnose, excite and sweep takes; name a robot.toml"

@@ -14,6 +14,10 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
 
+from raccoon.core.errors import ConfigError
+
+MAX_FILE_BYTES = 32 * 2**20
+"""Largest file of settings or calibrations; these have a few kilobytes, and a device may never end."""
 MAX_LINKS = 40
 """Maximum number of chained links, as in the operating system; more count as a ring."""
 
@@ -61,6 +65,22 @@ def kept_file(name: str | Path) -> Path:
         if path.is_file():
             shutil.copyfile(path, copy)
     return copy
+
+
+def read_bounded(path: Path, *, plain: bool = False) -> bytes:
+    """The content of a file of settings or calibrations, which a program reads whole. plain: it must be a
+    plain file, because it is replaced later.
+
+    Raises ConfigError naming the path for more than 32 MB, such as a device that never ends, and for anything
+    else where a plain file is needed; FileNotFoundError and other OSErrors as `open` does.
+    """
+    if plain and not stat.S_ISREG(path.stat().st_mode):  # opening a pipe that nobody writes would block
+        raise ConfigError(f"{path}: it is a folder, a device or a pipe; name a file")
+    with path.open("rb") as file:
+        content = file.read(MAX_FILE_BYTES + 1)
+    if len(content) > MAX_FILE_BYTES:
+        raise ConfigError(f"{path}: it has more than {MAX_FILE_BYTES >> 20} MB: name another file")
+    return content
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:

@@ -8,7 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from raccoon.core.files import copy_kept_files, kept_file, naming_path, write_atomically
+from raccoon.core.config import load_robot
+from raccoon.core.errors import ConfigError
+from raccoon.core.files import (
+    MAX_FILE_BYTES,
+    copy_kept_files,
+    kept_file,
+    naming_path,
+    read_bounded,
+    write_atomically,
+)
 
 
 def test_text_and_bytes_arrive_as_they_are(tmp_path: Path) -> None:
@@ -140,6 +149,27 @@ def test_a_full_disk_names_the_path_that_was_given(tmp_path: Path, monkeypatch: 
             write_atomically(path, "after")
         assert refused.value.filename == str(path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_never_ends_and_what_is_no_file_is_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A program that was told to keep its calibrations in /dev/full read zeros until the memory was used
+    up."""
+    pipe, large = tmp_path / "pipe", tmp_path / "large"
+    os.mkfifo(pipe)
+    with large.open("wb") as file:
+        file.truncate(MAX_FILE_BYTES + 1)
+    for path in (Path("/dev/full"), pipe, tmp_path):
+        with pytest.raises(ConfigError, match=f"{path}: it is a folder, a device or a pipe; name a file"):
+            read_bounded(path, plain=True)
+    for path in (Path("/dev/zero"), large):
+        with pytest.raises(ConfigError, match=f"{path}: it has more than 32 MB"):
+            read_bounded(path)
+        with pytest.raises(ConfigError, match=f"^{path}: it has more than 32 MB"):
+            load_robot(path)
+    large.write_bytes(b"kept")
+    assert read_bounded(large, plain=True) == read_bounded(large) == b"kept"
 
 
 def test_what_has_no_name_gets_one() -> None:

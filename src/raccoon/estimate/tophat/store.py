@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.files import write_atomically
+from raccoon.core.files import read_bounded, write_atomically
 from raccoon.estimate.tophat.stored_calibration import StoredCalibration, parse_entry
 
 __all__ = ["StoredCalibration", "TophatStore"]
@@ -28,9 +28,9 @@ class TophatStore:
         """The stored calibrations, oldest first; only those of a sensor or set if given. Empty if there is no
         file.
 
-        Raises ConfigError naming the file if it is damaged or of another format, and the sensor, the value
-        and what is allowed for a value that no sensor reads; TypeError for a set name that is not text, with
-        which the file could not be read again.
+        Raises ConfigError naming the path if it is no file, larger than 32 MB, damaged or of another format,
+        and the sensor, the value and what is allowed for a value that no sensor reads; TypeError for a set
+        name that is not text, with which the file could not be read again.
         """
         if not isinstance(set_name, str | None):
             raise TypeError(f"set_name is {set_name!r}: it must be a text")
@@ -66,7 +66,7 @@ class TophatStore:
 
     def _load(self) -> list[StoredCalibration]:
         try:
-            table = json.loads(self.path.read_text(encoding="utf-8"))
+            table = json.loads(read_bounded(self.path, plain=True).decode("utf-8"))
             if table["format"] != FORMAT:
                 raise ConfigError(f"{self.path}: format {table['format']!r}; this version reads {FORMAT}")
             entries = list(enumerate(table["calibrations"]))

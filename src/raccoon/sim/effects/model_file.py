@@ -20,7 +20,7 @@ from typing import Any
 
 from raccoon.core.config import RobotConfig, is_model, parse_robot
 from raccoon.core.errors import ConfigError
-from raccoon.core.files import write_atomically
+from raccoon.core.files import read_bounded, write_atomically
 from raccoon.core.schema import Measured, refuse_unknown, section
 from raccoon.core.toml_text import parse_toml
 from raccoon.sim.effects.chain import Chain
@@ -41,8 +41,9 @@ def load_model(path: str | Path, robot: RobotConfig | None = None) -> Parameters
     that only a model has.
     """
     path = Path(path)
+    content = read_bounded(path)
     try:
-        table = parse_toml(path.read_bytes())
+        table = parse_toml(content)
         model = parse_model(table, robot)
         if not is_model(table) and not table.keys() <= {"name", "model"}:
             raise ConfigError(

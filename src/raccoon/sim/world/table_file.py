@@ -41,6 +41,7 @@ from pathlib import Path
 from typing import Any
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import read_bounded
 from raccoon.core.schema import finite_or_none, format_value, refuse_unknown
 from raccoon.core.toml_text import parse_toml
 from raccoon.sim.world.table import Box, Light, Line, Point, Ramp, Thing, Wall, World, walls_around
@@ -55,8 +56,9 @@ _KEYS = ("name", "area", "walls", "start_box", "line", "wall", "object", "light"
 def load_world(path: str | Path) -> World:
     """Read a table file. Raises ConfigError, which names file, key and value, and FileNotFoundError."""
     path = Path(path)
+    content = read_bounded(path)
     try:
-        return parse_world(parse_toml(path.read_bytes()))
+        return parse_world(parse_toml(content))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 

@@ -37,6 +37,12 @@ def test_what_is_stored_comes_back(tmp_path: Path) -> None:
     assert [each.name for each in store.path.parent.iterdir()] == ["tophats.json"]
 
 
+def test_a_store_that_is_no_file_is_refused(tmp_path: Path) -> None:
+    for path in (Path("/dev/full"), tmp_path):
+        with pytest.raises(ConfigError, match=f"{path}: it is a folder, a device or a pipe"):
+            TophatStore(path).add(entry())
+
+
 def test_failed_calibration_replaces_nothing(tmp_path: Path) -> None:
     store = TophatStore(tmp_path / "tophats.json")
     store.add(entry())

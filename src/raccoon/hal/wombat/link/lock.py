@@ -6,6 +6,7 @@ from __future__ import annotations
 import fcntl
 import os
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,6 +19,9 @@ SCREEN = "botui"
 """Name of the program of the controller's screen. It reads the bus between raccoon's frames; that does no
 harm, because each of these holds the complete command."""
 COMM_LENGTH = 15
+PLAIN = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+"""Flags of the lock file. A link in its place is refused: whoever may write to the folder could have any file
+of root made writable; opening a pipe would wait for its other end."""
 WAIT_SECONDS = 1.0
 """s to wait for the lock: the supervisor of a program that was just killed holds it until the motors are
 stopped."""
@@ -30,7 +34,7 @@ class BusLock:
     """
 
     def __init__(self, device: str, *, folder: Path | None = None, proc: Path = Path("/proc")) -> None:
-        path = (folder or _folder()) / f"raccoon-{Path(device).name}.lock"
+        path = _lock_path(f"raccoon-{Path(device).name}.lock", (folder,) if folder else LOCK_FOLDERS)
         try:
             self.descriptor = _open_for_all(path)
         except OSError as error:
@@ -86,12 +90,12 @@ def _open_for_all(path: Path) -> int:
     """
     while True:
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+            descriptor = os.open(path, os.O_RDWR | PLAIN)
         except PermissionError:
-            return os.open(path, os.O_RDONLY | os.O_CLOEXEC)  # enough for a lock
+            return os.open(path, os.O_RDONLY | PLAIN)  # enough for a lock
         except FileNotFoundError:
             try:
-                descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+                descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | PLAIN, 0o666)
             except FileExistsError:  # another program created it in between
                 continue
         with suppress(PermissionError):  # the file is another user's
@@ -99,11 +103,16 @@ def _open_for_all(path: Path) -> int:
         return descriptor
 
 
-def _folder() -> Path:
-    for folder in LOCK_FOLDERS:
+def _lock_path(name: str, folders: Sequence[Path]) -> Path:
+    """The lock file that exists, or else one in the first folder that is writable: where only root may write
+    to the first folder, a program of root and one of the team's user must still meet at one file."""
+    made = next((folder / name for folder in folders if os.path.lexists(folder / name)), None)
+    if made is not None:
+        return made
+    for folder in folders:
         if os.access(folder, os.W_OK):
-            return folder
-    raise HardwareError(f"no folder for a lock file: {', '.join(map(str, LOCK_FOLDERS))} are not writable")
+            return folder / name
+    raise HardwareError(f"no folder for a lock file: {', '.join(map(str, folders))} are not writable")
 
 
 def refuse_other_owners(device: str, proc: Path = Path("/proc")) -> None:

@@ -85,6 +85,47 @@ def test_a_lock_file_that_may_not_even_be_read_says_what_to_do(
         BusLock("/dev/spidev7.0", folder=tmp_path)
 
 
+@pytest.mark.parametrize("target", ["missing", "other"])
+def test_a_link_in_place_of_the_lock_file_is_refused_and_what_it_names_stays(
+    tmp_path: Path, target: str
+) -> None:
+    """One that leads nowhere was tried to be opened and to be made in turns, without end; and the file that
+    another one named was made writable for everybody."""
+    other, path = tmp_path / "other", tmp_path / "raccoon-spidev7.0.lock"
+    other.write_text("kept")
+    other.chmod(0o600)
+    path.symlink_to(tmp_path / target)
+    with pytest.raises(HardwareError, match=f"the lock file {path} .* delete it with `sudo rm {path}`"):
+        BusLock("/dev/spidev7.0", folder=tmp_path)
+    assert other.stat().st_mode & 0o777 == 0o600
+    assert other.read_text() == "kept"
+    assert not (tmp_path / "missing").exists()
+
+
+def test_programs_of_root_and_of_the_user_meet_at_one_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where only root may write to the first folder, each of them had a lock of its own."""
+    folders = tmp_path / "roots", tmp_path / "everybodys"
+    for folder in folders:
+        folder.mkdir()
+    monkeypatch.setattr(lock, "LOCK_FOLDERS", folders)
+    monkeypatch.setattr(lock, "WAIT_SECONDS", 0.0)
+    may_write: list[Path] = [folders[1]]
+    monkeypatch.setattr(os, "access", lambda folder, _mode: folder in may_write)
+    users = BusLock("/dev/spidev7.0")
+    may_write.append(folders[0])
+    with pytest.raises(HardwareError, match="in use by this program itself"):
+        BusLock("/dev/spidev7.0")
+    users.release()
+    (folders[1] / "raccoon-spidev7.0.lock").unlink()
+    roots = BusLock("/dev/spidev7.0")
+    del may_write[1:]
+    with pytest.raises(HardwareError, match="in use by this program itself"):
+        BusLock("/dev/spidev7.0")
+    roots.release()
+
+
 def process(proc: Path, number: int, name: str, opened: str | None = None) -> None:
     folder = proc / str(number) / "fd"
     folder.mkdir(parents=True)
