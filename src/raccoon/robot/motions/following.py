@@ -125,14 +125,17 @@ def _follow_action(
                 miswired = check_wiring(robot, miswired, label)
                 other_light = sight.other_light or not answers
                 if (line.is_lost and not steering.is_crossing) or other_light:
-                    if line.count_search() > MAX_SEARCHES:
+                    number = line.count_search()
+                    if number > MAX_SEARCHES:
                         raise MotionTimeout(
                             describe_lost_line(
                                 robot, sight, OTHER_LIGHT_REASON if other_light else line.missed_for
                             )
                         )
                     search = LineSearch(robot, sight, line, velocity)
-                    yield from search.learn_light() if other_light else search.search_both_sides()
+                    yield from (
+                        search.learn_light() if other_light else search.search_both_sides(again=number > 1)
+                    )
                     line.mark_found()
                     velocity, limit = 0.0, min(top, CATCH_SPEED)
                     steering.restart()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import TYPE_CHECKING
 
+from raccoon.model.pose import Pose
 from raccoon.robot.motions.line_sight import MAX_EDGE_OFFSET
 
 if TYPE_CHECKING:
@@ -22,6 +24,8 @@ LOST_TIME, LOST_WAY, NONE_YET_TIME = 1.0, 0.15, 0.5
 """s and m without an edge after which the line is lost; s if there was no edge yet."""
 PLAY_TIME, PLAY_WAY = 60.0, 5.0
 """s and m more for each m of unseen width between the sensors."""
+TRAIL_STEP_M, TRAIL_POSES = 0.01, 20
+"""m between two poses of the way along the line that are remembered, and their number."""
 SEARCH_APART_M = 0.05
 """m of way between two searches, below which both are for the same place."""
 
@@ -32,20 +36,28 @@ class LastEdge:
     place: m of way. time: s. heading: rad of the line, as far as known. robot_heading: rad of the robot
     there, None before the first edge. direction: where the line was when the sensor left it (1 to the left,
     where it turned or another line crosses; -1 to the right), 0 while it is followed. other_tophat: the
-    tophat that was on an edge at the start while the one that follows was not.
+    tophat that was on an edge at the start while the one that follows was not. kept: the robot's pose where
+    it last followed the line, rather than only crossing an edge; None if it has not yet. trail: such poses of
+    the last 0.2 m, 1 cm apart, oldest first.
     """
 
     def __init__(self, robot: Robot, play: float = 0.0, other: str = "") -> None:
         self._robot, self.other_tophat = robot, other
         self._extra_patience, self._max_way = PLAY_TIME * play, LOST_WAY + PLAY_WAY * play
-        self.heading = robot.estimate.heading
-        self.robot_heading: float | None = None
         self.direction = 0.0
+        self._patience, self._searches = NONE_YET_TIME + self._extra_patience, 0
+        self._begin_here()
+
+    def _begin_here(self) -> None:
+        """Begin without knowing any edge, as in another frame after the odometry was reset."""
+        self._resets = self._robot.odometry.resets
+        self.heading = self._robot.estimate.heading
+        self.robot_heading: float | None = None
+        self.kept: Pose | None = None
+        self.trail: deque[Pose] = deque(maxlen=TRAIL_POSES)
         self._level, self._level_since, self._is_decided = 0.5, 0.0, False
-        self._straight_heading = (
-            self.heading
-        )  # when it last read half an edge, as where the line goes straight on
-        self._patience, self._last_search, self._searches = NONE_YET_TIME + self._extra_patience, -math.inf, 0
+        self._straight_heading = self.heading  # where it last read half an edge, as on a straight line
+        self._last_search = -math.inf
         self._mark_edge_here()
 
     def _mark_edge_here(self) -> None:
@@ -107,6 +119,8 @@ class LastEdge:
     def update(self, sight: LineSight) -> bool:
         """Take the observation of this cycle; returns whether it is an edge."""
         here, level = self._robot.estimate, sight.level
+        if self._robot.odometry.resets != self._resets:
+            self._begin_here()
         on = sight.sees_edge and (
             self._is_on_edge or sight.is_unambiguous or abs(level - 0.5) < MAX_EDGE_OFFSET - EDGE_MARGIN
         )
@@ -123,7 +137,15 @@ class LastEdge:
                 self.heading = here.heading
             if self.is_kept:
                 self.direction = 0.0
+                self._mark_kept(Pose(here.x, here.y, here.heading))
         elif self.direction == 0.0:
             self.direction = sight.direction
         self._is_on_edge = on
         return on
+
+    def _mark_kept(self, here: Pose) -> None:
+        """Note that the robot follows the line here."""
+        last = self.trail[-1] if self.trail else None
+        if last is None or math.hypot(here.x - last.x, here.y - last.y) > TRAIL_STEP_M:
+            self.trail.append(here)
+        self.kept = here

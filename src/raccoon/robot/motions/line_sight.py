@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from raccoon.core.errors import ConfigError
+from raccoon.model.pose import Pose
 from raccoon.robot.motions.lines import check_sides, tophat_ahead
 
 if TYPE_CHECKING:
@@ -59,6 +61,14 @@ class LineSight(ABC):
         self.offset, self.level, self.direction = 0.0, 0.5, 0.0
         self.sees_floor = self.sees_edge = self.is_kept = self.all_black = self.is_unambiguous = False
         self.tells_bend, self.may_be_crossing = True, False
+        self._line_left = sum(each.config.left for each in sensors) / len(sensors)
+
+    def line_middle(self, robot: Pose) -> Pose:
+        """The place (heading: the robot's) of the line's middle between or beside the sensors of a robot at
+        this pose that follows it well."""
+        ahead = robot.ahead(self.reach)
+        side = ahead.turned(0.5 * math.pi).ahead(self._line_left)
+        return Pose(side.x, side.y, robot.heading)
 
     @abstractmethod
     def look(self) -> None:
@@ -88,6 +98,7 @@ class OneEdge(LineSight):
     def __init__(self, sensor: TophatSensor, side: float) -> None:
         super().__init__((sensor,), ABRUPT_WAY_M)
         self._sensor, self._side, self.direction = sensor, side, -side
+        self._line_left -= 0.5 * side * TAPE_WIDTH_M
 
     def look(self) -> None:
         """See `LineSight`. On the left edge black is to the right: too much of it means too far right."""

@@ -131,7 +131,7 @@ def _meet_edges(
                 if edge is None:
                     continue
                 sensor.forget_edge()
-                now = _Meeting(_sensor_place(robot, sensor, robot.time - edge.time), robot.estimate.distance)
+                now = _Meeting(sensor_place(robot, sensor, robot.time - edge.time), robot.estimate.distance)
                 places, other = met[edge.to_black], met[edge.to_black][1 - index]
                 if other is not None and abs(now.way - other.way) < max_way:
                     return (other.place, now.place) if index else (now.place, other.place)
@@ -175,7 +175,7 @@ def _describe_no_line(
     return f"no line at {' and '.join(names)} within {reach:g} m{found}; {why}{wall_hint(held, 'it')}"
 
 
-def _sensor_place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:
+def sensor_place(robot: Robot, sensor: TophatSensor, ago: float = 0.0) -> tuple[float, float]:
     """The place of a sensor on the field `ago` s before now."""
     here = robot.estimate
     pose = Pose(here.x, here.y, here.heading).ahead(-here.velocity * ago)
