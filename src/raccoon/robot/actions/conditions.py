@@ -60,8 +60,8 @@ def after_distance(distance: float) -> Condition:
     check_way(distance=distance)
 
     def start(robot: Robot) -> Test:
-        begin = robot.estimate.distance
-        return lambda: abs(robot.estimate.distance - begin) >= abs(distance)
+        driven = change_since_start(robot, lambda: robot.estimate.distance)
+        return lambda: abs(driven()) >= abs(distance)
 
     return Condition(f"after {distance:g} m", start)
 
@@ -74,10 +74,26 @@ def after_angle(angle: float, *, turns: float = 1.0) -> Condition:
     check_angle(turns, angle=angle)
 
     def start(robot: Robot) -> Test:
-        begin = robot.estimate.heading
-        return lambda: abs(robot.estimate.heading - begin) >= abs(angle)
+        turned = change_since_start(robot, lambda: robot.estimate.heading)
+        return lambda: abs(turned()) >= abs(angle)
 
     return Condition(f"after {angle:g} rad", start)
+
+
+def change_since_start(robot: Robot, value: Callable[[], float]) -> Callable[[], float]:
+    """By how much a value of the odometry has changed since now; a reset of the odometry is no change."""
+    begin = last = value()
+    resets = robot.odometry.resets
+
+    def change() -> float:
+        nonlocal begin, last, resets
+        now = value()
+        if robot.odometry.resets != resets:
+            begin, resets = begin + now - last, robot.odometry.resets
+        last = now
+        return now - begin
+
+    return change
 
 
 def on_black(tophat: str) -> Condition:

@@ -11,6 +11,7 @@ from raccoon.control.voltage import VoltageScaling
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.conditions import change_since_start
 from raccoon.robot.actions.limits import (
     check_battery_voltage,
     check_duties,
@@ -43,7 +44,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
 
     def steps(robot: Robot) -> Steps[None]:
         motion = robot.config.motion
-        start = robot.plan
+        start, resets = robot.plan, robot.odometry.resets
         if robot.drive.is_looping(robot.time):
             add_remark(
                 robot,
@@ -67,6 +68,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
                 pushing.tell()
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
+                if robot.odometry.resets != resets:  # from here on it is another frame
+                    start, resets = robot.plan, robot.odometry.resets
                 miswired = check_wiring(robot, miswired, label)
                 velocity = limit_slew(velocity, top, acceleration * robot.dt)
                 rate = limit_slew(rate, turn_rate, motion.turn_acceleration * robot.dt)
@@ -100,7 +103,8 @@ def drive_until_stopped(speed: float, reach: float, timeout: float | None = None
         raise ValueError("speed is 0: allowed are numbers above or below it")
 
     def steps(robot: Robot) -> Steps[float]:
-        begin, start, silent = robot.time, robot.estimate.distance, 0.0
+        begin, silent = robot.time, 0.0
+        driven = change_since_start(robot, lambda: robot.estimate.distance)
         held = HeldWay(robot)
         acceleration = robot.config.motion.acceleration
         top, acceleration = robot.drive.speeds.planned(abs(speed), acceleration)
@@ -108,7 +112,7 @@ def drive_until_stopped(speed: float, reach: float, timeout: float | None = None
         allowed = usual if timeout is None else timeout
         body = drive(speed).start(robot)
         try:
-            while (way := abs(robot.estimate.distance - start)) <= reach:
+            while (way := abs(driven())) <= reach:
                 silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
                 seconds = robot.time - begin
                 if silent > STALL_PATIENCE_S or seconds > allowed:

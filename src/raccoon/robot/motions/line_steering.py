@@ -58,6 +58,7 @@ class LineSteering:
         self._kept_until = self._kept_from = -math.inf  # m of the way, up to where and from where it did so
         self._crossing_side = 0.0  # the side on which it came to another line first
         self._kept_heading = 0.0  # rad, of the robot where it kept to the edge well
+        self._resets = robot.odometry.resets
         self._was_black = False  # whether it came to black
         self._last_black = 0.0  # m of the way, where it was
         self.is_crossing = False
@@ -71,6 +72,9 @@ class LineSteering:
     def turn_rate(self, velocity: float) -> float:
         """rad/s for this cycle. velocity: m/s asked for."""
         off = self._sight.offset
+        if self._robot.odometry.resets != self._resets:
+            self._resets = self._robot.odometry.resets
+            self.restart()
         if self._update_crossing():
             here = self._robot.estimate
             ahead = self._kept_heading + self._bend * (here.distance - self._kept_until)

@@ -34,6 +34,9 @@ CLOSING_IN_S, TOLERANCE_GROWTH_S, MAX_TOLERANCE_FACTOR = 1.0, 0.25, 4.0
 """s after its profile in which a motion keeps to the default tolerance; s in which the tolerance then grows
 by its own size; and its largest factor."""
 
+RESET_HINT = (
+    "the odometry was reset on the way: do so between two motions, or use robot.odometry.observe_pose"
+)
 SLOWER_SHARE = 0.95
 """Share of the requested speed below which the lower planned speed is reported."""
 
@@ -156,7 +159,7 @@ class Pace:
         """One state of the profile a tick. Raises MotionTimeout if it takes too long or a wheel does not
         turn. progress: how far the robot is. place: the pose on the path for a progress; a motion that is
         ended early was meant to end where it is."""
-        robot, profile = self._robot, self.profile
+        robot, profile, resets = self._robot, self.profile, self._robot.odometry.resets
         sign = -1.0 if profile.distance < 0.0 else 1.0
         last = robot.time
         try:
@@ -164,6 +167,8 @@ class Pace:
                 state = self._state_at(self._profile_time)
                 yield state
                 self._take_cycle()
+                if robot.odometry.resets != resets:
+                    raise RuntimeError(f"{self.what}: {RESET_HINT}")
                 passed, here = robot.time - last, progress()
                 behind = sign * (self._state_at(self._profile_time + passed).position - here)
                 if robot.paused and behind > self._lag_limit:
@@ -182,7 +187,8 @@ class Pace:
                     raise MotionTimeout(self._describe_timeout(progress()))
         finally:
             robot.drive.stop()
-            robot.plan = place(progress())
+            if robot.odometry.resets == resets:
+                robot.plan = place(progress())
 
     def _wait(self, passed: float, progress: float) -> None:
         """Count `passed` s behind the profile since the robot last moved."""
