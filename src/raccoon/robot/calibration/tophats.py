@@ -29,6 +29,7 @@ T = TypeVar("T")
 
 STANDING_S = 0.4  # s of standing before a drive, in which a tophat that is unplugged wanders
 SETTLING_S = 0.2  # s in which a robot comes to stand
+WIDEST_LINE_M = 0.15  # m of black at a stretch: three lines of 5 cm, or one that is crossed at 20 degrees
 
 
 def calibrate_tophats(
@@ -48,10 +49,10 @@ def calibrate_tophats(
 
     store: file to which they are added as `set_name` (`load_tophats` reads it), in the folder where the
     program was started or, if it exists only there, beside the program. It reports a sensor whose height
-    changed since the previous calibration, and a store that fails after the drive or whose card is full or
-    read-only. Raises ConfigError before anything moves if the store is damaged or cannot be written for
-    another reason; CalibrationError if the distance was not driven, or naming each tophat whose readings
-    allow no threshold, and why; then no calibration is changed.
+    changed since the previous calibration, one that read black for longer than a line is wide, and a store
+    that fails after the drive or whose card is full or read-only. Raises ConfigError before anything moves if
+    the store is damaged or cannot be written for another reason; CalibrationError if the distance was not
+    driven, or naming each tophat whose readings allow no threshold, and why; then no calibration is changed.
     """
     from raccoon.estimate.tophat import calibrate
     from raccoon.estimate.tophat.mixture import load_scikit_learn
@@ -85,7 +86,26 @@ def calibrate_tophats(
         reasons = "; ".join(f"{name}: {why}" for name, why in useless.items())
         raise CalibrationError(f"after {distance:g} m: {reasons}{wall_hint(held)}")
     shelf.take(found)
+    for name, sensor in robot.tophats.items():
+        _remark_wide_black(robot, name, found[name], *_counts_and_ways(readings, sensor.config.analog))
     return found
+
+
+def _remark_wide_black(
+    robot: Robot, name: str, made: TophatCalibration, counts: Sequence[float], ways: Sequence[float]
+) -> None:
+    """Report a tophat that read black for longer than any line is wide: a robot that is lifted reads the air
+    as black, and its wheels go on turning. counts, ways: see `_counts_and_ways`."""
+    widest = stretch = 0.0
+    for read, way in zip(counts, ways, strict=True):
+        stretch = stretch + way if made.threshold is not None and read > made.threshold else 0.0
+        widest = max(widest, stretch)
+    if widest > WIDEST_LINE_M:
+        add_remark(
+            robot,
+            f"tophat {name} read black for {widest:.2f} m of the calibration drive, and no line is so wide: "
+            "if the robot was lifted, calibrate again; a black board or a line along the way is fine",
+        )
 
 
 def _collect_readings(action: Action[T], log: list[tuple[Inputs, float]]) -> Action[T]:
